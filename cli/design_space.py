@@ -34,7 +34,7 @@ class Exploration:
     report: Path | None
 
     @property
-    def about(self) -> dict[str, str]:
+    def header(self) -> dict[str, str]:
         return files.provenance.provenance_header(self.settings, self.space.seed)
 
     def write_page(self, front: dict[str, Any], others: dict[str, Any] | None) -> None:
@@ -58,12 +58,12 @@ def sample(
     # a run that goes on has written them before
     files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
     design.exploration.require_variables(space)
-    design.exploration.prepare(folder, space, job.about, force)
+    design.exploration.prepare(folder, space, job.header, force)
     if gather:
         design.exploration.require_whole(space, folder)
         return
     show_progress(
-        lambda tell: design.exploration.explore(space, folder, job.about, scheduler, tell, part)
+        lambda tell: design.exploration.explore(space, folder, job.header, scheduler, tell, part)
     )
     if part:
         count = len(design.exploration.parts_of(space, part))
@@ -83,11 +83,11 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
         pilot = {name: column[: min(space.pilot, PILOT)] for name, column in table.items()}
         indices = characterization.sensitivity.sensitivity(pilot, space.names, goals)
         if every.suffix:
-            files.tables.write_table(every, table, job.about)
+            files.tables.write_table(every, table, job.header)
         on_front = {name: column[best] for name, column in table.items()}
         if certify:
             on_front["proof_margin"] = proof_margins(space, on_front, certify)
-        files.tables.write_table(front_table, on_front, job.about)
+        files.tables.write_table(front_table, on_front, job.header)
         typer.echo("\n".join(design.exploration.summary(table, best, goals, indices, seconds)))
         own = show_own_measures(space)
         drawing = pictures.exploration.front_picture(table, best, goals, indices, own)
@@ -131,7 +131,7 @@ def follow_front(job: Exploration, points: int) -> None:
             typer.echo("no design keeps all that is asked for, as far as the search can tell")
             raise typer.Exit(FINDING)
         table = design.front.columns(found)
-        files.tables.write_table(paths[0], table, job.about)
+        files.tables.write_table(paths[0], table, job.header)
         headings, rows = design.front.some_rows(found)
         title = f"{len(found.designs)} points on the front, {seconds:.1f} s; some of them"
         show_table(title, headings, rows, left=(len(headings) - 1,))

@@ -173,10 +173,8 @@ def explore(
     if no design has all objectives.
     """
     settings = load_config(config)
-    goals = objective or list(GOALS)
-    space = design.exploration.space_of(
-        settings, goals, sampling.value, designs, seed, every, required
-    )
+    asked = (objective or GOALS, sampling.value, designs, seed, every, required)
+    space = design.exploration.space_of(settings, *asked)
     part = design.exploration.share_of(share)
     refuse_together(
         {"--share": share, "--gather": gather, "--front": front, "--pick": pick is not None,
@@ -185,8 +183,8 @@ def explore(
     )  # fmt: skip
     place = output_folder(folder, settings.name, "explore")
     if pick is not None:
-        write_pick(settings, space, place / ("pareto.csv" if front else "front.csv"), pick, output,
-                   force)  # fmt: skip
+        source = place / ("pareto.csv" if front else "front.csv")
+        write_pick(settings, space, source, pick, output, force)
         return
     if output is not None:
         raise InputError(f"-o {output}: -o is the file that --pick writes; the folder is --folder")

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: By how much a bound must be worse than what is known, over that, before a branch is left.
 WORSE = 1e-6
+#: The name of a part that stands for several.
+MERGED = "merged"
 #: Prices are counted in thousands in a weighted sum.
 THOUSAND = 1000.0
 Search = Callable[[Sensor, "Layout"], "StartResult"]
@@ -75,29 +77,29 @@ def whole(layout: Layout) -> Branch:
 
 def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
     """The sensor with parts as good as any of the branch, and what may vary of it."""
-    asked, noise, psds = layout, sensor.noise, sensor.psds
+    variables, names, merged = layout.variables, ["", "", ""], layout
     if branch.psds[0]:
-        parts = [layout.psds[name] for name in branch.psds]
-        size = max(part.size for part in parts)
-        quiet = [noise.position if p.position is None else p.position for p in parts]
-        noise = replace(noise, position=min(quiet))
-        a, b, c = (replace(p, size_y=size, size_z=size) for p in psds)
-        psds = (a, b, c)
-    if branch.amplifiers[0]:
-        noise = replace(noise, power=min(layout.amplifiers[n].power for n in branch.amplifiers))
-    beam = sensor.beam
+        psds = [layout.psds[name] for name in branch.psds]
+        own = sensor.noise.position
+        noise = min(own if part.position is None else part.position for part in psds)
+        size, names[0] = max(part.size for part in psds), MERGED
+        merged = replace(merged, psds={MERGED: replace(psds[0], size=size, position=noise)})
     if branch.lasers[0]:
-        sources = [layout.lasers[name] for name in branch.lasers]
-        beam = replace(beam, power=max(source.power for source in sources))
-        widths = [source.diameter for source in sources]
-        if "diameter_mm" not in layout.variables:
-            beam = replace(beam, diameter_x=min(widths), diameter_y=min(widths))
-            if min(widths) < max(widths):
-                asked = replace(
-                    asked, variables={**asked.variables, "diameter_mm": (min(widths), max(widths))}
-                )
-    made = replace(sensor, psds=psds, noise=noise, beam=beam)
-    return made, replace(asked, psds={}, lasers={}, amplifiers={})
+        lasers = [layout.lasers[name] for name in branch.lasers]
+        power, widths = max(part.power for part in lasers), [part.diameter for part in lasers]
+        best, names[1] = replace(lasers[0], power=power, diameter=min(widths)), MERGED
+        merged = replace(merged, lasers={MERGED: best})
+        if min(widths) < max(widths):
+            free = variables.get("diameter_mm", (min(widths), max(widths)))
+            variables = variables | {"diameter_mm": free}
+    if branch.amplifiers[0]:
+        quietest, names[2] = (
+            min(branch.amplifiers, key=lambda n: layout.amplifiers[n].power),
+            MERGED,
+        )
+        merged = replace(merged, amplifiers={MERGED: layout.amplifiers[quietest]})
+    made = replace_parts(sensor, merged, *names)
+    return made, replace(layout, variables=variables, psds={}, lasers={}, amplifiers={})
 
 
 def lowest_price(layout: Layout, branch: Branch) -> float:

@@ -131,20 +131,25 @@ class Walk:
             if found[n] is None:
                 empty.append(most)
         for sweep in range(SWEEPS):
-            order = range(len(bounds)) if sweep % 2 else range(len(bounds) - 1, -1, -1)
-            new = False
-            for count, n in enumerate(order):
-                tell(min(len(bounds) + count, 2 * len(bounds)), 2 * len(bounds))
-                other = n + (-1 if sweep % 2 else 1)
-                near = found[other] if 0 <= other < len(bounds) else None
-                starts: list[Floats | End] = [] if near is None else [near]
-                if sweep == 0 and n % AGAIN == AGAIN // 2:
-                    starts.append(self.anywhere())
-                better = self.improve(found[n], n, bounds[n], starts)
-                new, found[n] = new or better is not found[n], better
-            if sweep > 0 and not new:
+            if not self.sweep(found, bounds, sweep, tell) and sweep > 0:
                 break
         return found
+
+    def sweep(self, found: list[End | None], bounds: Floats, number: int, tell: Tell) -> bool:
+        """Looks for each point from its neighbour's end, from the last to the first, or back if the
+        number is odd; whether any got better. The first sweep, 0, looks for some from elsewhere,
+        too."""
+        count, step = len(bounds), -1 if number % 2 else 1
+        better = False
+        for done, n in enumerate(range(count)[::-step]):
+            tell(min(count + done, 2 * count), 2 * count)
+            near = found[n + step] if 0 <= n + step < count else None
+            starts: list[Floats | End] = [] if near is None else [near]
+            if number == 0 and n % AGAIN == AGAIN // 2:
+                starts.append(self.anywhere())
+            end = self.improve(found[n], n, bounds[n], starts)
+            better, found[n] = better or end is not found[n], end
+        return better
 
     def improve(
         self, known: End | None, n: int, most: Floats, starts: Sequence[Floats | End]

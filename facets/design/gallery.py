@@ -49,27 +49,34 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
     """
     names = [*space.names, *MEASURES]
     x, values, _ = own_design(space)
-    parts = [(np.append(x, values)[None], "own", ["as it is"], [""])]
     shown = spread_numbers(len(front[names[0]]), FRONT)
-    rows = np.stack([front[name][shown] for name in names], axis=1)
-    remarks = front.get("holds_it_back", np.full(len(front[names[0]]), ""))[shown].tolist()
     titles = [f"front {n}" for n in front.get("point", front.get("design", shown))[shown]]
-    parts.append((rows, "front", titles, remarks))
+    remarks = front.get("holds_it_back", np.full(len(front[names[0]]), ""))[shown].tolist()
+    some = np.empty(0, dtype=np.int64)
     if others is not None:
-        whole = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
-        known = np.flatnonzero(whole & ~np.isin(others["design"], front.get("design", [])))
-        some = known[spread_numbers(len(known), OTHERS)] if len(known) else known
-        rows = np.stack([others[name][some] for name in names], axis=1)
-        parts.append((rows, "other", [f"design {n}" for n in others["design"][some]],
-                      [""] * len(some)))  # fmt: skip
-    every = np.concatenate([part[0] for part in parts])
-    every[1:] = round_designs(space, every[1:])
+        some = choose_others(space, front, others)
+        titles += [f"design {n}" for n in others["design"][some]]
+    rows = np.stack(
+        [
+            np.concatenate([front[name][shown], *([others[name][some]] if others else [])])
+            for name in names
+        ],
+        axis=1,
+    )
+    every = np.concatenate([np.append(x, values)[None], round_designs(space, rows)])
     table: Table = {name: every[:, n].astype(float) for n, name in enumerate(names)}
-    table["kind"] = np.array([part[1] for part in parts for _ in part[0]])
-    table["title"] = np.array([title for part in parts for title in part[2]])
-    table["remark"] = np.array([remark for part in parts for remark in part[3]])
+    table["kind"] = np.array(["own"] + ["front"] * len(shown) + ["other"] * len(some))
+    table["title"] = np.array(["as it is", *titles])
+    table["remark"] = np.array(["", *remarks] + [""] * len(some))
     sensors = [sensor_of(space.sensor, space.names, row[: len(space.names)]) for row in every[1:]]
     return table, [space.sensor, *sensors]
+
+
+def choose_others(space: Space, front: Table, others: Table) -> NDArray[np.int64]:
+    """Numbers of some designs that have all objectives and are not on the front."""
+    whole = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
+    known = np.flatnonzero(whole & ~np.isin(others["design"], front.get("design", [])))
+    return known[spread_numbers(len(known), OTHERS)] if len(known) else known
 
 
 def round_designs(space: Space, rows: Floats) -> Floats:

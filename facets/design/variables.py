@@ -181,27 +181,30 @@ def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[lis
     x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams
     where an inclination varies.
     """
-    p: list[Any] = list(parameters(sensor))
-    sizes: list[Any] = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
     value = {name: x[i] * unit_of(name) for i, name in enumerate(names)}
-    alone = {i: value[name] for name, i in SINGLES.items() if name in value}
-    for k, (facet, psd) in enumerate(zip(FACETS, PSDS, strict=True)):
-        for name in ("radius_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
-            i = psd + OF_A_PSD[name]
-            p[i] = value.get(name, p[i])
-        sizes[k] = value.get("size_mm", sizes[k])
-        p[facet] = value.get("inclination_deg", p[facet])
-        if "azimuth_b_deg" in value and k > 0:
-            turn = value["azimuth_b_deg"] if k == 1 else 2 * np.pi - value["azimuth_b_deg"]
-            p[facet + 1] = p[psd + 1] = turn
-        for i in (facet, facet + 1, *range(psd, psd + 6)):
-            p[i] = alone.get(i, p[i])
-        if ("inclination_deg" in value or facet in alone) and psd + 2 not in alone:
-            p[psd + 2] = p[psd] / tangent(2 * p[facet])
-    if "diameter_mm" in value:
-        p[1] = p[2] = value["diameter_mm"]
-    p[0] = value.get("power_mw", p[0])
-    return p, sizes
+    moved = common_parameters(value) | {i: value[n] for n, i in SINGLES.items() if n in value}
+    own = parameters(sensor)
+    for facet, psd in zip(FACETS, PSDS, strict=True):
+        if facet in moved and psd + 2 not in moved:
+            moved[psd + 2] = moved.get(psd, own[psd]) / tangent(2 * moved[facet])
+    sizes = [value.get("size_mm", min(psd.size_y, psd.size_z)) for psd in sensor.psds]
+    return [moved.get(i, number) for i, number in enumerate(own)], sizes
+
+
+def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
+    """By their places, the parameters that variables of all facets or detectors set; value: of the
+    variables by name, in mm, mW and rad."""
+    places = {
+        "power_mw": (0,),
+        "diameter_mm": (1, 2),
+        "inclination_deg": FACETS,
+        **{name: [psd + i for psd in PSDS] for name, i in OF_A_PSD.items()},
+    }
+    found = {i: value[name] for name, each in places.items() if name in value for i in each}
+    if "azimuth_b_deg" in value:
+        for k, turn in ((1, value["azimuth_b_deg"]), (2, 2 * np.pi - value["azimuth_b_deg"])):
+            found |= {FACETS[k] + 1: turn, PSDS[k] + 1: turn}
+    return found
 
 
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
