@@ -38,6 +38,8 @@ CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "
 PSD, LIGHT, SINGULAR, COARSE = range(4)
 #: How far the search goes: mm and rad, past any range that a sensor of this kind can have.
 FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
+#: Rays along the pose's axes, to the low and to the high ends of their ranges.
+AXIS_RAYS = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)])
 
 
 def states_of(poses: Floats, rules: Rules) -> Floats:
@@ -311,8 +313,7 @@ def axis_ranges(
     """
     compile_for(sensor, "readings", "footprints", "derivatives")
     pose = require_inside(sensor, rules, start)
-    rays = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)])
-    found = find_exits(sensor, rules, pose, rays, tolerance)
+    found = find_exits(sensor, rules, pose, AXIS_RAYS, tolerance)
     far = found.distance * np.tile(FARTHEST_MM_RAD, 2)
     return [
         AxisRange(name, -far[i], far[i + 6], int(found.cause[i]), int(found.cause[i + 6]))

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca  # noqa: TID253
 import numpy as np
 
 from ..core.units import Floats
 from .interruption import run_solver
-from .problem import QuadraticModel
+from .problem import RestrictedProblem
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8
@@ -22,22 +22,6 @@ TOLERANCE = 1e-8
 NEAR = 1e-5
 #: How many steps it may take.
 STEPS = 300
-
-
-class Nonlinear(Protocol):
-    """What is to be made small, and constraints that must not fall below zero."""
-
-    @property
-    def unknowns(self) -> int: ...
-
-    @property
-    def constraints(self) -> int: ...
-
-    def objective(self, x: Floats) -> QuadraticModel:
-        """What is made small, one value."""
-
-    def limits(self, x: Floats) -> QuadraticModel:
-        """The constraints' values (m,)."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +77,7 @@ class ArrayFunction(ca.Callback):
 class Pieces:
     """A problem's functions as IPOPT asks for them, each computed once for one place."""
 
-    def __init__(self, problem: Nonlinear) -> None:
+    def __init__(self, problem: RestrictedProblem) -> None:
         self.problem = problem
         self.where: bytes = b""
         n, m = problem.unknowns, problem.constraints
@@ -130,7 +114,7 @@ class Pieces:
 
 
 def minimise(
-    problem: Nonlinear,
+    problem: RestrictedProblem,
     start: Floats,
     low: Floats,
     high: Floats,

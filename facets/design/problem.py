@@ -64,22 +64,14 @@ class Rows:
 
     def subset(self, which: Any) -> Rows:
         """Some of them."""
-        spare = None if self.spare is None else self.spare[which]
-        kept = (self.state[which], self.output[which], self.group[which], self.slack[which])
-        return Rows(*kept, spare)
+        some: list[Any] = [None if each is None else each[which] for each in vars(self).values()]
+        return Rows(*some)
 
     def join(self, more: Rows) -> Rows:
         """These and others; both have a spare or neither has."""
-        spare = None
-        if self.spare is not None and more.spare is not None:
-            spare = np.concatenate([self.spare, more.spare])
-        return Rows(
-            np.concatenate([self.state, more.state]),
-            np.concatenate([self.output, more.output]),
-            np.concatenate([self.group, more.group]),
-            np.concatenate([self.slack, more.slack]),
-            spare,
-        )
+        pairs = zip(vars(self).values(), vars(more).values(), strict=True)
+        every: list[Any] = [None if a is None else np.concatenate([a, b]) for a, b in pairs]
+        return Rows(*every)
 
 
 class QuadraticModel(NamedTuple):
@@ -280,6 +272,51 @@ class LayoutProblem:
         slope = np.zeros(self.count)
         slope[place] = sign
         return sign * float(unknowns[place]), slope, np.zeros((self.count, self.count))
+
+
+@dataclass(frozen=True)
+class RestrictedProblem:
+    """A problem with some of its constraints, as IPOPT takes it.
+
+    elastic: whether each group may be broken by an unknown of its own, whose sum is made small
+    instead.
+    """
+
+    problem: LayoutProblem
+    rows: Rows
+    elastic: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        return self.problem.count + self.elastic * len(self.problem.groups)
+
+    @property
+    def constraints(self) -> int:
+        return len(self.rows)
+
+    def objective(self, x: Floats) -> QuadraticModel:
+        n, size = self.problem.count, len(x)
+        if not self.elastic:
+            return self.problem.expand_objective(x)
+        slopes = np.append(np.zeros(n), np.ones(size - n))
+        return QuadraticModel(x[n:].sum()[None], slopes[None], lambda _: np.zeros((size, size)))
+
+    def limits(self, x: Floats) -> QuadraticModel:
+        n, more = self.problem.count, len(x) - self.problem.count
+        found = self.problem.expand(x[:n], self.rows)
+        if not self.elastic:
+            return found
+        own = np.arange(more) == self.rows.group[:, None]
+        return QuadraticModel(
+            found.values + x[n:][self.rows.group],
+            np.hstack([found.slopes, own]),
+            lambda weights: np.pad(found.curvature(weights), (0, more)),
+        )
+
+    def values(self, x: Floats) -> Floats:
+        """Of all constraints of the problem."""
+        found = self.problem.values(x[: self.problem.count])
+        return found + x[self.problem.count :][self.problem.rows.group] if self.elastic else found
 
 
 @dataclass

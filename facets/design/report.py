@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.knowledge import Knowledge
-from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from .problem import problem_of
 from .search import solve_from
-from .volume import add_worst_states
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
@@ -62,16 +59,3 @@ def gains(
         if result.found:
             found[what] = result.objective
     return found
-
-
-def worst_over(sensor: Sensor, layout: Layout) -> Floats:
-    """The largest standard uncertainties (6,) over the volume, um and urad, by the float model."""
-    from ..characterization.resolution import uncertainties
-
-    def fineness(states: Floats) -> Floats:
-        sigma = uncertainties(sensor, states, Knowledge())
-        fine: Floats = -sigma / np.array(FINE_UNITS[:6])
-        return fine
-
-    worst: Floats = -fineness(add_worst_states(layout, fineness)).min(axis=0)
-    return worst

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.units import Floats
 from .problem import LayoutProblem
-from .search import SLACK, settle, solve
+from .search import SLACK, objective_at, settle, solve
 
 #: What can be set or made without effort, by the ending of a name, and of some names by itself.
 STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
@@ -66,7 +66,7 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
     x = np.array(
         [v if s == 0 else round(round(v / s) * s, 9) for v, s in zip(here, steps, strict=True)]
     )
-    objective = objective_of(problem, x)
+    objective = objective_at(problem, x)
     if not np.isfinite(objective):
         return None
     return Rounded(x, objective, steps, costs_of(problem, x, steps, objective))
@@ -97,26 +97,13 @@ def solve_with_value(
     return guess if problem.values(guess).min() > -SLACK else None
 
 
-def objective_of(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> float:
-    """The objective at a design; NaN where it does not keep all, by more than `slack`."""
-    low, high = problem.bounds()
-    guess = problem.first_guess(x)
-    low[: len(x)] = high[: len(x)] = guess[: len(x)]
-    if "range" in problem.extras:
-        guess = solve(problem, guess, low, high).result.x
-    problem, guess = settle(problem, guess)
-    if not problem.values(guess).min() > -slack:
-        return float("nan")
-    return problem.objective(guess)
-
-
 def costs_of(problem: LayoutProblem, x: Floats, steps: Floats, objective: float) -> Floats:
     costs = np.zeros(len(x))
     for n, step in enumerate(steps):
         for side in (-0.5, 0.5):
             moved = x.copy()
             moved[n] += side * step
-            value = objective_of(problem, moved, slack=1e-3)
+            value = objective_at(problem, moved, slack=1e-3)
             worse = 100 * (value - objective) / max(abs(objective), 1e-300)
             costs[n] = max(costs[n], np.inf if np.isnan(worse) else worse)
     return costs

@@ -21,7 +21,14 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .branching import best_parts, price_term
 from .catalogue import PartsChoice, choices, replace_parts
-from .problem import TRIED, LayoutProblem, QuadraticModel, Rows, StartResult, problem_of
+from .problem import (
+    TRIED,
+    LayoutProblem,
+    RestrictedProblem,
+    Rows,
+    StartResult,
+    problem_of,
+)
 from .variables import present_values
 
 if TYPE_CHECKING:
@@ -103,7 +110,8 @@ def optimize(
     """
     tried: list[tuple[PartsChoice, StartResult]] = []
     problem = problem_of(sensor, layout)
-    before = objective_at(problem)
+    now = present_values(sensor)
+    before = objective_at(problem, np.array([now[name] for name in problem.names]))
     looked_at = count_of_choices = 0
     if layout.has_parts:
         tried, count_of_choices = choose(sensor, layout, tell)
@@ -161,51 +169,6 @@ def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
     return solve_from(problem, starts_of(problem, layout)[0])
 
 
-@dataclass(frozen=True)
-class Held:
-    """A problem with some of its constraints, as IPOPT takes it.
-
-    elastic: whether each group may be broken by an unknown of its own, whose sum is made small
-    instead.
-    """
-
-    problem: LayoutProblem
-    rows: Rows
-    elastic: bool = False
-
-    @property
-    def unknowns(self) -> int:
-        return self.problem.count + self.elastic * len(self.problem.groups)
-
-    @property
-    def constraints(self) -> int:
-        return len(self.rows)
-
-    def objective(self, x: Floats) -> QuadraticModel:
-        n, size = self.problem.count, len(x)
-        if not self.elastic:
-            return self.problem.expand_objective(x)
-        slopes = np.append(np.zeros(n), np.ones(size - n))
-        return QuadraticModel(x[n:].sum()[None], slopes[None], lambda _: np.zeros((size, size)))
-
-    def limits(self, x: Floats) -> QuadraticModel:
-        n, more = self.problem.count, len(x) - self.problem.count
-        found = self.problem.expand(x[:n], self.rows)
-        if not self.elastic:
-            return found
-        own = np.arange(more) == self.rows.group[:, None]
-        return QuadraticModel(
-            found.values + x[n:][self.rows.group],
-            np.hstack([found.slopes, own]),
-            lambda weights: np.pad(found.curvature(weights), (0, more)),
-        )
-
-    def values(self, x: Floats) -> Floats:
-        """Of all constraints of the problem."""
-        found = self.problem.values(x[: self.problem.count])
-        return found + x[self.problem.count :][self.problem.rows.group] if self.elastic else found
-
-
 def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
     """Of each group and slack the rows with the least values, NaN first."""
     least = np.where(np.isnan(values), -np.inf, values)
@@ -252,7 +215,7 @@ def solve(
     for turn in range(ROUNDS + 1):
         if turn == ROUNDS:
             rows, near = np.arange(len(problem.rows)), False
-        held = Held(problem, problem.rows.subset(rows), elastic)
+        held = RestrictedProblem(problem, problem.rows.subset(rows), elastic)
         found = minimise(held, guess, low, high, near, steps)
         if near and not found.success and found.status != INFEASIBLE:
             found = minimise(held, guess, low, high, steps=steps)
@@ -336,15 +299,12 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
     return shares
 
 
-def objective_at(problem: LayoutProblem) -> float:
-    """The objective of the sensor as it is, its variables held; NaN where it cannot be."""
-    now = present_values(problem.sensor)
-    guess = problem.first_guess(np.array([now[name] for name in problem.names]))
-    (low, high), count = problem.bounds(), len(problem.names)
-    low[:count] = high[:count] = guess[:count]
+def objective_at(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> float:
+    """The objective at a layout; NaN where it breaks a limit by more than `slack`."""
+    low, high = problem.bounds()
+    guess = problem.first_guess(x)
+    low[: len(x)] = high[: len(x)] = guess[: len(x)]
     if "range" in problem.extras:
         guess = solve(problem, guess, low, high).result.x
-    problem, unknowns = settle(problem, guess)
-    if not problem.values(unknowns).min() > -SLACK:
-        return float("nan")
-    return problem.objective(unknowns)
+    problem, guess = settle(problem, guess)
+    return problem.objective(guess) if problem.values(guess).min() > -slack else float("nan")

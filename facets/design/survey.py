@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..characterization.ranges import (
+    AXIS_RAYS,
     CAUSES,
     COARSE,
     FARTHEST_MM_RAD,
@@ -53,8 +54,6 @@ SKIPPED = (
 OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
 #: Designs whose states are in memory at a time.
 CHUNK = 128
-#: Rays along the pose's axes, to the low and to the high ends of their ranges.
-RAYS = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)])
 #: The reading that Eq. (11) leaves out: the last power.
 LEFT_OUT = 8
 
@@ -167,10 +166,10 @@ def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
     """
 
     def margins_at(distance: Floats, ray: Integers) -> Floats:
-        owner, way = np.divmod(ray, len(RAYS))
-        return some.margins(owner, distance[:, None] * RAYS[way])
+        owner, way = np.divmod(ray, len(AXIS_RAYS))
+        return some.margins(owner, distance[:, None] * AXIS_RAYS[way])
 
-    found = first_exits(margins_at, len(some.vectors) * len(RAYS), tolerance)
+    found = first_exits(margins_at, len(some.vectors) * len(AXIS_RAYS), tolerance)
     ends = found.distance.reshape(-1, 2, 6).min(axis=1)
     ranges: Floats = 2 * ends * FARTHEST_MM_RAD
     return ranges

@@ -17,7 +17,6 @@ from facets.characterization.singularity import measures
 from facets.core.layout import LaserPart, PsdPart
 from facets.design.exploration import meets
 from facets.design.problem import problem_of
-from facets.design.report import worst_over
 from facets.design.rounding import round_design, step_of
 from facets.design.search import solve_from, starts_of
 from facets.design.spots import ellipse_clearances
@@ -29,7 +28,7 @@ from facets.design.variables import (
     sensor_of,
 )
 from facets.design.verification import compare
-from facets.design.volume import shares_of_volume, states_of, worst_places
+from facets.design.volume import add_worst_states, shares_of_volume, states_of, worst_places
 from facets.optics.forward import build_geometry, dark_scene
 
 CONFIG = facets.load("layout")
@@ -105,6 +104,15 @@ def worst(x, names, layout=CONFIG.layout):
     power = float(reading[:, 2::3].min() / layout.least_power - 1)
     head = 1 - 2 * sensor.psds[0].radius / layout.head
     return float((sigma / np.array(layout.unit)).max()), min(room, power, head)
+
+
+def worst_over(sensor, layout):
+    """The largest standard uncertainties (6,) over the volume, um and urad, by the float model."""
+
+    def fineness(places):
+        return -uncertainties(sensor, places, Knowledge()) * SCALE
+
+    return -fineness(add_worst_states(layout, fineness)).min(axis=0)
 
 
 @pytest.fixture(scope="module")
