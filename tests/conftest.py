@@ -25,18 +25,30 @@ sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 #: on one of them while the others have nothing left to do.
 LONG = (
     "docs/test_guides.py",
-    "bench/test_bench.py",
-    "calibration/test_bench_rigs.py",
-    "calibration/test_calibration.py",
-    "design/test_optimize.py",
-    "optics/test_bench_light.py",
-    "experiments/test_reproduce.py",
-    "design/test_exploration.py",
-    "proof/test_check_certificate.py",
+    "calibration/test_faults.py",
     "live/test_live.py",
+    "design/test_exploration.py",
+    "design/test_tolerancing.py",
+    "design/test_front.py",
+    "live/test_ophyd_device.py",
+    "cli/test_signals.py",
+    "design/test_optimize.py",
+    "files/test_whole.py",
+    "proof/test_check_certificate.py",
     "cli/test_streams.py",
+    "cli/test_bad_inputs.py",
+    "calibration/test_calibration.py",
+    "bench/test_bench.py",
+    "experiments/test_reproduce.py",
     "pictures/test_scene.py",
+    "optics/test_bench_light.py",
 )
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Three processes for two cores, since a test waits for ports and programs, too."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return (3 * (cores or 1) + 1) // 2
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +14,25 @@ from reader import Reader
 import facets
 
 
-@pytest.mark.installed
 @pytest.mark.slow
 def test_the_readme_and_the_guides_can_be_followed_in_one_folder(tmp_path: Path) -> None:
-    for page in (ROOT / "README.md", *GUIDES):
-        reader = Reader(tmp_path)
-        try:
-            for step in steps(page):
-                reader.follow(step)
-            assert reader.bench is None, f"{page}: nothing says when to stop the first terminal"
-        finally:
-            reader.end()
+    """The guides by three readers at once, because one of them waits for recordings."""
+    follow(ROOT / "README.md", folder=tmp_path)
+    with ThreadPoolExecutor(len(GUIDES)) as readers:
+        for _ in readers.map(partial(follow, folder=tmp_path), GUIDES):
+            pass
     check_calibration(tmp_path)
     assert "breaks a limit" not in (tmp_path / "head.yaml").read_text()
+
+
+def follow(page: Path, folder: Path) -> None:
+    reader = Reader(folder)
+    try:
+        for step in steps(page):
+            reader.follow(step)
+        assert reader.bench is None, f"{page}: nothing says when to stop the first terminal"
+    finally:
+        reader.end()
 
 
 def check_calibration(folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 
 import pytest
 from pages import ROOT
@@ -15,6 +16,7 @@ ROWS = [
 ]
 
 
+@cache
 def names_of_tests() -> set[str]:
     """The names of all tests."""
     return {

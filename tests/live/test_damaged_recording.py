@@ -48,8 +48,9 @@ def compare(place, *more):
 
 
 def test_a_whole_recording_is_identical(place):
-    assert compare(place)[0] == 0
-    assert f"{BLOCKS * EACH} recorded poses: identical" in compare(place)[1]
+    status, text = compare(place)
+    assert status == 0
+    assert f"{BLOCKS * EACH} recorded poses: identical" in text
 
 
 def test_poses_that_are_cut_off_are_missed(place):

@@ -10,6 +10,7 @@ import re
 from collections import defaultdict
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 import typer
@@ -91,10 +92,14 @@ NO_BEGINNING = PREPOSITIONS | {
 
 
 @cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
 def trees(folder: str) -> list[tuple[str, ast.Module]]:
     path = ROOT / folder
     paths = sorted(path.rglob("*.py")) if path.is_dir() else [path]
-    return [(str(p.relative_to(ROOT)), ast.parse(p.read_text("utf-8"))) for p in paths]
+    return [(str(p.relative_to(ROOT)), tree_of(p)) for p in paths]
 
 
 def banned_words() -> dict[str, str]:
