@@ -61,7 +61,7 @@ PACKAGES ?= detectors estimation calibration characterization tracking config fi
 SAMPLE ?= 30
 SEED ?= 1
 mutants: .venv/developed
-	$(BIN)/pip install --quiet --group mutants
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --group mutants
 	$(BIN)/python tests/helpers/mutants.py $(PACKAGES) --sample $(SAMPLE) --seed $(SEED)
 
 # What asserts on numbers, with machine code and linear algebra for the plainest processor: other
@@ -124,12 +124,12 @@ three:
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/pip install --quiet --editable ".[design,scenes]"
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable ".[design,scenes]"
 	touch $@
 
 .venv/developed: .venv/installed
-	$(BIN)/pip install --quiet --editable . --group dev
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable . --group dev
 	touch $@
 
 clean:

@@ -570,6 +570,9 @@ def test_seatings_by_thirds_part_mirror_from_detectors():
     data = rigs.read(rig._replace(values=values), data, rng)
     asked = facets.load("paper").calibrate
     wide = table.add_seats(table.choice(NOMINAL, asked), data, asked)
+    two = table.add_seats(table.choice(NOMINAL, asked), data.part(seat < 2), asked)
+    for chosen, further in ((wide, {"seat_2", "seat_3"}), (two, {"seat_2"})):
+        assert {name.split(".")[0] for name in chosen.names if "seat_" in name} == further
     found = fit(NOMINAL, data, wide)
     once = fit(NOMINAL, data.part(seat == 0), table.choice(NOMINAL, asked))
     assert found.ended

@@ -147,10 +147,10 @@ def test_a_stuck_detector_is_named(samples):
 
 def test_a_stuck_detector_is_named_also_where_a_row_jumps(samples):
     def stick(raw):
-        raw[:, 4] = raw[0, 4] + 1e-5 * np.cos(np.arange(COUNT))
-        raw[17, 4] += 4.0
+        raw[:, 6] = raw[0, 6] + 1e-5 * np.cos(np.arange(COUNT))
+        raw[17, 6] += 4.0
 
-    assert "zeta of detector B is stuck" in said(judged(with_raw(samples, stick)))
+    assert "psi of detector C is stuck" in said(judged(with_raw(samples, stick)))
 
 
 def test_repeated_poses_are_counted_once(samples):

@@ -11,6 +11,7 @@ from facets.experiments import rigs
 import facets
 from facets import add_noise
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
+from facets.calibration.candidates import POLARISATIONS
 from facets.calibration.effect_search import search
 from facets.calibration.fit import LOWER_BOUNDS_MM, Task, fit
 from facets.calibration.laser import fit_steady_laser
@@ -64,6 +65,11 @@ def test_a_fit_comes_back_from_far_away():
     back = fit(NOMINAL, data, chosen, None, start=replace(whole, every=every))
     assert back.ended
     assert back.loss == pytest.approx(whole.loss, abs=0.01)
+
+
+def test_fits_of_a_coating_begin_all_over_half_a_turn():
+    between = np.diff(np.sort([*POLARISATIONS, min(POLARISATIONS) + np.pi]))
+    assert between == pytest.approx(np.pi / 4)
 
 
 @pytest.mark.parametrize("turn", [20, 65, 110, 155])
@@ -125,3 +131,12 @@ def test_an_unknown_at_its_bound_stops_no_other():
     assert others == pytest.approx(1e-4)
     matrix, side = task.hold_at_bounds(there, *task.add_prior(there, normal))
     assert np.linalg.solve(matrix, side)[-1] >= 0
+
+
+@pytest.mark.parametrize(("chi_square", "excess"), [(700.0, 0.0), (950.0, 0.0), (1200.0, 0.3)])
+def test_chi_square_exceeds_what_chance_allows_by_four_deviations(chi_square, excess):
+    """Of 800 degrees of freedom the reduced chi-square has the standard deviation 0.05."""
+    _, data = samples(12)
+    found = replace(fit(NOMINAL, data, rigs.choice(), most=1), chi_square=chi_square, freedom=800.0)
+    assert found.reduced_chi_square == pytest.approx(chi_square / 800)
+    assert found.excess == pytest.approx(excess)

@@ -12,6 +12,7 @@ import facets
 from facets import add_noise
 from facets.calibration import scatter
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
+from facets.calibration.effect_search import explain_scatter, first_state
 from facets.calibration.fit import Task, fit
 from facets.calibration.laser import fit_steady_laser
 from facets.calibration.misfit import add_unseen_errors
@@ -87,10 +88,15 @@ def test_the_likelihood_is_that_of_all_readings_together():
 @pytest.mark.slow
 def test_what_scatters_is_found_with_its_size(wrong, cause, name, size):
     data = samples(**wrong)
-    _, found, one = fit_with_scatter(NOMINAL, data, plain_fit(data), 3.0, beam=True)
-    assert one.causes == (cause,)
-    assert one.size_of(name) == pytest.approx(size, rel=0.3)
-    assert abs(found.reduced_chi_square - 1) < 0.2
+    plain = plain_fit(data)
+    done = explain_scatter(first_state(NOMINAL, data, SETTINGS, plain, []))
+    assert done.scatter.causes == (cause,)
+    assert done.scatter.size_of(name) == pytest.approx(size, rel=0.3)
+    assert abs(done.found.reduced_chi_square - 1) < 0.2
+    row = done.rows["beam_moves"]
+    assert row.accepted == (cause == "beam")
+    assert row.unknowns == (2 * COUNT if row.accepted else 0)  # in x and y, each sample its own
+    assert row.fall == (plain.loss - done.found.loss if row.accepted else 0)
 
 
 def test_nothing_is_explained_where_nothing_scatters():
