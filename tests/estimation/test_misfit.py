@@ -55,6 +55,26 @@ def test_nothing_is_said_where_all_is_right():
     assert flags(CONFIG.sensor, read())[1].sentence == ""
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_single_flag_is_left_to_chance(count):
+    raw = read(100)
+    raw[:count, 3] += 0.1
+    marks, found = flags(CONFIG.sensor, raw)
+    assert marks.sum() == count
+    assert bool(found.sentence) == (count == 2)
+
+
+def test_errors_that_a_calibration_left_widen_the_limit():
+    """By three standard deviations of psi on B beside the noise's one: the root of 1 + 9."""
+    sigma = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor, [0.0] * 8))
+    names = ("misfit_b.psi", "misfit_b.power", "psd_a.radius")
+    sizes = (3 * sigma[3], 2 * sigma[5], 1.0)
+    covariance = tuple(map(tuple, np.diag(np.square(sizes)).tolist()))
+    sensor = replace(CONFIG.sensor, calibration=facets.Calibration(names, covariance))
+    found = facets.solve(sensor, read(1)[0], beam="known")
+    assert found.limit == pytest.approx(np.sqrt(10) * LIMITS[3])
+
+
 def test_a_spoilt_reading_is_flagged():
     raw = read()
     raw[::100, 3] += 0.1
