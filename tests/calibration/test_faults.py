@@ -53,6 +53,7 @@ def test_without_a_fault_it_is_trusted(samples):
     found = judged(samples)
     assert found.is_trusted
     assert "Probably" not in said(found)
+    assert "residuals" not in said(found)  # neither their size nor what they follow
 
 
 def times(columns, factor):
