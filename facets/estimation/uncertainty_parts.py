@@ -3,7 +3,8 @@
 The noise of the readings differs from sample to sample, so that a mean over n samples has 1 / n of
 its variance. The calibrated parameters are off by the same amount in every sample: a mean keeps
 their part, and a difference of two poses has that of the difference between their derivatives. What
-is known of beam and power beforehand (a prior) stays in a mean, too.
+is known of beam and power beforehand (a prior) stays in a mean, too, but for the laser's pointing
+jitter and power noise, which differ from sample to sample as the readings' noise does.
 """
 
 from __future__ import annotations
@@ -120,7 +121,8 @@ def propagate(
         return whole[:, :8]
 
     square, both = (9, 9), np.ix_(free, free)
-    noise = state_part(inverse @ information @ inverse * scale, both, square)
+    random = information + np.diag((before * jitter_share(sensor, before))[free] * units**2)
+    noise = state_part(inverse @ random @ inverse * scale, both, square)
     statistical = state_part(inverse * scale, both, square)
     slopes = None
     if known is not None:
@@ -129,6 +131,19 @@ def propagate(
         moved = np.linalg.solve(inner, across @ off) * units[:, None]
         slopes = state_part(moved, (free,), (9, off.shape[2]))
     return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen)
+
+
+def jitter_share(sensor: Sensor, before: Floats) -> Floats:
+    """The share (9,) of the priors' variances that the laser's pointing jitter and power noise are.
+
+    before: (9,) one over these variances, 0 where there is no prior. These errors of a prior differ
+    from sample to sample; the rest of it is the same in all.
+    """
+    variances = np.zeros(9)
+    if sensor.electronics is not None:
+        variances[6:8] = sensor.electronics.pointing**2
+        variances[8] = (sensor.electronics.power_noise * sensor.beam.power) ** 2
+    return np.minimum(variances * before, 1.0)
 
 
 def parameter_derivatives(

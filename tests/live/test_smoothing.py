@@ -166,6 +166,27 @@ def test_noise_is_told_from_what_is_the_same_in_each_sample(beam):
         assert sigma[0] < 0.9 * whole[0]
 
 
+@pytest.mark.parametrize(("beam", "power"), [("prior", "known"), ("known", "prior")])
+def test_the_laser_s_jitter_is_noise(beam, power):
+    """The scatter of poses where the beam's place and power change from sample to sample."""
+    config, rng = facets.load("bench"), np.random.default_rng(3)
+    electronics = replace(config.sensor.electronics, pointing=0.002, power_noise=2e-3)
+    sensor = replace(config.sensor, electronics=electronics)
+    options = replace(config.solve, beam=beam, beam_sigma=0.001, power=power, power_sigma=0.001)
+    config = replace(config, sensor=sensor, solve=options)
+    truth = np.tile([0.02, -0.03, 0.1, 1e-3, 2e-3, -1e-3, 0, 0], (4_000, 1))
+    truth[:, 6:] += 0.002 * rng.standard_normal((4_000, 2))
+    exact = facets.readings(sensor, truth)
+    exact[:, 2::3] *= 1 + 2e-3 * rng.standard_normal((4_000, 1))
+    known = options.knowledge(sensor)
+    noisy = facets.add_noise(sensor, exact, rng)
+    solution = facets.solve(sensor, noisy, beam=known.beam, power=known.power)
+    assert solution.converged.all()
+    noise = noise_covariance(config, solution, carried=False)
+    sigma = np.sqrt(np.diagonal(noise.mean(axis=0)))
+    np.testing.assert_allclose(solution.state[:, :6].std(axis=0) / sigma, 1, atol=0.05)
+
+
 def test_what_the_bandwidth_holds_back_grows_with_the_speed():
     """Against a low pass of the first order, run on a ramp: its lag when it has settled."""
     config = facets.load("bench")

@@ -13,16 +13,19 @@ the model expects is tested: their mean normalised square is one, and they are u
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import factorial
+from dataclasses import dataclass, replace
+from math import factorial, hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.knowledge import Prior
 from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
+from ...estimation.plan import find_plan
 from ...estimation.uncertainty_parts import propagate, slices_of
+from .pipeline import jitter_of, knowledge_at_rest
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -302,8 +305,9 @@ def innovation_tests(whitened: list[Floats]) -> tuple[float, float]:
 def noise_covariance(config: Config, solution: Solution, carried: bool) -> Floats:
     """What of the poses' covariance (n, 6, 6) is noise, other from sample to sample; mm, rad.
 
-    The rest is what is not known of the beam, of the laser's power and of the calibration: it is
-    the same in each sample, and no smoothing takes it away.  carried: whether a stage carried the
+    The beam's pointing jitter and the laser's power noise are part of it. The rest is what is not
+    known of the beam, of the laser's power and of the calibration: it is the same in each sample,
+    and no smoothing takes it away.  carried: whether a stage carried the
     beam, whose place is then known by its encoder.
     """
     if solution.noise_covariance is not None:
@@ -317,15 +321,14 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
 
 def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool) -> Floats:
     """`noise_covariance` of states (n, 8) by the detectors used (n, 3)."""
-    sensor, options = config.sensor, config.solve
-    weights, beam_exact = np.zeros(3), options.beam == "known" and not carried
-    if options.beam != "free" and not beam_exact:
-        weights[:2] = 1 / (config.stage.accuracy if carried else options.beam_sigma)
-    if options.power == "prior":
-        weights[2] = 1 / (options.power_sigma * sensor.beam.power)
-    exact = [*[False] * 6, *[beam_exact] * 2, options.power == "known"]
-    free = np.flatnonzero(~np.array(exact))
-    return propagate(sensor, None, states, used, free, weights).noise[:, :6, :6]
+    known = knowledge_at_rest(config)
+    if carried and known.beam != "free":
+        known = replace(
+            known, beam=Prior((0.0, 0.0), hypot(config.stage.accuracy, jitter_of(config)))
+        )
+    plan = find_plan(config.sensor, known, config.solve.method, ())
+    found = propagate(config.sensor, None, states, used, plan.free, plan.weights)
+    return found.noise[:, :6, :6]
 
 
 def dynamic_error(config: Config, time: Floats, states: Floats) -> Floats:
