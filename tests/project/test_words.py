@@ -1,4 +1,5 @@
-"""Names, help texts and docstrings keep the rules of docs/glossary.md and of the NumPy standard.
+"""Names, help texts and docstrings keep the rules of docs/glossary.md and of the NumPy standard;
+functions are short.
 
 Each exception is a word with its reason.
 """
@@ -77,6 +78,9 @@ QUESTIONS = {"is", "are", "has", "have", "was", "were", "can", "may", "must", "u
 
 #: Characters that the list of commands has for a summary on a terminal of 80.
 SUMMARY_LENGTH = 64
+
+#: The most lines and branches of a function; at most 20 functions have more than FEW_BRANCHES.
+MOST_LINES, MOST_BRANCHES, FEW_BRANCHES = 60, 15, 10
 
 #: Units in the comment of a constant, and how its name then ends.
 UNITS = {
@@ -171,6 +175,41 @@ def test_a_class_name_exists_once():
             if isinstance(node, ast.ClassDef):
                 places[node.name].add(place)
     assert {name: sorted(where) for name, where in places.items() if len(where) > 1} == {}
+
+
+def body_lines(node: ast.FunctionDef) -> int:
+    """The lines of a function, its docstring not counted."""
+    lines = node.end_lineno - node.lineno + 1
+    if ast.get_docstring(node) is None:
+        return lines
+    return lines - (node.body[0].end_lineno - node.body[0].lineno + 1)
+
+
+def count_branches(node: ast.AST) -> int:
+    """Conditions, loops and handlers in a function, and those in comprehensions; an `and` or `or`
+    adds one for each of its parts but the first."""
+    kinds = (ast.If, ast.For, ast.While, ast.IfExp, ast.ExceptHandler, ast.comprehension,
+             ast.match_case)  # fmt: skip
+    parts = list(ast.walk(node))
+    more = sum(len(part.values) - 1 for part in parts if isinstance(part, ast.BoolOp))
+    return more + sum(isinstance(part, kinds) for part in parts)
+
+
+def test_functions_are_short():
+    functions = [(place, node) for folder in ("facets", "cli", "experiments")
+                 for place, node in functions_and_classes(folder)
+                 if not isinstance(node, ast.ClassDef)]  # fmt: skip
+    lines = {f"{place} {node.name}": body_lines(node) for place, node in functions}
+    branches = {f"{place} {node.name}": count_branches(node) for place, node in functions}
+    assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
+    assert {name: count for name, count in branches.items() if count > MOST_BRANCHES} == {}
+    assert len([name for name, count in branches.items() if count > FEW_BRANCHES]) <= 20
+
+
+def test_branches_are_counted():
+    text = "def f(x):\n    'Of x.'\n    for y in x:\n        if y and x or y:\n            pass\n"
+    node = ast.parse(text).body[0]
+    assert (body_lines(node), count_branches(node)) == (4, 4)
 
 
 def is_numeric(value: ast.expr) -> bool:
