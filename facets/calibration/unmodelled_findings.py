@@ -113,6 +113,18 @@ def change_findings(changes: list[Trace], rows: NDArray[np.int64]) -> list[Findi
     ))]  # fmt: skip
 
 
+def centre_findings(centre: float) -> list[Finding]:
+    """What no residual shows: a common offset of x and y.  centre: its standard uncertainty, mm."""
+    if not centre:
+        return []
+    return [Finding(False, (
+        f"x and y of all poses may be off together by {1e3 * centre:.2g} um (standard uncertainty, "
+        "included in what is stated), because a faint second reflex, a beam that is not quite "
+        "Gaussian or a chipped tip moves the light's middle and leaves no residual. Differences of "
+        "x and y do not have this error (calibrate.before.beam_profile_percent)."
+    ))]  # fmt: skip
+
+
 def step_size(one: Trace) -> str:
     if "gain" in one.cause:
         return f"{100 * one.amounts[0]:.3g} %"

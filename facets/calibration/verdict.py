@@ -43,7 +43,7 @@ from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
 from .unmodelled import Remainder, find_causes, find_changes
-from .unmodelled_findings import change_findings, unmodelled_findings
+from .unmodelled_findings import centre_findings, change_findings, unmodelled_findings
 from .validation import validation
 
 if TYPE_CHECKING:
@@ -241,6 +241,7 @@ def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibra
     said += plain.screened.findings
     missed = model_error(found, data, done.sensor, done.scatter)
     centre = centre_sigma(done.sensor, remainder, settings)
+    said += centre_findings(centre)
     made = add_unseen_errors(found.sensor, found, missed, centre)
     known = replace(found, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data

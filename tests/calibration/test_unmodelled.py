@@ -32,7 +32,7 @@ from facets.calibration.unmodelled import (
     undo_step,
     uneven_share,
 )
-from facets.calibration.unmodelled_findings import unmodelled_findings
+from facets.calibration.unmodelled_findings import centre_findings, unmodelled_findings
 from facets.detectors.correction import invert_correction
 from facets.detectors.noise import add_noise
 
@@ -207,6 +207,13 @@ def test_a_jump_is_named_with_its_time_and_can_be_undone(wrong, cause):
     (said, *_) = unmodelled_findings(found)
     assert f"{cause} jumped" in said.words
     assert not unmodelled(undo_step(data, step, int(step.at) + 1)).changes
+
+
+def test_an_offset_that_no_residual_shows_is_said():
+    (said,) = centre_findings(1.3e-4)
+    assert not said.bad
+    assert "off together by 0.13 um" in said.words
+    assert centre_findings(0.0) == []
 
 
 @pytest.mark.slow
