@@ -75,11 +75,12 @@ def alternatives(likely: list[Trace], describe: Callable[[Trace], str]) -> str:
 
 
 def describe_light(one: Trace) -> str:
-    if one.cause == CHIP:
+    if one.cause == CHIP:  # beside an area that all facets have in common, so others may be less
+        largest = max(float(one.amounts.max()), 0.0)
         parts = [k.upper() for k, area in zip(DETECTORS, one.amounts, strict=True)
-                 if abs(area) > 0.4 * np.abs(one.amounts).max()]  # fmt: skip
-        facets = f"facet {parts[0]}" if len(parts) == 1 else f"facets {' and '.join(parts)}"
-        return f"the mirror's tip is chipped on {facets}"
+                 if area > 0.4 * largest > 0]  # fmt: skip
+        facets = "all facets" if len(parts) == 3 else " and ".join(f"facet {k}" for k in parts)
+        return f"the mirror's tip is chipped on {facets or 'some facets'}"
     if one.cause == GHOST:
         return "a second reflex beside the beam, or a beam that is not symmetric"
     if one.cause == MODES:
