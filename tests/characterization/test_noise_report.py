@@ -9,6 +9,7 @@ import pytest
 from commands import command
 
 import facets
+from facets.characterization.noise_report import configured_deviation
 from facets.detectors.counts import readings_to_counts
 from facets.live.sources.frames import Samples, pack
 
@@ -107,3 +108,12 @@ def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
     result = command("noise", "rec", "--write", "foo.txt", cwd=tmp_path)
     assert result.returncode == 2
     assert "foo.txt: a configuration's name ends in .yaml or .yml" in result.stderr
+
+
+def test_a_calibration_does_not_scatter_at_rest():
+    """What is measured at rest stands beside the noise alone, where a table tells it apart."""
+    columns = {"u_tz_mm": np.full(5, 2e-3), "u_noise_tz_mm": np.full(5, 1e-3)}
+    config, rows = facets.load("paper"), slice(1, 4)
+    assert configured_deviation("tz_mm", columns, rows, config) == pytest.approx(1e-3)
+    del columns["u_noise_tz_mm"]
+    assert configured_deviation("tz_mm", columns, rows, config) == pytest.approx(2e-3)
