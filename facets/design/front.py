@@ -25,14 +25,14 @@ from .search import active_constraints, active_rows, solve
 from .trade import Trade, trade_of
 
 #: Starts for the least of each objective; and every which point is looked for from elsewhere, too.
-STARTS, AGAIN = 6, 10
+STARTS, ELSEWHERE_EVERY = 6, 10
 #: By how much of an objective's scale one end must be better than another to take its place.
 BETTER = 1e-7
 #: Sweeps along the front, at most; and steps of IPOPT, since what takes more is mostly not there.
 SWEEPS, STEPS = 6, 60
 #: To what a range is measured, over `ranges.FARTHEST_MM_RAD`; and how far a measure may be from
 #: what was found, over its scale, before the point is left out.
-EXACT, BELIEVED = 1e-10, 1e-5
+RANGE_TOLERANCE, MEASURE_TOLERANCE = 1e-10, 1e-5
 Tell = Callable[[int, int], None]
 
 
@@ -145,7 +145,7 @@ class Walk:
             tell(min(count + done, 2 * count), 2 * count)
             near = found[n + step] if 0 <= n + step < count else None
             starts: list[Floats | End] = [] if near is None else [near]
-            if number == 0 and n % AGAIN == AGAIN // 2:
+            if number == 0 and n % ELSEWHERE_EVERY == ELSEWHERE_EVERY // 2:
                 starts.append(self.anywhere())
             end = self.improve(found[n], n, bounds[n], starts)
             better, found[n] = better or end is not found[n], end
@@ -217,8 +217,8 @@ def measure_ends(walk: Walk, ends: list[End]) -> Front:
     designs, measures, prices, ends_kept, left_out = [], [], [], [], 0
     for end in ends:
         x = trade.problem.values_at(end.unknowns)
-        why, values = measure_design(trade.space, x, NO_RIVALS, EXACT)
-        if why or (trade.costs_of_measures(values) > end.costs + BELIEVED).any():
+        why, values = measure_design(trade.space, x, NO_RIVALS, RANGE_TOLERANCE)
+        if why or (trade.costs_of_measures(values) > end.costs + MEASURE_TOLERANCE).any():
             left_out += 1
             continue
         price = end.multipliers * trade.scales[first] / trade.scales
@@ -289,7 +289,7 @@ class FrontComparison:
 
 
 #: How many designs of a cloud are compared; to what share their ranges are known.
-COMPARED, CLOUDY = 40, 1e-3
+COMPARED, CLOUD_TOLERANCE = 40, 1e-3
 
 
 def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
@@ -298,7 +298,8 @@ def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontC
     costs = trade.costs_of_measures(np.stack([table[name] for name in MEASURES], axis=1))
     costs = costs[np.isfinite(costs).all(axis=1)]
     mine = trade.costs_of_measures(found.measures)
-    beaten = sum(bool((costs < cost - CLOUDY * np.abs(cost)).all(axis=1).any()) for cost in mine)
+    limits = mine - CLOUD_TOLERANCE * np.abs(mine)
+    beaten = sum(bool((costs < limit).all(axis=1).any()) for limit in limits)
     best = costs[
         front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))
     ]
