@@ -235,7 +235,7 @@ def test_the_command_explores_and_refuses(tmp_path):
     other = command(*arguments[:-2], "--seed", "2", "-d", "out", cwd=tmp_path)
     assert other.returncode == 2
     assert "another search" in other.stderr
-    for wrong, words in ((("--objective", "cost"), "no measure cost"),
+    for wrong, words in ((("--objective", "cost"), "unknown measure cost"),
                          (("--scheduler", "tcp://127.0.0.1:1"), "no cluster answers")):  # fmt: skip
         result = command("explore", "layout", *wrong, "--folder", "new", cwd=tmp_path)
         assert result.returncode == 2
