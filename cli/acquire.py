@@ -142,7 +142,7 @@ def acquire(
     128 plus the signal's number.
     """
     if plain and json:
-        raise InputError("--plain and --json are two ways to show the same; give one of them")
+        raise InputError("--plain and --json exclude each other; give one of them")
     refuse_file(write, check_stage)
     settings = facets.load(config)
     run = live.Run.from_config(

@@ -107,7 +107,7 @@ def calibrate(
     settings = load_config(config)
     path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
     if propose and (data or reference):
-        raise InputError("--propose takes no DATA: it lists poses for a motion that is still to be")
+        raise InputError("--propose takes no DATA: it lists poses for a future motion")
     if propose:
         write_proposal(settings, path, propose, force)
     elif data is None:
@@ -180,8 +180,8 @@ def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[
         return calibration.table.read(data, asked), asked
     joined = calibration.reference_join.join_tables(data, reference, settings.sensor, asked)
     typer.echo(
-        f"{reference.name} joined at an offset of {1e3 * joined.offset:.4g} ms "
-        f"(likeness of the motions {joined.likeness:.3f})"
+        f"Joined {reference.name} at an offset of {1e3 * joined.offset:.4g} ms (likeness of the "
+        f"motions: {joined.likeness:.3f}; 1 is perfect)."
     )
     if asked.effects["delay"] == "auto" and not asked.dwells:
         asked = replace(asked, effects=asked.effects | {"delay": "on"})

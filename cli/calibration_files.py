@@ -42,8 +42,8 @@ def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
             facets.load(trial)
         except FacetsError as error:
             typer.echo(
-                f"What was found makes no configuration that can be loaded ({error}); nothing is "
-                "written. Look for a swapped sign or unit in the columns.",
+                f"The fitted values make no configuration that can be loaded ({error}); nothing "
+                "was written. Check the signs and units of the columns.",
                 err=True,
             )
             raise typer.Exit(FINDING) from None

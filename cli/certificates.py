@@ -208,8 +208,8 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
         exact = ", ".join(claim.tolerances.exact) or "none"
         left_out = ", ".join(claim.tolerances.left_out) or "none"
         lines.append(
-            f"  It is about every sensor within the tolerances of {claim.tolerances.source};\n"
-            f"  taken as exact: {exact}\n  not allowed for: {left_out}"
+            f"  It holds for every sensor within the tolerances of {claim.tolerances.source};\n  "
+            f"taken as exact: {exact}\n  not allowed for: {left_out}"
         )
     lines.append(f"  {len(found.pieces)} pieces proved, {found.seconds:.1f} s")
     return lines

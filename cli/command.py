@@ -96,7 +96,7 @@ def why_meaningless(texts: list[str], is_number: bool, options: set[str]) -> str
     """Why values of an option, as they were typed, mean nothing; "" where they mean something."""
     for n, text in enumerate(texts):
         if not text.strip():
-            return "it is empty; give a value, or leave the option out"
+            return "the value is empty; give a value, or leave the option out"
         if text in options:
             return f"a value must stand before the option {text}"
         if text in texts[:n]:

@@ -38,7 +38,7 @@ def message(error: Exception) -> str:
     """`error: ...`, further lines set below the first."""
     text = str(error)
     if isinstance(error, MemoryError):
-        text = "not enough memory; ask for less at once"
+        text = "not enough memory; compute less at once"
     elif isinstance(error, OSError):  # a file that went or filled up in the middle of a command
         about = f"{error.filename}: " if error.filename else ""
         text = f"{about}{error.strerror or error}"
@@ -54,7 +54,7 @@ def load_config(name: str) -> Config:
         and not here.samefile(configuration.shipped()[name])
     ):
         typer.echo(
-            f"{name}: the shipped configuration is used, not ./{here}; type {here} for it",
+            f"{name}: the shipped configuration is used, not ./{here}; give {here} to use the file",
             err=True,
         )
     return facets.load(name)

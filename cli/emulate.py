@@ -79,7 +79,7 @@ def emulate(
         raise InputError("facets emulate needs pseudo-terminals, which this system does not have")
     if seconds == 0:
         raise InputError(
-            "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
+            "--seconds 0 would end at once; give more, or leave the option out to run until Ctrl-C"
         )
     settings = facets.load(config)
     code = library_of(firmware, settings) if firmware else None
@@ -133,7 +133,9 @@ def size_of(rate: float) -> str:
 def library_of(path: Path, settings: Config) -> firmware.library.FirmwareLibrary:
     """The sensor's exported solver; its poses need frames, which lines of text have not."""
     if settings.acquire.format == "text":
-        raise InputError("--firmware sends poses as frames; acquire.format is text: have it frames")
+        raise InputError(
+            "--firmware sends poses as frames, but acquire.format is text; set it to frames"
+        )
     library = firmware.library.FirmwareLibrary(path)
     if not library.is_of(settings.sensor):
         raise InputError(

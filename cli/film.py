@@ -29,13 +29,15 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
 
     if recording is not None:
         if live.recording.replay.recorded_config(recording).sensor != settings.sensor:
-            remedy = "render it with the configuration that it was recorded with"
+            remedy = "render the film with the configuration with which it was recorded"
             files.provenance.require_origin(
                 recording, live.recording.reader.meta_of(recording), settings, remedy
             )
         poses = live.recording.pose_table.recorded_poses(recording)
         if not poses or not (poses["status"] == 0).any():
-            raise InputError(f"{recording}: holds no poses; see `facets replay --recover`")
+            raise InputError(
+                f"{recording}: holds no poses; `facets replay --recover` solves its bytes"
+            )
         good = poses["status"] == 0
         states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
     else:

@@ -39,7 +39,7 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
             found[number] = plain_number(value) * STATE_UNITS[number]
         except ValueError:
             raise InputError(
-                f"--at has '{name}={value}'; allowed: {form}, of {', '.join(names)}"
+                f"--at has '{name}={value}'; allowed: {form} with NAME one of {', '.join(names)}"
             ) from None
         if not isfinite(found[number]):
             raise InputError(f"--at has '{name}={value}'; allowed: finite numbers")

@@ -105,7 +105,7 @@ def show_yields(settings: Config, found: Yields) -> None:
         show_table("largest error in the volume, from rest: 95 % of the heads are within",
                    *error_rows(settings, found))  # fmt: skip
     else:
-        typer.echo("optimize.accuracy names no axis: how far poses are off is not asked\n")
+        typer.echo("optimize.accuracy names no axis, so that no accuracy is required")
     if found.heads.unsettled:
         typer.echo(f"{found.heads.unsettled} calibrations did not settle; their heads fail\n")
     show_table("tolerances, the most worth while first", *tolerance_rows(settings, found),
@@ -130,7 +130,7 @@ def margin_advice(settings: Config, found: Yields) -> str:
         "perfect heads stands at its limits"
     )
     if settings.layout.production:
-        return f"{words}; take smaller tolerances in calibrate.before, or ask for less."
+        return f"{words}; choose smaller tolerances in calibrate.before, or weaker requirements."
     return (
         f"{words}. For a layout with margins set optimize.production.yield_percent, such as 95, "
         "and run `facets optimize` again; or take smaller tolerances in calibrate.before."

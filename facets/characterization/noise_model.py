@@ -103,7 +103,7 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
     """
     there = np.isfinite(signal)
     if there.sum() < MIN_SAMPLES:
-        raise ValueError(f"{int(there.sum())} samples are too few to say anything of their noise")
+        raise ValueError(f"{int(there.sum())} samples are too few to estimate their noise")
     filled = fill(signal)
     spiky = find_spikes(filled)
     clean = fill(np.where(spiky, np.nan, filled))

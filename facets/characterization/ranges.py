@@ -262,7 +262,11 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
         powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
         least, other = least_light(sensor, rules.snr), other_light(sensor)
         weakest = int((powers - least).argmin())
-        beside = f" beside {1e3 * other[weakest]:.3g} µW of other light" if other[weakest] else ""
+        beside = (
+            f"in addition to {1e3 * other[weakest]:.3g} µW of background light"
+            if other[weakest]
+            else ""
+        )
         return (
             f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
             f"{rules.snr:g} asks for {1e3 * least[weakest]:.3g} µW{beside}; choose a place nearer "

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 Columns = dict[str, NDArray[Any]]
 #: What all the sentences mean together, and what to do.
-NOT_NOISE = "the noise of the bench cannot be taken from this recording"
+NOT_NOISE = "the noise of the bench cannot be estimated from this recording"
 REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
 #: Share of samples that may be saturated or dark: a normal distribution that loses its upper
 #: thousandth has a standard deviation that is too small by a share of 0.005.
@@ -341,8 +341,8 @@ class Steady:
                 "detector, its mount or its electronics."
             )
         return (
-            "The cause is unknown: the detectors do not change together as a motion of the mirror "
-            "or of the beam would have it."
+            "The cause is unknown: the detectors do not change together as they would with a "
+            "motion of the mirror or of the beam."
         )
 
     @staticmethod

@@ -203,7 +203,7 @@ def survey(
         if keep is not None:
             keep(states, values)
     if found is None:
-        raise InputError("no states are asked for; allowed: 1 or more")
+        raise InputError("no states are requested; allowed: 1 or more")
     if found.dark == found.states:
         raise InputError(
             f"none of the {found.states:,} states drawn gives every detector a reading: the box "

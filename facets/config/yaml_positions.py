@@ -96,7 +96,7 @@ def _read_text(file: Path) -> str:
         size = file.stat().st_size
         if size > MOST_BYTES:
             raise ConfigError(
-                f"{path_text(file)}: has {size} bytes; a configuration has at most {MOST_BYTES}"
+                f"{path_text(file)}: has {size:,} bytes; a configuration has at most {MOST_BYTES:,}"
             )
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

@@ -399,7 +399,8 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
         forget(folder)
     if mark.exists() and mark.read_text() != mine:
         raise OutputError(
-            f"{folder}: holds another search; --force begins anew, --folder names another one"
+            f"{folder}: holds another search; use --force to start again, or --folder to name "
+            "another folder"
         )
 
 
@@ -467,7 +468,7 @@ def require_whole(space: Space, folder: Path) -> None:
     if not missing:
         return
     counts = {read_head(path).get(SHARE, "/").partition("/")[2] for path in present}
-    remedy = "the same command without --gather makes them here"
+    remedy = "run the same command without --gather to compute them here"
     if len(counts) == 1 and (text := counts.pop()):
         count = int(text)
         names = ", ".join(str(Share(k + 1, count)) for k in sorted({n % count for n in missing}))

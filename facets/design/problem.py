@@ -361,8 +361,8 @@ def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optim
             )
     if sensor.light.on:
         raise InputError(
-            f"facets {command} knows no sensor.light: its model is of ideal light; leave it out to "
-            "find a layout, then see what it changes by facets resolution"
+            f"facets {command} does not support sensor.light, because its model is that of ideal "
+            "light; leave it out to find a layout, then see what it changes by facets resolution"
         )
     if sensor.calibration is not None:
         raise InputError(
@@ -382,7 +382,7 @@ def require_unit(layout: Layout) -> None:
         layout.aims.keys() & {"resolution", "mean-resolution"}
         and not np.isfinite(layout.unit).any()
     ):
-        raise InputError("optimize.unit names no axis: there is nothing to be made fine")
+        raise InputError("optimize.unit names no axis, so that there is no uncertainty to minimise")
 
 
 def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:

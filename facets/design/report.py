@@ -20,7 +20,7 @@ def objective_text(aim: str, objective: float) -> str:
     """What an objective means."""
     if aim in ("resolution", "mean-resolution"):
         kind = "worst" if aim == "resolution" else "root mean square"
-        return f"{kind} uncertainty {np.sqrt(max(objective, 0.0)):.4g} of the units asked for"
+        return f"{kind} uncertainty {np.sqrt(max(objective, 0.0)):.4g} of the requested units"
     if aim == "range":
         return f"a volume {-objective:.4g} times as large in each axis"
     if aim == "condition":

@@ -53,7 +53,7 @@ def nearest_folder(path: Path) -> Path:
     for above in path.parents:
         if above.exists():
             if not above.is_dir():
-                raise OutputError(f"{above}: is a file; the results need a folder of another name")
+                raise OutputError(f"{above}: is a file; name another folder for the results")
             limit = os.pathconf(above, "PC_NAME_MAX") if hasattr(os, "pathconf") else 255
             for part in path.relative_to(above).parts:
                 if len(os.fsencode(part)) > limit:

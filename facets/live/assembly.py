@@ -270,7 +270,7 @@ def refuse_options(
         raise InputError("--check-stage and --track both move the stage; check it first")
     if seconds == 0:
         raise InputError(
-            "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
+            "--seconds 0 would end at once; give more, or leave the option out to run until Ctrl-C"
         )
     if filter_by is not None:
         require_model("--filter", filter_by)

@@ -222,7 +222,7 @@ class Playback:
 def refuse_nothing(path: Path, written: object) -> None:
     """Raise `InputError` where there is nothing to write."""
     if not written:
-        raise InputError(f"{path}: not written, the recording holds no whole sample")
+        raise InputError(f"{path}: was not written, because the recording holds no complete sample")
 
 
 def is_mcap(path: Path | None) -> bool:
@@ -237,7 +237,7 @@ def refuse_models(smooth: str | None, filter_by: str | None) -> None:
     if filter_by:
         require_model("--filter", filter_by)
     if smooth and filter_by:
-        raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
+        raise InputError("--filter and --smooth exclude each other; give one of them")
 
 
 def refuse_output(

@@ -27,7 +27,7 @@ def refuse_board(config: Config, port: str) -> None:
             "stage.permit is board: lines of text have no flag for it; use acquire.format: frames"
         )
     if config.stage.heartbeat == "board" and port.startswith(("file:", "ni:", "thorlabs:")):
-        raise InputError(f"stage.heartbeat is board: nothing can be sent to {port}")
+        raise InputError(f"stage.heartbeat is board, but nothing can be sent to {port}")
 
 
 def require_stage_check(config: Config, port: str) -> None:
@@ -35,9 +35,13 @@ def require_stage_check(config: Config, port: str) -> None:
     known, here = config.stage.checked, stage_identity(config.stage, port)
     if known and known.partition(" ")[2] == here:
         return
-    what = f"is {known!r}, and so of another stage than {here!r}" if known else "is not given"
+    what = (
+        f"is {known!r}, which is not the stage that is configured now, {here!r}"
+        if known
+        else "is not given"
+    )
     raise InputError(
-        f"stage.checked {what}: run `facets acquire CONFIG --check-stage --write FILE.yaml` once, "
+        f"stage.checked {what}: run `facets acquire CONFIG --check-stage --write FILE.yaml` once "
         "with the mirror at rest, and then track with FILE.yaml"
     )
 
@@ -93,12 +97,12 @@ def check_sentences(
     stage = config.stage
     delay_ms = 1e3 * (stage.latency + stage.lag)
     yield (
-        "The stage is wired as the configuration has it. It counts on a delay of "
-        f"{delay_ms:.3g} ms (stage.latency_ms and stage.lag_ms)."
+        f"The stage is wired as the configuration says. It expects a delay of {delay_ms:.3g} ms "
+        "(stage.latency_ms and stage.lag_ms)."
     )
     value = checked_today(stage, port)
     if path is None:
-        yield f"For --track, write into the configuration: stage: {{checked: {value}}}"
+        yield f"For --track, add to the configuration: stage: {{checked: {value}}}"
         return
     block = {**config.resolved["stage"], "checked": value}
     with whole.Whole(path) as temporary:

@@ -193,7 +193,7 @@ def price(panel: Axes, table: Table, first: str, other: str, line: bool) -> None
         panel.set_yscale("log")
         style.plain_log(panel.yaxis)
     else:
-        style.say(panel, "no price is known between the front's ends")
+        style.say(panel, "no price is known between the ends of the front")
     units = [style.measure_label(name).rpartition(", ")[2] for name in (first, other)]
     panel.set(xlabel=style.measure_label(other), ylabel=f"price, {units[0]} for 1 {units[1]}")
     panel.set_title(f"{objective_words(first)}, its price")

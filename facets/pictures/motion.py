@@ -174,7 +174,7 @@ def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
             panel.errorbar(time, 0 * time, wide, color=hues.ink, lw=0.8, capsize=3, fmt="none")
         samples(panel, time, unit.fine_factor * segment.error[:, n], name, columns_for(segments))
     if not any(segment.solution.converged.any() for segment in segments):
-        style.say(panel, "nothing could be solved")
+        style.say(panel, "no sample could be solved")
     panel.axhline(0, color=hues.soft, lw=0.6, zorder=0)
     panel.set_ylabel(f"error, {unit.fine_unit}")
     panel.margins(y=0.12)

@@ -85,16 +85,16 @@ class Arrival:
         if distance_to_box(place, np.vstack([goals, start])) > self.slack:
             what = "was not sent there" if len(goals) > 1 else "was not sent anywhere"
             return (
-                f"the stage is at {words(place)} mm and {what}: does it go the wrong way or too "
-                "far, or does somebody else move it?"
+                f"the stage is at {words(place)} mm and {what}: check whether it moves the wrong "
+                "way or too far, or whether another program moves it"
             )
         commanded = distance_to_box(start, goals)
         if short <= commanded / 2:
             return ""
         return (
             f"the stage accepted a move of {commanded:.3f} mm and has moved "
-            f"{max(commanded - short, 0.0):.3f} mm of it in {self.patience:.2f} s: was it stopped "
-            "by somebody else?"
+            f"{max(commanded - short, 0.0):.3f} mm of it in {self.patience:.2f} s: check whether "
+            "another program stopped it"
         )
 
     def compare(self, now: float, beam: Floats, encoder: Encoder, time: float) -> str:

@@ -56,7 +56,7 @@ class Axis(NamedTuple):
     def fault(self) -> str:
         """What is wrong with the axis, or nothing."""
         if max(abs(self.scale), abs(self.across)) < HARDLY:
-            what = f"hardly moves the beam: is {self.name} connected, and stage.step_um right?"
+            what = f"hardly moves the beam: check that {self.name} is connected, and stage.step_um"
         elif abs(self.across) > abs(self.scale):
             what = "moves the beam along the other axis: exchange the cables of x and y"
         elif self.scale < 0:
@@ -65,7 +65,7 @@ class Axis(NamedTuple):
             what = f"moves the beam {self.scale:.3g} times as far: correct stage.step_um"
         elif abs(self.across) > ACROSS:
             angle = np.degrees(np.arctan2(abs(self.across), self.scale))
-            what = f"is turned by {angle:.0f} degrees against the sensor: turn the stage"
+            what = f"is rotated by {angle:.0f} degrees relative to the sensor: turn the stage"
         else:
             return ""
         return f"a command along {self.name} {what}"
@@ -172,7 +172,7 @@ class StageCheck(Tracker):
             why = self.error or self.envelope.latched or "the samples ended too soon"
             moved = "xxyy"[self.leg - 1] if self.leg else ""
             at = f" while the stage was to move along {moved}" if moved else ""
-            return [f"the check did not come to its end{at}: {why}"]
+            return [f"the check was not completed{at}: {why}"]
         if np.ptp(np.array(self.apexes), axis=0).max() > MIRROR_MM:
             return ["the mirror moved during the check: it must stand still"]
         return [axis.fault for axis in self.axes() if axis.fault]

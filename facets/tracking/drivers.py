@@ -86,8 +86,8 @@ def driver_of(name: str) -> EntryPoint:
             return one
     known = sorted({one.name for one in (*entry_points(group=GROUP), *SHIPPED)})
     raise StageError(
-        f"{name}: nobody drives a stage of that name; with stage.driver: other its port begins "
-        f"with one of {', '.join(f'{one}:' for one in known)}"
+        f"{name}: there is no driver for a stage of that name; with stage.driver: other its port "
+        f"begins with one of {', '.join(f'{one}:' for one in known)}"
     )
 
 

@@ -130,7 +130,7 @@ class Envelope:
     def _refuse_place(self, place: Floats) -> None:
         """Raise `StageError` for a place that is none, or lies outside the soft limits."""
         if np.shape(place) != (2,) or not np.isfinite(place).all():
-            raise StageError(f"the stage's driver gives a place that is none: {place}")
+            raise StageError(f"the stage's driver gives an invalid position: {place}")
         low = np.array(self.limits.low) - POSITION_SLACK_MM
         high = np.array(self.limits.high) + POSITION_SLACK_MM
         if (place < low).any() or (place > high).any():
@@ -204,7 +204,7 @@ class Envelope:
         """The place nearest to `target` that may be commanded now; None where none may be."""
         at = self.encoder
         if not np.isfinite(target).all():
-            raise StageError("the stage was to be sent to a place that is no number")
+            raise StageError("the stage was to be sent to a position that is not a number")
         if self.latched or self.failed or at is None or now - at.time > MAX_PLACE_AGE_S:
             return None
         if not self.permit.allows_motion(now) or (

@@ -72,8 +72,8 @@ class Kinesis:
             for (motor, channel), name in zip(self.axes, "xy", strict=True):
                 if motor.get_scale_units() == "internal":
                     raise StageError(
-                        f"pylablib does not know the controller of {name} and cannot tell its "
-                        "speed: it cannot be bounded"
+                        f"pylablib does not support the controller of {name} and cannot read its "
+                        "speed, so that the speed cannot be limited"
                     )
                 if not motor.is_homed(channel=channel):
                     raise StageError(f"the axis {name} has no reference: home it by Kinesis")

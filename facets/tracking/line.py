@@ -51,12 +51,12 @@ class Line:
         while b"\n" not in self.rest:
             if self.clock() > deadline:
                 raise StageError(
-                    f"the stage has not answered for {patience:g} s: is it on, and at the right "
-                    "port and baud?"
+                    f"the stage has not answered for {patience:g} s: check that it is on, and its "
+                    "port and baud rate"
                 )
             self.rest += self.port.read(max(1, getattr(self.port, "in_waiting", 0) or 0))
             if len(self.rest) > MAX_ANSWER_BYTES:
-                raise StageError(f"the stage sends what has no lines: {self.rest[:40]!r}")
+                raise StageError(f"the stage sends data without line ends: {self.rest[:40]!r}")
         line, _, self.rest = self.rest.partition(b"\n")
         return line.decode("ascii", "replace").rstrip("\r")
 

@@ -67,7 +67,7 @@ class Pi:
         except (ValueError, KeyError):
             place = np.full(2, np.nan)
         if not np.isfinite(place).all():
-            raise StageError(f"the stage's place cannot be understood: {lines}")
+            raise StageError(f"the stage's position cannot be understood: {lines}")
         there: Floats = self.zero + place
         return there
 

@@ -184,7 +184,7 @@ class Tracker:
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
             doubt = "not every detector has light"
         elif not LIT * self.law.power <= powers.max() <= BRIGHT * self.law.power:
-            doubt = "light that is not the beam's"
+            doubt = "light that does not come from the beam"
         elif needs_pose and not np.isfinite(apex).all():
             doubt = "no pose"
         place = apex.copy() if np.isfinite(apex).all() else None
@@ -312,7 +312,7 @@ class Tracker:
         if now - good.time <= stale and now - good.came <= stale:
             clearance = self.law.clearance + self.settings.max_speed * (now - good.time)
             if good.apex is not None and np.abs(good.apex - place).max() > clearance:
-                return "the pose is further from the beam than its light allows"
+                return "the pose is farther from the beam than its light allows"
             return ""
         if newest is NOTHING or now - newest.came > stale:
             return NOTHING.doubt if newest is NOTHING else STALE
@@ -351,4 +351,4 @@ def words(error: Exception) -> str:
         return str(error)
     if isinstance(error, OSError):  # pyserial's errors are of this kind, too
         return f"the stage's line went away: {error}"
-    return f"tracking failed by an error of its own, {type(error).__name__}: {error}"
+    return f"tracking failed with an internal error, {type(error).__name__}: {error}"

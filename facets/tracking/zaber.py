@@ -64,7 +64,7 @@ class Zaber:
                 return self.data(words, command)
             if self.line.clock() > until:
                 break
-        raise StageError(f"the stage talks, but does not answer {command!r}")
+        raise StageError(f"the stage sends data, but does not answer {command!r}")
 
     def data(self, words: list[str], command: str) -> list[str]:
         """What an answer says, or what is wrong."""
@@ -73,7 +73,9 @@ class Zaber:
         if words[5].startswith("F"):
             raise StageError(f"the stage has a fault, {words[5]}; see its manual")
         if words[5] == "WR":
-            raise StageError("the stage has no reference any more (WR): was it restarted? Home it")
+            raise StageError(
+                "the stage has lost its reference (WR): check whether it was restarted, and home it"
+            )
         return words[6:]
 
     def ask(self, command: str, patience: float = PATIENCE_S) -> list[str]:

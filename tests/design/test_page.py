@@ -154,8 +154,8 @@ def test_a_report_tells_the_whole_story(tmp_path):
                      "-o", "new.yaml", cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "new.html").read_text("utf-8")
-    for part in ("What was asked for", "What changes", "diameter of the head, mm", "<svg",
-                 "after over before", "What holds it back", "new.gltf", "proved"):  # fmt: skip
+    for part in ("Requirements", "What changes", "diameter of the head, mm", "<svg",
+                 "after over before", "What limits the layout", "new.gltf", "proved"):  # fmt: skip
         assert part in text, part
     assert not re.search(r"\b(u|range)_\w+_(um|mm|u?rad|mrad)\b|\+- ", text)
     check_that_nothing_is_cut(tmp_path / "new.html")

@@ -93,7 +93,7 @@ def test_poses_of_another_recording_have_no_known_cause(place):
     shutil.copy(place / "other" / "poses.arrows", place / "rec" / "poses.arrows")
     status, text = compare(place)
     assert status == 1
-    assert "NOT the same" in text
+    assert "NOT equal" in text
     assert "the cause is unknown" in text
 
 
@@ -101,7 +101,7 @@ def test_another_configuration_is_the_known_cause(place):
     (place / "rig.yaml").write_text("extends: bench\nsensor:\n  psd: {a: {radius_mm: 250.1}}\n")
     status, text = compare(place, "--config", "rig.yaml")
     assert status == 1
-    assert "they are solved by rig.yaml, not by the recording's own configuration" in text
+    assert "the poses are solved with rig.yaml, not with the recording's own configuration" in text
 
 
 def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unknown(tmp_path):
@@ -116,9 +116,13 @@ def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unkn
 @pytest.mark.parametrize(
     ("name", "what", "words"),
     [
-        ("meta.yaml", "cut", "rec/meta.yaml: is damaged, it holds no configuration"),
-        ("meta.yaml", "swap", "rec/meta.yaml: is not the file that this recording was closed with"),
-        ("meta.yaml", "lose", "rec/meta.yaml: is missing; what came is in rec/bytes.bin"),
+        ("meta.yaml", "cut", "rec/meta.yaml: is damaged: it holds no configuration"),
+        (
+            "meta.yaml",
+            "swap",
+            "rec/meta.yaml: is not the file with which this recording was closed",
+        ),
+        ("meta.yaml", "lose", "rec/meta.yaml: is missing; the received bytes are in rec/bytes.bin"),
         ("bytes.bin", "empty", "rec/bytes.bin: is empty"),
         ("bytes.bin", "swap", "rec/index.bin: none of its 12 rows agrees with rec/bytes.bin"),
         ("bytes.bin", "lose", "rec/bytes.bin: is missing"),

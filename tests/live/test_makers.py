@@ -82,7 +82,7 @@ def test_too_much_light_is_told_as_saturation():
     ("name", "kind", "words"),
     [
         ("ni:Dev2/ai0:11", PortError, "identifier is invalid"),
-        ("ni:Dev1/ai0:7", PortInUse, "8 channels, not 12"),
+        ("ni:Dev1/ai0:7", PortInUse, "8 channels; needed: 12"),
         ("ni:Dev1/ai0:11?speed=3", PortInUse, "of the options"),
         ("ni:Dev1/ai0:11?rate=fast", PortInUse, "fast"),
         ("ni:Dev1/ai0:11?rate=-1", PortInUse, "positive"),

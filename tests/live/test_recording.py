@@ -169,7 +169,7 @@ def test_a_recording_needs_a_new_folder(tmp_path):
             Recording(tmp_path / name, "", CONFIG.resolved)
     with pytest.raises(DiskError, match="cannot be written"):
         Recording(tmp_path / "old" / "thing" / "deeper", "", CONFIG.resolved)
-    with pytest.raises(InputError, match="no recording"):
+    with pytest.raises(InputError, match="not a recording"):
         list(blocks(tmp_path / "old"))
 
 

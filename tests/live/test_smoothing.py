@@ -136,7 +136,7 @@ def test_innovations_tell_a_wrong_noise():
     found = smooth(np.arange(2_000), measured(rng, true), np.tile(NOISE / 9, (2_000, 1, 1)),
                    strength=np.full(2, 1e-7))  # fmt: skip
     assert found.squares == pytest.approx(9, rel=0.2)
-    assert "does not hold" in found.sentence
+    assert "is wrong" in found.sentence
 
 
 def test_too_few_poses_are_refused():
@@ -225,7 +225,7 @@ def test_a_replay_smooths_beside_the_raw_poses(tmp_path):
     )
     assert result.returncode == 0, result.stderr
     assert "innovations: mean normalised square" in result.stdout
-    assert "does not hold" not in result.stdout
+    assert "is wrong" not in result.stdout
     import pandas as pd
 
     table = pd.read_parquet(tmp_path / "poses.parquet")

@@ -85,7 +85,7 @@ def test_a_stage_must_be_checked_before_it_follows(tmp_path):
         check = ("acquire", "bench", "--check-stage", *PORTS, "--plain", "--max-loss", "1")
         result = command(*check, "--write", "good.yaml", "-d", "a", cwd=tmp_path)
         assert result.returncode == 0, result.stdout + result.stderr
-        assert "The stage is wired as the configuration has it." in result.stdout
+        assert "The stage is wired as the configuration says." in result.stdout
         wrong = ("acquire", "mine.yaml", "--check-stage", "--plain", "--max-loss", "1")
         result = command(*wrong, "--write", "bad.yaml", "-d", "b", cwd=tmp_path)
     assert result.returncode == 1, result.stdout + result.stderr
@@ -107,7 +107,7 @@ def test_bad_uses_of_the_check_are_refused(tmp_path):
         (("bench", "--write", "new.yaml"), "--write needs --check-stage"),
         (("bench", "--check-stage", "--write", "new.txt"), "ends in .yaml"),
         (("bench", "--check-stage", "--write", "old.yaml"), "old.yaml"),
-        (("bench", "--track", "--stage-port", "/dev/ttyUSB0"), "of another stage"),
+        (("bench", "--track", "--stage-port", "/dev/ttyUSB0"), "which is not the stage"),
         (("text.yaml", "--track"), "no flag for it"),
         (("file.yaml", "--track"), "nothing can be sent to file:board.bin"),
     ):

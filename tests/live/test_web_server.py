@@ -149,7 +149,7 @@ def test_addresses(text, found):
 
 @pytest.mark.parametrize("text", ["", "x", ":80", "::1:80", "1.2.3.4", "80:", "65536", "-1", "٣"])
 def test_what_is_no_address_is_refused(text):
-    with pytest.raises(InputError, match="is no address"):
+    with pytest.raises(InputError, match="is not an address"):
         parse_address(text)
 
 
@@ -323,7 +323,7 @@ def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path):
     assert not (tmp_path / "rec").exists()
     result = command("acquire", "bench", "--port", "nothing", "--web", "here", cwd=tmp_path)
     assert result.returncode == 2
-    assert "--web here: is no address" in result.stderr
+    assert "--web here: is not an address" in result.stderr
 
 
 def test_another_address_is_bound_only_when_asked_for_and_with_a_warning():

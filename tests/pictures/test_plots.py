@@ -133,7 +133,7 @@ def test_few_samples_are_seen(count):
 def test_a_motion_of_which_nothing_is_solved_says_so():
     drawing = motion_picture([figures.segment(count=50, solved=False)])
     said = [text.get_text() for text, _ in texts_of(drawing)]
-    assert said.count("nothing could be solved") == 6
+    assert said.count("no sample could be solved") == 6
     assert "not solved" in said
     assert hue_in(drawing, drawing.axes[0], THEMES[chosen_style()].alarm) > 20
 

@@ -98,7 +98,7 @@ def turned(degrees):
         (((0, 1), (1, 0)), ["exchange the cables of x and y"] * 2),
         (((2, 0), (0, 1)), ["x moves the beam 2 times as far: correct stage.step_um"]),
         (((0.05, 0), (0, 0)), ["x hardly moves the beam", "y hardly moves the beam"]),
-        (turned(12), ["is turned by 12 degrees against the sensor"] * 2),
+        (turned(12), ["is rotated by 12 degrees relative to the sensor"] * 2),
     ],
     ids=["x backwards", "y backwards", "swapped", "scale", "still", "turned"],
 )
@@ -111,7 +111,7 @@ def test_a_stage_that_is_wired_wrong_is_refused(wiring, words):
 
 def test_a_check_that_does_not_come_to_its_end_says_why():
     (fault,) = Bench().run(dark_from=60)
-    assert fault.startswith("the check did not come to its end while the stage was to move along x")
+    assert fault.startswith("the check was not completed while the stage was to move along x")
     assert "not every detector has light" in fault
     (fault,) = Bench(drift=0.02).run()
     assert "the mirror moved during the check" in fault

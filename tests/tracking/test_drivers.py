@@ -85,7 +85,7 @@ def test_kinesis_keeps_the_contract(bench, name):
     ("name", "value", "words"),
     [
         ("homed", False, "axis x has no reference"),
-        ("units", "internal", "cannot be bounded"),
+        ("units", "internal", "cannot be limited"),
         ("keeps", makers.Velocity(0.0, 1.0, 1e3), "keeps a speed of 1000 mm/s"),
         ("keeps", makers.Velocity(0.0, 0.0, 1.0), "acceleration of 0 mm/s2"),
     ],
@@ -171,7 +171,7 @@ def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
     assert np.hypot(*(sent - begin)) <= OTHER.max_step
     assert envelope.go(np.array([5.0, 5.0]), mine.now - 1.0) is None
     mine.model.place[0] = np.nan
-    with pytest.raises(StageError, match="a place that is none"):
+    with pytest.raises(StageError, match="an invalid position"):
         envelope.look()
 
 
@@ -180,8 +180,8 @@ def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
     [
         ("mine:broken", "RuntimeError: board 7"),
         ("none:1", "gives no driver: it has no prepare, place, move, stop, cry, close"),
-        ("what:1", "nobody drives a stage of that name; .* kinesis:, mine:, none:"),
-        ("/dev/ttyUSB0", "nobody drives"),
+        ("what:1", "there is no driver for a stage of that name; .* kinesis:, mine:, none:"),
+        ("/dev/ttyUSB0", "there is no driver"),
     ],
 )
 def test_what_is_no_driver_is_told(mine, name, words):

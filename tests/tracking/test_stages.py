@@ -862,7 +862,7 @@ def test_a_bug_in_the_law_stops_the_stage_by_its_stop():
     port.now += 0.01
     feed(follower, port)
     assert not follower.step()
-    assert "an error of its own, TypeError" in follower.error
+    assert "an internal error, TypeError" in follower.error
     assert "stop" in port.sent[-1]
     assert port.closed
 

@@ -111,7 +111,7 @@ def comparison_sentences(
     lost = max(0, seal.poses - result.recorded) if seal else 0
     was_refused = bool(seal and seal.refused_bytes and not damage.words)
     losses = {
-        f"  {result.skipped} samples were skipped in the run, and are solved now": result.skipped,
+        f"{result.skipped} samples were skipped in the run and are solved now": result.skipped,
         f"  {folder / 'poses.arrows'}: {lost} poses are missing or damaged": lost,
         f"  {result.absent} were recorded {absence_reason(was_refused, damage)}": result.absent,
         unrecorded_sentence(result, seal, lost): result.unrecorded,
@@ -127,7 +127,7 @@ def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
     """How many poses were compared, and whether they are the same.  lost: of those recorded."""
     count = result.recorded - result.skipped - result.absent
     of_all = f" of {seal.poses}" if seal and lost else ""
-    text = "identical" if result.is_same else f"NOT the same in {result.different} samples"
+    text = "identical" if result.is_same else f"NOT equal in {result.different} samples"
     return f"{count}{of_all} recorded poses: {text if count else 'nothing can be compared'}"
 
 
@@ -137,7 +137,7 @@ def absence_reason(was_refused: bool, damage: Damage) -> str:
         return "without their bytes, which the disk refused"
     if damage.words:
         return "and their bytes cannot be read any more"
-    return "but the bytes hold no such samples; the cause is unknown"
+    return "but the bytes hold no such samples, and the cause is unknown"
 
 
 def unrecorded_sentence(result: PoseComparison, seal: Seal | None, lost: int) -> str:
@@ -167,9 +167,9 @@ def difference_sentences(
             f"  the largest difference of a pose is {result.worst:.2g} of the standard uncertainty"
         )
     if config_name is not None:
-        yield f"  they are solved by {config_name}, not by the recording's own configuration"
+        yield f"the poses are solved with {config_name}, not with the recording's own configuration"
     elif version != __version__:
-        yield f"  facets {version} recorded them, facets {__version__} solved them again"
+        yield f"facets {version} recorded the poses, and facets {__version__} solved them again"
     elif damage.since is not None and result.since is not None and damage.since <= result.since:
         yield (
             f"  the recording is damaged (see above) from sample {damage.since} on, before the "

@@ -48,10 +48,10 @@ class Damage:
     def words(self) -> str:
         """In words, or nothing."""
         found = (
-            (self.rows, "rows of index.bin are spoilt"),
+            (self.rows, "rows of index.bin are damaged"),
             (self.absent, "rows of index.bin are missing"),
             (self.missing, "bytes of bytes.bin are missing"),
-            (self.unproven, "bytes of bytes.bin have no row in index.bin that proves them"),
+            (self.unproven, "bytes of bytes.bin have no row in index.bin that confirms them"),
         )
         return ", ".join(f"{count} {what}" for count, what in found if count)
 

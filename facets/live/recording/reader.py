@@ -134,7 +134,7 @@ def read_index(folder: Path, salvage: bool) -> bytes:
             return b""
         if not size_of(folder):
             raise InputError(
-                f"{folder}: is no recording: it has no index.bin and no bytes"
+                f"{folder}: is not a recording: it has no index.bin and no bytes"
             ) from None
         remedy = f"`facets replay {folder} --recover` solves the bytes without it"
         raise missing_file(path, error, remedy) from None
@@ -186,7 +186,7 @@ def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
     """
     path = folder / "meta.yaml"
     remedy = (
-        f"what came is in {folder / 'bytes.bin'}, which `facets acquire CONFIG --port "
+        f"the received bytes are in {folder / 'bytes.bin'}, which `facets acquire CONFIG --port "
         f"file:{folder / 'bytes.bin'}` reads"
     )
     if not path.is_file():
@@ -202,12 +202,12 @@ def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
     except (YAMLError, ValueError, RecursionError):
         found = None
     if not isinstance(found, dict) or not isinstance(found.get("resolved"), dict):
-        raise InputError(f"{path}: is damaged, it holds no configuration; {remedy}")
+        raise InputError(f"{path}: is damaged: it holds no configuration; {remedy}")
     seal = seal_of(folder)
     if own and seal and seal.meta_crc != zlib.crc32(data):
         raise InputError(
-            f"{path}: is not the file that this recording was closed with: it was changed, or is "
-            "of another recording. Put the right one back, or name a configuration: "
+            f"{path}: is not the file with which this recording was closed: it was changed, or "
+            "belongs to another recording. Restore the right file, or name a configuration: "
             f"`facets replay {folder} --config CONFIG`"
         )
     return found

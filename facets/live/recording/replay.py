@@ -36,8 +36,8 @@ def recorded_config(folder: Path) -> Config:
     meta, path = meta_of(folder), folder / "meta.yaml"
     if meta.get("config_sha256") not in (None, fingerprint(meta["resolved"])):
         raise InputError(
-            f"{path}: is damaged or was changed, its config_sha256 is not that of its "
-            f"configuration; name one: `facets replay {folder} --config CONFIG`"
+            f"{path}: is damaged or was changed: its config_sha256 is not that of its "
+            f"configuration; name a configuration: `facets replay {folder} --config CONFIG`"
         )
     try:
         resolved = meta["resolved"]
@@ -47,8 +47,8 @@ def recorded_config(folder: Path) -> Config:
             keys[name] = str((folder / name_of_copy(digest)).resolve())
     except (KeyError, TypeError, AttributeError):
         raise InputError(
-            f"{path}: is damaged, its configuration is not whole; name one: "
-            f"`facets replay {folder} --config CONFIG`"
+            f"{path}: is damaged: its configuration is incomplete; name one: `facets replay "
+            f"{folder} --config CONFIG`"
         ) from None
     with tempfile.TemporaryDirectory(prefix="facets-") as place:
         copy = Path(place) / f"{Path(str(meta.get('config') or 'recorded')).name}.yaml"

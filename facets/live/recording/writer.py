@@ -136,7 +136,7 @@ class Recording(ClosedAtExit, Sink):
         self.refused = True
         self.retry = time.monotonic() + RETRY_INTERVAL_S
         self.trouble = self.trouble or (
-            f"{self.folder / name}: cannot be written on: {error.strerror}"
+            f"{self.folder / name}: cannot be written to: {error.strerror}"
         )
 
     def add_block(self, block: Block) -> None:
@@ -230,7 +230,7 @@ class Recording(ClosedAtExit, Sink):
         """What the disk refused, if anything."""
         if not self.trouble:
             return []
-        return [f"{self.trouble}; {self.lost} bytes that came are not recorded"]
+        return [f"{self.trouble}; {self.lost} received bytes are not recorded"]
 
     def values(self) -> dict[str, Any]:
         return {"recording": str(self.folder), "not_recorded_bytes": self.lost}

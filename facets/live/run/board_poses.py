@@ -136,15 +136,16 @@ class BoardPoses:
         if self.alike:
             return ""
         return (
-            f"{self.apart + self.statuses} of {self.compared} poses of the board are not those "
-            "that are solved here: is its code that of another sensor or calibration, or does "
-            "`solve` know more of the beam or its power than the board does?"
+            f"{self.apart + self.statuses} of {self.compared} poses of the board differ from those "
+            "that are solved here: check whether its code was exported for another sensor or "
+            "calibration, and whether `solve` knows more about the beam or its power than the "
+            "board"
         )
 
     def complaints(self) -> list[str]:
         """Why a comparison that was asked for is no good one; none where the poses are alike."""
         if not self.compared:
-            return ["the board sent no pose of its own that could be compared."]
+            return ["the board sent no pose that could be compared."]
         return [] if self.alike else [self.trouble()]
 
     def values(self) -> dict[str, Any]:

@@ -52,8 +52,8 @@ class Doubts:
         found = []
         if self.share(BEYOND) > NOTICED:
             found.append(
-                f"{self.percent(BEYOND)} of the newest poses have a residual beyond chance: they "
-                "cannot be believed"
+                f"{self.percent(BEYOND)} of the newest poses have a residual beyond chance: do not "
+                "trust them"
             )
         if self.share(FULL) > NOTICED:
             found.append(

@@ -273,15 +273,15 @@ class Filter:
     def sentence(self) -> str:
         """How late it is, and what the innovations say."""
         if not self.begun:
-            return "the filter has not learnt yet how the mirror moves"
+            return "the filter has not estimated the mirror's motion yet"
         steady, sudden = self.delays()
         text = f"the filter follows half of a sudden step after {1e3 * sudden:.3g} ms"
         text += f", a steady motion {1e3 * steady:.3g} ms late" if self.order == 1 else ""
         if self.is_beyond_chance:
             text += (
-                "; its innovations are larger than chance has it (mean normalised square "
+                "; its innovations are larger than expected (mean normalised square "
                 f"{self.squares:.3g}, largest mean {self.largest:.2g} of its standard deviation): "
-                "the mirror moves otherwise than it did, and there are no filtered poses"
+                "the mirror moves differently than before, and no filtered poses are given"
             )
         return text
 

@@ -67,13 +67,13 @@ class Live:
         found = [self.note] if self.note else []
         if self.behind:
             found.append(
-                f"the loop is {self.age:.1f} s behind: all is recorded, the newest samples are "
-                "solved first"
+                f"the loop is {self.age:.1f} s behind: all bytes are recorded, and the newest "
+                "samples are solved first"
             )
         for sink in self.sinks:
             found += sink.messages()
         if not self.pipeline.doubts.said and self.pipeline.tally.misfit.is_mostly_flagged:
-            found.append("most poses have a residual beyond chance: they cannot be believed")
+            found.append("most poses have a residual beyond chance: do not trust them")
         found += self.pipeline.doubts.said
         if self.pipeline.board.trouble():
             found.append(self.pipeline.board.trouble())
@@ -104,8 +104,8 @@ class Live:
             return
         elif self.bytes:
             self.note = (
-                "bytes come, but no sample can be read from them: are acquire.baud and "
-                "acquire.format those of the board?"
+                "bytes arrive, but no sample can be read from them: check acquire.baud and "
+                "acquire.format"
             )
         elif not self.note:
-            self.note = "nothing comes: is the board on, and sending?"
+            self.note = "no bytes arrive: check that the board is on and sending"

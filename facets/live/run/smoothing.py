@@ -47,7 +47,7 @@ DOUBT = 0.2
 def require_model(option: str, model: str) -> None:
     """Raise `InputError` for a model of a motion that is none."""
     if model not in MODELS:
-        raise InputError(f"{option} {model}: is no model; give {', '.join(MODELS)}")
+        raise InputError(f"{option} {model}: unknown model; allowed: {', '.join(MODELS)}")
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ class Smoothed:
         )
         if abs(self.squares - 1) > DOUBT or abs(self.memory) > DOUBT:
             text += (
-                "; the model of the motion or of the noise does not hold, and the smoothed "
-                "uncertainties do not either"
+                "; the model of the motion or of the noise is wrong, and so are the smoothed "
+                "uncertainties"
             )
         return text
 
@@ -119,7 +119,7 @@ def smooth(
         np.isfinite(poses).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
     )
     if there.sum() < 10:
-        raise ValueError(f"{int(there.sum())} poses are too few to be smoothed")
+        raise ValueError(f"{int(there.sum())} poses are too few for smoothing")
     steps = np.diff(time, prepend=time[0]) / np.median(np.diff(time))
     if len(time) > PIECE + 2 * MARGIN:
         return smooth_pieces(time, poses, covariance, model, strength)
@@ -151,7 +151,7 @@ def smooth_pieces(
         spreads[start : start + PIECE] = found.covariance[inner]
         tests.append((found.squares, found.memory))
     if strength is None:
-        raise ValueError("there are too few poses to be smoothed")
+        raise ValueError("there are too few poses for smoothing")
     squares, memory = np.mean(tests, axis=0)
     return Smoothed(states, spreads, float(squares), float(memory), strength)
 

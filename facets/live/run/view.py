@@ -157,8 +157,8 @@ def stage_sentences(live: Live) -> Iterator[str]:
         yield f"the stage was stopped {stops} times, and {ended}"
     if live.beam_loss.lost and not live.is_urgent:
         yield (
-            "the run had no real-time priority, with which a busy machine loses the beam more "
-            "seldom; see 'Beside other programs' in docs/commands/acquire.md"
+            "the run had no real-time priority; with it a busy machine loses the beam less often, "
+            "see 'Beside other programs' in docs/commands/acquire.md"
         )
 
 
@@ -181,8 +181,8 @@ def loop_sentences(live: Live) -> Iterator[str]:
     skipped = live.pipeline.tally.skipped_count
     if live.late or skipped:
         yield (
-            f"the loop fell behind: {live.late} samples were solved after newer ones, "
-            f"{skipped} were not; `facets replay` solves them"
+            f"the loop fell behind: {live.late} samples were solved after newer ones, {skipped} "
+            "were skipped; `facets replay` solves them"
         )
     if live.pipeline.board.came:
         yield live.pipeline.board.sentence()

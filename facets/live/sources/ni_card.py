@@ -100,7 +100,9 @@ class Card(ClosedAtExit):
             raise kind(f"{name}: cannot be opened: {error}") from None
         if count != CHANNELS:
             self.close()
-            raise PortInUse(f"{name}: names {count} channels, not {CHANNELS}: four a detector")
+            raise PortInUse(
+                f"{name}: names {count} channels; needed: {CHANNELS}, four for each detector"
+            )
         self.reader = readers.AnalogMultiChannelReader(self.task.in_stream)
         self.made = 0
 

@@ -28,7 +28,7 @@ SHIPPED = (
 )
 #: Between attempts to open a port, s.
 RETRY_INTERVAL_S = 0.1
-IN_USE = "another program has it; close that first"
+IN_USE = "another program uses it; close that program first"
 
 
 class SerialPort(ClosedAtExit):
@@ -80,7 +80,7 @@ class DatagramPort(ClosedAtExit):
             self.line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self.BUFFER)
             self.line.bind((parts.hostname or "", parts.port))
         except ValueError:
-            raise PortError(f"{name}: is no place to listen at; give udp://:PORT") from None
+            raise PortError(f"{name}: is not an address to listen at; give udp://:PORT") from None
         except OSError as error:
             self.line.close()
             kind = PortInUse if error.errno == errno.EADDRINUSE else PortError
@@ -167,7 +167,7 @@ def advice(reason: str) -> str:
     if "permission" in text:
         return "no permission; on Linux, join the group that owns it (dialout or uucp)"
     if "no such file" in text or "filenotfound" in text:
-        return "there is no such device; is it plugged in?"
+        return "there is no such device; check that it is plugged in"
     return reason
 
 

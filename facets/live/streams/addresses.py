@@ -28,7 +28,7 @@ def check_address(address: str) -> None:
     except ValueError:
         sound = False
     if not sound:
-        raise InputError(f"--publish {address}: is no address; give {SCHEMES}")
+        raise InputError(f"--publish {address}: is not an address; give {SCHEMES}")
 
 
 def refuse_older(address: str) -> None:
@@ -37,8 +37,8 @@ def refuse_older(address: str) -> None:
     if parts.scheme in OLDER_SCHEMES:
         place = parts.netloc or "127.0.0.1:5556"
         raise InputError(
-            f"{address}: samples are no longer published by {parts.scheme}; give zmq://{place}, "
-            "which any number of programs can subscribe to"
+            f"{address}: {parts.scheme} is no longer supported; give zmq://{place}, to which any "
+            "number of programs can subscribe"
         )
 
 
@@ -61,7 +61,7 @@ def zmq_endpoint(address: str) -> str:
         if parts.scheme != "zmq" or not parts.hostname or parts.port is None:
             raise ValueError
     except ValueError:
-        raise InputError(f"{address}: is no address; give zmq://HOST:PORT") from None
+        raise InputError(f"{address}: is not an address; give zmq://HOST:PORT") from None
     if parts.hostname == "*":
         return f"tcp://*:{parts.port}"
     try:

@@ -97,7 +97,7 @@ class PoseSensor(
 
     def _require_stream(self) -> RowStream:
         if self._stream is None:
-            raise FacetsError(f"{self.name}: is not staged, and was neither triggered nor flown")
+            raise FacetsError(f"{self.name}: is not staged and was neither triggered nor flown")
         return self._stream
 
     @AsyncStatus.wrap
@@ -118,7 +118,7 @@ class PoseSensor(
     async def trigger(self) -> None:
         """Waits for the first sample that is taken from now on; of a file, for the next one."""
         if self._flying:
-            raise FacetsError(f"{self.name}: flies; complete the flight before a trigger")
+            raise FacetsError(f"{self.name}: is flying; complete the flight before a trigger")
         stream = await self._open()
         now, found = stream.keep(), np.empty(0, SAMPLE)
         try:
@@ -126,7 +126,7 @@ class PoseSensor(
                 await asyncio.to_thread(stream.wait, lambda: stream.held.count > 0)
                 rows = stream.take(1 if stream.patient else None)
                 if not len(rows):
-                    raise FacetsError(f"{self._address}: ended; there is no sample any more")
+                    raise FacetsError(f"{self._address}: has ended; no more samples will come")
                 found = rows if stream.patient else rows[rows["host_s"] >= now]
         finally:
             stream.forget()
@@ -135,7 +135,7 @@ class PoseSensor(
     async def read(self) -> dict[str, Reading[Any]]:
         """The sample of the last trigger. Raises where there was none."""
         if self._row is None:
-            raise FacetsError(f"{self.name}: was not triggered, and has no sample to be read")
+            raise FacetsError(f"{self.name}: was not triggered, so that it has no sample to read")
         at = float(self._row["utc_s"][0])
         return {
             self._key(name): Reading(value=values[0], timestamp=at)
@@ -169,7 +169,7 @@ class PoseSensor(
     async def prepare(self, value: Interval) -> None:
         """Says what the next flight is to hold."""
         if (value.samples or 1) <= 0 or (value.seconds or 1) <= 0:
-            raise InputError(f"{self.name}: {value}: a flight holds more than nothing")
+            raise InputError(f"{self.name}: {value}: needed is a time above zero")
         self._interval = value
 
     @AsyncStatus.wrap
@@ -199,7 +199,9 @@ class PoseSensor(
         finally:
             self._flying = False
         if not self._is_whole(stream) and not (stream.patient and self._left is None):
-            raise FacetsError(f"{self._address}: ended before all samples of the flight had come")
+            raise FacetsError(
+                f"{self._address}: ended before all samples of the flight had arrived"
+            )
         if stream.held.lost:
             raise FacetsError(
                 f"{self.name}: {stream.held.lost} samples of the flight are lost, since nobody "

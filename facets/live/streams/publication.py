@@ -206,7 +206,7 @@ class Publication:
         try:
             self.process.wait(timeout=patience)
         except subprocess.TimeoutExpired:
-            self.trouble = self.trouble or "its receiver takes nothing any more"
+            self.trouble = self.trouble or "its receiver accepts no more data"
             self.process.kill()
             self.process.wait()
         for thread in self.threads:
@@ -290,7 +290,7 @@ class Publications(ClosedAtExit, Sink):
         found = []
         for one in self.all:
             if one.trouble:
-                found.append(f"{one.address}: nothing is published any more: {one.trouble}")
+                found.append(f"{one.address}: publishing has ended: {one.trouble}")
             elif one.note:
                 found.append(f"{one.address}: {one.note}")
         return found

@@ -171,8 +171,8 @@ class RowStream:
             while not (true() or self.ended):
                 if time.monotonic() - self.came > SILENCE_TIMEOUT_S:
                     raise FacetsError(
-                        f"{self.address}: no sample came for {SILENCE_TIMEOUT_S:g} s: is the board "
-                        "on, and are acquire.baud and acquire.format its own?"
+                        f"{self.address}: no sample came for {SILENCE_TIMEOUT_S:g} s: check that "
+                        "the board is on, and acquire.baud and acquire.format"
                     )
                 self.news.wait(0.1)
         self.check()

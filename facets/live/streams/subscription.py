@@ -67,7 +67,7 @@ class Subscription(ClosedAtExit):
             self.socket.send(b"\1" + SAMPLES)
             greeting = self.socket.recv() if self.socket.poll(1e3 * timeout) else b""
             if not greeting.startswith(ABOUT):
-                raise InputError(f"{address}: nobody publishes samples there")
+                raise InputError(f"{address}: no program publishes samples there")
             self.about: dict[str, Any] = json.loads(greeting[len(ABOUT) :])
         except BaseException:
             self.close()

@@ -66,7 +66,7 @@ class Bench:
     ) -> None:
         """truth: whether the true state of each sample is written."""
         if config.stage.driver == "other":
-            raise InputError("the virtual bench has no stage for stage.driver: other; say zaber")
+            raise InputError("the virtual bench has no stage for stage.driver: other; use zaber")
         self.config, self.rate, self.folder = config, rate, folder
         self.mirror = Mirror(config, motion, seed)
         self.model = StageModel(config.stage)
@@ -85,7 +85,9 @@ class Bench:
             folder.mkdir(parents=True, exist_ok=True)
             self.truth = (folder / "truth.bin").open("wb", buffering=0) if truth else None
         except OSError as error:
-            raise OutputError(f"{folder}: is no folder to write in: {error.strerror}") from None
+            raise OutputError(
+                f"{folder}: is not a folder that can be written in: {error.strerror}"
+            ) from None
         self.board = Board(config, rate, self.schedule, self.count, folder / "board", firmware)
         self.stage = Pty(folder / "stage")
         self.is_enabled = False
@@ -130,10 +132,10 @@ class Bench:
             f"{count.spoilt} of them damaged, and {count.dropped} were dropped."
         )
         if count.dropped > count.sent:
-            yield "  Most were dropped, as by a board whose port nobody reads."
+            yield "Most were dropped, as happens when nobody reads the board's port."
         yield f"The stage obeyed {count.moves} moves." if count.moves else "The stage never moved."
         if count.disabled:
-            yield f"The board stopped the stage {count.disabled} times, since no heartbeat came."
+            yield f"The board stopped the stage {count.disabled} times, because no heartbeat came."
         if count.restarts:
             yield f"The board restarted {count.restarts} times."
         if count.slipped >= REPORTED_SLIP_S:

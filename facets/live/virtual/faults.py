@@ -70,7 +70,8 @@ class Faults:
                 found[name] = -1.0
             if not 0 <= found[name] < inf:
                 raise InputError(
-                    f"--faults has '{name}={value}'; allowed: {form}, of {', '.join(names)}"
+                    f"--faults has '{name}={value}'; allowed: {form} with NAME one of "
+                    f"{', '.join(names)}"
                 )
         return cls(**found)
 

@@ -25,7 +25,7 @@ def parse_address(text: str) -> tuple[str, int]:
     bare = ":" in host and not head.startswith("[")
     if not host or bare or not (port.isascii() and port.isdigit()) or int(port) > 65_535:
         raise InputError(
-            f"--web {text}: is no address; give --web=PORT (8080, or 0 for any that is free), "
+            f"--web {text}: is not an address; give --web=PORT (8080, or 0 for any free port), "
             "--web=HOST:PORT ([::1]:8080 for IPv6), or --web alone as the last option"
         )
     return host, int(port)
@@ -70,9 +70,9 @@ class Guard:
         if not self.knows(host):
             return "this page is not served under that name"
         if origin is not None and origin.lower() != f"http://{host.lower()}":
-            return "another page asks for this one"
+            return "the request comes from another page"
         if not hmac.compare_digest(token.encode(), self.token.encode()):
-            return "the address is not complete: it has a token, which the program has printed"
+            return "the address is incomplete: it needs the token that the program has printed"
         return ""
 
     def knows(self, host: str) -> bool:

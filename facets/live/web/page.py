@@ -32,8 +32,8 @@ HANDOVER_BYTES = 500_000
 #: Reports of the run's status may use this size beyond `MAX_WAITING_BYTES`, the limit of samples.
 SPARE_BYTES = 1_000_000
 WIDE = (
-    "warning: other machines reach this page, and whoever has its address reads it; "
-    "what it says is not encrypted on its way"
+    "warning: other machines can open this page, and anyone who has its address can read it; the "
+    "connection is not encrypted"
 )
 
 

@@ -152,7 +152,7 @@ class Server:
         self.check(request)
         from aiohttp import web
 
-        raise web.HTTPForbidden(text="403: there is nothing here\n")
+        raise web.HTTPForbidden(text="403: this address is not served")
 
     async def redirect(self, request: web.Request) -> web.StreamResponse:
         self.check(request)
@@ -235,7 +235,7 @@ async def condense(hub: Hub, inbox: Inbox) -> None:
         await asyncio.sleep(
             0.0 if inbox.lots and len(rows) >= MAX_ROWS_AT_ONCE else 1 / UPDATES_PER_S
         )
-    hub.end("The program that acquires has ended without a word; see its terminal.", False)
+    hub.end("The program that acquires has ended without a message; see its terminal.", False)
     hub.share()
 
 
@@ -266,8 +266,8 @@ def listening(host: str, port: int) -> socket.socket:
         line.listen()
     except OSError as error:
         raise InputError(
-            f"--web {place(host, port)}: {error.strerror or error}; "
-            "give another port, or 0 for any that is free"
+            f"--web {place(host, port)}: {error.strerror or error}; give another port, or 0 for "
+            "any free port"
         ) from None
     return line
 

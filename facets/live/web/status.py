@@ -119,10 +119,12 @@ def clock(pipeline: Pipeline) -> list[Item]:
     slowness = "ppm slow" if known.ppm > 0 else "ppm fast"
     arrival = pipeline.config.acquire.timing == "arrival"
     why = (
-        "the times are those of arrival (acquire.timing)" if arrival else "too little has come yet"
+        "the times are those of arrival (acquire.timing)"
+        if arrival
+        else "too few samples have arrived yet"
     )
     return [
-        item("board's clock", abs(known.ppm), slowness, "too little has come yet"),
+        item("board's clock", abs(known.ppm), slowness, "too few samples have arrived yet"),
         item("u(time)", float("nan") if arrival else 1e6 * known.uncertainty, "µs", why),
     ]
 
@@ -141,14 +143,14 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
         return {"there": False, "why": "no stage is moved (--track moves one)"}
     envelope = tracker.envelope
     if envelope.encoder is None:
-        return {"there": False, "why": "the stage has not said yet where it is"}
+        return {"there": False, "why": "the stage has not reported its position yet"}
     place, sent = envelope.encoder.place, envelope.sent
     found: dict[str, Any] = {
         "there": True,
         "place": [round_digits(x) for x in place],
         "target": None,
         "error": None,
-        "why": "it was not sent anywhere, or was stopped",
+        "why": "its position was not commanded, or it was stopped",
         "state": tracker.state,
         "moves": tracker.moves,
         "stopped": envelope.latched,
