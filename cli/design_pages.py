@@ -40,7 +40,7 @@ def write_gallery(
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
     if others is not None:
         shown = int((table["kind"] == "other").sum())
-        some += f", and {shown} others of {len(others['design'])} designs that were drawn"
+        some += f", and {shown} others of {len(others['design'])} sampled designs"
     goals = list(space.objectives)
     with files.tables.Whole(path) as temporary:
         texts = design.gallery.texts_of(settings, sensors, path.parent)
@@ -163,12 +163,12 @@ def sections_of(
     """The parts of a page on a layout but for drawings; quantities in words, with their units."""
     section, in_words = pictures.design_report.ReportSection, pictures.wording.rows_in_words
     found = [
-        section("What was asked for", rows=requirement(settings)),
+        section("Requirements", rows=requirement(settings)),
         section("What changes", (), ["of the sensor", *changed[0][1:]], in_words(changed[1]),
                 wide=True),
         section("Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
                 compared[0], in_words(compared[1])),
-        section("What holds it back, and what more would give", rows=in_words(reasons)),
+        section("What limits the layout, and what more would give", rows=in_words(reasons)),
         *built,
     ]  # fmt: skip
     if parts is not None:

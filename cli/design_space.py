@@ -92,7 +92,9 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
         own = show_own_measures(space)
         drawing = pictures.exploration.front_picture(table, best, goals, indices, own)
         if drawing is None:
-            leave_out_picture(picture, "it takes two designs that have all objectives")
+            leave_out_picture(
+                picture, "the front needs at least two designs that have all objectives"
+            )
         else:
             pictures.style.save(drawing, picture)
         if best.any():
@@ -128,7 +130,7 @@ def follow_front(job: Exploration, points: int) -> None:
         )
         seconds = time.perf_counter() - begin
         if not len(found.designs):
-            typer.echo("no design keeps all that is asked for, as far as the search can tell")
+            typer.echo("no design meets all requirements, as far as the search can tell")
             raise typer.Exit(FINDING)
         table = design.front.columns(found)
         files.tables.write_table(paths[0], table, job.header)

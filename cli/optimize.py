@@ -176,7 +176,7 @@ def prove(better: Config, work: int) -> str:
     """In words, whether readings are proved to determine states, within so much work."""
 
     if not work:
-        return "not looked for: whether readings determine states (--certify)"
+        return "not proved: that the readings determine the pose (use --certify)"
     found = proof.designs.certify_design(better.sensor, better.range, work)
     if isinstance(found, str):
         return f"not proved that readings determine states: {found}"

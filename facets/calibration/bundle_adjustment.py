@@ -1,10 +1,11 @@
-"""A bundle adjustment, linearised: the mirror carried by a reference, and what each unknown does.
+"""The linearised bundle adjustment: states of a mirror on a reference, and derivatives by all
+unknowns.
 
-The sensor's parameters, the corrections of its detectors, the effects of real light and where the
-mirror sits on the reference are common to all samples. What the reference leaves open of each pose,
-the laser's power and the beam's place, where these change from sample to sample, belong to their
-sample and are eliminated from the normal equations there (Schur complement), so that any number of
-samples costs one small system. All derivatives are closed.
+The sensor's parameters, the corrections of its detectors, the effects of real light and the
+mirror's place on the reference are common to all samples. Each sample has its own unknowns: the
+part of its pose that the reference does not measure and, where they change, the laser's power and
+the beam's position. They are eliminated from the normal equations (Schur complement), so that any
+number of samples needs one small system. All derivatives are closed.
 """
 
 from __future__ import annotations
@@ -54,17 +55,18 @@ MISSING_RESIDUAL = 1e4
 
 
 class Data(NamedTuple):
-    """raw: (n, 9) as the detectors gave them.  pose: (n, 6) by the reference, mm and rad.
+    """The samples of a calibration.  raw: (n, 9) as the detectors gave them.  pose: (n, 6) by the
+    reference, mm and rad.
 
-    sigma: (6,) its standard uncertainty; infinite where it does not measure an axis, whose column
-    then is where to look first.  beam: (n, 2) mm.  velocity: (n, 6) mm/s and rad/s.
-    clock: (n, 2) time in half runs from -1 to 1, and temperature less its mean, K.
-    seat: (n,) which seating of the mirror; thirds: (n,) of a turn, by which it was put.
-    noise: (n, 9) standard deviations of the readings, which then follow no unknown.
-    slow: (n, 5) what the laser's power may follow over the run.
-    approach: (n, 6) the signs of each axis's last step; 0 where none is known.
-    rows: (n,) of the table, of which a sample is the mean; None where each is one.
-    number: (n,) of the table's row, from 1; of the stand, where rows were averaged.
+    sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
+    column then holds the initial guess.  beam: (n, 2) mm.  velocity: (n, 6) mm/s and rad/s.  clock:
+    (n, 2) time in half runs from -1 to 1, and temperature less its mean, K.  seat: (n,) number of
+    the mirror's seating; thirds: (n,) thirds of a turn by which the mirror was turned.  noise: (n,
+    9) standard deviations of the readings, which then follow no unknown.  slow: (n, 5) polynomials
+    for the laser's power over the run.  approach: (n, 6) the signs of each axis's last step; 0
+    where none is known.  rows: (n,) number of rows of the table in a sample's mean; None where each
+    sample is one row.  number: (n,) the table's row, from 1, or the number of the stand where rows
+    were averaged.
     """
 
     raw: Floats
@@ -145,7 +147,7 @@ def turn_axes(angles: Floats) -> Floats:
 
 
 class Seating(NamedTuple):
-    """Where the mirror sits on the reference, sample by sample: each (n, 3); mm and rad."""
+    """The mirror's place on the reference in each sample: each (n, 3); mm and rad."""
 
     lever: Floats
     apex: Floats
@@ -153,15 +155,15 @@ class Seating(NamedTuple):
 
 
 def seating(data: Data, mounting: Floats) -> Seating:
-    """mounting: of `MOUNTING`."""
+    """The seating of each sample. mounting: of `MOUNTING`."""
     every = mounting.reshape(-1, len(OF_SEAT))
     rows = every[np.zeros(len(data.raw), dtype=np.int64) if data.seat is None else data.seat]
     return Seating(rows[:, :3], rows[:, 3:6], rows[:, 6:])
 
 
 def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
-    """Where the reference carries the mirror (n, 6), its delay and what it left open added, its
-    backlash taken off."""
+    """The reference's pose of each sample (n, 6), with the delay and the sample's own part added
+    and the backlash subtracted."""
     pose: Floats = data.pose + opening[:, :6]
     if data.approach is not None:
         pose = pose - values[block(BACKLASH)] * data.approach
@@ -171,7 +173,7 @@ def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
 
 
 def states_of(data: Data, opening: Floats, values: Floats) -> Floats:
-    """The mirror's states (n, 8): the reference's poses and what it left open, carried over.
+    """The mirror's states (n, 8), from the reference's poses and the samples' own unknowns.
 
     opening: (n, 9).  values: of `ALL`.
     """
@@ -187,7 +189,7 @@ def states_of(data: Data, opening: Floats, values: Floats) -> Floats:
 
 
 def drift(data: Data, values: Floats) -> Floats:
-    """(n, 8) what time and temperature have added to the beam's place and to the readings, mm."""
+    """Drifts (n, 8) of the beam's position and of the readings with time and temperature, mm."""
     if data.clock is None:
         return np.zeros((len(data.raw), len(OF_DRIFT)))
     each: Floats = data.clock @ values[block(DRIFTS)].reshape(2, len(OF_DRIFT))
@@ -199,13 +201,13 @@ PLACES = np.array([0, 1, 3, 4, 6, 7])
 
 
 def light_of(data: Data, opening: Floats, values: Floats) -> Floats:
-    """The laser's power (n,) over `beam.power`."""
+    """The laser's power (n,) relative to `beam.power`."""
     own: Floats = 1 + opening[:, 6]
     return own if data.slow is None else own + data.slow @ values[block(POWER_DRIFT)]
 
 
 def add_power_polynomials(data: Data) -> Data:
-    """With Legendre polynomials of time, or of the rows' order, for the laser's power."""
+    """Add Legendre polynomials of time, or of the rows' order, for the laser's power."""
     there = data.clock is not None and data.clock[:, 0].any()
     time = data.clock[:, 0] if there else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
     count = len(POWER_DRIFT)
@@ -217,7 +219,7 @@ LEAST_STEP = 4.0
 
 
 def add_approach(data: Data) -> Data:
-    """With the direction of each axis's last step, the rows in the order of the motion."""
+    """Add the direction of each axis's last step; the rows are in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
     sign = np.where(np.abs(step) > LEAST_STEP * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
@@ -237,7 +239,8 @@ def predict_readings(
 
 
 def add_skew(seen: Floats, sensor: Sensor, data: Data, opening: Floats, values: Floats) -> None:
-    """Puts in what detectors that are read later than the stated time read then."""
+    """Replace the readings of detectors that are read later than the stated time by those at that
+    later time."""
     if data.velocity is None:
         return
     for k, name in enumerate(SKEW):
@@ -252,7 +255,7 @@ def add_skew(seen: Floats, sensor: Sensor, data: Data, opening: Floats, values: 
 def evaluate_turned_mirror(
     sensor: Sensor, data: Data, state: Floats, what: Callable[[Sensor, Floats], Floats]
 ) -> Floats:
-    """A function of sensor and states, the mirror put on by thirds of a turn."""
+    """Evaluate a function of sensor and states for a mirror that is turned by thirds."""
     if data.thirds is None or not data.thirds.any():
         return what(sensor, state)
     parts = {
@@ -280,7 +283,7 @@ def turn_mirror(sensor: Sensor, thirds: int) -> Sensor:
 
 
 def mirror_name(name: str, thirds: int) -> str:
-    """Whose parameter it is that acts where `name` acts while the mirror is not turned."""
+    """The parameter of the turned mirror that acts where `name` acts on the unturned mirror."""
     head, dot, tail = name.partition(".")
     kind, _, letters = head.partition("_")
     if kind not in ("facet", "edge", "strip"):
@@ -290,7 +293,8 @@ def mirror_name(name: str, thirds: int) -> str:
 
 
 def assign_to_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Floats:
-    """Derivatives by names (n, 9, p) where the mirror was turned: whose facet or edge it is."""
+    """Reassign the derivatives by names (n, 9, p) of a turned mirror to the facet or edge that
+    acts."""
     if data.thirds is None or not data.thirds.any():
         return columns
     out = columns.copy()
@@ -304,8 +308,8 @@ def assign_to_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Flo
 
 
 class Linear(NamedTuple):
-    """Residuals (n, 9) over their sigmas, and what lowers them: by each common unknown (n, 9, p),
-    by each sample's own (n, 9, 9) in `OWN_UNITS`."""
+    """Residuals (n, 9) in standard deviations, and their negative derivatives: by each common
+    unknown (n, 9, p), and by each sample's own (n, 9, 9) in `OWN_UNITS`."""
 
     residual: Floats
     common: Floats
@@ -321,7 +325,7 @@ def deviations(sensor: Sensor, data: Data) -> Floats:
 
 
 def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: Choice) -> Linear:
-    """The model at some values of `ALL`; a reading that is not there weighs nothing."""
+    """The model linearised at values of `ALL`; a missing reading has zero weight."""
     opening = whole_opening(opening)
     state = states_of(data, opening, values)
     seen = predict_readings(sensor, data, opening, values, state)
@@ -357,9 +361,9 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
 
 
 def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
-    """The derivatives by the effects of a choice; by all where the mirror was turned.
+    """The derivatives by the effects of a choice; by all effects if the mirror was turned.
 
-    NaN where a fit that has gone astray makes a sensor that has none, as a beam without width.
+    NaN where a diverging fit makes a sensor without derivatives, such as a beam without width.
     """
     whole = data.thirds is not None and bool(data.thirds.any())
     names = None if whole else choice.names
@@ -374,7 +378,7 @@ def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Flo
 
 
 class Turning(NamedTuple):
-    """How the mirror's state follows the reference: each (n, 3, 3).
+    """The derivatives of the mirror's state by the reference's pose: each (n, 3, 3).
 
     matrix: the reference's rotation.  lever: the apex's shift by the reference's angles.
     angles: the mirror's angles by the reference's.  mount: the same by the mount's angles.
@@ -399,7 +403,8 @@ class Turning(NamedTuple):
 
 
 def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats) -> Floats:
-    """The readings by each sample's own unknowns (n, 9, 9), per mm, rad and share."""
+    """The derivatives of the readings by each sample's own unknowns (n, 9, 9), per mm, rad and
+    share."""
     own = np.zeros((len(by_state), 9, OWN_COUNT))
     own[:, :, :3] = by_state[:, :, :3]
     own[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
@@ -409,7 +414,7 @@ def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats)
 
 
 def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) -> None:
-    """The columns of `MOUNTING`, of each sample in those of its seating."""
+    """Fill the columns of `MOUNTING`, those of its seating for each sample."""
     part = np.concatenate(
         [
             by_state[:, :, :3] @ (turning.matrix - np.eye(3)),
@@ -428,7 +433,7 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
 
 
 def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
-    """The columns of what changes over the run: the laser, the delay, the backlash, the drifts."""
+    """Fill the columns of changes over the run: the laser, the delay, the backlash, the drifts."""
     if data.slow is not None:
         every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
@@ -449,13 +454,14 @@ def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
 
 
 def whole_opening(opening: Floats) -> Floats:
-    """(n, 9), of poses alone (n, 6) too."""
+    """Extend (n, 6) of poses to (n, 9)."""
     missing = OWN_COUNT - opening.shape[1]
     return opening if not missing else np.pad(opening, ((0, 0), (0, missing)))
 
 
 def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Floats:
-    """(n, 9) in standard deviations; 0 without a reading, `MISSING_RESIDUAL` without a model."""
+    """Residuals (n, 9) in standard deviations; 0 without a reading, `MISSING_RESIDUAL` without a
+    model."""
     state = states_of(data, opening, values)
     seen = predict_readings(sensor, data, opening, values, state)
     over: Floats = (correct(sensor, data.raw) - seen) / deviations(sensor, data)
@@ -465,11 +471,11 @@ def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Fl
 
 
 class Normal(NamedTuple):
-    """Normal equations without the samples' own unknowns, and the way back to those.
+    """Normal equations without the samples' own unknowns, and the solution for those.
 
     matrix: (p, p), side: (p,) of the data alone.  back: (n, 9, p + 1), own = back[p] - back[:p] x.
-    inner: (n, 9, 9) the samples' own information, with what is known of them.
-    fall: of chi-square, by a step of the samples' own unknowns.  level: what that leaves of it.
+    inner: (n, 9, 9) the information on the samples' own unknowns, including the prior.  fall: of
+    chi-square, by a step of the samples' own unknowns.  level: chi-square after that step.
     """
 
     matrix: Floats
@@ -481,12 +487,12 @@ class Normal(NamedTuple):
 
 
 def own_sigma(data: Data, choice: Choice) -> Floats:
-    """(9,) what is known of a sample's own unknowns, mm, rad and shares."""
+    """Prior standard uncertainties (9,) of a sample's own unknowns, mm, rad and shares."""
     return np.array([*data.sigma, choice.power, choice.beam, choice.beam])
 
 
 def own_information(sigma: Floats) -> Floats:
-    """(9,) in `OWN_UNITS`; of what is known exactly it is so large that it stays."""
+    """Information (9,) in `OWN_UNITS`; bounded for unknowns that are known exactly."""
     with np.errstate(divide="ignore"):
         known = np.where(np.isfinite(sigma), OWN_UNITS / sigma, 0.0) ** 2
     bounded: Floats = np.minimum(known, 1e18)
@@ -496,10 +502,10 @@ def own_information(sigma: Floats) -> Floats:
 def eliminate_own_unknowns(
     found: Linear, weights: Floats, opening: Floats, sigma: Floats
 ) -> Normal:
-    """Takes what belongs to each sample out of the normal equations.
+    """Eliminate each sample's own unknowns from the normal equations.
 
-    opening: (n, 9) where the samples' own unknowns are now.  sigma: (9,) what is known of them, or
-    (6,) of the reference alone, power and beam held.
+    opening: (n, 9) present values of the samples' own unknowns.  sigma: (9,) their prior
+    uncertainties, or (6,) those of the reference alone with constant power and beam.
     """
     opening = whole_opening(opening)
     known = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))

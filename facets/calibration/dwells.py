@@ -46,9 +46,9 @@ class Dwells(NamedTuple):
 
 
 def stands(pose: Floats, sigma: Floats, seat: Floats | None = None) -> list[slice]:
-    """Rows that follow each other while the reference stands still.
+    """Find the rows during which the reference stands still.
 
-    pose: (n, d) of the axes that it measures.  sigma: (d,).  seat: (n,), in which none may change.
+    pose: (n, d) of the axes that it measures.  sigma: (d,).  seat: (n,), constant during a stand.
     """
     bad = np.asarray(~np.isfinite(pose).all(axis=1))
     scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
@@ -68,7 +68,7 @@ def stands(pose: Floats, sigma: Floats, seat: Floats | None = None) -> list[slic
 
 
 def start_of_next(scaled: Floats, seat: Floats | None, start: int) -> int:
-    """The first row after `start` that is elsewhere; looked for in pieces that grow."""
+    """The first row after `start` at another place, searched for in growing pieces."""
     end, size = start + 1, FEWEST
     while end < len(scaled):
         part = slice(end, end + size)
@@ -82,7 +82,8 @@ def start_of_next(scaled: Floats, seat: Floats | None, start: int) -> int:
 
 
 def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwells:
-    """Columns (n,) as means over the stands of a reference (n, d), `sigma` (d,) well known."""
+    """Average columns (n,) over the stands of a reference (n, d) with standard uncertainties
+    `sigma` (d,)."""
     parts = stands(pose, sigma, columns.get("seat_deg"))
     means = {
         name: np.array([mean(values[part]) for part in parts]) for name, values in columns.items()
@@ -97,7 +98,7 @@ def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwel
 
 
 def mean(values: Floats) -> float:
-    """Of the values of a stand, those left out that lie far from all others."""
+    """The mean of the values of a stand, without those far from all others."""
     there = values[np.isfinite(values)]
     if not there.size:
         return np.nan
@@ -108,8 +109,8 @@ def mean(values: Floats) -> float:
 
 
 def shares(means: Floats) -> Floats:
-    """By what the noise of each reading (m, 9) differs from stand to stand: that of a place goes
-    with one over the power, that of a power is the same."""
+    """Relative noise of the readings (m, 9) from stand to stand: proportional to 1 / power for a
+    place, constant for a power."""
     found: Floats = np.ones_like(means)
     for k in range(3):
         power = means[:, 3 * k + 2]
@@ -118,10 +119,10 @@ def shares(means: Floats) -> Floats:
 
 
 def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
-    """(9,) the variance of one row that the scatter of the means of parts asks for, of all stands.
+    """The variance (9,) of one row, from the scatter of the means of parts of all stands.
 
-    share: (m, 9) of the noise.  For white noise that is its variance; for noise that lasts longer
-    than a part, much more.
+    share: (m, 9) of the noise. For white noise it is the row's variance; for noise that lasts
+    longer than a part, much more.
     """
     found = []
     for part, over in zip(parts, share, strict=True):

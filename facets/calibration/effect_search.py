@@ -1,9 +1,9 @@
-"""The search for the effects that the data call for, as stages from one state to the next.
+"""The search for the effects that the data need, in stages.
 
-The stages, see `search`: effects that a key asks for are added; of the others the best are added,
-again and again, first with the noise raised to the size of what the plain fit misses, then with the
-true noise; what scatters from sample to sample is explained; outliers that were hidden before are
-removed; and the last fit settles.
+The stages of `search`: add the effects that a key requires; add the best of the others repeatedly,
+first with the noise raised to the size of the plain fit's residuals, then with the true noise;
+explain the scatter from sample to sample; remove outliers that were hidden before; and settle the
+last fit.
 """
 
 from __future__ import annotations
@@ -53,11 +53,12 @@ REQUESTED = "asked for"
 
 @dataclass(frozen=True)
 class SearchState:
-    """What the search has found so far.
+    """The result of the search so far.
 
-    sensor: from which the last fit began.  data: with the noise of the present stage.
-    every: all candidates.  found: the last fit.  rows: a decision by key.  refused: keys that are
-    not tried again at this stage.  outliers: rows that were removed.  scatter: what scatters.
+    sensor: from which the last fit began.  data: with the noise of the present stage.  every: all
+    candidates.  found: the last fit.  rows: a decision by key.  refused: keys that are not tried
+    again at this stage.  outliers: rows that were removed.  scatter: causes and sizes of the
+    scatter.
     """
 
     sensor: Sensor
@@ -75,7 +76,7 @@ class SearchState:
         return {key for key, row in self.rows.items() if row.accepted}
 
     def fit_again(self) -> Fit:
-        """The last fit, continued until it settles, with the present sensor and data."""
+        """Continue the last fit until it settles, with the present sensor and data."""
         robust = self.settings.outliers
         return fit(self.sensor, self.data, self.found.choice, robust, self.found)
 
@@ -100,7 +101,7 @@ class EffectSearch:
 def search(
     sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int] | None = None
 ) -> EffectSearch:
-    """From the plain fit to the one with all that the data or the keys call for.
+    """Extend the plain fit by all effects that the data or the keys require.
 
     outliers: rows that were removed before.
     """
@@ -120,7 +121,8 @@ def search(
 
 
 def ordered_decisions(state: SearchState) -> list[Decision]:
-    """In the order of the candidates; those last that the table has no columns for."""
+    """The decisions in the order of the candidates, followed by effects for which the table has no
+    columns."""
     order = [one.key for one in state.every]
     rows = sorted(state.rows.values(), key=lambda row: order.index(row.key))
     return rows + [
@@ -133,7 +135,7 @@ def ordered_decisions(state: SearchState) -> list[Decision]:
 
 
 def raise_noise(sensor: Sensor, data: Data, plain: Fit) -> Data:
-    """The samples with a noise that brings the plain fit's residuals to a few times the noise.
+    """Raise the noise so that the plain fit's residuals are a few times the noise.
 
     Detectors may be so fine that real light leaves residuals of a hundred times their noise.
     """
@@ -146,7 +148,7 @@ def raise_noise(sensor: Sensor, data: Data, plain: Fit) -> Data:
 def first_state(
     sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int]
 ) -> SearchState:
-    """Nothing is decided but what the plain fit has among its unknowns already."""
+    """The state before any decision but those on unknowns of the plain fit."""
     every = candidates(sensor, data, settings)
     why = "without it no fit settles"
     rows = {
@@ -158,7 +160,7 @@ def first_state(
 
 
 def add_requested_effects(state: SearchState) -> SearchState:
-    """Adds the effects that are on in `calibrate.effects`."""
+    """Add the effects that are on in `calibrate.effects`."""
     for one in state.every:
         if state.settings.effects.get(one.key) == "on" and one.key not in state.rows:
             row, *_ = rank_candidates(state.sensor, state.data, state.found, [one])
@@ -167,10 +169,10 @@ def add_requested_effects(state: SearchState) -> SearchState:
 
 
 def add_all(state: SearchState) -> SearchState:
-    """Adds all candidates that the data call for.
+    """Add all candidates that the data need.
 
-    How steady the laser was is estimated again after each round, since less of what moves is then
-    taken for it; where that changes, the data may call for other candidates.
+    The laser's jitter is estimated again after each round, because less of the residuals is then
+    attributed to it; if it changes, the data may need other candidates.
     """
     for _ in range(ROUNDS):
         adds = True
@@ -185,9 +187,9 @@ def add_all(state: SearchState) -> SearchState:
 
 
 def add_best(state: SearchState) -> tuple[SearchState, bool]:
-    """Adds the best of the candidates that are left, and says whether any was good.
+    """Add the best of the remaining candidates, and return whether any was good.
 
-    Expensive ones are tried one by one, after the others.
+    Expensive candidates are tried one by one, after the others.
     """
     done = state.accepted_keys | state.refused
     rest = [one for one in state.every if not one.effect.beam and one.key not in done]
@@ -210,10 +212,9 @@ def add_best(state: SearchState) -> tuple[SearchState, bool]:
 def add_candidates(
     state: SearchState, several: list[Candidate], rows: list[Decision]
 ) -> SearchState:
-    """Fits again with candidates; keeps the fit that was, where the new one gains nothing.
+    """Fit again with candidates; keep the previous fit if the new one gains nothing.
 
-    An intermediate fit that has not settled may do so once others are added: that is asked at the
-    end.
+    An intermediate fit need not settle, because it may do so once others are added.
     """
     sensor, wider = state.sensor, state.found.choice
     for one in several:
@@ -243,13 +244,13 @@ def add_candidates(
 
 
 def use_true_noise(state: SearchState, data: Data) -> SearchState:
-    """Goes on with the noise as it is, once what is large has been added."""
+    """Continue with the true noise, once the large effects have been added."""
     state = replace(state, data=data, refused=frozenset())
     return replace(state, found=state.fit_again())
 
 
 def explain_scatter(state: SearchState) -> SearchState:
-    """Finds the likeliest cause of what scatters from sample to sample, and fits with that."""
+    """Find the likeliest cause of the scatter from sample to sample, and fit with it."""
     moving = [one for one in state.every if one.effect.beam]
     data, found, scatter = fit_with_scatter(
         state.sensor, state.data, state.found, state.settings.outliers, bool(moving)
@@ -266,7 +267,7 @@ def explain_scatter(state: SearchState) -> SearchState:
 
 
 def exclude_late_outliers(state: SearchState) -> SearchState:
-    """Removes samples whose jumps were smaller than what the model missed before."""
+    """Remove samples whose jumps were smaller than the model's error before."""
     gone = state.outliers
     data, found, more = exclude_outliers(
         state.sensor, state.data, state.found, state.settings.outliers, len(gone)

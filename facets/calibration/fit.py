@@ -1,18 +1,19 @@
-"""The sensor's parameters from readings of a motion that a reference knows, wholly or in part.
+"""Fit the sensor's parameters to readings of a motion that a reference measures, in all axes or
+some.
 
 The frame is the reference's: its axes are those of the world, whose origin lies on the beam and at
 the apex's height while the reference is at zero; and the mirror's own axes are those that the
-reference moves. So nothing is left that could not be told in principle; what the motion at hand
-does not tell, `identify` says in words.
+reference moves. So every parameter can be determined in principle; `identifiability` describes what
+a motion does not determine.
 
 The most probable values minimise
 
     chi^2 = sum ((reading - model) / sigma)^2 + sum ((unknown - before) / sigma_before)^2
 
 over the common unknowns x and each sample's own (Levenberg-Marquardt on the normal equations
-without the latter). It is settled where another step would lower chi-square by less than `ENOUGH`:
-then every value is within 0.03 of its standard uncertainty. A step rule would follow the weakest
-direction for ever, which no datum cares about.
+without the latter). The fit has settled when another step would lower chi-square by less than
+`ENOUGH`: then every value is within 0.03 of its standard uncertainty. A rule on the size of steps
+would follow the weakest direction for ever.
 """
 
 from __future__ import annotations
@@ -104,14 +105,14 @@ class Fit:
 
     @property
     def apex(self) -> Floats:
-        """Of the first seating: the apex from the beam while the reference is at zero (3,), mm."""
+        """Position of the apex relative to the beam, with the reference at zero, in the first
+        seating (3,), mm."""
         start = block(MOUNTING).start + 3
         return self.every[start : start + 3]
 
     @property
     def reduced_chi_square(self) -> float:
-        """Chi-square for each degree of freedom: 1 where model and noise are what they are said
-        to be."""
+        """Chi-square per degree of freedom: 1 if model and noise are right."""
         return self.chi_square / max(self.freedom, 1.0)
 
     @property
@@ -122,7 +123,7 @@ class Fit:
 
 
 def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
-    """Where the poses are beside the reference, to begin with: what the nominal sensor solves."""
+    """Initial guess of the poses relative to the reference, solved with the nominal sensor."""
     opening = np.zeros((len(data.pose), OWN_COUNT))
     free = np.isinf(data.sigma)
     if free.any():
@@ -134,7 +135,7 @@ def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
 
 @dataclass(frozen=True)
 class Guess:
-    """Where a fit is.  values: of `ALL`.  opening: (n, 9).  residual: (n, 9)."""
+    """Present values of a fit.  values: of `ALL`.  opening: (n, 9).  residual: (n, 9)."""
 
     sensor: Sensor
     values: Floats
@@ -143,7 +144,7 @@ class Guess:
 
 
 class Task:
-    """What is to be fitted to what."""
+    """The samples, the unknowns and the prior of a fit."""
 
     def __init__(self, sensor: Sensor, data: Data, choice: Choice, robust: float | None) -> None:
         if len(data.raw) < 2 or not len(choice.names):
@@ -158,7 +159,7 @@ class Task:
         self.held = self.own == 0
 
     def guess(self, values: Floats, opening: Floats) -> Guess:
-        """Raises `InputError` where the values make no sensor."""
+        """Evaluate values; raise `InputError` if they make no sensor."""
         sensor = assign_values(self.nominal, values)
         opening = np.where(self.held, 0.0, opening)
         if (opening[:, 6] <= -0.9).any():
@@ -166,7 +167,7 @@ class Task:
         return Guess(sensor, values, opening, residuals(sensor, self.data, opening, values))
 
     def limit(self, at: Guess) -> float:
-        """From which residual on a reading weighs less, on the scale of most of them."""
+        """The residual beyond which a reading has less weight, relative to most residuals."""
         if self.robust is None:
             return np.inf
         there = np.abs(at.residual[np.isfinite(self.data.raw)])
@@ -174,7 +175,7 @@ class Task:
         return self.robust * max(1.0, NORMAL_MEDIAN * middle)
 
     def cost(self, at: Guess, limit: float) -> float:
-        """Huber's loss of the readings, and squares of what was known before."""
+        """Huber's loss of the readings, and the squares of the prior."""
         size = np.abs(at.residual)
         loss = size**2
         if np.isfinite(limit):
@@ -185,18 +186,18 @@ class Task:
         return float(loss.sum() + (beside**2).sum() + before @ self.prior @ before)
 
     def linearise(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
-        """The model there, the roots of the readings' weights, and the normal equations."""
+        """The linearised model, the roots of the readings' weights, and the normal equations."""
         found = linear(at.sensor, self.data, at.opening, at.values, self.choice)
         weights = huber_roots(found.residual, limit)
         return found, weights, eliminate_own_unknowns(found, weights, at.opening, self.own)
 
     def add_prior(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
-        """The normal equations with what was known before."""
+        """Add the prior to the normal equations."""
         side = normal.side - self.prior @ (at.values - self.start)[self.choice.places]
         return normal.matrix + self.prior, side
 
     def take_step(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
-        """The guess a step further; None where that makes no sensor."""
+        """The guess after a step; None if it makes no sensor."""
         values, places = at.values.copy(), self.choice.places
         is_beyond = values[places] + step < self.bounds
         if is_beyond.any():
@@ -218,10 +219,11 @@ class Task:
     def settle(
         self, at: Guess, most: int = STEPS, enough: float = ENOUGH
     ) -> tuple[Guess, int, str]:
-        """Steps until another would be worth nothing; how many, and why not if not.
+        """Take steps until another gains nothing; return their number, and the cause if it did not
+        settle.
 
-        Damping is in units of what was known before: it keeps weak directions, along which the
-        model bends, within their tolerances, and leaves strong ones alone.
+        Damping is in units of the prior uncertainties: it keeps weak directions, along which the
+        model is non-linear, within their tolerances, and hardly changes strong ones.
         """
         damping, growth = 0.0, 10.0
         scale = np.diag(1 / self.choice.sigma**2)
@@ -317,7 +319,7 @@ class Task:
         )
 
     def misfit(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
-        """Chi-square without the outliers, as if none had been cut off, and its expectation."""
+        """Chi-square without the outliers, corrected for the truncation, and its expectation."""
         there = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
         kept = cut_variance(self.robust) if limit == self.robust else 1.0
         readings = float((at.residual[there] ** 2).sum()) / kept
@@ -334,13 +336,13 @@ def fit(
     most: int = STEPS,
     enough: float = ENOUGH,
 ) -> Fit:
-    """The most probable values of what is chosen.
+    """Find the most probable values of the chosen unknowns.
 
-    robust: residuals beyond so many standard deviations weigh less (Huber), on the scale of most of
-    them where these are larger than the noise; None: all the same.
-    start: an earlier fit to the same samples, to begin from.
-    most, enough: steps at most, and the fall of chi-square that is not worth another.
-    Raises `InputError` where there is too little to fit.  A fit that did not settle says why.
+    robust: residuals beyond this many standard deviations have less weight (Huber), relative to
+    most residuals if these are larger than the noise; None: equal weights.  start: an earlier fit
+    to the same samples, to begin from.  most, enough: largest number of steps, and the fall of
+    chi-square at which the fit has settled. Raises `InputError` if there are too few samples or
+    unknowns. `Fit.cause` says why a fit did not settle.
     """
     task = Task(sensor, data, choice, robust)
     if start is None:
@@ -355,10 +357,10 @@ CONVENTION = 1e-5
 
 
 def prior_information(choice: Choice) -> Floats:
-    """What is known before (p, p): of each unknown, and of the detectors' common gain.
+    """Prior information (p, p) on each unknown and on the detectors' common gain.
 
-    That gain and the laser's power stand for each other; smaller gains would shrink the noise of
-    the corrected powers, and chi-square with it, if the convention did not hold them.
+    That gain and the laser's power are interchangeable; without the convention, smaller gains would
+    reduce the noise of the corrected powers and with it chi-square.
     """
     matrix = np.diag(1 / choice.sigma**2)
     gains = [n for n, name in enumerate(choice.names) if name in GAINS]
@@ -368,7 +370,7 @@ def prior_information(choice: Choice) -> Floats:
 
 
 def huber_roots(residual: Floats, limit: float) -> Floats:
-    """Roots of weights: 1 up to the limit, then what makes the loss grow straight."""
+    """Roots of Huber's weights: 1 up to the limit, smaller beyond it."""
     if not np.isfinite(limit):
         return np.ones_like(residual)
     size = np.maximum(np.abs(residual), limit)
@@ -377,7 +379,7 @@ def huber_roots(residual: Floats, limit: float) -> Floats:
 
 
 def cut_variance(limit: float | None) -> float:
-    """The variance of a normal deviate that was kept because it is within +- limit."""
+    """The variance of a standard normal deviate within +- limit."""
     if limit is None:
         return 1.0
     from scipy.special import ndtr
@@ -387,10 +389,9 @@ def cut_variance(limit: float | None) -> float:
 
 
 def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Floats) -> Floats:
-    """Which share of each reading's variance stays in its residual (n, 9), between 0 and 1.
+    """The share of each reading's variance that remains in its residual (n, 9), between 0 and 1.
 
-    A residual is what is left of a reading once the sample's own unknowns and the common ones have
-    taken their part of its noise.
+    The sample's own unknowns and the common ones absorb the rest.
     """
     size = covariance.shape[0]
     common, own = found.common * weights[:, :, None], found.own * weights[:, :, None]
@@ -407,10 +408,10 @@ def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Flo
 
 
 def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Sensor:
-    """The calibrated sensor with the covariance of what was found of it.
+    """The calibrated sensor with the covariance of its parameters.
 
-    The power is the mean over the samples where each had its own; the mirror's turn on the
-    reference has become part of the facets; where the mirror was, and what drifted, is left out.
+    The power is the mean over the samples if each had its own; the facets include the mirror's
+    rotation on the reference; the mirror's place and the drifts are left out.
     """
     names, values = list(task.choice.names), at.values.copy()
     if np.isinf(task.choice.power):
@@ -425,7 +426,8 @@ def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats)
 
 
 def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Floats:
-    """(p + 1, p + 1): with the mean over the samples of the laser's power, mW, as the last."""
+    """Add the mean of the laser's power over the samples, mW, as the last unknown: (p + 1, p +
+    1)."""
     size, power = len(covariance), at.values[PLACE["beam.power"]]
     slope = -normal.back[:, 6, :size].mean(axis=0) * OWN_UNITS[6] * power
     own = np.linalg.inv(normal.inner)[:, 6, 6].sum() / len(at.opening) ** 2
@@ -437,7 +439,7 @@ def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) ->
 
 
 def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str], Floats]:
-    """Names and covariance once the mirror's turn is part of the facets."""
+    """Names and covariance after the mirror's rotation has become part of the facets."""
     if not any(PLACE[name] in range(*_mount()) for name in names):
         return names, covariance
     facets, given, slope = fold_derivatives(values)

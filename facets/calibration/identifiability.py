@@ -1,7 +1,7 @@
-"""What a motion can tell of a sensor's parameters, in words, and which motions would tell most.
+"""Which of a sensor's parameters a motion determines, in words, and which motions determine most.
 
-Everything is in units of what is known before: a direction in which the data say less than that is
-left to what was known, and is named.
+Everything is in units of the prior uncertainties: a direction in which the data add less
+information than the prior is reported.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ ALIKE, LARGE = 0.98, 0.25
 
 
 class Direction(NamedTuple):
-    """information: of the data over what was known before.  words: what it is."""
+    """A direction of the unknowns.  information: of the data over the prior.  words: its
+    description."""
 
     information: float
     words: str
@@ -34,7 +35,7 @@ class Direction(NamedTuple):
 
 @one_thread
 def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
-    """Of the data alone (p, p), in units of what is known before, at the nominal sensor."""
+    """The information of the data alone (p, p), in units of the prior, at the nominal sensor."""
     opening = solve_open_axes(data, sensor)
     found = linear(sensor, data, opening, values_of(sensor), choice)
     own = own_sigma(data, choice)
@@ -46,9 +47,10 @@ def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
 def weak_directions(
     matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0
 ) -> list[Direction]:
-    """The directions of which the data say less than `limit` times what was known, least first.
+    """The directions in which the data have less than `limit` times the prior's information, least
+    first.
 
-    First those that have a name, then what is left, by its parts.
+    Directions with a name come first; the others are described by their parts.
     """
     sizes, directions = np.linalg.eigh(matrix)
     space = directions[:, sizes < limit]
@@ -76,10 +78,10 @@ def weak_directions(
 
 
 def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
-    """Changes of `ALL` that change no pose, whatever the motion: nobody has to know them.
+    """Changes of `ALL` that change no pose in any motion, so that nobody needs to know them.
 
-    The mirror turned on its reference and its facets turned back; and, where each sample has its
-    own power, the detectors' common gain.
+    They are the rotation of the mirror on its reference with its facets turned back and, if each
+    sample has its own power, the detectors' common gain.
     """
     found = []
     for axis, name in (("x", "mount.roll"), ("y", "mount.pitch"), ("z", "mount.yaw")):
@@ -96,7 +98,7 @@ def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
 
 
 def change(parts: dict[str, float]) -> Floats:
-    """Of `ALL`."""
+    """Values of `ALL` from a change of some."""
     values = np.zeros(len(ALL))
     for name, value in parts.items():
         values[PLACE[name]] = value
@@ -104,7 +106,7 @@ def change(parts: dict[str, float]) -> Floats:
 
 
 def remove_direction(space: Floats, direction: Floats) -> Floats:
-    """A basis (p, k - 1) of what is left of a space (p, k) beside a direction in it."""
+    """A basis (p, k - 1) of the complement of a direction in a space (p, k)."""
     inside = space.T @ direction
     _, _, rows = np.linalg.svd(inside[None] / np.linalg.norm(inside))
     rest: Floats = space @ rows[1:].T
@@ -112,7 +114,7 @@ def remove_direction(space: Floats, direction: Floats) -> Floats:
 
 
 def describe_direction(direction: Floats, choice: Choice) -> str:
-    """A direction by its largest parts."""
+    """Describe a direction by its largest parts."""
     order = np.argsort(-np.abs(direction))
     large = [n for n in order if abs(direction[n]) > LARGE][:4]
     parts = [f"{choice.names[n]} {'up' if direction[n] > 0 else 'down'}" for n in large]
@@ -156,7 +158,7 @@ def patterns(sensor: Sensor) -> dict[str, Floats]:
 
 
 def facet_tilts(sensor: Sensor, axis: str) -> dict[str, float]:
-    """How the facets' normals turn about x or y."""
+    """The changes of the facets' angles with a rotation about x or y."""
     parts = {}
     for letter, facet in zip(DETECTORS, sensor.facets, strict=True):
         c, s, across = np.cos(facet.azimuth), np.sin(facet.azimuth), 1 / np.tan(facet.inclination)
@@ -170,9 +172,10 @@ def facet_tilts(sensor: Sensor, axis: str) -> dict[str, float]:
 def choose_poses(
     sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats, count: int
 ) -> tuple[NDArray[np.int64], Floats]:
-    """The poses out of candidates (n, 6) that together tell most (D-optimal, one after another).
+    """Choose the poses out of candidates (n, 6) that together determine most (D-optimal, one after
+    another).
 
-    sigma: (6,) of the reference.  Returns their numbers (count,), and `mean_reduction` after each.
+    sigma: (6,) of the reference. Returns their numbers (count,), and `mean_reduction` after each.
     """
     rows = pose_information(sensor, choice, sigma, candidates)
     size = len(choice.names)
@@ -189,12 +192,13 @@ def choose_poses(
 
 
 def mean_reduction(matrix: Floats) -> float:
-    """The geometric mean of uncertainties left, over those before. matrix: all information."""
+    """The geometric mean of the uncertainties over the prior ones. matrix: all information."""
     return float(np.exp(-np.linalg.slogdet(matrix)[1] / 2 / len(matrix)))
 
 
 def pose_information(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -> Floats:
-    """(n, 9, p): what a pose tells, in sigmas for each unit of what is known before."""
+    """Information (n, 9, p) of a pose: derivatives in standard deviations, per prior standard
+    uncertainty."""
     data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
     states = np.concatenate([candidates, data.beam], axis=1)
     data = data._replace(raw=readings(sensor, states))

@@ -33,9 +33,9 @@ DRIFT = 0.3
 
 @one_thread
 def fit_steady_laser(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
-    """The fit again, with a laser that drifts slowly and jitters as little as the data say.
+    """Fit again with a laser that drifts slowly and jitters as little as the data say.
 
-    Where the jitter is not what the fit took it for. The fit as it was, where the laser jumps.
+    Returns the same fit if the jitter is as assumed, or if the laser jumps.
     """
     if data.slow is None or not found.choice.power:
         return found
@@ -49,7 +49,8 @@ def fit_steady_laser(sensor: Sensor, data: Data, found: Fit, robust: float | Non
 
 
 def add_slow_drift(data: Data, found: Fit) -> Fit:
-    """A fit with a power for each sample, told as one with a slow drift; not fitted yet."""
+    """Convert a fit with one power for each sample to one with a slow drift, without fitting
+    again."""
     assert data.slow is not None
     rows = np.column_stack([np.ones(len(data.slow)), data.slow])
     power, weight = found.open[:, 6], np.ones(len(rows))
@@ -77,7 +78,7 @@ def estimate_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None
 
 
 def jitter_likelihoods(task: Task, start: Fit) -> Floats:
-    """-2 log L of each of `JITTERS`, but for a constant, by the model linearised at a fit."""
+    """-2 log L of each of `JITTERS`, up to a constant, by the model linearised at a fit."""
     like, known = Likelihood(task, start), prior_variances(task.data, task.choice)
     known[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
     out = np.empty(len(JITTERS))

@@ -74,7 +74,7 @@ class FoldEquations(NamedTuple):
 
 
 def fold_equations(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> FoldEquations:
-    """The equations at the values of a fit, by all names of a wider choice."""
+    """The equations at the values of a fit, for all names of a wider choice."""
     values = values_for(sensor, found)
     at = assign_values(sensor, values)
     data = data._replace(noise=deviations(sensor, data))
@@ -99,7 +99,7 @@ def fold_equations(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Fo
 
 
 def values_for(sensor: Sensor, found: Fit) -> Floats:
-    """The values of a fit, for a sensor that may have got a coating since."""
+    """The values of a fit, for a sensor that may have received a coating since."""
     every, nominal = found.every.copy(), values_of(sensor)
     for name in ("coating.n", "coating.k", "light.polarization"):
         if name in EFFECTS and name not in found.choice.names:
@@ -115,7 +115,7 @@ class Prediction(NamedTuple):
 
 
 def predict(equations: FoldEquations, names: Iterable[str]) -> Prediction:
-    """With some of the names, as the linear model has them."""
+    """Predict chi-square with some of the names by the linear model."""
     at = np.array([equations.names.index(name) for name in names])
     square = np.ix_(at, at)
     matrix, side = equations.matrix.sum(axis=0)[square], equations.side.sum(axis=0)[at]
@@ -142,8 +142,8 @@ def chance_of(fall: float, count: int) -> float:
 def rank_candidates(
     sensor: Sensor, data: Data, found: Fit, several: list[Candidate]
 ) -> list[Decision]:
-    """What each candidate would bring beside a fit and beside those that bring more, and whether
-    that speaks for it; the best first."""
+    """What each candidate would gain beside a fit and better candidates, and whether to accept it;
+    the best first."""
     if not several:
         return []
     wide = found.choice
@@ -181,7 +181,7 @@ def best_coating(
 
 
 def cross_validated_error(chi_square: float, found: Fit) -> float:
-    """The error of a reading that a fit has not seen, over its noise."""
+    """The error of a reading that was not fitted, over its noise."""
     count = float((found.weights == 1).sum())
     if np.isinf(found.choice.power):
         count -= len(found.left)
@@ -191,7 +191,8 @@ def cross_validated_error(chi_square: float, found: Fit) -> float:
 def decide(
     one: Candidate, count: int, found: Fit, before: Prediction, after: Prediction
 ) -> Decision:
-    """count: of its unknowns.  before, after: chi-square without and with it."""
+    """Decide on a candidate.  count: number of its unknowns.  before, after: chi-square without and
+    with it."""
     fall = before.fitted - after.fitted
     chance, gain = chance_of(fall, count), before.left_out - after.left_out
     error = cross_validated_error(after.left_out, found)
@@ -205,7 +206,7 @@ def decide(
 def add_cheap_candidates(
     sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice
 ) -> Choice:
-    """A choice with all candidates but a coating, a spline and a beam that moves."""
+    """Add all candidates except a coating, a spline and a moving beam to a choice."""
     for one in candidates(sensor, data, settings):
         if not (one.effect.tried_last or one.effect.beam):
             chosen = add_candidate(chosen, one)

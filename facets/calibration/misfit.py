@@ -1,6 +1,6 @@
-"""Whether a fit may be believed: chi-square, outliers, patterns, pulls; in sentences.
+"""Findings on a fit: chi-square, outliers, patterns and pulls, in sentences.
 
-A model that misses something leaves residuals larger than the noise, mostly in a pattern: of one
+A model that lacks an effect leaves residuals larger than the noise, mostly in a pattern: of one
 detector, of one reading, along a place, the time or an axis. Each finding is a sentence with the
 likely cause and what to do, and says whether it forbids to use the result.
 """
@@ -43,14 +43,14 @@ PATTERN, BINS = 1e-6, 8
 
 
 class Finding(NamedTuple):
-    """bad: whether the calibration must not be trusted because of it.  words: a whole sentence."""
+    """A finding.  bad: whether it forbids to use the calibration.  words: a whole sentence."""
 
     bad: bool
     words: str
 
 
 class Pattern(NamedTuple):
-    """Residuals of a reading that follow something.  strength: chi-square over its bins."""
+    """Residuals of a reading that depend on a variable.  strength: chi-square over its bins."""
 
     strength: float
     detector: str
@@ -60,7 +60,8 @@ class Pattern(NamedTuple):
 
 
 def standardised_residuals(found: Fit) -> Floats:
-    """Residuals (n, 9) over their own standard deviations; NaN where no other reading checks."""
+    """Residuals (n, 9) over their own standard deviations; NaN where no other reading checks
+    one."""
     scale = np.sqrt(np.where(found.redundancy > 0.01, found.redundancy, np.nan))
     out: Floats = found.left / scale
     return out
@@ -76,12 +77,12 @@ def residual_sizes(found: Fit, data: Data) -> Floats:
 
 
 def count_outliers(found: Fit) -> int:
-    """Samples with a reading that weighs less."""
+    """Number of samples with a reading of reduced weight."""
     return int((found.weights < 1).any(axis=1).sum())
 
 
 def expected_outliers(found: Fit) -> float:
-    """How many of these noise alone makes."""
+    """Number of such samples that noise alone makes."""
     from scipy.special import ndtr
 
     if not np.isfinite(found.limit):
@@ -94,7 +95,7 @@ def expected_outliers(found: Fit) -> float:
 
 
 def patterns(found: Fit, data: Data) -> list[Pattern]:
-    """What the residuals follow beyond chance, the clearest first; one for each reading."""
+    """Significant dependences of the residuals, the clearest first; one for each reading."""
     from scipy.special import chdtri
 
     over = np.where(found.weights < 1, np.nan, standardised_residuals(found))
@@ -114,7 +115,7 @@ NONE = Pattern(0.0, "", "", "", 0.0)
 
 
 def pattern_variables(data: Data, k: int) -> dict[str, Floats]:
-    """What the residuals of detector k may follow."""
+    """The variables on which the residuals of detector k may depend."""
     found: dict[str, Floats] = {
         "the spot's place along psi": data.raw[:, 3 * k],
         "the spot's place along zeta": data.raw[:, 3 * k + 1],
@@ -168,7 +169,7 @@ def cause_of(one: Pattern) -> str:
 
 
 def findings(sensor: Sensor, found: Fit, data: Data, scatter: Scatter) -> list[Finding]:
-    """All that is to be said of a fit that has settled, what forbids its use first."""
+    """All findings on a fit that has settled; those that forbid its use first."""
     every = [chi_square_finding(found, data), spike_finding(found), *pull_findings(sensor, found)]
     every += [pattern_finding(one) for one in patterns(found, data)[:3]]
     every += [
@@ -180,7 +181,7 @@ def findings(sensor: Sensor, found: Fit, data: Data, scatter: Scatter) -> list[F
 
 
 def chi_square_finding(found: Fit, data: Data) -> Finding | None:
-    """Against what noise alone would give."""
+    """Compare chi-square with that of noise alone."""
     if found.excess == 0:
         return None
     sizes = residual_sizes(found, data)
@@ -217,7 +218,7 @@ def spike_finding(found: Fit) -> Finding | None:
 
 
 def pull_findings(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
-    """Unknowns that end far from where they could be: by `far` times their uncertainty."""
+    """Unknowns that the fit moves by more than `far` times their prior uncertainty."""
     off = far_unknowns(sensor, found, far)
     if not off:
         return []
@@ -240,7 +241,7 @@ POWER_CHANGE, POWER_JITTER = 2e-3, 1e-3
 
 
 def power_finding(found: Fit, data: Data) -> Finding | None:
-    """The laser's power, where it changed: by its slow drift or from sample to sample."""
+    """Changes of the laser's power: a slow drift or jitter."""
     light = light_of(data, found.open, found.every)[(found.weights == 1).all(axis=1)]
     change = float(np.std(light)) if light.size else 0.0
     if change < POWER_CHANGE:
@@ -260,7 +261,7 @@ def power_finding(found: Fit, data: Data) -> Finding | None:
 
 
 def backlash_finding(found: Fit) -> Finding | None:
-    """Backlash of the reference, where it was taken in."""
+    """Backlash of the reference, if it was fitted."""
     names = found.choice.names
     there = [n for n, name in enumerate(names) if name in BACKLASH
              and abs(found.values[n]) > CLEAR * found.uncertainty[n]]  # fmt: skip
@@ -289,7 +290,7 @@ SHORT = {
 
 
 def scatter_finding(scatter: Scatter) -> Finding | None:
-    """What scatters from sample to sample, and what else it could be."""
+    """The cause of the scatter from sample to sample, and the alternatives."""
     if not scatter.causes:
         return None
     causes = {
@@ -308,7 +309,7 @@ def scatter_finding(scatter: Scatter) -> Finding | None:
 
 
 def describe_reference(scatter: Scatter) -> str:
-    """Axes whose further error is a fifth of the largest of its kind, or more."""
+    """The axes whose additional error is a fifth of the largest of its kind, or more."""
     told = []
     for axes, factor, unit in ((slice(0, 3), 1e3, "um"), (slice(3, 6), 1e6, "urad")):
         sizes = scatter.sizes[axes]
@@ -340,7 +341,7 @@ def describe_detectors(scatter: Scatter) -> str:
 
 
 def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
-    """Samples that were taken out.  kind: what their numbers count."""
+    """Samples that were excluded.  kind: what their numbers count."""
     if not rows:
         return []
     listed = ", ".join(str(row) for row in rows[:LISTED])

@@ -1,8 +1,8 @@
-"""Samples that no noise makes, and that are taken out before anything is decided.
+"""Exclude samples that noise cannot explain, before anything is decided.
 
-A reading that jumped, a frame that was garbled, a row of another pose: the loss of a fit grows with
-such a residual without a bound (Huber), and so do sums that decide what a fit takes in. So these
-samples go, if they are few. Where they are many, something else is wrong, and all stay.
+Examples are a reading that jumped, a damaged frame or a row of another pose. Huber's loss grows
+without bound with such a residual, and so do the sums that decide on candidates. Such samples are
+removed if they are few. If they are many, something else is wrong, and all stay.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ TIMES = 2
 def find_outliers(
     sensor: Sensor, found: Fit, data: Data, robust: float | None
 ) -> NDArray[np.bool_]:
-    """Samples (n,) with a reading that is too far off, beside most residuals of its column.
+    """Find samples (n,) with a reading that is far off relative to most residuals of its column.
 
-    By column, since a model that misses something of the powers says nothing of the places. What
-    the model of real light does not hold itself is no outlier.
+    Each column has its own scale, because an error of the model in the powers says nothing about
+    the places. Errors within the accuracy of the model of real light are no outliers.
     """
     if robust is None:
         return np.zeros(len(data.raw), dtype=bool)
@@ -61,7 +61,7 @@ def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
 
 
 def median(values: Floats) -> Floats:
-    """(m,) of columns (n, m), what is not there left out; 0 of an empty column."""
+    """Medians (m,) of columns (n, m) without missing values; 0 for an empty column."""
     there = np.isfinite(values).any(axis=0)
     found = np.zeros(values.shape[1])
     found[there] = np.nanmedian(values[:, there], axis=0)
@@ -69,16 +69,16 @@ def median(values: Floats) -> Floats:
 
 
 def row_numbers(data: Data) -> NDArray[np.int64]:
-    """(n,) the table's rows, from 1."""
+    """The rows of the table (n,), from 1."""
     return np.arange(1, len(data.raw) + 1) if data.number is None else data.number
 
 
 def exclude_outliers(
     sensor: Sensor, data: Data, found: Fit, robust: float | None, spent: int = 0
 ) -> tuple[Data, Fit, list[int]]:
-    """The samples without outliers, the fit to these, and the rows that were taken out.
+    """Return the samples without outliers, the fit to them, and the rows that were removed.
 
-    spent: rows that have been taken out before.
+    spent: number of rows that were removed before.
     """
     gone = list[int]()
     for _ in range(TIMES):

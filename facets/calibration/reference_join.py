@@ -1,8 +1,8 @@
-"""A reference's own table joined to readings by time, the offset of their clocks found.
+"""Join a reference's own table to readings by time, and find the offset of their clocks.
 
-The readings are solved by the sensor as it is thought to be; the offset at which the reference
-moves most like these poses is taken, the reference read there by a cubic through its samples, and
-the rest of the offset is an unknown of the fit (`reference.delay`).
+The readings are solved with the nominal sensor. The offset is the one at which the reference's
+motion agrees best with these poses; a cubic spline interpolates the reference, and the rest of the
+offset is an unknown of the fit (`reference.delay`).
 """
 
 from __future__ import annotations
@@ -42,8 +42,9 @@ FEW = 150
 
 
 class JoinedTables(NamedTuple):
-    """offset: added to the readings' time to be the reference's, s; 0 where the motion tells none.
-    likeness: the share of the reference's motion that the readings explain there."""
+    """Samples with the reference's poses. offset: added to the readings' time to give the
+    reference's, s; 0 if the motion does not determine it. likeness: the share of the reference's
+    motion that the readings explain."""
 
     data: Data
     offset: float
@@ -88,7 +89,7 @@ def read_track(path: Path, settings: Calibrate) -> Track:
 def join_tables(
     readings: Path, reference: Path, sensor: Sensor, settings: Calibrate
 ) -> JoinedTables:
-    """Readings and reference of two tables.  Raises `InputError` where they share no time."""
+    """Join the tables of readings and reference; raise `InputError` if they share no time."""
     beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*beside, *RUN))
     track = read_track(reference, settings)
@@ -116,7 +117,7 @@ def samples(
 
 
 def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
-    """What a plain fit of some samples says that the offset still lacks, s; 0 where it fails."""
+    """The rest of the offset by a plain fit of some samples, s; 0 if the fit fails."""
     rows = np.unique(np.linspace(0, len(data.raw) - 1, min(len(data.raw), FEW)).astype(np.int64))
     wanted = choice(sensor, settings).add_unknowns({DELAY: 0.01})
     found = fit(sensor, data.part(rows), wanted, settings.outliers)
@@ -124,7 +125,7 @@ def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
 
 
 def usable_rows(columns: dict[str, Floats]) -> NDArray[np.bool_]:
-    """Rows that `gather_samples` keeps."""
+    """The rows that `gather_samples` keeps."""
     raw = np.column_stack([columns[name] for name in READING_COLUMNS])
     good = np.asarray(np.isfinite(raw).any(axis=1))
     for name in BEAM:
@@ -145,7 +146,8 @@ def check_overlap(readings: Path, time: Floats, reference: Path, track: Track) -
 
 
 def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tuple[float, float]:
-    """The offset at which the reference moves most like the solved poses, and how alike."""
+    """The offset at which the reference's motion agrees best with the solved poses, and their
+    likeness."""
     time = columns["time_s"]
     some = np.unique(np.linspace(0, len(time) - 1, min(len(time), 3000)).astype(np.int64))
     raw = np.column_stack([columns[name][some] for name in READING_COLUMNS])
@@ -166,9 +168,10 @@ def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tup
 
 
 def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
-    """How much of the reference's motion the solved poses explain, 1 all, at an offset.
+    """The share of the reference's motion that the solved poses explain at an offset; 1 is all.
 
-    By linear regression on all six axes: a sensor that is not calibrated yet mixes them.
+    It is a linear regression on all six axes, because a sensor that is not calibrated yet mixes
+    them.
     """
     at = time + offset
     good = np.isfinite(pose).all(axis=1) & (at >= track.time[0]) & (at <= track.time[-1])

@@ -1,4 +1,4 @@
-"""Whether a table is fit for a calibration, before anything is fitted to it."""
+"""Checks and preparation of a table before a calibration."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ FEW = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
-    """What a look at the columns alone tells."""
+    """The findings on the columns alone."""
     found = [*stuck_channels(sensor, data), *mixed_kinds(data), *repeats(data), *still_axes(data),
              *untimed_channels(sensor, data), *narrow_motion(sensor, data)]  # fmt: skip
     return sorted(found, key=lambda one: not one.bad)
 
 
 def remove_jumps(values: Floats) -> Floats:
-    """Columns (n, m), NaN where a value lies further beside the middle nine tenths than these are
-    wide: a row that jumped says nothing of how far a motion goes."""
+    """Columns (n, m) with NaN for values farther from the middle nine tenths than their width, so
+    that a row that jumped does not count in the span of a motion."""
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")
         low, high = np.nanquantile(values, [0.05, 0.95], axis=0)
@@ -51,7 +51,7 @@ def remove_jumps(values: Floats) -> Floats:
 
 
 def spans(values: Floats) -> Floats:
-    """How far columns (n, m) go, without jumps: (m,)."""
+    """The spans of columns (n, m) without jumps: (m,)."""
     kept = remove_jumps(values)
     reach: Floats = np.nanmax(kept, axis=0) - np.nanmin(kept, axis=0)
     return reach
@@ -99,7 +99,7 @@ def mixed_kinds(data: Data) -> list[Finding]:
 
 
 def repeats(data: Data) -> list[Finding]:
-    """Samples that say the same again."""
+    """Samples that repeat another one."""
     rows = len(np.unique(np.column_stack([data.pose, data.raw]), axis=0))
     poses = len(np.unique(data.pose, axis=0))
     found = []
@@ -118,7 +118,7 @@ def repeats(data: Data) -> list[Finding]:
 
 
 def still_axes(data: Data) -> list[Finding]:
-    """Axes along which the motion does not go."""
+    """Axes along which the motion hardly moves."""
     known = np.isfinite(data.sigma)
     span = spans(data.pose)
     names = [POSE[n] for n in range(6) if known[n] and span[n] < RANGE * data.sigma[n]]
@@ -131,7 +131,7 @@ def still_axes(data: Data) -> list[Finding]:
 
 
 def narrow_motion(sensor: Sensor, data: Data) -> list[Finding]:
-    """A motion in x and y over which the powers hardly bend."""
+    """A motion in x and y that is too small for the powers' curvature."""
     diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     beside = data.pose[:, :2] - data.beam
     span = spans(beside)[np.isfinite(data.sigma[:2])] / 2
@@ -146,8 +146,7 @@ def narrow_motion(sensor: Sensor, data: Data) -> list[Finding]:
 
 
 def untimed_channels(sensor: Sensor, data: Data) -> list[Finding]:
-    """Channels that are read one after the other, in a table that does not tell how fast they
-    change."""
+    """Channels that are read one after the other, in a table without the speed of their change."""
     if data.velocity is not None or not any(sensor.light.delays):
         return []
     return [Finding(False, (
@@ -157,9 +156,9 @@ def untimed_channels(sensor: Sensor, data: Data) -> list[Finding]:
 
 
 def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
-    """Without what a detector read where its spot lies over the sensitive area's edge.
+    """Exclude the readings of a detector whose spot lies over the edge of its sensitive area.
 
-    There light is lost that the model follows only with `sensor.apertures.detectors`. The other
+    There light is lost that the model includes only with `sensor.apertures.detectors`. The other
     detectors of such a sample stay.
     """
     if sensor.apertures.detectors:
@@ -183,14 +182,14 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
 
 
 def remove_duplicates(data: Data) -> Data:
-    """Each row once."""
+    """Keep each row once."""
     _, first = np.unique(np.column_stack([data.pose, data.raw]), axis=0, return_index=True)
     return data if len(first) == len(data.raw) else data.part(np.sort(first))
 
 
 def average_equal_poses(sensor: Sensor, data: Data) -> Data:
-    """Readings at one and the same pose as one sample, with the noise of their mean: the reference
-    errs in all of them by the same amount."""
+    """Average readings at the same pose to one sample with the noise of the mean, because the
+    reference has the same error in all of them."""
     keys = np.column_stack([data.pose, data.beam])
     _, first, group, counts = np.unique(
         keys, axis=0, return_index=True, return_inverse=True, return_counts=True
@@ -213,8 +212,9 @@ def average_equal_poses(sensor: Sensor, data: Data) -> Data:
 
 
 def add_converter_steps(sensor: Sensor, data: Data) -> Data:
-    """Means with the part of the converter's steps in their noise: it is the same in all readings
-    at one state, so that no mean takes it away, and nothing that scatters shows it."""
+    """Add the variance of the converter's steps to the noise of means: it is the same in all
+    readings at one state, so that averaging does not reduce it and their scatter does not show
+    it."""
     if data.rows is None or data.noise is None or sensor.electronics is None:
         return data
     raw, rows = correct(sensor, data.raw), data.rows[:, None]

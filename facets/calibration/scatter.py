@@ -1,4 +1,4 @@
-"""How much of what scatters from sample to sample is whose: by one likelihood for all of it.
+"""Attribute the scatter from sample to sample to its causes, by one likelihood for all.
 
 A sample errs by the noise of its readings, by what the reference says of its pose, by the beam's
 place and by the laser's power. With the common unknowns x and the prior of these, the readings of
@@ -57,7 +57,8 @@ WORST, FAR = 9.0, 8.0
 
 
 class Likelihood:
-    """The readings' likelihood as a function of what scatters, the model linearised at a fit."""
+    """The readings' likelihood as a function of the sizes of the scatter, with the model linearised
+    at a fit."""
 
     def __init__(self, task: Task, found: Fit) -> None:
         at = task.guess(found.every, found.open)
@@ -76,8 +77,8 @@ class Likelihood:
         self.before = (at.values - task.start)[task.choice.places]
 
     def variance(self, known: Floats, sizes: Floats) -> Floats:
-        """(n, 9, 9) of the readings.  known: (9,) variances of a sample's own unknowns, in
-        `OWN_UNITS`.  sizes: (10,) what is added to them."""
+        """Variances (n, 9, 9) of the readings.  known: (9,) prior variances of a sample's own
+        unknowns, in `OWN_UNITS`.  sizes: (10,) variances that are added to them."""
         whole = sizes[OF_COLUMN]
         whole[:9] += known
         scaled = self.columns * whole
@@ -86,7 +87,7 @@ class Likelihood:
         return out
 
     def restrict(self, known: Floats, sizes: Floats) -> RestrictedLikelihood:
-        """What is left of the likelihood once the common unknowns are free."""
+        """The restricted likelihood, with the common unknowns free."""
         variance = self.variance(known, sizes)
         inverse: Floats = np.asarray(np.linalg.inv(variance), dtype=float)
         weighted = inverse @ self.common
@@ -105,8 +106,8 @@ class Likelihood:
         )
 
     def shares(self, at: RestrictedLikelihood, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """Of each free size (10,): what it is by the residuals, and what it should be by the sizes;
-        1 of the others."""
+        """For each free size (10,), the observed and the expected sum of squares; 1 for the
+        others."""
         there = np.flatnonzero(free[OF_COLUMN])
         columns, owner = self.columns[:, :, there], OF_COLUMN[there]
         across_samples = np.swapaxes(columns, 1, 2)
@@ -122,9 +123,9 @@ class Likelihood:
         return np.where(free, seen, 1.0), np.where(free, expected, 1.0)
 
     def likeliest(self, known: Floats, names: tuple[str, ...], start: Floats) -> Sizes:
-        """The likeliest sizes of some names, from a start (10,); the others stay there.
+        """The likeliest sizes of some names, from a start (10,); the others stay constant.
 
-        Each step is the multiplication three times at once, or once where that is less likely.
+        Each step multiplies three times at once, or once if that is more likely.
         """
         free = np.array([name in names for name in NAMES])
         sizes, at = start.copy(), self.restrict(known, start)
@@ -188,8 +189,8 @@ def is_doubtful(found: Fit) -> bool:
 
 
 def far_unknowns(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, float]]:
-    """Unknowns of the rig that end further than that from where they were thought to be, and how
-    many times their standard uncertainty; the furthest first."""
+    """Unknowns that end more than `far` prior standard uncertainties from their prior, with that
+    number; the farthest first."""
     over = np.abs(found.values - values_of(sensor)[found.choice.places]) / found.choice.sigma
     named = zip(found.choice.names, over.tolist(), strict=True)
     off = [(name, size) for name, size in named if name not in MOUNTING and size > far]
@@ -197,8 +198,8 @@ def far_unknowns(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str
 
 
 def prior_variances(data: Data, chosen: Choice) -> Floats:
-    """(9,) variances of a sample's own unknowns in `OWN_UNITS`: of the reference what was told, of
-    beam and power nothing that could be estimated."""
+    """Prior variances (9,) of a sample's own unknowns in `OWN_UNITS`: those of the reference; none
+    of beam and power that could be estimated."""
     own = own_sigma(data, chosen)
     own[6] = own[6] if np.isinf(own[6]) else 0.0
     own[7:] = 0.0
@@ -219,7 +220,7 @@ class SizeProblem(NamedTuple):
     always: tuple[str, ...]
 
     def sizes(self, causes: tuple[str, ...]) -> Sizes:
-        """The likeliest sizes where some of the causes scatter and the others do not."""
+        """The likeliest sizes if some of the causes scatter and the others do not."""
         names = [name for key in causes for name in self.causes[key]]
         start = self.start.copy()
         for name in names:
@@ -230,7 +231,7 @@ class SizeProblem(NamedTuple):
 
 
 def size_problem(task: Task, found: Fit, beam: bool) -> SizeProblem:
-    """beam: whether the beam may scatter."""
+    """The problem of sizes at a fit. beam: whether the beam may scatter."""
     measured = tuple(name for name, s in zip(POSE, task.data.sigma, strict=True) if np.isfinite(s))
     causes = CAUSES | {"reference": measured, "beam": CAUSES["beam"] if beam else ()}
     start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
@@ -246,7 +247,7 @@ def size_problem(task: Task, found: Fit, beam: bool) -> SizeProblem:
 
 
 def estimate_scatter(problem: SizeProblem) -> Scatter:
-    """One cause where it is hardly less likely than all together, else two, else all."""
+    """Choose one cause if it is hardly less likely than all together, else two, else all."""
     every = tuple(problem.causes)
     whole = problem.sizes(every)
     for count in range(1, len(every)):
@@ -261,12 +262,12 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
 
 
 def update_sizes(problem: SizeProblem, one: Scatter) -> Scatter:
-    """The same causes with the likeliest sizes at another fit."""
+    """The likeliest sizes of the same causes at another fit."""
     return one._replace(sizes=np.sqrt(problem.sizes(one.causes).variances) * UNITS)
 
 
 def add_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
-    """Samples and choice with what scatters, as known before a fit."""
+    """Add the scatter to the prior uncertainties of samples and choice."""
     assert data.noise is not None
     wider = np.ones(9) * np.hypot(1.0, one.size_of(PLACES))
     wider[2::3] = np.hypot(1.0, one.size_of(POWERS))
@@ -291,9 +292,9 @@ TIMES = 2
 def fit_with_scatter(
     sensor: Sensor, data: Data, found: Fit, robust: float | None, beam: bool
 ) -> tuple[Data, Fit, Scatter]:
-    """The samples with what they scatter by, the fit to these, and whose it is.
+    """Return the samples with their scatter, the fit to them, and the causes.
 
-    As they were, where chi-square is within chance, or no scatter is to blame.
+    All stay unchanged if chi-square is within chance, or scatter cannot be the cause.
     """
     if not is_doubtful(found) and not found.choice.beam:
         return data, found, NOTHING
@@ -322,7 +323,8 @@ LONG, WALK = 2.0, 2.0
 
 
 def mean_inflation(found: Fit) -> float:
-    """By how much more the mean of the beam's places scatters than if each were its own."""
+    """The factor by which the mean of the beam's positions scatters more than if these were
+    independent."""
     place = found.open[:, 7:] - found.open[:, 7:].mean(axis=0)
     share = float((place[1:] * place[:-1]).sum() / max((place**2).sum(), 1e-300))
     share = min(max(share, 0.0), 0.999)

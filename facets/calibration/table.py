@@ -1,4 +1,5 @@
-"""A table of readings beside a reference, for a calibration; and what came of it, in tables."""
+"""Read a table of readings and reference poses for a calibration, and make tables of the
+results."""
 
 from __future__ import annotations
 
@@ -36,11 +37,12 @@ RUN = ("time_s", "temperature_c", "seat_deg")
 
 
 def read(path: Path, settings: Calibrate) -> Data:
-    """A table with readings and `REFERENCE`; `bx_mm`, `by_mm` where the beam moves; `time_s`,
-    `temperature_c` and `seat_deg`, by how much the mirror was turned when it was put on, if given.
+    """Read a table with readings and the columns of `REFERENCE`.
 
-    Raises `InputError` where a column is missing for an axis whose uncertainty is given, and where
-    the beam's place is an estimate.
+    Optional columns are `bx_mm` and `by_mm` of a moving beam, `time_s`, `temperature_c`, and
+    `seat_deg`, the angle by which the mirror was turned when it was mounted. Raises `InputError` if
+    a column is missing for an axis whose uncertainty is given, or if the beam's position is an
+    estimate.
     """
     beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
@@ -61,7 +63,7 @@ def read(path: Path, settings: Calibrate) -> Data:
 def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
-    """Columns of a table in memory; a recording's times are its `time_s` where it has none."""
+    """Read columns of a table into memory; without `time_s` the times are those of a recording."""
     chunks = []
     others = tuple(name for name in needed if name != "time_s")
     times = ("time_s", "host_s", "board_us")
@@ -99,9 +101,9 @@ def recording_time(host: Floats, board: Floats) -> Floats:
 
 
 def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
-    """Samples out of columns, rows without a pose or without any reading left out.
+    """Make samples from columns, without rows that lack a pose or any reading.
 
-    Raises `InputError` where fewer than 10 are left, or a seating is none.
+    Raises `InputError` if fewer than 10 are left, or a seating is invalid.
     """
     count = len(next(iter(columns.values())))
 
@@ -175,7 +177,8 @@ FOLLOWED = 0.3
 
 
 def velocities(time: Floats, pose: Floats) -> Floats | None:
-    """(n, 6) mm/s and rad/s by the neighbours; None where the rows are no motion in time."""
+    """Velocities (n, 6) in mm/s and rad/s by neighbouring rows; None if the rows are no motion in
+    time."""
     step = np.diff(time)
     if len(time) < 5 or not (np.isfinite(step).all() and (step > 0).all()):
         return None
@@ -194,7 +197,7 @@ def velocities(time: Floats, pose: Floats) -> Floats | None:
 def seats(
     path: Path, column: Floats | None, good: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
-    """Which seating of the mirror each sample is of, and by how many thirds of a turn."""
+    """The number of the mirror's seating in each sample, and its rotation in thirds of a turn."""
     if column is None:
         return None, None
     degrees, place = np.unique(column[good], return_inverse=True)
@@ -208,7 +211,7 @@ def seats(
 
 
 def choice(sensor: Sensor, settings: Calibrate) -> Choice:
-    """What is to be found in any case, by the keys of `calibrate.before`."""
+    """The unknowns of every fit, by the keys of `calibrate.before`."""
     before = settings.before
     sigma: dict[str, float] = {}
     diameter = before.get("beam_diameter_percent", 0) / 100
@@ -249,12 +252,13 @@ def detector_sigmas(letter: str, psd: Psd, before: dict[str, float]) -> dict[str
 
 
 def bends(letter: str, size: float) -> dict[str, float]:
-    """A detector's second and third order, mm at its edge."""
+    """A detector's quadratic and cubic corrections, mm at its edge."""
     return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
 
 
 def seat_sigmas(prefix: str, before: dict[str, float]) -> dict[str, float]:
-    """Of one seating; the apex's height is a convention in the first, which has no prefix."""
+    """Prior uncertainties of one seating; the first, which has no prefix, fixes the apex's height
+    by convention."""
     sigma = {}
     for name in OF_SEAT:
         size = before.get(f"{name.partition('.')[0]}_{'deg' if 'mount' in name else 'mm'}", 0)
@@ -265,7 +269,7 @@ def seat_sigmas(prefix: str, before: dict[str, float]) -> dict[str, float]:
 
 
 def add_seats(chosen: Choice, data: Data, settings: Calibrate) -> Choice:
-    """With where the mirror was in its further seatings."""
+    """Add the mirror's place in its further seatings to a choice."""
     if data.seat is None:
         return chosen
     for seat in range(2, int(data.seat.max()) + 2):
@@ -275,7 +279,7 @@ def add_seats(chosen: Choice, data: Data, settings: Calibrate) -> Choice:
 
 
 def split(data: Data, share: float) -> tuple[Data, Data]:
-    """What is fitted, and what is held back: samples evenly in between."""
+    """The samples to fit, and the samples to hold back, evenly in between."""
     number = np.arange(len(data.raw))
     held = np.floor((number + 1) * share) > np.floor(number * share)
     return data.part(~held), data.part(held)
@@ -301,7 +305,7 @@ UNITS_OF_PARTS = {
 
 
 def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
-    """In which a parameter is shown, and how many of those make one of the code's."""
+    """The output unit of a parameter, and the factor from the unit of the code."""
     head, _, part = name.rpartition(".")
     if name in SHAPE:
         return "%", 1600.0 / (sensor.beam.diameter_x * sensor.beam.diameter_y)
@@ -314,7 +318,7 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
 
 
 def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
-    """Each unknown: how far from where it was thought to be, and the uncertainties."""
+    """A table of each unknown's change and uncertainties."""
     units = [unit_of(name, nominal) for name in found.choice.names]
     factors = np.array([factor for _, factor in units])
     change = found.values - values_of(nominal)[found.choice.places]

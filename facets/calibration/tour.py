@@ -1,4 +1,4 @@
-"""An order of poses in which a stage travels little: nearest neighbours, then their tangles undone.
+"""Order poses for a short path of a stage: nearest neighbours, improved by local changes.
 
 The way is open: it begins at a given pose and ends anywhere. Reversals of a part (2-opt; Croes,
 1958) and moves of up to three poses to another place (Or, 1976) are taken until none shortens it.
@@ -24,8 +24,8 @@ def travel(points: Floats) -> float:
 
 
 def short_order(points: Floats, start: Floats) -> NDArray[np.int64]:
-    """An order of points (n, d) that is short to travel from `start` (d,), in units in which the
-    axes are alike; see `travel`."""
+    """A short order of points (n, d) from `start` (d,), in units in which the axes are comparable;
+    see `travel`."""
     if not len(points):
         return np.zeros(0, np.int64)
     whole = np.concatenate([start[None], points])
@@ -42,7 +42,7 @@ def short_order(points: Floats, start: Floats) -> NDArray[np.int64]:
 
 
 def nearest_neighbours(apart: Floats) -> NDArray[np.int64]:
-    """From the first point always to the nearest that was not visited."""
+    """Go from the first point always to the nearest unvisited one."""
     count = len(apart)
     order = np.zeros(count, np.int64)
     open_ = np.ones(count, bool)
@@ -53,7 +53,7 @@ def nearest_neighbours(apart: Floats) -> NDArray[np.int64]:
 
 
 def reverse_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
-    """The order with the part reversed that shortens it most; None where none does."""
+    """Reverse the part of the order that shortens it most; None if none does."""
     steps = apart[np.ix_(order, order)]
     count = len(order)
     step = steps[np.arange(count - 1), np.arange(1, count)]
@@ -71,7 +71,7 @@ def reverse_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArr
 
 
 def move_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
-    """The order with the first few neighbours moved that are better elsewhere; None for none."""
+    """Move the first few neighbours that are better elsewhere; None if there are none."""
     count = len(order)
     for size in range(1, min(TOGETHER, count - 2) + 1):
         for i in range(1, count - size + 1):

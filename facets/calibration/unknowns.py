@@ -1,4 +1,4 @@
-"""What a calibration can find, by name, and the sensor that a set of values makes.
+"""The unknowns of a calibration by name, and the sensor that their values make.
 
 The order, `ALL`: the sensor's parameters, its beam's shape as a covariance; the corrections of the
 detectors; the effects of real light; where the mirror sits on its reference, one seating after
@@ -58,13 +58,13 @@ PLACE = {name: n for n, name in enumerate(ALL)}
 
 
 def block(names: tuple[str, ...]) -> slice:
-    """Where names that follow each other in `ALL` are."""
+    """The slice of names that follow each other in `ALL`."""
     return slice(PLACE[names[0]], PLACE[names[-1]] + 1) if names else slice(0, 0)
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What is to be found: names out of `ALL`, and what is known of each before, 1 sigma.
+    """The unknowns of a fit: names out of `ALL`, and their prior standard uncertainties.
 
     power: relative standard deviation of the laser's power from sample to sample; 0 where it is the
     same in all, infinite where each sample has its own.  beam: that of the beam's place, mm.
@@ -80,7 +80,7 @@ class Choice:
         return np.array([PLACE[name] for name in self.names], dtype=np.int64)
 
     def add_unknowns(self, sigma: dict[str, float]) -> Choice:
-        """With further unknowns; one that is here already keeps the wider of both."""
+        """Add further unknowns; one that is already present keeps the larger uncertainty."""
         known = dict(zip(self.names, self.sigma.tolist(), strict=True))
         for name, value in sigma.items():
             known[name] = max(value, known.get(name, 0.0))
@@ -91,7 +91,7 @@ class Choice:
 
 
 def values_of(sensor: Sensor) -> Floats:
-    """Of `ALL`, as the sensor is thought to be, the apex on the pivot and on the beam."""
+    """Values of `ALL` of the nominal sensor, with the apex on the pivot and on the beam."""
     given = dict(zip(PARAMETERS, parameters(sensor), strict=True))
     found = np.zeros(len(ALL))
     for name in GEOMETRY:
@@ -104,7 +104,7 @@ def values_of(sensor: Sensor) -> Floats:
 
 
 def assign_values(sensor: Sensor, values: Floats) -> Sensor:
-    """A sensor with values of `ALL`.  Raises `InputError` where they make none."""
+    """Make a sensor with values of `ALL`; raise `InputError` if they make none."""
     geometry = dict(zip(GEOMETRY, values[block(GEOMETRY)].tolist(), strict=True))
     axes = axes_of(values[block(SHAPE)], sensor.beam.rotation)
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
@@ -117,7 +117,7 @@ def assign_values(sensor: Sensor, values: Floats) -> Sensor:
 
 
 def replace_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
-    """With coefficients in the order of `correction.NAMES`."""
+    """Replace the sensor's corrections by coefficients in the order of `correction.NAMES`."""
     parts = coefficient.reshape(3, len(NAMES_OF_ONE)).tolist()
     count = len(MONOMIALS)
     psds = [
@@ -165,10 +165,11 @@ def rotation_matrix(angles: Floats) -> Floats:
 
 
 def fold_mount(values: Floats) -> Floats:
-    """Values of `ALL` whose first mount is zero: the facets take its turn, azimuths follow on.
+    """Values of `ALL` whose first mount is zero, because its rotation has become part of the
+    facets.
 
-    The mirror's frame is then the one that the reference moves: where that says zero, the angles
-    that are solved are zero.
+    The mirror's frame is then that of the reference: where the reference says zero, the solved
+    angles are zero.
     """
     found = values.copy()
     turn = rotation_matrix(values[mount_of(0)])
@@ -187,7 +188,8 @@ def mount_of(seat: int) -> slice:
 
 
 def fold_derivatives(values: Floats) -> tuple[list[int], list[int], Floats]:
-    """The derivative of `fold_mount`: places that it changes, places that it depends on, (6, 9)."""
+    """The derivative (6, 9) of `fold_mount`, with the places that it changes and those that it
+    depends on."""
     facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
     mount = mount_of(0)
     given = facets + list(range(mount.start, mount.stop))

@@ -376,7 +376,7 @@ def require_same(settings: Config, folder: Path, force: bool) -> None:
     """Raises `InputError` where a folder has designs of another configuration, which `force` takes
     away."""
     tabled = [folder / name for name in ("front.csv", "pareto.csv")]
-    remedy = "--force begins anew, --folder names another one"
+    remedy = "use --force to start again, or --folder to name another folder"
     for file in [
         *parts_in(folder)[:1],
         *(file for file in tabled if file.exists()),
