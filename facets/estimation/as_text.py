@@ -1,4 +1,4 @@
-"""Estimates of a few readings as Python runs their text, where that is sooner than importing Numba.
+"""Estimate a few readings by interpreted Python, where that is faster than importing Numba.
 
 A reading takes some hundredths of a second; the bits are those of `kernels`, which compiles the
 same text.
@@ -36,7 +36,7 @@ def estimate(
     request: problem.FitProblem,
     found: problem.Results,
 ) -> Any:
-    """Fills `found` for readings that stand alone; returns the numbers of those that are left, to
+    """Fill `found` for independent readings; return the numbers of the readings that are left to
     `kernels`.
 
     model: of `evaluators`.

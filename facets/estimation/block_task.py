@@ -1,4 +1,4 @@
-"""How a task of `blocks` lies in memory, for the code that is written and for who calls it."""
+"""The layout in memory of a task of `blocks`, for its code and its callers."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ QUESTIONS = ((0, 1, 2, 3, 4, 5, 6, 7), (0, 1, 2, 3, 4, 5), tuple(range(9)), (0, 
 
 
 class Form(NamedTuple):
-    """What an estimator's code is written for.
+    """The form of an estimator's code.
 
     free: one of QUESTIONS.  kind: of the light, see `kinds.block_kind`.  exact: whether derivatives
-    under the light of a bench leave nothing out.
+    under real light are exact.
     """
 
     free: tuple[int, ...]
@@ -21,7 +21,7 @@ class Form(NamedTuple):
 
     @property
     def can_damp_steps(self) -> bool:
-        """Whether steps can be damped: often needed where derivatives leave something out."""
+        """Whether steps can be damped, which approximate derivatives often need."""
         return self.kind != "plain"
 
     @property

@@ -1,10 +1,10 @@
-"""Estimates of several poses at once: Gauss-Newton steps on blocks of readings.
+"""Estimate several poses at once: Gauss-Newton steps on blocks of readings.
 
-What `gauss_newton.estimate` does where all goes well, as straight code (`block_code`) with a lane
-for each reading: all detectors lit, normal equations that hold their digits, an end within a few
-steps, each better than the one before. A lane where it does not go well is left, and estimated anew
-by `kernels`; under the light of a bench first in blocks of what was left, with steps that are
-damped where they do not help. What a reading gives does not depend on the others in its block.
+Straight code (`block_code`) does the usual case of `gauss_newton.estimate` with one lane for each
+reading: all detectors lit, normal equations that hold their digits, an end within a few steps, each
+better than the one before. A lane where it does not go well is left, and estimated anew by
+`kernels`; under the light of a bench first in blocks of what was left, with steps that are damped
+where they do not help. What a reading gives does not depend on the others in its block.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def kernel(form: Form, width: int | None = None) -> Code:
 
 
 def is_supported(problem: FitProblem) -> bool:
-    """Whether blocks know what is asked: damped steps, each reading by itself, and checked."""
+    """Whether blocks support the request: damped steps, independent readings, and checked poses."""
     return (
         problem.damped
         and not problem.previous
@@ -161,13 +161,13 @@ def estimate_some(
 
 
 def inverse_of(sigmas: Array) -> Array:
-    """Weights from standard deviations; of a spoilt reading these can be anything."""
+    """Weights from standard deviations; those of a spoilt reading can be any number."""
     with np.errstate(all="ignore"):
         return 1 / sigmas
 
 
 def first_rows(rows: Array, count: int, n: int) -> Array:
-    """The first rows; what all readings share as it is."""
+    """The first rows; an array that all readings share stays as it is."""
     return rows[:count] if len(rows) == n else rows
 
 

@@ -1,6 +1,6 @@
-"""What noise alone may leave of a reading: the largest residual, by the numbers that check a pose.
+"""The largest residual that noise alone leaves, by the number of redundant readings.
 
-Of the numbers of a reading and the priors, those beside the unknowns check the others. The squared
+The numbers of a reading and the priors in excess of the unknowns check the pose. The squared
 residual of a right model follows the chi-square distribution with so many degrees of freedom; noise
 alone leaves more than the limit with a chance of `FALSE_ALARM_RATE`.
 """
@@ -29,7 +29,7 @@ LIMITS = np.array([
 
 
 def count_checks(detectors: int, free: NDArray[np.int64], weights: Floats) -> int:
-    """By how many the numbers of so many detectors and the priors exceed the unknowns.
+    """The number of readings of the detectors and priors in excess of the unknowns.
 
     free: numbers of the unknowns.  weights: (3,) of the priors of bx, by and the power.
     """
@@ -38,7 +38,7 @@ def count_checks(detectors: int, free: NDArray[np.int64], weights: Floats) -> in
 
 
 class Chance(NamedTuple):
-    """What checks the poses of one question.
+    """The limits of residuals for one request.
 
     none: `count_checks` without a detector.  widening: see `widening_of`.
     """
@@ -47,24 +47,24 @@ class Chance(NamedTuple):
     widening: float
 
     def checks(self, used: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """How many numbers check each pose (...), from the detectors used (..., 3)."""
+        """The number of redundant readings of each pose (...), from the detectors used (..., 3)."""
         if used.all():  # counting takes longer than a step of the estimate
             return np.full(used.shape[:-1], max(9 + self.none, 0), np.int8)
         found = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
         return np.asarray(found, np.int8)
 
     def limits(self, checks: NDArray[np.int8]) -> Floats:
-        """The residuals (...) that noise alone hardly leaves; infinite where nothing checks."""
+        """The residuals (...) that noise alone hardly exceeds; infinite without redundancy."""
         return np.asarray(self.widening * LIMITS.take(checks))
 
     @property
     def limit(self) -> float:
-        """That of a pose from all three detectors."""
+        """The limit of a pose from all three detectors."""
         return float(self.widening * LIMITS[max(9 + self.none, 0)])
 
 
 def widening_of(sensor: Sensor) -> float:
-    """By how much residuals of this sensor are larger than the noise, as its calibration says."""
+    """The factor by which a calibrated sensor's residuals exceed the noise."""
     known = sensor.calibration
     if known is None or not any(name in (*MISFIT, *MODEL_ERROR) for name in known.names):
         return 1.0

@@ -1,6 +1,6 @@
-"""Compiles the blocks that a command is about to ask for, side by side, before it asks.
+"""Compile the blocks that a command is about to need, in parallel.
 
-Without it each is compiled when it is first asked for, one after the other; results are the same.
+Otherwise each is compiled at its first use, one after the other; results are the same.
 """
 
 from __future__ import annotations

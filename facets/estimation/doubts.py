@@ -1,9 +1,9 @@
-"""Poses that converged and that a second look takes back: a cut spot, or a second solution.
+"""Withdraw converged poses with a cut spot or a second solution.
 
-Only sensors that can have such poses pay for the look. A detector that loses the light past its
-edge reads the middle of what is left, which hardly moves while the spot goes on: there the stated
-uncertainty does not hold. And where the determinant of Eq. (11) changes its sign between states
-that the sensor can be in, the readings fold, and states on both sides of the fold read the same.
+Only sensors that can have such poses take time for this. The centroid of a spot that is cut by the
+detector's edge hardly moves with the spot, so that the stated uncertainty is wrong. And where the
+determinant of Eq. (11) changes its sign between states that the sensor can be in, the readings
+fold, and states on both sides of the fold read the same.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NEAR = 5.0
 
 
 def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:
-    """Whether a sensor can have poses to take back.  free: numbers of the unknowns."""
+    """Whether a sensor can have poses to withdraw.  free: numbers of the unknowns."""
     return sensor.apertures.detectors or (6 in free and has_fold(sensor))
 
 
@@ -84,7 +84,7 @@ def determinant_signs(sensor: Sensor, states: Floats) -> Floats:
 def withdraw_doubtful(
     sensor: Sensor, free: NDArray[np.int64], chance: Chance, found: Results, again: Again
 ) -> None:
-    """Gives converged poses that cannot be believed a status, and NaN."""
+    """Give converged poses that cannot be trusted a status, and NaN."""
     if sensor.apertures.detectors:
         refuse(found, cut_spots(sensor, found), OUT_OF_RANGE)
     if 6 in free and has_fold(sensor):
@@ -99,7 +99,7 @@ def refuse(found: Results, rows: Rows, status: int) -> None:
 
 
 def cut_spots(sensor: Sensor, found: Results) -> Rows:
-    """The poses in which a spot that took part reaches past its detector's edge."""
+    """The poses with a used spot that reaches past its detector's edge."""
     rows = np.flatnonzero(found.status == CONVERGED)
     inside = (margins(sensor, found.states[rows, :8].copy())[..., :4] >= 0).all(axis=2)
     cut: NDArray[np.bool_] = (found.used[rows] & ~inside).any(axis=1)
@@ -107,7 +107,7 @@ def cut_spots(sensor: Sensor, found: Results) -> Rows:
 
 
 def second_solutions(sensor: Sensor, chance: Chance, found: Results, again: Again) -> Rows:
-    """The poses to which there is another, with a residual that noise may leave."""
+    """The poses with a second solution whose residual is within chance."""
     rows = np.flatnonzero((found.status == CONVERGED) & found.used.all(axis=1))
     parts = [rows[first : first + PART] for first in range(0, len(rows), PART)]
     doubtful = [second_solutions_of(sensor, chance, found, part, again) for part in parts]
@@ -146,7 +146,8 @@ def second_solutions_of(
 
 
 def fold_distance(sensor: Sensor, states: Floats, direction: Floats) -> Floats:
-    """How far along a direction the determinant's sign changes (n,); NaN where it does not."""
+    """The distance along a direction at which the determinant's sign changes (n,); NaN if it does
+    not."""
     line = states[:, None] + DISTANCES[:, None] * direction[:, None]
     there = determinant_signs(sensor, line.reshape(-1, 8)).reshape(len(states), -1)
     changed = there * determinant_signs(sensor, states)[:, None] < 0

@@ -78,7 +78,7 @@ def detector_fault(k: int, psi: float, zeta: float, power: float, limits: Screen
 
 
 def screen_reading(values: Array, limits: ScreeningLimits, weights: Array, used: Array) -> int:
-    """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
+    """Fill weights (9,) = 1/sigma and used (3,) for one reading; return the fault, if any.
 
     A detector with a fault is left out, with weight 0.
     """
@@ -98,7 +98,7 @@ def screen_reading(values: Array, limits: ScreeningLimits, weights: Array, used:
 
 
 def count_checks(used: Array, problem: FitProblem, eight: bool) -> int:
-    """By how many the numbers of the detectors used and the priors exceed the unknowns."""
+    """The number of readings of the used detectors and priors in excess of the unknowns."""
     rows = -1 if eight else 0
     for k in range(3):
         rows += 3 if used[k] else 0
@@ -130,7 +130,7 @@ def weigh_columns(values: Array, free: Array, layers: Array) -> float:
 
 
 def is_dark(layers: Array, limits: ScreeningLimits) -> bool:
-    """Whether a detector that reads light would have none."""
+    """Whether a detector that reads light would have none at this state."""
     for k in range(3):
         lit = layers[FOUND, 0, 3 * k + 2] > limits.light[1, k]
         if layers[VECTORS, WEIGHTS, 3 * k] > 0 and not lit:
@@ -233,7 +233,7 @@ def rounding_floor(limits: ScreeningLimits, weights: Array) -> float:
 
 
 def check_gain(gain: float, small: float, damping: float, is_blind: bool, is_damped: bool) -> int:
-    """What to do with a step: TRY it, change the damping first (REDAMP), or end.
+    """Decide on a step: TRY it, change the damping first (REDAMP), or end.
 
     It is the last one (CONVERGED) where it changes less than rounding can, unless the damping alone
     has made it so short. is_blind: without damping the readings determine no step here.
@@ -262,9 +262,9 @@ def copy_state(source: Array, target: Array) -> None:
 def is_accepted(
     trial_cost: float, cost: float, small: float, was_dark: bool, is_dark: bool, is_damped: bool
 ) -> bool:
-    """Whether to go on from a step.
+    """Whether to accept a step.
 
-    One that changes no more than rounding can is no worse; one from the light into the dark is.
+    A change within rounding is accepted; a step from light into the dark is not.
     """
     slack = small + 2 * sqrt(cost * small)
     if trial_cost < cost + slack and (was_dark or not is_dark):
@@ -273,7 +273,7 @@ def is_accepted(
 
 
 def change_damping(damping: float, is_better: bool) -> float:
-    """Less damping after a step that has helped, more after one that has not."""
+    """Reduce the damping after a step that helped, increase it after another."""
     if is_better:
         return damping / 10 if damping > 1e-6 else 0.0
     return 10 * damping if damping > 0 else 1e-3
@@ -360,7 +360,7 @@ def set_start(x: Array, near: Array, free: Array, known: Array) -> None:
 
 
 def clear_result(results: Results, n: int) -> None:
-    """No numbers where an estimate has failed."""
+    """Set the numbers of a failed estimate to NaN."""
     results.residuals[n] = nan
     for c in range(UNKNOWNS):
         results.states[n, c] = nan

@@ -1,11 +1,12 @@
 """Whether the readings fit the model: how many poses have a residual beyond chance, and why.
 
-Which pose has one is `Solution.misfit`; here they are counted and put into words, for a table and
-for a live loop alike.
+`Solution.misfit` flags a pose; this module counts the flags and describes them, for tables and live
+loops.
 
-Where most are flagged, what is likeliest is found by solving some of them again: with another
-power of the laser, and with the beam at another place, one for all. A free beam for each reading
-would prove nothing: of the nine numbers it leaves one, which knows the power, not the geometry.
+If most poses are flagged, the likeliest cause is found by solving some of them again: with another
+power of the laser, and with the beam at another position that is common to all. A free beam for
+each reading would prove nothing: of the nine numbers it leaves one, which knows the power, not the
+geometry.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ class Misfit:
 
     @property
     def sentence(self) -> str:
-        """What is to be said; empty where chance explains all."""
+        """The message; empty if chance explains all flags."""
         chance = FALSE_ALARM_RATE * self.judged
         if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
             return ""
@@ -135,7 +136,8 @@ class Misfit:
         )
 
     def cause(self, size: float) -> str:
-        """What explains the examples, whose residuals are `size` times the noise; or nothing."""
+        """The cause that explains the examples, whose residuals are `size` times the noise; or
+        ""."""
         sensor, knowledge = self.sensor, self.knowledge
         if sensor is None or self.method == "paper" or not self.examples:
             return ""

@@ -1,4 +1,4 @@
-"""What is asked of an estimate, made once for a sensor: the unknowns, the priors and the starts."""
+"""The plan of an estimate, made once for a sensor: the unknowns, the priors and the starts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from .chance import Chance, count_checks, widening_of
 
 
 class Plan(NamedTuple):
-    """What is asked for and what is known, as `problem.FitProblem` and `ScreeningLimits` hold it.
+    """The unknowns and priors of an estimate, in the form of `problem.FitProblem` and
+    `ScreeningLimits`.
 
     means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
     """
@@ -31,7 +32,7 @@ class Plan(NamedTuple):
 
 
 def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
-    """What is known of bx, by and the power: (1, 3), or (n, 3) where it differs by reading."""
+    """The prior means of bx, by and the power: (1, 3), or (n, 3) if they differ by reading."""
     where, amount = as_floats(place.mean, "mean"), as_floats(light.mean, "mean")
     shape = shape if where.shape[:-1] or amount.shape else ()
     try:
@@ -43,7 +44,7 @@ def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
 
 
 def find_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
-    """By what a sensor's readings are screened, made once a sensor: a live loop asks again."""
+    """The screening limits of a sensor's readings, cached because a live loop needs them often."""
     kept: dict[bool, problem.ScreeningLimits] = sensor.__dict__.setdefault("_limits", {})
     if eight not in kept:
         kept[eight] = make_limits(sensor, eight)
@@ -63,9 +64,9 @@ def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
 
 
 def edge_cut_width(sensor: Sensor) -> float:
-    """How near to an edge a spot's middle tells no place, mm: where the edge cuts the spot.
+    """Distance to an edge within which the edge cuts the spot, mm.
 
-    The middle of a spot that is cut hardly moves while the spot goes on.
+    The centroid of a cut spot hardly moves with the spot.
     """
     return spot_size(sensor) / 2 if sensor.apertures.detectors else 0.0
 
@@ -92,7 +93,7 @@ def make_plan(
 
 
 def chance_of(sensor: Sensor, todo: Plan) -> Chance:
-    """What checks the poses that a plan gives."""
+    """The limits of residuals for the poses of a plan."""
     none = count_checks(0, todo.free, todo.weights) - todo.limits.eight
     return Chance(none, widening_of(sensor))
 
@@ -102,7 +103,7 @@ MAX_PLANS = 16
 
 
 def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[int, ...]) -> Plan:
-    """`make_plan`, reused where the same is asked of a sensor again, as a live loop does."""
+    """`make_plan` with a cache, for live loops."""
     if not (is_plain(knowledge.beam, 2) and is_plain(knowledge.power, 1)):
         return make_plan(sensor, knowledge, method, shape)
     plans: dict[tuple[Knowledge, str], Plan] = sensor.__dict__.setdefault("_plans", {})
@@ -115,7 +116,7 @@ def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[in
 
 
 def is_plain(known: object, count: int) -> bool:
-    """Whether what is known is a word, or a prior of plain numbers, `count` means in a tuple."""
+    """Whether knowledge is a word, or a prior of plain numbers with `count` means in a tuple."""
     if not isinstance(known, Prior):
         return True
     means = known.mean if isinstance(known.mean, tuple) and count > 1 else (known.mean,)
@@ -126,10 +127,10 @@ def is_plain(known: object, count: int) -> bool:
 def start_states(
     sensor: Sensor, start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]
 ) -> Floats:
-    """Where the estimates start: (1 or n, 9), with the means of what is known.
+    """The starts of the estimates: (1 or n, 9), with the prior means.
 
-    An unknown power starts from the light that is seen. A given state at which diffraction leaves
-    the model without a reading, so that no step leads away from it, is replaced by zero.
+    An unknown power starts from the measured light. A given state at which diffraction leaves the
+    model without a reading, so that no step leads away from it, is replaced by zero.
     """
     unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
     if not isinstance(start, str):

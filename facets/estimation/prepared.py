@@ -1,4 +1,4 @@
-"""A solver for one reading at a time: what is asked is checked once, and memory is used again."""
+"""A solver for one reading at a time: the arguments are checked once, and memory is reused."""
 
 from __future__ import annotations
 
@@ -30,10 +30,9 @@ from .solution import FirstRow, Solution, SolutionOfOne, results_of
 class Solver:
     """Solves single readings of one sensor, as a live loop does.
 
-    Gives what `facets.solve` gives for the same reading, in less time, because the arguments are
-    checked when the solver is made, and memory is used again. Threads may share a solver: each call
-    has memory of its own, and gives what it would give alone. A process that is forked, and a copy,
-    have a solver of their own.
+    The results equal those of `facets.solve` and take less time, because the arguments are checked
+    when the solver is made, and memory is reused. Threads may share a solver: each call has its own
+    memory. A forked process and a copy have their own solver.
 
     beam, power, method, max_steps, covariance, accept_unchecked: as for `facets.solve`; a `Prior`
     has one mean.
@@ -76,7 +75,7 @@ class Solver:
         return PreparedEstimate(sensor, self._plan, method, max_steps, covariance, accept_unchecked)
 
     def solve(self, reading: ArrayLike) -> Solution:
-        """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.
+        """Solve one reading (9,) for its pose: psi, zeta (mm), power (mW) of detectors A, B, C.
 
         Returns a `Solution` without leading shape. A reading that cannot be solved gets a status
         and NaN. Raises `InputError` for another shape.
@@ -101,7 +100,7 @@ class Solver:
         return found
 
     def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
-        """Where `facets.solve` starts for one reading (9,); None for zero."""
+        """The start of `facets.solve` for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
         return start_states(self._asked[0], start, self._plan, values[None], ())
@@ -274,9 +273,9 @@ def find_solver(
     covariance: bool,
     accept_unchecked: bool,
 ) -> Solver:
-    """A solver from zero for a sensor, made once while no more than a few are asked for.
+    """Return a cached solver for a sensor that starts from zero.
 
-    It keeps its sensor, so that another cannot have its identity.
+    The cache keeps the sensor, so that no other sensor can have its identity.
     """
     rest = (method, max_steps, covariance, accept_unchecked)
     key = (id(sensor), beam, power, *rest)

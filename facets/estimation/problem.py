@@ -1,4 +1,4 @@
-"""What an estimate is asked, what it is screened by, and how it can end."""
+"""The request of an estimate, its screening limits, and its possible ends."""
 
 from __future__ import annotations
 
@@ -36,14 +36,13 @@ ROWS = 9 + 3 + UNKNOWNS
 
 
 class FitProblem(NamedTuple):
-    """What is known beside the readings, and how to go on.
+    """The prior knowledge and the options of an estimate.
 
-    means: (n or 1, 3) of bx, by (mm) and power (mW).  weight: (3,) 1/sigma of these, 0 where they
-    are unknown.  free: (m,) numbers of the unknowns that are asked for, ascending.
-    starts: (n or 1, 9), with the values of what is known.
-    previous: whether to start where the last converged sample ended.
-    damped: whether a step that does not help is shortened (Levenberg-Marquardt), or accepted.
-    accept_unchecked: whether to estimate what no number is left to check.
+    means: (n or 1, 3) of bx, by (mm) and power (mW).  weight: (3,) 1/sigma of these, 0 if unknown.
+    free: (m,) numbers of the unknowns, ascending.  starts: (n or 1, 9), including the known values.
+    previous: whether to start where the last converged sample ended.  damped: whether a step that
+    does not help is shortened (Levenberg-Marquardt), or accepted.  accept_unchecked: whether to
+    estimate poses without redundant readings.
     """
 
     means: Array
@@ -57,7 +56,7 @@ class FitProblem(NamedTuple):
 
 
 class ScreeningLimits(NamedTuple):
-    """What a reading is screened by.
+    """The limits by which readings are screened.
 
     noise: (3,) a centroid's sigma (mm) at a power (mW), and a power's sigma (mW).
     light: (2, 3) the powers below which a detector's reading is left out, and below which a step
@@ -81,7 +80,7 @@ WEIGHTS, TRIAL = range(2)
 
 
 class Workspace(NamedTuple):
-    """Memory that every estimate of a batch uses again.
+    """Memory that all estimates of a batch reuse.
 
     layers: (LAYERS, 10, 10).  rows: (ROWS, 10) for the reflections.  outlines: see `model.kernels`.
     """
@@ -238,7 +237,7 @@ def workspace() -> Workspace:
 
 
 def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Readings, FitProblem]:
-    """Some of the readings, and what is asked of them."""
+    """Some of the readings, and the request for them."""
     n = len(readings.values)
     return (
         Readings(*(part_of(array, which, n) for array in readings)),
@@ -249,7 +248,7 @@ def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Read
 
 
 def put_rows(found: Results, which: Array, some: Results) -> None:
-    """Puts what was found of some readings in their places."""
+    """Put the results of some readings in their places."""
     for whole, part in zip(found, some, strict=True):
         if len(whole):
             whole[which] = part

@@ -1,4 +1,4 @@
-"""What one spoilt number can do to a pose before its residual shows it.
+"""The largest error of a pose by one wrong number that its residual does not show.
 
 Geodesy calls it external reliability (W. Baarda, 1968). A number takes the share h of its own error
 into the pose and leaves 1 - h in the residual, both squared and in standard deviations. So an error
@@ -32,7 +32,7 @@ def unseen_errors(
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
 ) -> Floats:
-    """Bound how far one spoilt number can put a pose off before the residual shows it.
+    """Bound the error of a pose by one wrong number that the residual does not show.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""Samples of a motion, solved together: each from rest, so that several are estimated at a time."""
+"""Solve the samples of a motion together, each from rest, so that blocks can estimate several at a
+time."""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ def solve_series(
 
 
 def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Of some ascending numbers, the nearest to each of others."""
+    """The nearest of some ascending numbers to each of others."""
     after = np.clip(np.searchsorted(among, places), 1, len(among) - 1) if len(among) > 1 else 0
     before = np.maximum(after - 1, 0)
     closer = places - among[before] <= among[after] - places
@@ -47,14 +48,14 @@ def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.int
 
 
 def beam_at(beam: BeamKnowledge, which: NDArray[np.intp]) -> BeamKnowledge:
-    """What is known of the beam at some of the readings."""
+    """The knowledge of the beam at some of the readings."""
     if not isinstance(beam, Prior) or np.ndim(beam.mean) < 2:
         return beam
     return replace(beam, mean=np.asarray(beam.mean)[which])
 
 
 def put(found: Solution, which: NDArray[np.intp], again: Solution) -> None:
-    """Puts what was found again in the places of some readings."""
+    """Put repeated results in the places of some readings."""
     for field in fields(Solution):
         array = getattr(found, field.name)
         if array is not None:  # covariances may be left out

@@ -1,4 +1,4 @@
-"""From readings to the mirror's pose: weighted least squares on all that is known."""
+"""Solve readings for the mirror's pose: weighted least squares with all prior knowledge."""
 
 from __future__ import annotations
 
@@ -83,11 +83,11 @@ def solve(
     Weighted least squares on all nine readings, with weights from the sensor's noise, by
     Gauss-Newton steps that are damped where they do not help.
 
-    Two detectors with the beam and the power known, or with priors, have as many numbers as there
-    are unknowns, and so have three detectors with the beam free and the power unknown. Six numbers
-    give some pose for six unknowns also where one of them is spoilt, with no residual to show it,
-    and a second pose, far away, may give the same six. Unless `accept_unchecked` is true, such a
-    reading has the status UNCHECKED and no pose.
+    Two detectors with the beam and the power known, or with priors, have as many numbers as
+    unknowns, and so have three detectors with the beam free and the power unknown. Then a wrong
+    number also gives a pose, and no residual shows the error; a second, distant pose may have the
+    same readings. Unless `accept_unchecked` is true, such a reading has the status UNCHECKED and no
+    pose.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A table of readings in, a table of poses out, of any length."""
+"""Solve a table of readings of any length into a table of poses."""
 
 from __future__ import annotations
 
@@ -128,7 +128,8 @@ def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
 
 
 def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Floats:
-    """Readings (n, 9), as the detectors gave them, as the model has them, of one instant each."""
+    """Convert readings (n, 9), as the detectors gave them, to those of the model at one instant
+    each."""
     exact = correct(sensor, readings)
     return exact if time is None else align(sensor, time, exact)
 
@@ -139,7 +140,7 @@ def readings_in(chunk: tables.Chunk) -> Floats:
 
 
 def place_in(chunk: tables.Chunk) -> Floats | None:
-    """(n, 2) of a table that says where the beam is, mm."""
+    """The beam's position (n, 2) in a table, mm."""
     if not all(name in chunk.columns for name in BEAM_COLUMNS):
         return None
     return np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
@@ -156,7 +157,7 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
-    """Raises `InputError` where the beam's place in a table is an estimate and no knowledge.
+    """Raise `InputError` if the beam's position in a table is an estimate.
 
     Tables of poses have u_bx_mm, u_by_mm beside bx_mm, by_mm: where these are not 0, the place came
     out of the readings themselves, and taken for known it would make them seem far better than they
