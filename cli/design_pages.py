@@ -98,7 +98,7 @@ def show_layout(
 
 def show_objectives(settings: Config, found: Optimum, made: Rounded | None) -> None:
     """The objective before and after."""
-    before = "not all that is asked for is kept"
+    before = "the requirements are not met"
     if found.before == found.before:
         before = design.report.objective_text(settings.layout.aim, found.before)
     typer.echo(f"before: {before}")

@@ -1,4 +1,5 @@
-"""Estimates of readings by compiled code: in blocks where these can, and one by one elsewhere."""
+"""Estimate readings by compiled code: in blocks if these support the request, otherwise one by
+one."""
 
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ from .uncertainty_parts import UncertaintyParts, uncertainty_parts
 
 
 def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> UncertaintyParts | None:
-    """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth; returns
-    what they consist of, None without a calibration or covariances."""
+    """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
+    covariances."""
     if sensor.calibration is None or len(found.covariances) == 0:
         return None
     parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo.free, todo.weights)
@@ -36,9 +37,11 @@ def estimate(
     request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
-    """Fills `found`: by blocks where these know what is asked, and one by one what they leave.
+    """Fill `found`: by blocks if these support the request, and one by one for readings that blocks
+    leave over.
 
-    Under the light of a bench what stalls is estimated again by exact derivatives."""
+    Under real light, stalled estimates are repeated with exact derivatives.
+    """
     near = evaluators.approximate_linearisation(sensor)
     code = block_code(sensor, request)
     if code is None:
@@ -95,8 +98,8 @@ def one_by_one(
 
 
 def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
-    """Compiles or loads now what a reading may need that leaves its block, or stalls there, for a
-    loop that cannot wait."""
+    """Compile or load everything that a reading may need outside its block, for a loop that cannot
+    wait."""
     row_kernel()
     rare.prepare()
     for model in (evaluators.approximate_linearisation(sensor), evaluators.linearisation(sensor)):

@@ -1,4 +1,4 @@
-"""What is found of readings: states, statuses, covariances."""
+"""The results of estimates: states, statuses, covariances."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .uncertainty_parts import UncertaintyParts
 class Status(IntEnum):
     """How the estimate of one reading ended. Only a converged one has a pose.
 
-    UNCHECKED: the numbers that can be used are as many as the unknowns, so that there is a pose for
-    any of them, a spoilt one too, and nothing to tell by; `solve(..., accept_unchecked=True)` gives
-    it.  AMBIGUOUS: another pose gives the same reading.
+    UNCHECKED: there are as many usable readings as unknowns, so that a wrong reading also gives a
+    pose and nothing shows the error; `solve(..., accept_unchecked=True)` gives it. AMBIGUOUS:
+    another pose gives the same reading.
     """
 
     CONVERGED = problem.CONVERGED
@@ -104,25 +104,25 @@ class Solution:
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """Where there is a pose: (...)."""
+        """Whether there is a pose: (...)."""
         return np.equal(self.status, problem.CONVERGED)
 
     @property
     def misfit(self) -> NDArray[np.bool_]:
-        """Where there is a pose, and a residual beyond `limit`: (...).
+        """Whether there is a pose with a residual beyond `limit`: (...).
 
-        The numbers of such a reading contradict each other, or the sensor is another one. The pose
-        may be wrong by far more than its stated uncertainty.
+        The numbers of such a reading contradict each other or the model of the sensor. The pose may
+        be wrong by far more than its stated uncertainty.
         """
         return np.greater(self.residual, self.limit)
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Where there is a pose, and its residual is no misfit: (...).
+        """Whether there is a pose and its residual is no misfit: (...).
 
-        One in 10,000 right poses is marked as a misfit by chance. What one spoilt number can do
-        to a pose that is `ok` is told by `facets.unseen_errors`: with a free beam nothing checks
-        the places of the spots.
+        One in 10,000 right poses is marked as a misfit by chance. `facets.unseen_errors` bounds the
+        error of a pose that is `ok` by one wrong number: with a free beam nothing checks the places
+        of the spots.
         """
         return self.converged & ~self.misfit
 
