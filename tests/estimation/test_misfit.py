@@ -153,6 +153,17 @@ def test_examples_are_of_the_whole_run():
     assert max(numbers) > 45
 
 
+@pytest.mark.parametrize("batch", [1, 7, 500])
+def test_the_examples_are_the_same_however_a_run_is_cut(batch):
+    """Of 500 flagged readings 32, each the sixteenth: not more than 60, by halves."""
+    numbers, found = np.arange(500.0), Misfit()
+    for first in range(0, 500, batch):
+        part = numbers[first : first + batch, None]
+        found.keep_examples(np.ones(len(part), bool), part, part)
+        found.flagged += len(part)
+    assert [int(reading[0]) for reading, _ in found.examples] == list(range(0, 500, 16))
+
+
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
     exact = np.sqrt(chi2.isf(FALSE_ALARM_RATE, np.arange(1, 10)))
     assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)

@@ -74,6 +74,34 @@ def test_every_way_finds_the_exact_state(states, readings, options):
     assert angle < 1e-12
 
 
+def plain_steps(reading, start):
+    """The costs of twenty steps without any damping, by NumPy, and where they lead."""
+    noise, state, costs = facets.standard_deviations(SENSOR, reading), start, []
+    for _ in range(20):
+        rest = (reading - facets.readings(SENSOR, state)) / noise
+        costs.append((rest**2).sum())
+        if not np.isfinite(costs[-1]):
+            break
+        slopes = facets.jacobian(SENSOR, state) / noise[:, None]
+        state = state + np.linalg.lstsq(slopes, rest, rcond=None)[0]
+    return np.array(costs), state
+
+
+def test_the_papers_method_goes_on_through_a_rise_and_arrives_where_plain_steps_do():
+    rng = np.random.default_rng(2)
+    size = np.array([0.1, 0.1, 1, 4e-3, 4e-3, 5e-3, 0.05, 0.05])
+    true = rng.uniform(-1, 1, (60, 8)) * size
+    starts = true + 3 * rng.uniform(-1, 1, (60, 8)) * size * [0.5, 0.5, *[1] * 6]
+    rises = 0
+    for state, start, reading in zip(true, starts, facets.readings(SENSOR, true), strict=True):
+        costs, end = plain_steps(reading, start)
+        arrives = bool(np.isfinite(costs[-1]) and np.abs(end - state).max() < 1e-6)
+        found = facets.solve(SENSOR, reading, method="paper", start=start)
+        assert bool(found.converged) == arrives
+        rises += arrives and bool((np.diff(costs) > 1).any())
+    assert rises
+
+
 def test_a_known_beam_is_taken_as_known(states, readings):
     beam = Prior(states[:, 6:], 0.0)
     solution = facets.solve(SENSOR, readings, beam=beam)
