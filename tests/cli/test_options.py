@@ -13,7 +13,7 @@ from facets.cli.command import OPTIONAL_VALUES, RENAMED, why_meaningless
 from facets.cli.manual import commands, context_of
 
 BAD = [
-    (("range-map", "paper", "--at", ""), "'--at': it is empty"),
+    (("range-map", "paper", "--at", ""), "'--at': the value is empty"),
     (("range-map", "paper", "--at", "tx_mm=1,tx_mm=2"), "--at has tx_mm twice"),
     (("range-map", "paper", "--at", "tx_mm=1_0"), "--at has 'tx_mm=1_0'"),
     (("range-map", "paper", "--at", "tx_mm=inf"), "finite numbers"),
@@ -21,7 +21,7 @@ BAD = [
     (("range-map", "paper", "--axes", "tx,ty", "--axes", "tx,ty"), "tx,ty is given twice"),
     (("jacobian", "paper", "--box", "tx_mm=1,tx_mm=2"), "--box has tx_mm twice"),
     (("jacobian", "paper", "--states", "1_000"), "'1_000' is not a plain finite number"),
-    (("simulate", "paper", "-d", ""), "it is empty"),
+    (("simulate", "paper", "-d", ""), "the value is empty"),
     (("simulate", "paper", "--motion", "yaw-sweep", "--motion", "yaw-sweep"), "given twice"),
     (("emulate", "bench", "--motion", "circle", "--faults", "flip=1,flip=2"), "flip twice"),
     (("acquire", "bench", "--seconds", "inf"), "'inf' is not a plain finite number"),
