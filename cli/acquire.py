@@ -162,16 +162,11 @@ def acquire(
         publish=publish or (),
         filter_by=filter_by,
         web=web,
-        page_scripts=page_scripts(settings) if web else None,
+        page_scripts=pictures.page.scripts.rig_scripts(settings.sensor) if web else None,
         tell=tell,
     )
     run_to_end(run, display(run.live, plain, json, display_rate))
     check_results(run, write)
-
-
-def page_scripts(settings: facets.Config) -> dict[str, str]:
-    """The scripts by which the page draws the rig."""
-    return pictures.page.scripts.rig_scripts(settings.sensor)
 
 
 def refuse_file(path: Path | None, check_stage: bool) -> None:

@@ -60,7 +60,7 @@ def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
     assert found[2] == pytest.approx(POWER, rel=0.1)
     again = command("noise", "rec", "--folder", "noise", cwd=tmp_path)
     assert again.returncode == 2
-    assert "--force replaces it" in again.stderr
+    assert "use --force to replace it" in again.stderr
 
 
 @pytest.mark.slow

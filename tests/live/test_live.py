@@ -309,7 +309,7 @@ def test_messages_say_what_to_do(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(200))
     here = ("--port", "file:board.bin")
     cases = [
-        (("acquire", "bench"), "give --port, or acquire.port"),
+        (("acquire", "bench"), "use --port, or set acquire.port"),
         (("acquire", "hasty.yaml", "--port", "/dev/nothing"), "is it plugged in?"),
         (("acquire", "bench", "--port", "file:none.bin"), "cannot be read"),
         (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from facets.cli import bounds, certificates
+from facets.cli import bounds, certificate_text, claims
 from facets.experiments import certificate_optics, certificate_pieces
 from facets.experiments import check_certificate as checker
 from flint import arb
@@ -83,9 +83,9 @@ def test_the_light_is_told_as_a_share_and_for_the_brightest_laser():
         (None, "10.8 % of the light on each detector (32.4 µW of a laser of 0.3 mW or less)"),
         (off, "10.8 % of the light on each detector (35.64 µW of a laser of 0.33 mW or less)"),
     ):
-        claim = certificates.Claim(config, box, 0.108, False, known, None)
+        claim = claims.Claim(config, box, 0.108, False, known, None)
         found = Certificate(box, share=0.108 * (1 - 1e-12))
-        assert told in certificates.describe_set(claim, found, None)[0]
+        assert told in certificate_text.describe_set(claim, found, None)[0]
 
 
 def test_the_checker_takes_a_ball_s_end_as_it_is():
@@ -143,11 +143,11 @@ def test_imperfections_and_what_is_taken_for_granted_are_told():
     gains = replace(sensor.imperfections, tip=0.01)
     config = facets.load("paper")
     box = parse_box("tx_mm=1")
-    claim = certificates.Claim(
+    claim = claims.Claim(
         replace(config, sensor=replace(sensor, imperfections=gains)), box, 0.3, False, None, None
     )
     found = certify(sensor, box, 0.3)
-    text = "\n".join(certificates.describe_set(claim, found, None))
+    text = "\n".join(certificate_text.describe_set(claim, found, None))
     assert "imperfections" in text
     assert "every facet faces the beam" in text
-    assert " or more" in "\n".join(certificates.verdict(found, None))
+    assert " or more" in "\n".join(certificate_text.verdict(found, None))

@@ -1,0 +1,58 @@
+"""What `facets jacobian --certify` is to prove: of which sensors and which states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from facets import characterization, proof
+
+if TYPE_CHECKING:
+    from facets.characterization.state_box import StateBox
+    from facets.config import Config
+    from facets.core.units import Floats
+    from facets.proof.tolerances import Tolerances
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What is to be proved: of which sensors and which states.
+
+    least_share: of the light, on each facet; None for the least anywhere in the box with its
+    offsets.  whole_range: whether the box is to hold every pose that keeps the rules.
+    weakest: the weakest state that a search found, from where to look for a counterexample.
+    """
+
+    settings: Config
+    box: StateBox
+    least_share: float | None
+    whole_range: bool
+    tolerances: Tolerances | None
+    weakest: Floats | None
+
+    @property
+    def largest_power(self) -> float:
+        """Of the laser, mW."""
+        power = self.settings.sensor.beam.power
+        return power if self.deviations is None else power + self.deviations[0]
+
+    @property
+    def deviations(self) -> tuple[float, ...] | None:
+        return None if self.tolerances is None else self.tolerances.values
+
+
+def claim_for(
+    settings: Config,
+    box: StateBox,
+    least_share: float | None,
+    factor: float | None,
+    weakest: Floats | None,
+) -> Claim:
+    """factor: of the standard uncertainties that are allowed for; None for the sensor as it is."""
+    known = None if factor is None else proof.tolerances.calibration_tolerances(settings, factor)
+    whole = least_share is not None
+    if whole and known is not None:
+        least_share = characterization.state_box.least_share(
+            settings.sensor, settings.range, known.values[0]
+        )
+    return Claim(settings, box, least_share, whole, known, weakest)
