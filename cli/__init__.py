@@ -42,6 +42,7 @@ COMMANDS = {
     "resolution": "resolution",
     "jacobian": "jacobian",
     "calibrate": "calibrate",
+    "rezero": "rezero",
     "optimize": "optimize",
     "tolerances": "tolerances",
     "explore": "explore",

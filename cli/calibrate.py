@@ -19,6 +19,7 @@ from .options import ConfigName, Force, Look, Plot, PlotKind, Style, output_opti
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data
+    from facets.calibration.unknowns import Choice
     from facets.config import Config
     from facets.core.calibrate import Calibrate
 
@@ -57,6 +58,16 @@ Effect = Annotated[
         autocompletion=completion.assignments(completion.effects, ("on", "off", "auto")),
     ),
 ]
+Only = Annotated[
+    str | None,
+    typer.Option(
+        "--only",
+        metavar="GROUP,...",
+        help="Recalibrate a calibrated CONFIG in which only these parameters have changed: beam, "
+        "gains, detectors, facets. All others are known by the covariance of CONFIG, and stay in "
+        "the covariance that is written.",
+    ),
+]
 Dwells = Annotated[
     bool,
     typer.Option(
@@ -87,6 +98,7 @@ def calibrate(
     output: Output = None,
     reference: Reference = None,
     effect: Effect = None,
+    only: Only = None,
     dwells: Dwells = False,
     accept_misfit: AcceptMisfit = False,
     propose: Propose = 0,
@@ -117,7 +129,16 @@ def calibrate(
     else:
         asked = choose_effects(settings, effect or [])
         asked = replace(asked, calibrate=replace(asked.calibrate, dwells=dwells))
-        fit_rig(asked, data, reference, path, plot, force, accept_misfit)
+        fit_rig(asked, data, reference, path, plot, force, accept_misfit, read_groups(only))
+
+
+def read_groups(only: str | None) -> list[str]:
+    """The groups of --only, none where all parameters are calibrated anew."""
+    groups, known = [] if only is None else only.split(","), calibration.table.GROUPS
+    for group in groups:
+        if group not in known or groups.count(group) > 1:
+            raise InputError(f"--only {only}: give {', '.join(known)}, each once, by commas")
+    return groups
 
 
 def choose_effects(settings: Config, decisions: list[str]) -> Config:
@@ -145,22 +166,33 @@ def fit_rig(
     plot: PlotKind,
     force: bool,
     accept_misfit: bool,
+    groups: list[str],
 ) -> None:
     require_yaml(path)
     paths = result_files(path, plot)
     files.tables.refuse_to_overwrite(paths, force)
     samples, asked = read_samples(settings, data, reference)
-    wanted = calibration.table.add_seats(
-        calibration.table.choice(settings.sensor, asked), samples, asked
+    chosen = (
+        calibration.table.choose_groups(settings.sensor, asked, groups)
+        if groups
+        else calibration.table.choice(settings.sensor, asked)
     )
+    wanted = calibration.table.add_seats(chosen, samples, asked)
     typer.echo(f"{len(samples.raw)} samples, {len(wanted.names)} unknowns of the rig")
-    show_weak(
-        calibration.identifiability.weak_directions(
-            calibration.identifiability.information(settings.sensor, samples, wanted),
-            wanted,
-            settings.sensor,
+    if wanted.joint:
+        typer.echo(
+            f"{len(wanted.joint.names)} of them are known before by the covariance of CONFIG; "
+            f"changes are looked for in: {', '.join(groups)}."
         )
-    )
+    else:
+        show_weak(
+            calibration.identifiability.weak_directions(
+                calibration.identifiability.information(settings.sensor, samples, wanted),
+                wanted,
+                settings.sensor,
+            )
+        )
+        show_lost_uncertainties(settings, wanted)
     found = calibration.verdict.verdict(settings.sensor, samples, wanted, asked)
     show_verdict(settings, found)
     if found.sensor is None or not (found.is_trusted or accept_misfit):
@@ -171,6 +203,21 @@ def fit_rig(
             typer.echo("To write it nevertheless, add --accept-misfit.", err=True)
         raise typer.Exit(FINDING)
     write_results(settings, found, paths)
+
+
+def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
+    """Say where a calibration loses the uncertainties of parameters that it does not fit."""
+    known = settings.sensor.calibration
+    lost = [] if known is None else [
+        name for name in known.names
+        if name in calibration.unknowns.OF_SENSOR and name not in unknowns.names
+        and name != "beam.power"
+    ]  # fmt: skip
+    if lost:
+        typer.echo(
+            f"CONFIG has the uncertainties of {len(lost)} parameters that are not fitted here; the "
+            "result\nwould take them as exact unless the data call for them. --only keeps them."
+        )
 
 
 def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[Data, Calibrate]:

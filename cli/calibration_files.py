@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from facets.calibration.fit import Fit
     from facets.calibration.verdict import Verdict
     from facets.config import Config
+    from facets.core.sensor import Sensor
 
 
 def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
@@ -35,7 +36,7 @@ def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
     with TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)
-        write_covariance(matrix, found.found, about)
+        write_covariance(matrix, found.found.sensor, about)
         bent = write_grids(settings, trial, found.found, about)
         trial.write_text(as_yaml(settings, found.found, matrix, bent, about), "utf-8")
         try:
@@ -62,11 +63,9 @@ def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
     typer.echo(", ".join(str(file) if file == path else file.name for file in paths))
 
 
-def write_covariance(path: Path, found: Fit, about: dict[str, str]) -> None:
-    assert found.sensor.calibration is not None
-    files.tables.write_table(
-        path, configuration.covariance.columns(found.sensor.calibration), about
-    )
+def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
+    assert sensor.calibration is not None
+    files.tables.write_table(path, configuration.covariance.columns(sensor.calibration), about)
 
 
 def write_grids(
@@ -100,10 +99,10 @@ def as_yaml(
 
 
 def choose_power(settings: Config) -> Config:
-    """A calibration tells the laser's power on its day; a pose solved later holds it to a prior."""
-    solve = settings.resolved["solve"]
-    if solve["power"] != "known" or solve["method"] == "paper":
-        return settings
-    if settings.calibrate.power_per_sample:
+    """A calibration tells the laser's power on its day; a pose solved later holds it to a prior.
+    The beam of the calibration stands where it is said to be."""
+    solve = settings.resolved["solve"] | {"beam_offset_um": [0.0, 0.0]}
+    is_known = solve["power"] == "known" and solve["method"] != "paper"
+    if is_known and settings.calibrate.power_per_sample:
         solve = solve | {"power": "prior"}
     return replace(settings, resolved=settings.resolved | {"solve": solve})

@@ -20,6 +20,7 @@ from .console import FINDING, load_config
 from .options import ConfigName, Force, describe_default, output_option
 
 if TYPE_CHECKING:
+    from facets.config import Config, Solve
     from facets.estimation.table import StatusCounts
 
 
@@ -137,7 +138,7 @@ def solve(
             files.provenance.provenance_header(settings),
             advance,
         )
-    report(count, output)
+    report(count, output, settings, options)
     if not count.solved_count or misfit(count):
         raise typer.Exit(FINDING)
 
@@ -163,7 +164,7 @@ def misfit(count: StatusCounts) -> bool:
     return 2 * count.misfit.flagged > count.solved_count
 
 
-def report(count: StatusCounts, output: Path) -> None:
+def report(count: StatusCounts, output: Path, settings: Config, options: Solve) -> None:
     typer.echo(f"{count.solved_count} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
         if status != "converged":
@@ -172,7 +173,12 @@ def report(count: StatusCounts, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
-    beside = (unchecked_sentence(count), edge_sentence(count), unseen_sentence(count))
+    beside = (
+        unchecked_sentence(count),
+        edge_sentence(count),
+        unseen_sentence(count),
+        temperature_sentence(count, settings, options),
+    )
     for sentence in (count.misfit.sentence, *beside):
         if sentence:
             typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
@@ -212,6 +218,19 @@ def unseen_sentence(count: StatusCounts) -> str:
     return (
         "A single wrong reading can shift a pose without raising its residual: a wrong position of "
         f"a spot by {amount(place)}, a wrong power by {amount(power)} standard uncertainties."
+    )
+
+
+def temperature_sentence(count: StatusCounts, settings: Config, options: Solve) -> str:
+    """What a temperature costs that the sensor follows and the table does not have."""
+    if not count.lacks_temperature:
+        return ""
+    shift = abs(estimation.table.shift_per_kelvin(settings.sensor, options))
+    return (
+        "READINGS has no column temperature_c, though sensor.temperature has coefficients: the "
+        f"poses hold at {settings.sensor.thermal.reference:.4g} degrees Celsius. Each kelvin above "
+        f"or below shifts them by up to {1e3 * shift[:3].max():.2g} um and "
+        f"{1e6 * shift[3:].max():.2g} urad, which the stated uncertainties do not include."
     )
 
 

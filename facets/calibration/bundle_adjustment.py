@@ -66,7 +66,7 @@ class Data(NamedTuple):
     for the laser's power over the run.  approach: (n, 6) the signs of each axis's last step; 0
     where none is known.  rows: (n,) number of rows of the table in a sample's mean; None where each
     sample is one row.  number: (n,) the table's row, from 1, or the number of the stand where rows
-    were averaged.
+    were averaged.  temperature: the mean one, degrees Celsius.
     """
 
     raw: Floats
@@ -82,12 +82,13 @@ class Data(NamedTuple):
     approach: Floats | None = None
     rows: Floats | None = None
     number: NDArray[np.int64] | None = None
+    temperature: float | None = None
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:
         kept = {
             name: value[rows]
             for name, value in self._asdict().items()
-            if value is not None and name != "sigma"
+            if value is not None and name not in ("sigma", "temperature")
         }
         return self._replace(**kept)
 

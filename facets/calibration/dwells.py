@@ -112,6 +112,8 @@ def shares(means: Floats) -> Floats:
     """Relative noise of the readings (m, 9) from stand to stand: proportional to 1 / power for a
     place, constant for a power."""
     found: Floats = np.ones_like(means)
+    if not len(means):
+        return found
     for k in range(3):
         power = means[:, 3 * k + 2]
         found[:, 3 * k : 3 * k + 2] = (np.nanmedian(power) / power)[:, None]

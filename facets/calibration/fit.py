@@ -25,8 +25,9 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.names import DETECTORS
-from ..core.sensor import Calibration, Sensor
+from ..core.sensor import Calibration, Sensor, Thermal
 from ..core.units import Floats
+from ..detectors.calibrated import TEMPERATURE
 from ..detectors.correction import correct
 from ..estimation.solver import solve
 from .bundle_adjustment import (
@@ -357,16 +358,29 @@ CONVENTION = 1e-5
 
 
 def prior_information(choice: Choice) -> Floats:
-    """Prior information (p, p) on each unknown and on the detectors' common gain.
+    """Prior information (p, p) on each unknown, or some together, and on the detectors' common
+    gain.
 
     That gain and the laser's power are interchangeable; without the convention, smaller gains would
     reduce the noise of the corrected powers and with it chi-square.
     """
     matrix = np.diag(1 / choice.sigma**2)
+    if choice.joint is not None:
+        inside = [n for n, name in enumerate(choice.names) if name in choice.joint.names]
+        whole = invert_covariance(np.array(choice.joint.covariance))
+        places = [choice.joint.names.index(choice.names[n]) for n in inside]
+        matrix[np.ix_(inside, inside)] = whole[np.ix_(places, places)]
     gains = [n for n, name in enumerate(choice.names) if name in GAINS]
     if len(gains) == len(GAINS) and (np.isinf(choice.power) or "beam.power" in choice.names):
         matrix[np.ix_(gains, gains)] += 1 / (len(gains) * CONVENTION) ** 2
     return matrix
+
+
+def invert_covariance(matrix: Floats) -> Floats:
+    """The inverse of a covariance whose parameters have sizes of many orders."""
+    scale = np.sqrt(np.diag(matrix))
+    inverse: Floats = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+    return (inverse + inverse.T) / 2
 
 
 def huber_roots(residual: Floats, limit: float) -> Floats:
@@ -419,10 +433,19 @@ def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats)
         values[PLACE["beam.power"]] *= 1 + float(at.opening[:, 6].mean())
         names.append("beam.power")
     names, covariance = fold(names, values, covariance)
-    kept = [n for n, name in enumerate(names) if name in OF_SENSOR]
+    kept = [n for n, name in enumerate(names) if name in OF_SENSOR or name in TEMPERATURE]
     part = covariance[np.ix_(kept, kept)]
     known = Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
-    return replace(assign_values(task.nominal, fold_mount(values)), calibration=known)
+    sensor = assign_values(task.nominal, fold_mount(values))
+    return replace(sensor, calibration=known, thermal=thermal_of(values, task.data.temperature))
+
+
+def thermal_of(values: Floats, temperature: float | None) -> Thermal:
+    """What follows the temperature by values of `ALL`; 0 at the mean temperature of the data."""
+    if temperature is None or not values[block(TEMPERATURE)].any():
+        return Thermal()
+    beam_x, beam_y, *places = values[block(TEMPERATURE)].tolist()
+    return Thermal(temperature, (beam_x, beam_y), tuple(places))
 
 
 def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Floats:

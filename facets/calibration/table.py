@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import ANGLES, DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ..core.sensor import MONOMIALS, Sensor
+from ..core.sensor import MONOMIALS, Calibration, Sensor
 from ..core.units import Floats
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
@@ -20,9 +20,21 @@ from ..model.beam_shape import SHAPE
 from .bundle_adjustment import Data
 from .dwells import FEWEST, WITHIN, dwell_means
 from .fit import Fit
-from .unknowns import BACKLASH, DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, SKEW, Choice, values_of
+from .unknowns import (
+    BACKLASH,
+    DRIFTS,
+    MOUNTING,
+    OF_SEAT,
+    OF_SENSOR,
+    POWER_DRIFT,
+    SKEW,
+    Choice,
+    values_of,
+)  # fmt: skip
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from ..core.calibrate import Calibrate
     from ..core.sensor import Psd
 
@@ -134,6 +146,9 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
         thirds=thirds,
         rows=None if rows is None else rows[good],
         number=np.flatnonzero(good) + 1,
+        temperature=float(np.nanmean(columns["temperature_c"][good]))
+        if "temperature_c" in columns
+        else None,
     )
 
 
@@ -229,6 +244,63 @@ def choice(sensor: Sensor, settings: Calibrate) -> Choice:
         raise InputError("every key of calibrate.before is null: nothing is to be found")
     power = np.inf if settings.power_per_sample else 0.0
     return Choice(tuple(kept), np.array(list(kept.values())), power)
+
+
+#: Groups of parameters that may have changed since a calibration, by what their names begin with;
+#: the gains are those that end so.
+GROUPS = {
+    "beam": ("beam.",),
+    "gains": tuple(f"correction_{letter}.power" for letter in DETECTORS),
+    "detectors": ("psd_",),
+    "facets": ("facet_",),
+}
+
+
+def group_names(before: Iterable[str], groups: Sequence[str]) -> list[str]:
+    """The parameters of groups; raises `InputError` where one has none."""
+    found = list[str]()
+    for group in groups:
+        names = [name for name in before if name.startswith(GROUPS[group])]
+        if not names:
+            raise InputError(f"--only {group}: every key of calibrate.before for it is null")
+        found += names
+    return found
+
+
+def choose_groups(sensor: Sensor, settings: Calibrate, groups: Sequence[str]) -> Choice:
+    """All parameters of a calibrated sensor, known before by the covariance of its calibration.
+
+    Those of `groups` may have changed since, by what `calibrate.before` says; with the change of
+    each independent, this is what a fit to the data of both calibrations would start from. The
+    laser's power, where each sample has its own, and the mirror's seat are known as in `choice`.
+    Raises `InputError` where the sensor has no calibration, or where a group holds nothing.
+    """
+    if sensor.calibration is None:
+        raise InputError(
+            "--only needs a calibrated configuration, whose covariance it keeps; this one has none "
+            "in sensor.calibration"
+        )
+    if sensor.thermal.is_on:
+        raise InputError(
+            "--only does not go with sensor.temperature: its coefficients would need the readings "
+            "of the first calibration; calibrate anew, without --only"
+        )
+    plain = choice(sensor, settings)
+    before = dict(zip(plain.names, plain.sigma.tolist(), strict=True))
+    changed = group_names(before, groups)
+    names = [name for name in sensor.calibration.names if name in OF_SENSOR]
+    if settings.power_per_sample and "beam.power" in names:
+        names.remove("beam.power")
+    old = [sensor.calibration.names.index(name) for name in names]
+    names += [name for name in changed if name not in names]
+    matrix = np.zeros((len(names), len(names)))
+    matrix[: len(old), : len(old)] = np.array(sensor.calibration.covariance)[np.ix_(old, old)]
+    for name in changed:
+        matrix[names.index(name), names.index(name)] += before[name] ** 2
+    sigma = dict(zip(names, np.sqrt(np.diag(matrix)).tolist(), strict=True))
+    sigma |= {name: before[name] for name in before if name in MOUNTING}
+    joint = Calibration(tuple(names), tuple(map(tuple, matrix.tolist())))
+    return Choice(tuple(sigma), np.array(list(sigma.values())), plain.power, joint=joint)
 
 
 def facet_sigmas(letter: str, before: dict[str, float]) -> dict[str, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE
-from ..core.sensor import MONOMIALS, Sensor
+from ..core.sensor import MONOMIALS, Calibration, Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, NAMES_OF_ONE, coefficients
 from ..model import arrays
@@ -68,12 +68,14 @@ class Choice:
 
     power: relative standard deviation of the laser's power from sample to sample; 0 where it is the
     same in all, infinite where each sample has its own.  beam: that of the beam's place, mm.
+    joint: the names that are known together before, and their covariance.
     """
 
     names: tuple[str, ...]
     sigma: Floats
     power: float = 0.0
     beam: float = 0.0
+    joint: Calibration | None = None
 
     @property
     def places(self) -> NDArray[np.int64]:

@@ -23,6 +23,7 @@ from ..core.sensor import (
     Noise,
     Psd,
     Sensor,
+    Thermal,
 )
 from . import covariance, grid
 
@@ -173,6 +174,13 @@ SENSOR = KeyBlock(
                 block_of(BenchLight),
             ),
             (
+                "thermal",
+                "temperature",
+                "what follows the temperature, written by `facets calibrate`; counts for tables of "
+                "readings with temperature_c",
+                block_of(Thermal),
+            ),
+            (
                 "calibration",
                 "calibration",
                 "uncertainty of calibrated parameters; `facets calibrate` writes it",
@@ -193,6 +201,7 @@ def write_sensor(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
     new = deepcopy(keys)
     new["beam"] = block_of(Beam).write(keys["beam"], sensor.beam)
     new["light"] = block_of(BenchLight).write(keys["light"], sensor.light)
+    new["temperature"] = block_of(Thermal).write(keys["temperature"], sensor.thermal)
     for block, key, parts in (
         (block_of(Facet), "mirror", sensor.facets),
         (PSD, "psd", sensor.psds),

@@ -632,6 +632,40 @@ class Imperfections:
 
 @check_arguments
 @dataclass(frozen=True)
+class Thermal:
+    """How the beam's position and the places on the detectors follow the temperature.
+
+    reference: the temperature at which nothing is added, degrees Celsius.  beam: shift of the
+    beam's position in x and y, mm/K.  places: what is added to the places psi and zeta of detectors
+    A, B and C in turn, mm/K.
+    """
+
+    reference: float = key(
+        "reference_c", 20.0, "temperature at which nothing is added", ge=-273.15, le=1000
+    )
+    beam: Pair = key(
+        "beam_um_per_k", (0.0, 0.0), "shift of the beam's position in x and y", ge=-1e4, le=1e4
+    )
+    places: tuple[float, ...] = key(
+        "places_um_per_k",
+        [0.0] * 6,
+        "shift of the readings psi and zeta of detector A, then B, then C",
+        length=6,
+        ge=-1e4,
+        le=1e4,
+    )
+
+    def __post_init__(self) -> None:
+        _require(len(self.places) == 6, "thermal places", len(self.places), "6 coefficients")
+
+    @property
+    def is_on(self) -> bool:
+        """Whether anything follows the temperature."""
+        return any((*self.beam, *self.places))
+
+
+@check_arguments
+@dataclass(frozen=True)
 class Calibration:
     """The covariance of the sensor's parameters after a calibration.
 
@@ -659,7 +693,8 @@ class Sensor:
 
     electronics: if given, noise follows from it instead of from `noise`. calibration: if given, its
     uncertainty is part of every pose's uncertainty. imperfections: effects in simulations only.
-    light: effects in the model of every reading.
+    light: effects in the model of every reading. thermal: what follows the temperature, where a
+    table of readings has it.
 
     Seen from above the facets follow each other counter-clockwise, each by less than half a turn
     from the one before; otherwise they do not form a pyramid.
@@ -674,6 +709,7 @@ class Sensor:
     calibration: Calibration | None = None
     imperfections: Imperfections = Imperfections()
     light: BenchLight = BenchLight()
+    thermal: Thermal = Thermal()
 
     def __post_init__(self) -> None:
         both = self.apertures.cut and self.imperfections != Imperfections()

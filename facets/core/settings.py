@@ -228,6 +228,14 @@ class Solve:
         gt=0,
         le=10_000,
     )
+    beam_offset: Pair = key(
+        "beam_offset_um",
+        (0.0, 0.0),
+        "position of the beam beside the one that `known` and `prior` name, as `facets rezero` "
+        "writes it",
+        ge=-1e6,
+        le=1e6,
+    )
     power: Literal["known", "prior", "unknown"] = key(
         "power",
         "prior",
@@ -267,6 +275,7 @@ class Solve:
 
         A known beam or power is known within the laser's own noise (`Electronics.pointing`,
         `power_noise`). position: (n, 2) or (1, 2) of the beam, mm; by default the origin.
+        `beam_offset` is added to it.
         """
         return Knowledge(beam=self._beam(sensor, position), power=self._power(sensor))
 
@@ -276,7 +285,8 @@ class Solve:
         sigma = self.beam_sigma if self.beam == "prior" else 0.0
         sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
         if position is None:
-            return Prior((0.0, 0.0), sigma)
+            return Prior(self.beam_offset, sigma)
+        position = position + self.beam_offset
         return Prior(position[0] if len(position) == 1 else position, sigma)
 
     def _power(self, sensor: Sensor) -> PowerKnowledge:

@@ -90,6 +90,8 @@ KEY_UNITS = {
     "um": _divide("um", UM),
     "nm": _multiply("nm", 1e-6, 1e6),
     "um2": _multiply("um^2", 1e-6, 1e6),
+    "um_per_k": _divide("um/K", UM),
+    "c": KeyUnit("degC"),
     "per_m": _divide("1/m", 1e3),
     "deg": _divide("deg", 180 / pi),
     "deg_of_phase": KeyUnit("deg", radians, degrees),  # of motions and of polarised light

@@ -16,4 +16,10 @@ MISFIT = tuple(f"misfit_{name}" for name in _READINGS)
 MODEL_ERROR = tuple(f"model_{name}" for name in _READINGS)
 #: Offset of the light's centre from the beam's position, mm, the same in every sample.
 LIGHT_CENTRE = ("light.centre_x", "light.centre_y")
-KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT, *MODEL_ERROR, *LIGHT_CENTRE)
+#: What the temperature adds, mm/K: to the beam's position, and to each place.
+TEMPERATURE = (
+    "temperature.bx",
+    "temperature.by",
+    *(f"temperature.{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")),
+)
+KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT, *MODEL_ERROR, *LIGHT_CENTRE, *TEMPERATURE)

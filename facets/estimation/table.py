@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,18 +16,23 @@ from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
 from ..detectors.skew import align
 from ..files import tables
-from ..model.arrays import is_near_edge
+from ..model.arrays import is_near_edge, readings
 from .compiling import Task, compile_for
 from .misfit import Misfit
+from .plan import make_plan
 from .reliability import unseen_errors
 from .solution import Solution, Status
 from .solver import solve
+from .uncertainty_parts import uncertainty_parts
 
 if TYPE_CHECKING:
+    from ..core.knowledge import Knowledge
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
 
 UNPARSABLE = "unparsable"
+#: Which readings are places, in the order of `Thermal.places`.
+PLACES = [0, 1, 3, 4, 6, 7]
 #: Poses of a piece of a table at which `unseen_errors` is asked for.
 LOOKED_AT = 100
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
@@ -43,7 +48,8 @@ class StatusCounts:
     with a residual beyond chance.  unchecked: rows that were solved, on request, though nothing
     checks them.  edges: rows that were solved with a spot near an edge that the model lacks.
     unseen: (2,) by how much one spoilt place and one spoilt power can put a pose off unseen, in
-    standard uncertainties, at most; NaN where nothing was solved.
+    standard uncertainties, at most; NaN where nothing was solved.  lacks_temperature: whether the
+    sensor follows the temperature, and the table does not have it.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
@@ -52,6 +58,7 @@ class StatusCounts:
     unchecked: int = 0
     edges: int = 0
     unseen: Floats = field(default_factory=lambda: np.full(2, np.nan))
+    lacks_temperature: bool = False
 
     def add(
         self,
@@ -62,11 +69,16 @@ class StatusCounts:
         status: Any,
         place: Floats | None = None,
         time: Floats | None = None,
+        temperature: Floats | None = None,
     ) -> None:
-        """Counts some rows.  readings: (n, 9).  status: (n,) in words.  place, time: as of
-        `solve_readings`."""
+        """Counts some rows.  readings: (n, 9).  status: (n,) in words.  place, time, temperature:
+        as of `solve_readings`."""
         self.statuses.update(status.tolist())
-        exact = exact_readings(sensor, readings, time) if found.misfit.any() else readings
+        self.lacks_temperature |= sensor.thermal.is_on and temperature is None
+        place = beam_place(sensor, place, temperature)
+        exact = readings
+        if found.misfit.any():
+            exact = exact_readings(sensor, readings, time, temperature)
         knowledge = options.knowledge(sensor, None if place is None else np.nan_to_num(place))
         self.misfit.add(found, sensor, knowledge, options.method, exact)
         self.unchecked += int((found.converged & (found.checks == 0)).sum())
@@ -97,22 +109,25 @@ def solve_readings(
     readings: Floats,
     place: Floats | None,
     time: Floats | None = None,
+    temperature: Floats | None = None,
 ) -> Solution:
     """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
 
     place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
     finite, there is no pose.
     time: (n,) of the readings, s, for detectors that are read one after the other.
+    temperature: (n,) degrees Celsius, for a sensor that follows it (`Sensor.thermal`).
     """
+    place = beam_place(sensor, place, temperature)
     if place is not None and options.beam != "free":
         lost = ~np.isfinite(place).all(axis=1)
         if lost.any():
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
     knowledge = options.knowledge(sensor, place)
-    return solve(
+    solution = solve(
         sensor,
-        exact_readings(sensor, readings, time),
+        exact_readings(sensor, readings, time, temperature),
         beam=knowledge.beam,
         power=knowledge.power,
         method=options.method,
@@ -120,6 +135,47 @@ def solve_readings(
         max_steps=options.max_steps,
         accept_unchecked=options.accept_unchecked,
     )
+    if temperature is None or not sensor.thermal.is_on:
+        return solution
+    return add_temperature_uncertainty(sensor, options, knowledge, solution, temperature)
+
+
+def beam_place(sensor: Sensor, place: Floats | None, temperature: Floats | None) -> Floats | None:
+    """Where the beam is (n, 2), mm, at temperatures (n,); the origin at the reference's one, or
+    `place`."""
+    if temperature is None or not sensor.thermal.is_on:
+        return place
+    warmer = temperature - sensor.thermal.reference
+    shift: Floats = warmer[:, None] * np.array(sensor.thermal.beam)
+    return shift if place is None else place + shift
+
+
+def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:
+    """By how much a pose at rest is off (6,), mm and rad, where the sensor is 1 K warmer than its
+    reference and the readings are solved without their temperature."""
+    state = np.zeros((1, 8))
+    state[0, 6:] = sensor.thermal.beam
+    seen = readings(sensor, state)
+    seen[:, PLACES] += sensor.thermal.places
+    knowledge = replace(options, beam_offset=(0.0, 0.0)).knowledge(sensor)
+    found = solve(sensor, seen, beam=knowledge.beam, power=knowledge.power, covariance=False)
+    shift: Floats = found.state[0, :6]
+    return shift
+
+
+def add_temperature_uncertainty(
+    sensor: Sensor, options: Solve, knowledge: Knowledge, found: Solution, temperature: Floats
+) -> Solution:
+    """The solution with the uncertainty of the temperature's coefficients."""
+    if found.covariance is None or found.calibration_covariance is None:
+        return found
+    plan = make_plan(sensor, knowledge, options.method, temperature.shape)
+    warmer = np.nan_to_num(temperature - sensor.thermal.reference)
+    part = uncertainty_parts(
+        sensor, found.state, found.used, plan.free, plan.weights, warmer
+    ).calibration
+    whole = found.covariance + (part - found.calibration_covariance)
+    return replace(found, covariance=whole, calibration_covariance=part)
 
 
 def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
@@ -127,10 +183,16 @@ def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
     compile_for(sensor, "poses", *tasks, knowledge=options.knowledge(sensor))
 
 
-def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Floats:
+def exact_readings(
+    sensor: Sensor, readings: Floats, time: Floats | None, temperature: Floats | None = None
+) -> Floats:
     """Convert readings (n, 9), as the detectors gave them, to those of the model at one instant
-    each."""
+    each and at the sensor's reference temperature."""
     exact = correct(sensor, readings)
+    if temperature is not None and sensor.thermal.is_on:
+        exact = exact.copy()
+        warmer = temperature - sensor.thermal.reference
+        exact[:, PLACES] -= warmer[:, None] * np.array(sensor.thermal.places)
     return exact if time is None else align(sensor, time, exact)
 
 
@@ -153,7 +215,8 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
             "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
             "fast they change; add the column, or set the delays to 0"
         )
-    return solve_readings(sensor, options, readings_in(chunk), place_in(chunk), time)
+    temperature = chunk.columns.get("temperature_c")
+    return solve_readings(sensor, options, readings_in(chunk), place_in(chunk), time, temperature)
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
@@ -239,9 +302,9 @@ def solve_table(
     """
     tables.ending(poses)
     compile_for_poses(config.sensor, options)
-    beside = ("time_s", *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
-    if options.beam == "free":
-        beside = ("time_s",)
+    beside = ("time_s", "temperature_c") if config.sensor.thermal.is_on else ("time_s",)
+    if options.beam != "free":
+        beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
     chunks = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
     count = StatusCounts()
     with tables.Whole(poses) as temporary:
@@ -257,7 +320,7 @@ def solve_table(
                 writer.write({**time, **columns})
                 count.add(
                     config.sensor, options, readings_in(chunk), solution, status, place_in(chunk),
-                    chunk.columns.get("time_s"),
+                    chunk.columns.get("time_s"), chunk.columns.get("temperature_c"),
                 )  # fmt: skip
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()

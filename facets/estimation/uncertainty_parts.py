@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
-from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR, TEMPERATURE
 from ..detectors.correction import NAMES, correction_slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
@@ -64,12 +64,16 @@ def uncertainty_parts(
     used: NDArray[np.bool_],
     free: NDArray[np.int64],
     weights: Floats,
+    warmer: Floats | None = None,
 ) -> UncertaintyParts:
     """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
     assert sensor.calibration is not None
     noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
     for part in slices_of(len(states)):
-        found = propagate(sensor, sensor.calibration, states[part], used[part], free, weights)
+        found = propagate(
+            sensor, sensor.calibration, states[part], used[part], free, weights,
+            None if warmer is None else warmer[part],
+        )  # fmt: skip
         noise[part] = found.noise
         calibration[part] = carry_over(sensor.calibration, found.slopes)
     return UncertaintyParts(noise, calibration)
@@ -89,11 +93,13 @@ def propagate(
     used: NDArray[np.bool_],
     free: NDArray[np.int64],
     weights: Floats,
+    warmer: Floats | None = None,
 ) -> Propagation:
     """How solved states (n, 8) follow noise, priors and the parameters that are `known`.
 
     used: (n, 3) detectors.  free, weights: the unknowns that were solved for, out of the state
     and the power, and one over the sigmas of what was known of bx, by and the power.
+    warmer: (n,) than the reference temperature of the calibration, K; None where it is not known.
     """
     seen = readings(sensor, states)
     weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
@@ -126,7 +132,7 @@ def propagate(
     statistical = state_part(inverse * scale, both, square)
     slopes = None
     if known is not None:
-        off = parameter_derivatives(sensor, known, states, seen)
+        off = parameter_derivatives(sensor, known, states, seen, warmer)
         off = np.nan_to_num(off * weigh[:, :, None])
         moved = np.linalg.solve(inner, across @ off) * units[:, None]
         slopes = state_part(moved, (free,), (9, off.shape[2]))
@@ -147,9 +153,16 @@ def jitter_share(sensor: Sensor, before: Floats) -> Floats:
 
 
 def parameter_derivatives(
-    sensor: Sensor, known: Calibration, states: Floats, seen: Floats
+    sensor: Sensor,
+    known: Calibration,
+    states: Floats,
+    seen: Floats,
+    warmer: Floats | None = None,
 ) -> Floats:
-    """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
+    """How far model and reading part for each unit of what was calibrated: (n, 9, p).
+
+    warmer: (n,) than the reference temperature of the calibration, K.
+    """
     whole = parameter_jacobian(sensor, states)
     identity = np.broadcast_to(np.eye(9), (len(states), 9, 9))  # each adds to its own reading
     blocks = {
@@ -162,9 +175,22 @@ def parameter_derivatives(
         blocks[SHAPE] = shape_derivatives(sensor, states, whole)
     if any(name in LIGHT_CENTRE for name in known.names):
         blocks[LIGHT_CENTRE] = jacobian(sensor, states)[:, :, 6:]
+    if any(name in TEMPERATURE for name in known.names):
+        blocks[TEMPERATURE] = temperature_derivatives(sensor, states, warmer)
     if any(name in EFFECTS for name in known.names):
         blocks[EFFECTS] = effect_jacobian(sensor, states)
     names = [name for block in blocks for name in block]
     every = np.concatenate(list(blocks.values()), axis=2)
     parted: Floats = every[:, :, [names.index(name) for name in known.names]]
     return parted
+
+
+def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | None) -> Floats:
+    """The derivatives by `TEMPERATURE` (n, 9, 8), of readings at temperatures (n,) K above the
+    reference."""
+    slopes = np.zeros((len(states), 9, len(TEMPERATURE)))
+    if warmer is not None:
+        slopes[:, :, :2] = jacobian(sensor, states)[:, :, 6:]
+        slopes[:, [0, 1, 3, 4, 6, 7], np.arange(2, len(TEMPERATURE))] = 1.0
+        slopes *= warmer[:, None, None]
+    return slopes

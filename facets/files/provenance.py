@@ -72,12 +72,21 @@ def configuration(
     config: Config, block: dict[str, Any], about: dict[str, str], name: str = "sensor"
 ) -> str:
     """A configuration as YAML, with another block of that name; above, how it was made."""
+    return _commented_yaml({**config.resolved, name: block}, about)
+
+
+def extension(parent: Path, keys: dict[str, Any], about: dict[str, str]) -> str:
+    """A configuration as YAML that extends another by some keys; above, how it was made."""
+    return _commented_yaml({"extends": str(parent), **keys}, about)
+
+
+def _commented_yaml(keys: dict[str, Any], about: dict[str, str]) -> str:
     from ruamel.yaml import YAML
 
     stream = StringIO()
     for key, value in about.items():
         stream.write(f"# {key}: {' '.join(value.split())}\n")
-    YAML().dump({**config.resolved, name: block}, stream)
+    YAML().dump(keys, stream)
     return stream.getvalue()
 
 

@@ -96,8 +96,9 @@ def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator)
 def reported_beam_place(
     options: Solve, truth: Floats, noise: bool, rng: np.random.Generator
 ) -> Floats:
-    """Where the beam is said to be (n, 2), mm: as by a stage with the prior's uncertainty."""
-    place = truth[:, 6:].copy()
+    """Where the beam is said to be (n, 2), mm: as by a stage with the prior's uncertainty; the beam
+    is beside that by its offset."""
+    place: Floats = truth[:, 6:] - np.array(options.beam_offset)
     if noise and options.beam == "prior":
         place += options.beam_sigma * rng.standard_normal(place.shape)
     return place

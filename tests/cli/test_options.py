@@ -26,6 +26,7 @@ BAD = [
     (("emulate", "bench", "--motion", "circle", "--faults", "flip=1,flip=2"), "flip twice"),
     (("acquire", "bench", "--seconds", "inf"), "'inf' is not a plain finite number"),
     (("calibrate", "rig", "d.csv", "--effect", "strips=on", "--effect", "strips=off"), "twice"),
+    (("calibrate", "rig", "d.csv", "--only", "gain"), "give beam, gains, detectors, facets"),
     (("explore", "layout", "-o", "out"), "the folder is --folder"),
     (("optimize", "layout", "--report", "--force"), "a value must stand before the option --force"),
 ]

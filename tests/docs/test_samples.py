@@ -11,7 +11,16 @@ from reader import Reader
 #: Pages whose examples need nobody at a second terminal, in an order in which each finds what an
 #: earlier one has written. `README.md` and the guides are followed by `test_guides.py`.
 QUICK = ("simulate", "solve", "range-map", "resolution")
-LONG = ("optimize", "render", "tolerances", "jacobian", "calibrate", "explore", "reproduce")
+LONG = (
+    "optimize",
+    "render",
+    "tolerances",
+    "jacobian",
+    "calibrate",
+    "rezero",
+    "explore",
+    "reproduce",
+)
 
 
 def show(folder: Path, page: str) -> None:

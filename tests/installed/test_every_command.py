@@ -48,6 +48,8 @@ CHAINS = {
         simulate rig --motion calibration --with-reference -d 'a rig'
         calibrate paper 'a rig/readings.csv' -o 'a rig/calibrated.yaml'
         solve 'a rig/calibrated.yaml' 'a rig/readings.csv' -o 'a rig/poses by it.csv' --beam known
+        simulate 'my bench.yaml' --motion rest -d 'a stop'
+        rezero 'a rig/calibrated.yaml' 'a stop/readings.csv' 'a stop/readings.csv' -o 'a zero.yaml'
         """,
     "live": """
         emulate 'my bench.yaml' --motion rest --rate 1000 --folder 'virtual bench' &

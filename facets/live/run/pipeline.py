@@ -302,7 +302,8 @@ class Pipeline:
         # a stage may have changed its speed since it was asked: half the way is in doubt
         moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
         sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
-        return replace(self.at_rest, beam=Prior(encoder.places(host), sigma))
+        places = encoder.places(host) + np.array(self.config.solve.beam_offset)
+        return replace(self.at_rest, beam=Prior(places, sigma))
 
     def count(self, flags: NDArray[np.uint8]) -> None:
         self.tally.samples += len(flags)

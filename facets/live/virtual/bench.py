@@ -188,7 +188,7 @@ class Bench:
         self.model.advance(now)
         states = self.mirror.interpolate(times)
         share = np.clip((times - before) / max(now - before, 1e-9), 0, 1)[:, None]
-        states[:, 6:] = here + share * (self.model.place - here)
+        states[:, 6:] = here + share * (self.model.place - here) + self.config.solve.beam_offset
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
         host = self.begin + seq / self.rate

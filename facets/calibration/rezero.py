@@ -1,0 +1,474 @@
+"""What changed since a calibration, from readings at one stop of the mirror, then and now.
+
+The mirror stands at the same stop twice. The difference d of the mean readings is
+
+    d = D x + P m + G t + n
+
+x: what changed: the beam's position, the laser's power, the detectors' gains and the heights of
+their posts; Gaussian, with the standard uncertainties of `ChangePriors`.  m: how far the mirror
+stands from where it stood.  t: errors of the calibrated parameters.  n: noise of the means.  D, P:
+derivatives of the readings.  G: difference of the readings' derivatives now and then, so that t
+counts only where a large change meets a parameter that is not well known.
+
+The estimate of x is the most probable one, found by Gauss-Newton steps, because 20 um of beam
+motion are a tenth of the beam's width. The calibrated values stay. The covariance of the parameters
+now is that of the calibration, of x, and between both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.knowledge import Prior
+from ..core.names import DETECTORS, READING_COLUMNS, STATE_UNITS
+from ..core.sensor import Calibration, Sensor
+from ..core.units import Floats
+from ..detectors.calibrated import LIGHT_CENTRE
+from ..detectors.correction import correct
+from ..detectors.noise import standard_deviations
+from ..estimation.solution import Status
+from ..estimation.solver import solve
+from ..estimation.uncertainty_parts import parameter_derivatives
+from ..model.arrays import jacobian, readings
+from .bundle_adjustment import PLACES, Data
+from .dwells import dwell_means, mean
+from .fit import GAINS
+from .linear_prediction import chance_of
+from .samples import add_converter_steps
+from .small_matrices import one_thread
+from .table import REFERENCE, whole_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from ..core.settings import Config
+
+HEIGHTS = tuple(f"psd_{letter}.height" for letter in DETECTORS)
+#: What may have changed, by the names of a calibration; the beam's position moves the light's
+#: centre.
+CHANGES = (*LIGHT_CENTRE, "beam.power", *GAINS, *HEIGHTS)
+#: A stop's rows are compared in so many blocks, of two rows at least.
+BLOCKS, MIN_ROWS = 16, 32
+#: Standard deviation of the blocks' means over the noise of one sample: beyond it the mirror or the
+#: light moved by more than any averaging is worth.
+MAX_WANDER = 2.0
+#: Gauss-Newton steps; four settle the largest changes.
+STEPS = 6
+#: Probability of a misfit that is at least as large, below which the changes do not explain the
+#: readings.
+LEAST_CHANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class ChangePriors:
+    """Standard uncertainties of what may have changed since the calibration.
+
+    Parameters
+    ----------
+    beam
+        Of the beam's position in x and in y, mm.
+    power
+        Of the laser's power, as a share of it.
+    gain
+        Of each detector's gain, as a share.
+    post
+        Of the height of each detector's post, mm.
+    stop, stop_angle
+        Of the mirror's position (mm) and angles (rad) at the stop now against those then.
+    """
+
+    beam: float = 0.020
+    power: float = 0.05
+    gain: float = 0.002
+    post: float = 0.003
+    stop: float = 1e-4
+    stop_angle: float = 5e-7
+
+    def sigmas(self, power: float) -> Floats:
+        """Of `CHANGES` (9,), in mm, mW and shares.  power: the laser's, mW."""
+        return np.array([self.beam] * 2 + [self.power * power] + [self.gain] * 3 + [self.post] * 3)
+
+
+@dataclass(frozen=True)
+class StopReadings:
+    """Mean readings (m, 9) at m stops as the detectors gave them, mm and mW, and the variances of
+    these means.  warmer: (m,) than the reference temperature of the calibration, K; None for a
+    sensor that does not follow the temperature."""
+
+    mean: Floats
+    variance: Floats
+    warmer: Floats | None = None
+
+
+@dataclass(frozen=True)
+class NewZero:
+    """What changed since a calibration.
+
+    Attributes
+    ----------
+    sensor
+        The sensor now. Its calibration holds the covariance of the parameters as they are now.
+    beam
+        Position of the beam (2,) beside the one that is known otherwise, mm: see
+        `Solve.beam_offset`.
+    change, uncertainty, prior
+        Of `CHANGES` (9,): the changes, their standard uncertainties, and those before; mm, mW and
+        shares.
+    chi_square, freedom
+        Of the readings' differences, with all priors; and what it is on average.
+    motion
+        Of the mirror along each axis alone (2, 6), if it moved beside the changes: the most
+        probable one and its standard uncertainty, mm and rad.
+    """
+
+    sensor: Sensor
+    beam: Floats
+    change: Floats
+    uncertainty: Floats
+    prior: Floats
+    chi_square: float
+    freedom: int
+    motion: Floats
+
+    @property
+    def chance(self) -> float:
+        """Probability of a chi-square at least as large."""
+        return chance_of(self.chi_square, self.freedom)
+
+    @property
+    def likeliest_motion(self) -> tuple[int, float]:
+        """The axis along which a motion of the mirror would explain most beside the changes, and
+        the probability that chance alone does as much along any of the six."""
+        ratios = np.abs(self.motion[0] / self.motion[1])
+        axis = int(np.argmax(ratios))
+        return axis, min(1.0, 6 * chance_of(float(ratios[axis]) ** 2, 1))
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the nine changes explain the readings, and a motion of the mirror along one axis
+        would not explain them better than chance does."""
+        return min(self.chance, self.likeliest_motion[1]) >= LEAST_CHANCE
+
+
+def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> StopReadings:
+    """Average the readings of a mirror that stands still.
+
+    Parameters
+    ----------
+    sensor
+        The sensor, whose noise the means have at least.
+    raw
+        Readings (n, 9) as the detectors gave them, mm and mW; rows that are not finite are left
+        out.
+    name
+        Of the readings, for messages.
+
+    Returns
+    -------
+    StopReadings
+        One stop. The variance of a mean follows from the noise of the sensor or, where that is
+        larger, from the scatter of the means of 16 blocks, so that slow noise counts; what a
+        converter's steps leave in a mean is added.
+
+    Raises
+    ------
+    InputError
+        If fewer than 32 rows are finite, or if the readings wander by more than twice the noise of
+        one sample.
+    """
+    whole = raw[np.isfinite(raw).all(axis=1)]
+    count = len(whole)
+    if count < MIN_ROWS:
+        raise InputError(
+            f"{name}: {count} rows with all nine readings; a stop needs {MIN_ROWS} at least, and "
+            "two seconds of a detector board are better"
+        )
+    middle = np.array([mean(column) for column in whole.T])
+    noise = standard_deviations(sensor, correct(sensor, middle[None]))[0]
+    blocks = np.array([part.mean(axis=0) for part in np.array_split(whole, BLOCKS)])
+    scatter = blocks.std(axis=0, ddof=1)
+    worst = int(np.argmax(scatter / noise))
+    if scatter[worst] > MAX_WANDER * noise[worst]:
+        raise InputError(
+            f"{name}: {READING_COLUMNS[worst]} wanders by {scatter[worst] / noise[worst]:.3g} "
+            f"times the noise of one sample (allowed: {MAX_WANDER:g}): the mirror or the light "
+            "moved. Record the mirror at rest at the stop"
+        )
+    sigma = np.maximum(noise / np.sqrt(count), scatter / np.sqrt(BLOCKS))
+    return combine_means(sensor, middle[None], sigma[None], np.array([float(count)]))
+
+
+def combine_means(sensor: Sensor, means: Floats, sigma: Floats, rows: Floats) -> StopReadings:
+    """means, sigma: (m, 9).  rows: of which each is the mean (m,)."""
+    count = len(means)
+    data = Data(
+        means, np.zeros((count, 6)), np.zeros(6), np.zeros((count, 2)), noise=sigma, rows=rows
+    )
+    stepped = add_converter_steps(sensor, data).noise
+    assert stepped is not None
+    return StopReadings(means, stepped**2)
+
+
+def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
+    """The stop that a table of readings holds, or with `dwells` each stand of its reference.
+
+    Raises `InputError` where the mirror moved, or where there is no reference that stands still.
+    """
+    sensor, reference = settings.sensor, settings.calibrate.reference
+    measured = [n for n in range(6) if np.isfinite(reference[n])]
+    needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured if dwells))
+    if sensor.thermal.is_on:
+        needed = (*needed, "temperature_c")
+    columns = whole_table(path, needed, ())
+    if not dwells:
+        return add_temperature(sensor, average_stop(sensor, columns, str(path)), columns)
+    pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
+    found = dwell_means(columns, pose, np.array(reference)[measured])
+    means = np.column_stack([found.columns[name] for name in READING_COLUMNS])
+    if not len(means) or not np.isfinite(means).all():
+        raise InputError(
+            f"{path}: the reference stands still {len(means)} times; every stop needs all nine "
+            "readings"
+        )
+    return add_temperature(
+        sensor, combine_means(sensor, means, found.noise, found.rows), found.columns
+    )
+
+
+def average_stop(sensor: Sensor, columns: Mapping[str, Floats], name: str) -> StopReadings:
+    """The one stop of columns of readings; see `stop_readings`."""
+    raw = np.column_stack([columns[column] for column in READING_COLUMNS])
+    return stop_readings(sensor, raw, name)
+
+
+def add_temperature(
+    sensor: Sensor, stops: StopReadings, columns: dict[str, Floats]
+) -> StopReadings:
+    """The stops with their mean temperatures, for a sensor that follows it."""
+    if not sensor.thermal.is_on:
+        return stops
+    each = np.array_split(columns["temperature_c"], len(stops.mean))
+    warmer = np.array([np.nanmean(part) for part in each]) - sensor.thermal.reference
+    return replace(stops, warmer=warmer)
+
+
+@one_thread
+def renew_zero(
+    sensor: Sensor,
+    then: StopReadings,
+    now: StopReadings,
+    priors: ChangePriors | None = None,
+    beam: tuple[float, float] = (0.0, 0.0),
+) -> NewZero:
+    """Estimate what changed since a calibration from readings at the same stops, then and now.
+
+    Parameters
+    ----------
+    sensor
+        The calibrated sensor.
+    then, now
+        Readings at the same stops in the same order; one stop is enough.
+    priors
+        How much each quantity may have changed, and how well the stop repeats.
+    beam
+        Position of the beam then, mm.
+
+    Returns
+    -------
+    NewZero
+        The changes with their uncertainties, and the sensor now. Check `is_explained` before use.
+
+    Raises
+    ------
+    InputError
+        If the sensor has no calibration, if the numbers of stops differ, or if the readings then
+        cannot be solved.
+
+    Notes
+    -----
+    A stop does not tell a motion of the mirror along z from posts that grew, nor 0.1 % of one
+    detector's gain from nothing. The uncertainties include `ChangePriors.stop`.
+
+    Examples
+    --------
+    >>> import facets
+    >>> from facets.calibration import rezero
+    >>> settings = facets.load("calibrated.yaml")  # doctest: +SKIP
+    >>> then = rezero.stop_readings(settings.sensor, readings_then)  # doctest: +SKIP
+    >>> now = rezero.stop_readings(settings.sensor, readings_now)  # doctest: +SKIP
+    >>> zero = rezero.renew_zero(settings.sensor, then, now)  # doctest: +SKIP
+    >>> zero.is_explained, 1e3 * zero.beam  # um  # doctest: +SKIP
+    """
+    if sensor.calibration is None:
+        raise InputError(
+            "the sensor has no calibration; give the configuration that facets calibrate wrote"
+        )
+    if len(then.mean) != len(now.mean):
+        raise InputError(
+            f"{len(then.mean)} stops then and {len(now.mean)} now; the mirror has to visit the "
+            "same stops in the same order"
+        )
+    task = StopComparison(sensor, then, now, priors or ChangePriors(), beam)
+    change = task.estimate()
+    covariance, cross, chi_square, motion = task.conclude(change)
+    return NewZero(
+        sensor=add_covariance(task.change_sensor(change), sensor.calibration, covariance, cross),
+        beam=np.array(beam) + change[:2],
+        change=change,
+        uncertainty=np.sqrt(np.diag(covariance)),
+        prior=task.prior,
+        chi_square=chi_square,
+        freedom=then.mean.size,
+        motion=motion,
+    )
+
+
+class StopComparison:
+    """The readings at the stops then and now, and what the model makes of changes (9,)."""
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        then: StopReadings,
+        now: StopReadings,
+        priors: ChangePriors,
+        beam: tuple[float, float],
+    ) -> None:
+        assert sensor.calibration is not None
+        self.now, self.names = now, sensor.calibration.names
+        self.known = np.array(sensor.calibration.covariance)
+        nothing = np.zeros(len(then.mean))
+        #: How much warmer the stops are than the calibration's reference, then and now (m,), K.
+        self.then_warmer = nothing if then.warmer is None else then.warmer
+        self.now_warmer = nothing if now.warmer is None else now.warmer
+        exact = exact_at_reference(sensor, then.mean, self.then_warmer)
+        place = np.array(beam) + np.outer(self.then_warmer, sensor.thermal.beam)
+        known = Prior(place, 0.0)
+        solution = solve(sensor, exact, beam=known, power="unknown", covariance=False)
+        if not solution.converged.all():
+            label = Status(int(solution.status[~solution.converged][0])).label
+            raise InputError(
+                f"the readings at the stop then have no pose ({label}); give readings of the "
+                "calibrated rig"
+            )
+        self.states, power = solution.state, float(solution.power.mean())
+        self.prior = priors.sigmas(power)
+        self.sensor = replace(sensor, beam=replace(sensor.beam, power=power))
+        self.offset = exact - readings(self.sensor, self.states)
+        stop = np.array([priors.stop] * 3 + [priors.stop_angle] * 3)
+        moved = jacobian(sensor, self.states)[:, :, :6] * stop
+        self.noise = block_diagonal(moved @ np.swapaxes(moved, 1, 2))
+        self.noise += np.diag((then.variance + now.variance).ravel())
+
+    def change_sensor(self, change: Floats) -> Sensor:
+        """The sensor with changes (9,), but for the beam's position."""
+        sensor = self.sensor
+        psds = [
+            replace(psd, height=psd.height + height,
+                    correction=replace(psd.correction, power=psd.correction.power + gain))
+            for psd, gain, height in zip(sensor.psds, *change[3:].reshape(2, 3).tolist(),
+                                         strict=True)
+        ]  # fmt: skip
+        beam = replace(sensor.beam, power=sensor.beam.power + float(change[2]))
+        return replace(sensor, beam=beam, psds=(psds[0], psds[1], psds[2]))
+
+    def situation(self, change: Floats) -> tuple[Sensor, Floats]:
+        """The sensor and the states (m, 8) now, after changes."""
+        states = self.states.copy()
+        states[:, 6:] += change[:2]
+        states[:, 6:] += np.outer(self.now_warmer - self.then_warmer, self.sensor.thermal.beam)
+        return self.change_sensor(change), states
+
+    def predict(self, change: Floats) -> Floats:
+        return readings(*self.situation(change))
+
+    def derivatives(self, change: Floats, names: tuple[str, ...]) -> Floats:
+        """How far model and readings part now for each unit of some parameters: (9 m, p)."""
+        return derivatives(*self.situation(change), names, self.now_warmer)
+
+    def weights(self, change: Floats) -> tuple[Floats, Floats]:
+        """The inverse covariance of the readings' differences without changes (9 m, 9 m), and by
+        how much they follow errors of the calibration (9 m, p)."""
+        apart = self.derivatives(change, self.names)
+        apart -= derivatives(self.sensor, self.states, self.names, self.then_warmer)
+        covariance = self.noise + apart @ self.known @ apart.T
+        return np.linalg.inv(covariance), apart
+
+    def estimate(self) -> Floats:
+        """The most probable changes (9,)."""
+        change, known = np.zeros(9), self.prior**-2
+        for _ in range(STEPS):
+            weights, _ = self.weights(change)
+            slopes, residuals = self.derivatives(change, CHANGES), self.residuals(change)
+            matrix = slopes.T @ weights @ slopes + np.diag(known)
+            change = change + np.linalg.solve(
+                matrix, slopes.T @ weights @ residuals - known * change
+            )
+        return change
+
+    def residuals(self, change: Floats) -> Floats:
+        """What changes leave of the readings' differences (9 m,)."""
+        exact = exact_at_reference(self.change_sensor(change), self.now.mean, self.now_warmer)
+        return (exact - self.predict(change) - self.offset).ravel()
+
+    def conclude(self, change: Floats) -> tuple[Floats, Floats, float, Floats]:
+        """Of the most probable changes: their covariance (9, 9), that between them and the
+        calibrated parameters (9, p), chi-square, and what the mirror's motion would be, see
+        `NewZero.motion`."""
+        weights, apart = self.weights(change)
+        slopes, residuals = self.derivatives(change, CHANGES), self.residuals(change)
+        known = self.prior**-2
+        matrix = slopes.T @ weights @ slopes + np.diag(known)
+        covariance: Floats = np.linalg.inv(matrix).astype(float)
+        back = covariance @ slopes.T @ weights
+        cost = float(residuals @ weights @ residuals + known @ change**2)
+        moved = jacobian(self.sensor, self.states)[:, :, :6].reshape(-1, 6)
+        # what of a motion the changes do not take up
+        beside = weights @ (moved - slopes @ (back @ moved))
+        information = (moved * beside).sum(axis=0)
+        motion: Floats = np.stack(
+            [moved.T @ weights @ residuals / information, 1 / np.sqrt(information)]
+        )
+        return covariance, -back @ apart @ self.known, cost, motion
+
+
+def exact_at_reference(sensor: Sensor, raw: Floats, warmer: Floats) -> Floats:
+    """Readings (m, 9) as perfect detectors would give them at the reference temperature."""
+    exact = correct(sensor, raw).copy()
+    exact[:, PLACES] -= np.outer(warmer, sensor.thermal.places)
+    return exact
+
+
+def derivatives(sensor: Sensor, states: Floats, names: tuple[str, ...], warmer: Floats) -> Floats:
+    """How far model and readings part for each unit of some parameters: (9 m, p)."""
+    size = len(names)
+    unit = Calibration(names, tuple(map(tuple, np.eye(size).tolist())))
+    every = parameter_derivatives(sensor, unit, states, readings(sensor, states), warmer)
+    return every.reshape(-1, size)
+
+
+def block_diagonal(blocks: Floats) -> Floats:
+    """A matrix (9 m, 9 m) of blocks (m, 9, 9)."""
+    count = len(blocks)
+    matrix = np.zeros((count, 9, count, 9))
+    matrix[range(count), :, range(count)] = blocks
+    return matrix.reshape(9 * count, 9 * count)
+
+
+def add_covariance(sensor: Sensor, known: Calibration, covariance: Floats, cross: Floats) -> Sensor:
+    """The sensor with the covariance of its parameters now: each is the calibrated one and its
+    change.  covariance, cross: of `CHANGES` (9, 9), and with the calibrated parameters (9, p)."""
+    names = (*known.names, *(name for name in CHANGES if name not in known.names))
+    size, count = len(known.names), len(CHANGES)
+    joint = np.block([[np.array(known.covariance), cross.T], [cross, covariance]])
+    sums = np.zeros((len(names), size + count))
+    sums[range(size), range(size)] = 1.0
+    sums[[names.index(name) for name in CHANGES], range(size, size + count)] = 1.0
+    matrix = sums @ joint @ sums.T
+    matrix = (matrix + matrix.T) / 2
+    return replace(sensor, calibration=Calibration(names, tuple(map(tuple, matrix.tolist()))))

@@ -1,0 +1,287 @@
+"""What changed since a calibration, from readings at one stop that rays have made."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from hashlib import sha256
+
+import numpy as np
+import pytest
+from facets.cli import main
+from facets.experiments import new_zero
+from facets.experiments.bench_rays import RayBench, spots
+
+import facets
+from facets.calibration.rezero import (
+    CHANGES,
+    ChangePriors,
+    StopReadings,
+    renew_zero,
+    stop_readings,
+)
+from facets.config import covariance
+from facets.core.errors import InputError
+from facets.core.names import READING_COLUMNS
+from facets.core.settings import Solve
+from facets.core.units import Floats
+from facets.detectors.correction import invert_correction
+from facets.detectors.noise import standard_deviations
+from facets.files import tables
+from facets.optics.parameters import PARAMETERS
+
+NOMINAL = facets.Sensor()
+IDEAL = RayBench(
+    np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
+    np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
+)  # fmt: skip
+NAMES = (*(name for name in PARAMETERS if name.startswith("psd")), *CHANGES[2:6])
+#: Well calibrated: 1 um, 1 urad, 1e-6 of the powers; heights and radii are correlated.
+KNOWN = facets.Calibration(NAMES, tuple(map(tuple, (1e-12 * (np.eye(len(NAMES)) + 0.1)).tolist())))
+SENSOR = replace(NOMINAL, calibration=KNOWN)
+POSE = np.array([0.01, -0.02, 0.3, 1e-3, -2e-3, 1e-3])
+CHANGE = np.array([1e-3, -5e-4, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3])
+EXACT = new_zero.EXACT_STOP
+
+
+def read(change: Floats, pose: Floats = POSE, rows: int = 20_000) -> StopReadings:
+    """The means of the changed sensor by rays, without noise; their variances are those of noise.
+
+    change: power as a share.
+    """
+    heights, gains = change[6:], change[3:6]
+    psds = [
+        replace(psd, height=h, correction=replace(psd.correction, power=g))
+        for psd, h, g in zip(NOMINAL.psds, heights, gains, strict=True)
+    ]
+    power = NOMINAL.beam.power * (1 + change[2])
+    sensor = replace(
+        NOMINAL, beam=replace(NOMINAL.beam, power=power), psds=(psds[0], psds[1], psds[2])
+    )
+    pose = np.atleast_2d(pose)
+    exact = spots(sensor, IDEAL, np.column_stack([pose, np.tile(change[:2], (len(pose), 1))]))
+    sigma = standard_deviations(sensor, exact) / np.sqrt(rows)
+    return StopReadings(invert_correction(sensor, exact), sigma**2)
+
+
+THEN = read(np.zeros(9))
+
+
+def test_changes_are_found_again_from_rays():
+    zero = renew_zero(SENSOR, THEN, read(CHANGE), EXACT)
+    share = np.array([1, 1, NOMINAL.beam.power, 1, 1, 1, 1, 1, 1])
+    off = zero.change - CHANGE * share
+    assert zero.is_explained
+    assert zero.chi_square < 3  # of the priors, which the posts stretch
+    assert (np.abs(off) < 0.7 * zero.uncertainty).all()  # the priors draw gains towards zero
+    um, percent = 1e3 * zero.uncertainty, 100 * zero.uncertainty
+    assert um[:2] == pytest.approx([0.036, 0.036], abs=0.004)
+    assert um[6:] == pytest.approx([0.03] * 3, abs=0.005)
+    assert percent[3:6] == pytest.approx([0.117] * 3, abs=0.003)
+    assert zero.sensor.beam.power == pytest.approx(1.01 * NOMINAL.beam.power, rel=1e-3)
+    assert [psd.height for psd in zero.sensor.psds] == pytest.approx([2.3e-3] * 3, abs=1e-4)
+
+
+def test_the_estimate_is_that_of_weighted_rows():
+    """Derivatives by differences of rays, priors as rows of their own, and least squares."""
+    step = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2])
+    columns = [
+        (read(unit * step).mean - read(-unit * step).mean)[0] / (2 * unit @ step)
+        for unit in np.eye(9)
+    ]
+    now = read(CHANGE)
+    sigma = np.sqrt(THEN.variance + now.variance)[0]
+    prior = EXACT.sigmas(1.0)
+    rows = np.concatenate([np.array(columns).T / sigma[:, None], np.diag(1 / prior)])
+    side = np.concatenate([((now.mean - THEN.mean)[0]) / sigma, np.zeros(9)])
+    change = np.linalg.lstsq(rows, side, rcond=None)[0]
+    u = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    zero = renew_zero(SENSOR, THEN, now, EXACT)
+    share = np.array([1, 1, NOMINAL.beam.power, 1, 1, 1, 1, 1, 1])
+    # 1 um of the beam and 1 % of power bend the readings by some hundredths of this
+    assert (np.abs(zero.change / share - change) < 0.1 * u).all()
+    assert zero.uncertainty / share == pytest.approx(u, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("axis", "size"), [(0, 2e-3), (1, 2e-3), (3, 1e-5), (4, 1e-5), (5, 1e-5)],
+)  # fmt: skip
+def test_a_mirror_that_moved_is_refused(axis, size):
+    pose = POSE.copy()
+    pose[axis] += size
+    zero = renew_zero(SENSOR, THEN, read(np.zeros(9), pose))
+    assert not zero.is_explained
+    if axis != 4:  # which of roll and pitch it was, this pose does not always tell
+        assert zero.likeliest_motion[0] == axis
+        moved, u = zero.motion[:, axis]
+        assert abs(moved - size) < 3 * u
+
+
+def test_along_z_a_motion_of_the_mirror_looks_like_posts():
+    pose = POSE + np.array([0, 0, 1e-3, 0, 0, 0])
+    zero = renew_zero(SENSOR, THEN, read(np.zeros(9), pose))
+    assert zero.is_explained
+    assert zero.change[6:] == pytest.approx([-1e-3] * 3, rel=0.05)
+
+
+def test_an_error_of_the_stop_widens_what_it_spoils():
+    exact, half = (
+        renew_zero(SENSOR, THEN, read(CHANGE), one).uncertainty
+        for one in (EXACT, ChangePriors(stop=5e-4, stop_angle=1e-9))
+    )
+    assert (half[6:] > 10 * exact[6:]).all()  # the posts stand for the mirror's height
+    assert half[2] == pytest.approx(exact[2], rel=0.01)  # the laser does not
+
+
+def test_several_stops_tell_more():
+    poses = POSE + np.array([[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0], [0, 0.1, 1, 0, 0, 0]])
+    one = renew_zero(SENSOR, THEN, read(CHANGE)).uncertainty
+    three = renew_zero(SENSOR, read(np.zeros(9), poses), read(CHANGE, poses))
+    assert three.freedom == 27
+    assert three.is_explained
+    assert (three.uncertainty < one).all()
+    with pytest.raises(InputError, match="1 stops then and 3 now"):
+        renew_zero(SENSOR, THEN, read(CHANGE, poses))
+
+
+def test_errors_of_the_calibration_go_into_changes_as_stated():
+    """The beam moved by 20 um; the estimate follows a detector that is thought to be turned."""
+    names, sizes = ("psd_a.roll", "psd_b.roll", "psd_c.radius"), np.array([0.02, 0.02, 0.3])
+    known = facets.Calibration(names, tuple(map(tuple, np.diag(sizes**2).tolist())))
+    change = np.array([0.02, -0.01, 0, 0, 0, 0, 0, 0, 0])
+    now = read(change)
+    for n, name in enumerate(names):
+        found = []
+        for step in (-0.1, 0.1):
+            psds = list(NOMINAL.psds)
+            k, field = "abc".index(name[4]), name[6:]
+            value = getattr(psds[k], field) + step * sizes[n]
+            psds[k] = replace(psds[k], **{field: value})
+            thought = replace(NOMINAL, psds=tuple(psds), calibration=known)
+            found.append(renew_zero(thought, THEN, now, EXACT))
+        slope = (found[1].change - found[0].change)[:2] / (0.2 * sizes[n])
+        covariance = found[0].sensor.calibration
+        places = [covariance.names.index(other) for other in (*CHANGES[:2], name)]
+        whole = np.array(covariance.covariance)[np.ix_(places, places)]
+        assert whole[2, 2] == pytest.approx(sizes[n] ** 2)
+        # a sensor thought to have more has the error less, and so have the changes
+        scale = np.sqrt(np.diag(whole))
+        correlation = whole / np.outer(scale, scale)
+        assert slope * sizes[n] / scale[:2] == pytest.approx(correlation[:2, 2], abs=0.02)
+        assert field != "roll" or np.abs(correlation[:2, 2]).max() > 0.1
+
+
+def test_readings_that_wander_are_no_stop():
+    rng = np.random.default_rng(2)
+    exact = facets.readings(NOMINAL, np.zeros((1, 8)))
+    sigma = standard_deviations(NOMINAL, exact)
+    raw = exact + sigma * rng.standard_normal((3200, 9))
+    found = stop_readings(NOMINAL, raw)
+    assert np.sqrt(found.variance) == pytest.approx(sigma / np.sqrt(3200), rel=0.8)
+    assert np.abs(found.mean - exact).max() < 4 * np.sqrt(found.variance).max()
+    raw[:, 4] += np.linspace(0, 10 * sigma[0, 4], 3200)
+    with pytest.raises(InputError, match="zeta_b_mm wanders"):
+        stop_readings(NOMINAL, raw)
+    with pytest.raises(InputError, match="31 rows"):
+        stop_readings(NOMINAL, raw[:31])
+
+
+def test_the_beam_stands_beside_where_it_is_said_to_be():
+    options = Solve(beam="known", beam_offset=(1e-3, -2e-3))
+    assert options.knowledge(NOMINAL).beam == facets.Prior((1e-3, -2e-3), 0.0)
+    places = options.knowledge(NOMINAL, np.array([[1.0, 2.0], [3.0, 4.0]])).beam.mean
+    assert places == pytest.approx(np.array([[1.001, 1.998], [3.001, 3.998]]))
+
+
+# ---- the command
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Runs a command in this process, in a folder with a calibrated configuration."""
+    monkeypatch.chdir(tmp_path)
+    tables.write_table(tmp_path / "known.csv", covariance.columns(KNOWN), {})
+    total = sha256((tmp_path / "known.csv").read_bytes()).hexdigest()
+    (tmp_path / "calibrated.yaml").write_text(
+        "extends: paper\nsolve: {beam: known, power: unknown}\n"
+        f"sensor: {{calibration: {{file: known.csv, sha256: {total}}}}}\n"
+    )
+    write_stop(tmp_path / "then.csv", THEN)
+
+    def one(*words):
+        monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return one
+
+
+def write_stop(path, stop, rows=500):
+    rng = np.random.default_rng(len(path.stem))
+    sigma = np.sqrt(stop.variance * 20_000)
+    noise = rng.standard_normal((rows, 9))
+    raw = stop.mean + sigma * (noise - noise.mean(axis=0))
+    tables.write_table(path, dict(zip(READING_COLUMNS, raw.T, strict=True)), {})
+
+
+def test_the_command_writes_a_configuration_that_extends_the_calibrated_one(run, tmp_path):
+    write_stop(tmp_path / "now.csv", read(CHANGE))
+    (tmp_path / "new").mkdir()
+    status, out, _ = run("rezero", "calibrated.yaml", "then.csv", "now.csv", "-o", "new/today.yaml")
+    assert status == 0
+    assert "gain of detector A" in out
+    written = (tmp_path / "new" / "today.yaml").read_text()
+    assert "extends: ../calibrated.yaml" in written
+    assert len(written.splitlines()) < 40
+    today = facets.load("new/today.yaml")
+    assert today.solve.beam_offset == pytest.approx(CHANGE[:2], abs=4e-4)
+    assert set(today.sensor.calibration.names) == {*NAMES, *CHANGES}
+    for name, limit in (("calibrated.yaml", 6e-4), ("new/today.yaml", 2.5e-4)):
+        assert run("solve", name, "now.csv", "-o", "p.csv", "--force")[0] == 0
+        chunk = next(tables.read_chunks(tmp_path / "p.csv", ("tx_mm", "tz_mm"), (), 1000))
+        off = np.hypot(chunk.columns["tx_mm"].mean() - POSE[0], 0)
+        assert (off < limit) == (name != "calibrated.yaml")
+    assert run("rezero", "calibrated.yaml", "then.csv", "now.csv", "-o", "new/today.yaml")[0] == 2
+
+
+def test_the_command_refuses_a_mirror_that_moved(run, tmp_path):
+    pose = POSE + np.array([0, 0, 0, 0, 0, 2e-5])
+    write_stop(tmp_path / "now.csv", read(np.zeros(9), pose))
+    status, out, err = run("rezero", "calibrated.yaml", "then.csv", "now.csv")
+    assert status == 1
+    assert "in yaw between the stops" in out
+    assert "the mirror moved" in err.replace("\n  ", " ")
+    assert not (tmp_path / "calibrated-rezeroed.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("paper", "then.csv", "then.csv"), "no calibration"),
+        (("calibrated.yaml", "then.csv", "none.csv"), "none.csv"),
+        (("calibrated.yaml", "then.csv", "then.csv", "-o", "x.csv"), "ends in .yaml"),
+        (("calibrated.yaml", "then.csv", "then.csv", "--dwells"), "ref_tx_mm"),
+        (("calibrated.yaml", "then.csv", "then.csv", "--stop-um", "0"), "--stop-um"),
+    ],
+)
+def test_what_cannot_be_used_is_said(run, words, reason):
+    status, _, err = run("rezero", *words)
+    assert status == 2
+    assert reason in err
+
+
+@pytest.mark.slow
+def test_intervals_hold_on_a_rig_that_rays_read():
+    """A few draws of `python -m facets.experiments.new_zero`, on a rig with real light."""
+    one = new_zero.calibrate_rig(0, 300)
+    known = new_zero.known_change(one)
+    assert known.is_explained
+    assert np.abs(known.beam - [1e-3, 0]).max() < 1.5e-4
+    draws = [new_zero.draw_changes(one, ChangePriors(), 5) for _ in range(20)]
+    off = np.array([draw.off for draw in draws])
+    assert (np.abs(off) < 1.96).mean() > 0.88
+    poses = np.concatenate([draw.after for draw in draws])
+    assert (np.abs(poses) < 1.96).mean() > 0.9
+    assert (np.abs(np.concatenate([draw.before for draw in draws])[:, :2]) < 1.96).mean() < 0.2
