@@ -280,7 +280,7 @@ def mixture() -> Disturbance:
 
 
 def light() -> list[Case]:
-    modes, fringes = ("other modes",), ("fringes across",)
+    modes, fringes = ("profile is not Gaussian",), ("fringes across",)
     return [
         Case("light", "3 % LG10",
              profile(lambda x, y: 0.97 + 0.03 * (1 - (x * x + y * y) / 2) ** 2), modes),

@@ -362,12 +362,13 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
 
 
 def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
-    """The derivatives by the effects of a choice; by all effects if the mirror was turned.
+    """The derivatives by the effects of a choice, wherever the mirror was turned to.
 
     NaN where a diverging fit makes a sensor without derivatives, such as a beam without width.
     """
-    whole = data.thirds is not None and bool(data.thirds.any())
-    names = None if whole else choice.names
+    names = list(choice.names)
+    if data.thirds is not None and data.thirds.any():
+        names = [mirror_name(name, third) for name in names for third in range(3)]
 
     def columns(sensor: Sensor, state: Floats) -> Floats:
         try:

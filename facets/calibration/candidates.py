@@ -1,7 +1,8 @@
 """The effects that a calibration may add to the plain fit, each declared in one place.
 
-A new effect of the light needs one line in `LIGHT`; a new effect of the detectors or of the run
-needs one entry in `EVERY_EFFECT`. The search in `effect_search` tries them in this order.
+Effects of the light are declared on the fields of `core.sensor.BenchLight`; a new effect of the
+detectors or of the run needs one entry in `EVERY_EFFECT`. The search in `effect_search` tries them
+in this order.
 """
 
 from __future__ import annotations
@@ -13,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.names import DETECTORS
-from ..core.sensor import Sensor
-from ..model.arrays import EFFECTS
+from ..core.sensor import LIGHT_CANDIDATES, LIGHT_EFFECTS, Sensor
 from ..model.kinds import lit_kind
 from .bundle_adjustment import Data
 from .spline import SPLINE
@@ -64,34 +64,12 @@ class Candidate:
         return self.effect.key
 
 
-def light_unknowns(part: str, sigma: float) -> Sigmas:
-    return {name: sigma for name in EFFECTS if part in name}
+def light_unknowns(candidate: str) -> Sigmas:
+    """The unknowns of one of `LIGHT_CANDIDATES`."""
+    every = [one.sigmas for one in LIGHT_EFFECTS.values() if one.candidate == candidate]
+    return {name: sigma for sigmas in every for name, sigma in sigmas.items()}
 
 
-#: Positions of background light on a detector, 1 sigma, mm: anywhere on its area.
-BACKGROUND_PLACE_MM = 3.0
-#: The size that each effect of light has on a bench, 1 sigma, in 1/mm, mm, mm^2, mW and rad.
-LIGHT = {
-    "curvature": ("a wavefront that is not flat", light_unknowns("light.curvature", 1e-3)),
-    "diffraction": ("diffraction at the facets' edges", light_unknowns("light.wavelength", 1e-3)),
-    "rolloff": (
-        "edges that are rolled off",
-        light_unknowns(".rolloff", 3e-4) | light_unknowns("rolloff.width", 0.05),
-    ),
-    "strips": ("strips lost along the edges", light_unknowns("strip_", 0.03)),
-    "tip": ("a tip worn flat", light_unknowns("tip.area", 0.01)),
-    "background": (
-        "background light on the detectors",
-        {
-            name: 3e-3 if name.endswith("power") else BACKGROUND_PLACE_MM
-            for name in light_unknowns("background_", 0.0)
-        },
-    ),
-    "coating": (
-        "a coating's reflectance, and polarised light",
-        light_unknowns("light.polarization", 1.0),
-    ),
-}
 #: Deviation from a cubic correction of a detector, mm, 1 sigma.
 SPLINE_SIGMA_MM = 1e-2
 #: Prior standard uncertainty of a detector's quadratic and cubic corrections at its edge, mm.
@@ -155,9 +133,9 @@ def fixed_unknowns(sigma: Sigmas) -> Unknowns:
 
 EVERY_EFFECT = (
     *(
-        Effect(key, words, fixed_unknowns(sigma), of_light=True, coated=key == "coating",
-               tried_last=key == "coating")
-        for key, (words, sigma) in LIGHT.items()
+        Effect(key, words, fixed_unknowns(light_unknowns(key)), of_light=True,
+               coated=key == "coating", tried_last=key == "coating")
+        for key, (_, words) in LIGHT_CANDIDATES.items()
     ),
     Effect("bend", "detectors bent in second and third order", bend_unknowns),
     Effect("spline", "detectors bent beyond third order", spline_unknowns, tried_last=True),
@@ -207,7 +185,10 @@ def effects_without_columns(every: list[Candidate], settings: Calibrate) -> list
 def tried_kinds(sensor: Sensor, settings: Calibrate) -> list[str]:
     """The kinds of light, see `model.kinds.LIT`, whose effects are tried."""
     light = [one.effect for one in candidates(sensor, None, settings) if one.effect.of_light]
-    return list({lit_kind(add_coating(sensor) if one.coated else sensor) for one in light})
+    kinds = {lit_kind(add_coating(sensor) if one.coated else sensor) for one in light}
+    if any(one.key in ("profile", "asymmetry") for one in light):
+        kinds.add(lit_kind(sensor, profiled=True))
+    return sorted(kinds)
 
 
 def add_candidate(chosen: Choice, one: Candidate) -> Choice:

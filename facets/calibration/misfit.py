@@ -8,6 +8,7 @@ likely cause and what to do, and says whether it forbids to use the result.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import factorial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -175,6 +176,7 @@ def findings(sensor: Sensor, found: Fit, data: Data, scatter: Scatter) -> list[F
     every += [
         scatter_finding(scatter),
         backlash_finding(found),
+        profile_finding(found),
         power_finding(found, data),
     ]
     return sorted((one for one in every if one), key=lambda one: not one.bad)
@@ -279,8 +281,49 @@ def backlash_finding(found: Fit) -> Finding | None:
     ))  # fmt: skip
 
 
-#: Standard uncertainties from which on a backlash is told.
+#: Standard uncertainties from which on a backlash, or a profile, is told.
 CLEAR = 4.0
+
+
+def profile_size(found: Fit, kind: str) -> float:
+    """By how much a series makes the irradiance deviate from a Gaussian, r.m.s. over its light.
+
+    kind: "profile" or "asymmetry". The square of He_i(x) He_j(y) has the mean i! j!.
+    """
+    total = 0.0
+    for n, name in enumerate(found.choice.names):
+        series, _, axes = name.partition(".")
+        if series == kind:
+            mean = factorial(axes.count("x")) * factorial(axes.count("y"))
+            total += mean * float(found.values[n]) ** 2
+    return float(np.sqrt(total))
+
+
+def profile_finding(found: Fit) -> Finding | None:
+    """The shape of a beam that is not Gaussian, where the fit includes it."""
+    series = ("profile.", "asymmetry.")
+    places = [n for n, name in enumerate(found.choice.names) if name.startswith(series)]
+    values, sigmas = found.values[places], found.uncertainty[places]
+    if not (np.abs(values) > CLEAR * sigmas).any():
+        return None
+    listed = ", ".join(
+        f"{found.choice.names[n].partition('.')[2]} {value:.2g} +- {sigma:.1g}"
+        for n, value, sigma in zip(places, values, sigmas, strict=True)
+    )
+    size = 100 * float(np.hypot(profile_size(found, "profile"), profile_size(found, "asymmetry")))
+    words = (
+        f"The beam's profile is not Gaussian: its irradiance deviates by {size:.2g} % (r.m.s. over "
+        f"its light; Hermite coefficients {listed}). The fit follows it to fourth order; clean the "
+        "beam with a pinhole or a fibre to be rid of it."
+    )
+    if profile_size(found, "asymmetry"):
+        words += (
+            " It is not symmetric, perhaps by a second reflex: x and y may have an offset that is "
+            "the same in all poses and that no reading shows; the stated uncertainty includes it."
+        )
+    return Finding(False, words)
+
+
 #: The names of `CAUSES` in a sentence.
 SHORT = {
     "reference": "the reference, or a mirror that vibrates against it",
@@ -388,21 +431,25 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
 #: `uneven_share` gives. Of ghosts of a thousandth it gives 0.3 to 0.6, and they moved x and y of
 #: calibrations by 0.5 to 1.4 of their share (`python -m facets.experiments.disturbed_rigs`).
 CENTRE_PER_SHARE = 1.5
+#: The same for each unit of an asymmetric beam's mean deviation from a Gaussian: another reflex,
+#: 1 to 2.5 of the beam's standard deviations away, moves the middle by 2.4 to 0.4 times as much.
+CENTRE_PER_ASYMMETRY = 1.5
 
 
 def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> float:
     """Standard uncertainty of the light's middle in each direction, mm.
 
-    The fit takes a small deviation from a Gaussian cross-section for another position of the apex;
-    the residuals show little of it, and bound it. Light without any effect of a bench is taken to
-    be Gaussian.
+    The fit takes a small deviation from its cross-section, Gaussian or with the coefficients that
+    it found, for another position of the apex; the residuals show little of it, and bound it. Light
+    without any effect of a bench is taken to be Gaussian.
     """
-    share = settings.before.get("beam_profile_percent", 0.0) / 100
-    if not share or not any(name in EFFECTS for name in remainder.found.choice.names):
+    if not any(name in EFFECTS for name in remainder.found.choice.names):
         return 0.0
-    share = uneven_share(remainder, share)
+    share = settings.before.get("beam_profile_percent", 0.0) / 100
+    share = CENTRE_PER_SHARE * uneven_share(remainder, share) if share else 0.0
     beam_sigma = float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
-    return CENTRE_PER_SHARE * share * beam_sigma
+    asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.found, "asymmetry")
+    return beam_sigma * float(np.hypot(share, asymmetry))
 
 
 def add_unseen_errors(

@@ -15,6 +15,7 @@ from ..core.arguments import check_arguments
 from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
 from ..core.names import DETECTORS
+from ..core.sensor import LIGHT_EFFECTS, BenchLight
 from ..core.settings import Config
 from . import alignment_check, build
 from .blame import culprits, message
@@ -213,23 +214,18 @@ def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     ]
 
 
-#: Keys of `sensor.light` that the model cannot combine with apertures, and the remedy for each.
-EDGE_LIGHT = {
-    "curvature_per_m": "cut light is modelled as collimated only",
-    "wavelength_nm": "an aperture's own edge would diffract too, which is not modelled",
-    "rolloff_nm": "the light along an edge that is cut short is not modelled",
-    "strips_um": "for strips of one width along all edges give apertures.gap_um alone",
-    "tip_um2": "for a flat tip give apertures.tip_um alone",
-}
-
-
 def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     """Check that effects at the facets' edges are not combined with apertures."""
     cuts = [name for name, value in sensor["apertures"].items() if value]
     if not cuts:
         return []
     problems = []
-    for name, remedy in EDGE_LIGHT.items():
+    remedies = {
+        block_of(BenchLight).sources[field].keys[0].name: effect.apertures
+        for field, effect in LIGHT_EFFECTS.items()
+        if effect.apertures
+    }
+    for name, remedy in remedies.items():
         value = sensor["light"][name]
         if any(value) if isinstance(value, list | tuple) else value:
             paths = [("sensor", "light", name), ("sensor", "apertures", cuts[0])]

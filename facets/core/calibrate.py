@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from .axis_keys import MAX_LENGTH_MM, convert_fine_units, pose_block
 from .keys import Key, block_of_keys, key
+from .sensor import LIGHT_CANDIDATES
 
 REFERENCE = pose_block(
     "Reference",
@@ -46,8 +47,9 @@ BEFORE = block_of_keys(
             "beam_profile_percent",
             0.1,
             100,
-            "the share of the laser's power outside a Gaussian cross-section (a ghost, "
-            "other modes, light lost at a chipped tip), where the data call for an effect of light",
+            "the share of the laser's power outside the model's cross-section, Gaussian or with "
+            "the profile found (a ghost, light lost at a chipped tip), where the data call for an "
+            "effect of light",
         ),
         _prior_sigma("power_percent", 2.0, 100, "each PSD's gain"),
         _prior_sigma("dark_uw", None, 1e6, "power that each PSD reads without light"),
@@ -80,13 +82,7 @@ EFFECTS = block_of_keys(
     [
         Key(name, "auto", meaning, hint=Literal["auto", "on", "off"])
         for name, meaning in {
-            "curvature": "curvature of the wavefront, along two axes",
-            "diffraction": "diffraction at the facets' edges",
-            "rolloff": "roll-off of the facets at their edges",
-            "strips": "strips along the facets' edges that reflect nothing",
-            "tip": "worn tip of the mirror, which reflects nothing",
-            "background": "background light on the detectors",
-            "coating": "reflectance that depends on incidence and polarisation",
+            **{name: meaning for name, (meaning, _) in LIGHT_CANDIDATES.items()},
             "bend": "non-linearity of the detectors, of second and third order",
             "spline": "remaining non-linearity of the detectors, as a smooth spline",
             "beam_moves": "position of the beam in each sample",

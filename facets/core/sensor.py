@@ -12,7 +12,8 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from math import pi
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 from .arguments import check_arguments
 from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
@@ -22,6 +23,8 @@ from .names import DETECTORS
 
 Pair = tuple[float, float]
 Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+Five = tuple[float, float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
 
 ANGLE_DEG: dict[str, Any] = {"ge": -360, "le": 360}
@@ -413,17 +416,60 @@ FACET_EDGES = ("edge_ca_a", "edge_ab_a", "edge_ab_b", "edge_bc_b", "edge_bc_c", 
 EDGES = ("ca", "ab", "bc")
 
 
-#: Fields of `BenchLight` that cannot be combined with apertures, and the remedy for each.
-REMEDIES = {
-    **dict.fromkeys(
-        ("curvature_xx", "curvature_xy", "curvature_yy"),
-        "light that is cut is modelled as collimated only",
+class LightEffect(NamedTuple):
+    """What model and calibration know of a field of `BenchLight`, apart from its formula.
+
+    names: of its numbers in a calibration, in their order.
+    candidate: the key of `LIGHT_CANDIDATES` to which the numbers belong.
+    sigma: their standard uncertainties before a calibration, in the units of the code, one for all
+    or one for each; 0 for a number that is not fitted.
+    apertures: why it cannot be combined with apertures, and the remedy; empty if it can.
+    absent: its numbers where the field is None.
+    """
+
+    names: tuple[str, ...]
+    candidate: str
+    sigma: float | tuple[float, ...]
+    apertures: str = ""
+    absent: tuple[float, ...] = ()
+
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """Standard uncertainties of the numbers that are fitted, by name."""
+        each = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(self.names)
+        return {name: size for name, size in zip(self.names, each, strict=True) if size}
+
+
+#: What a calibration may find of a bench's light, in the order in which it tries them: the meaning
+#: of each key of `calibrate.effects`, and a noun phrase for messages.
+LIGHT_CANDIDATES = {
+    "curvature": ("curvature of the wavefront, along two axes", "a wavefront that is not flat"),
+    "diffraction": ("diffraction at the facets' edges", "diffraction at the facets' edges"),
+    "rolloff": ("roll-off of the facets at their edges", "edges that are rolled off"),
+    "strips": (
+        "strips along the facets' edges that reflect nothing", "strips lost along the edges"
     ),
-    "wavelength": "an aperture's own edge would diffract too, which is not modelled",
-    "rolloff": "how much light is left along an edge that is cut short is not modelled",
-    "strips": "for strips of one width along all edges use apertures.gap alone",
-    "tip": "for a flat tip use apertures.tip alone",
+    "tip": ("worn tip of the mirror, which reflects nothing", "a tip worn flat"),
+    "background": ("background light on the detectors", "background light on the detectors"),
+    "coating": (
+        "reflectance that depends on incidence and polarisation",
+        "a coating's reflectance, and polarised light",
+    ),
+    "profile": ("deviation of the beam's profile from a Gaussian", "a beam that is not Gaussian"),
+    "asymmetry": ("asymmetry of the beam's profile", "a beam that is not symmetric"),
+}  # fmt: skip
+CURVATURE: dict[str, Any] = {
+    "candidate": "curvature",
+    "sigma": 1e-3,
+    "apertures": "light that is cut is modelled as collimated only",
 }
+
+
+def declare_effect(field: Any, *names: str, **effect: Any) -> Any:
+    """A field of `BenchLight` with its `LightEffect`."""
+    own = LightEffect(names, **effect)
+    field.metadata = MappingProxyType({**field.metadata, "effect": own})
+    return field
 
 
 CURVATURE_PER_M = Key(
@@ -452,6 +498,25 @@ INDEX: dict[str, Any] = {
     "le": 100,
 }
 DEPTHS_NM: dict[str, Any] = {"hint": Six, "ge": -1e5, "le": 1e5}
+
+
+#: Distance from the beam's middle, in its sigmas, within which the irradiance must be positive.
+#: Farther out, where there is next to no light, a series of few terms may become negative.
+PROFILE_SIGMAS = 2.0
+
+
+def lowest_irradiance(asymmetry: Four, profile: Five) -> float:
+    """The least irradiance within PROFILE_SIGMAS, over that of a Gaussian beam."""
+    lowest = math.inf
+    for n in range(32):
+        for m in range(17):
+            radius = PROFILE_SIGMAS * m / 16
+            x, y = radius * math.cos(pi * n / 16), radius * math.sin(pi * n / 16)
+            of_x, of_y = ((1.0, t, t * t - 1, t**3 - 3 * t, t**4 - 6 * t * t + 3) for t in (x, y))
+            odd = (c * of_x[3 - k] * of_y[k] for k, c in enumerate(asymmetry))
+            even = (c * of_x[4 - k] * of_y[k] for k, c in enumerate(profile))
+            lowest = min(lowest, 1 + sum(odd) + sum(even))
+    return lowest
 
 
 def background_field(power_meaning: str, place_meaning: str) -> Any:
@@ -496,46 +561,103 @@ class BenchLight:
     for ideal reflection.  polarization: angle of the light's field from that x axis, rad; None for
     unpolarised.  delays: delays of detectors A, B and C after the stated time, s. They belong to
     recordings, not to single readings (`facets.detectors.skew`).
+    profile: coefficients of He_4(x), He_3(x) He_1(y), He_2(x) He_2(y), He_1(x) He_3(y) and He_4(y),
+    Hermite polynomials whose sum, and 1, a Gaussian irradiance is multiplied by; along the same x
+    and y, in units of the beam's sigma.  asymmetry: likewise of He_3(x), He_2(x) He_1(y),
+    He_1(x) He_2(y) and He_3(y).
     """
 
-    curvature_xx: float = item_of(CURVATURE_PER_M, 0)
-    curvature_xy: float = item_of(CURVATURE_PER_M, 1)
-    curvature_yy: float = item_of(CURVATURE_PER_M, 2)
-    wavelength: float = key("wavelength_nm", None, **WAVELENGTH_NM)
-    rolloff: tuple[float, ...] = key(
-        "rolloff_nm",
-        (0.0,) * 6,
-        "depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
-        "and bc, of c at bc and ca",
-        **DEPTHS_NM,
+    curvature_xx: float = declare_effect(
+        item_of(CURVATURE_PER_M, 0), "light.curvature_xx", **CURVATURE
     )
-    rolloff_width: float = key(
-        "rolloff_width_um",
-        0.0,
-        "width of the strip over which a facet falls off, inside a strip that reflects nothing",
-        ge=0,
-        le=1000,
+    curvature_xy: float = declare_effect(
+        item_of(CURVATURE_PER_M, 1), "light.curvature_xy", **CURVATURE
     )
-    strips: Three = key(
-        "strips_um",
-        (0.0, 0.0, 0.0),
-        "width of the strips along the edges ca, ab, bc that reflect nothing",
-        ge=-1e3,
-        le=1e3,
+    curvature_yy: float = declare_effect(
+        item_of(CURVATURE_PER_M, 2), "light.curvature_yy", **CURVATURE
     )
-    tip: float = key(
-        "tip_um2",
-        0.0,
-        "area of a worn tip that reflects nothing, in addition to the strips",
-        ge=-1e6,
-        le=1e6,
+    wavelength: float = declare_effect(
+        key("wavelength_nm", None, **WAVELENGTH_NM),
+        "light.wavelength",
+        candidate="diffraction",
+        sigma=1e-3,
+        apertures="an aperture's own edge would diffract too, which is not modelled",
     )
-    background: tuple[Three, ...] = background_field(
-        "power of background light on detectors A, B and C",
-        "psi and zeta of the background light's centroid on each detector",
+    rolloff: tuple[float, ...] = declare_effect(
+        key(
+            "rolloff_nm",
+            (0.0,) * 6,
+            "depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
+            "and bc, of c at bc and ca",
+            **DEPTHS_NM,
+        ),
+        *(f"{edge}.rolloff" for edge in FACET_EDGES),
+        candidate="rolloff",
+        sigma=3e-4,
+        apertures="the light along an edge that is cut short is not modelled",
     )
-    index: Pair | None = key("index", None, **INDEX)
-    polarization: float | None = key("polarization_deg", None, **POLARIZATION_DEG)
+    rolloff_width: float = declare_effect(
+        key(
+            "rolloff_width_um",
+            0.0,
+            "width of the strip over which a facet falls off, inside a strip that reflects nothing",
+            ge=0,
+            le=1000,
+        ),
+        "rolloff.width",
+        candidate="rolloff",
+        sigma=0.05,
+    )
+    strips: Three = declare_effect(
+        key(
+            "strips_um",
+            (0.0, 0.0, 0.0),
+            "width of the strips along the edges ca, ab, bc that reflect nothing",
+            ge=-1e3,
+            le=1e3,
+        ),
+        *(f"strip_{edge}.width" for edge in EDGES),
+        candidate="strips",
+        sigma=0.03,
+        apertures="for strips of one width along all edges give apertures.gap_um alone",
+    )
+    tip: float = declare_effect(
+        key(
+            "tip_um2",
+            0.0,
+            "area of a worn tip that reflects nothing, in addition to the strips",
+            ge=-1e6,
+            le=1e6,
+        ),
+        "tip.area",
+        candidate="tip",
+        sigma=0.01,
+        apertures="for a flat tip give apertures.tip_um alone",
+    )
+    background: tuple[Three, ...] = declare_effect(
+        background_field(
+            "power of background light on detectors A, B and C",
+            "psi and zeta of the background light's centroid on each detector",
+        ),
+        *(f"background_{letter}.{what}" for letter in DETECTORS for what in ("power", "y", "z")),
+        candidate="background",
+        sigma=(3e-3, 3.0, 3.0) * 3,  # mW, and anywhere on the sensitive area, mm
+    )
+    index: Pair | None = declare_effect(
+        key("index", None, **INDEX),
+        "coating.n",
+        "coating.k",
+        candidate="coating",
+        sigma=0.0,
+        absent=(1.0, 0.0),
+    )
+    polarization: float | None = declare_effect(
+        key("polarization_deg", None, **POLARIZATION_DEG),
+        "light.polarization",
+        candidate="coating",
+        sigma=1.0,
+        absent=(0.0,),
+    )
     delays: Three = key(
         "delays_us",
         (0.0, 0.0, 0.0),
@@ -543,12 +665,46 @@ class BenchLight:
         ge=-1e6,
         le=1e6,
     )
+    profile: Five = declare_effect(
+        key(
+            "profile",
+            (0.0,) * 5,
+            "deviation of the beam's profile from a Gaussian: coefficients of the Hermite "
+            "polynomials of fourth order xxxx, xxxy, xxyy, xyyy, yyyy along x_w and y_w",
+            ge=-1,
+            le=1,
+        ),
+        *(f"profile.{axes}" for axes in ("xxxx", "xxxy", "xxyy", "xyyy", "yyyy")),
+        candidate="profile",
+        sigma=0.02,
+        apertures="light that is cut is modelled as Gaussian only",
+    )
+    asymmetry: Four = declare_effect(
+        key(
+            "asymmetry",
+            (0.0,) * 4,
+            "asymmetric deviation of the beam's profile from a Gaussian: coefficients of the "
+            "Hermite polynomials of third order xxx, xxy, xyy, yyy along x_w and y_w",
+            ge=-1,
+            le=1,
+        ),
+        *(f"asymmetry.{axes}" for axes in ("xxx", "xxy", "xyy", "yyy")),
+        candidate="asymmetry",
+        sigma=0.02,
+        apertures="light that is cut is modelled as Gaussian only",
+    )
 
     def __post_init__(self) -> None:
         _require_finite(self)
         _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
         _require(self.rolloff_width >= 0, "rolloff_width", self.rolloff_width, "0 or more, mm")
-        for name, count in (("rolloff", 6), ("strips", 3), ("delays", 3)):
+        for name, count in (
+            ("rolloff", 6),
+            ("strips", 3),
+            ("delays", 3),
+            ("profile", 5),
+            ("asymmetry", 4),
+        ):
             values = getattr(self, name)
             _require(_are_finite(values, count), name, values, f"{count} finite numbers")
         sound = len(self.background) == 3 and all(_are_finite(row, 3) for row in self.background)
@@ -557,19 +713,39 @@ class BenchLight:
             n, k = self.index
             sound = _are_finite(self.index, 2) and n > 0 and (n, k) != (1, 0)
             _require(sound, "index", self.index, "n above 0, and k, but not those of air")
+        if self.has_profile:
+            lowest = lowest_irradiance(self.asymmetry, self.profile)
+            allowed = f"coefficients that leave light everywhere within {PROFILE_SIGMAS:g} sigma"
+            _require(lowest > 0, "profile", (*self.profile, *self.asymmetry), allowed)
+
+    @property
+    def has_profile(self) -> bool:
+        """Whether the beam's profile is not Gaussian."""
+        return any(self.profile) or any(self.asymmetry)
 
     @cached_property
     def edge_effects(self) -> tuple[str, ...]:
         """The given effects that cannot be combined with apertures: those at the edges, and the
         wavefront's curvature."""
         ideal = BenchLight()
-        return tuple(name for name in REMEDIES if getattr(self, name) != getattr(ideal, name))
+        return tuple(
+            name
+            for name, effect in LIGHT_EFFECTS.items()
+            if effect.apertures and getattr(self, name) != getattr(ideal, name)
+        )
 
     @cached_property
     def on(self) -> bool:
         """Whether readings differ from those of ideal light; cached, because every call of the
         model asks."""
         return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
+
+
+#: The effects of light by the field of `BenchLight`, and the names of their numbers.
+LIGHT_EFFECTS: dict[str, LightEffect] = {
+    one.name: one.metadata["effect"] for one in fields(BenchLight) if "effect" in one.metadata
+}
+EFFECTS = tuple(name for effect in LIGHT_EFFECTS.values() for name in effect.names)
 
 
 @check_arguments
@@ -720,7 +896,7 @@ class Sensor:
                     False,
                     f"light.{name}",
                     "given with apertures",
-                    f"one of the two; {REMEDIES[name]}",
+                    f"one of the two; {LIGHT_EFFECTS[name].apertures}",
                 )
         for k, letter in enumerate(DETECTORS):
             following = (k + 1) % 3

@@ -178,7 +178,7 @@ def parameter_derivatives(
     if any(name in TEMPERATURE for name in known.names):
         blocks[TEMPERATURE] = temperature_derivatives(sensor, states, warmer)
     if any(name in EFFECTS for name in known.names):
-        blocks[EFFECTS] = effect_jacobian(sensor, states)
+        blocks[EFFECTS] = effect_jacobian(sensor, states, names=known.names)
     names = [name for block in blocks for name in block]
     every = np.concatenate(list(blocks.values()), axis=2)
     parted: Floats = every[:, :, [names.index(name) for name in known.names]]

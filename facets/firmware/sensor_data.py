@@ -11,9 +11,10 @@ from ..detectors.counts import counts_per_ampere
 from ..detectors.noise import CHARGE, current_variances, has_two_layers, power_floor
 from ..estimation.doubts import has_fold
 from ..model.arrays import half_sizes, parameters
-from ..optics.forward import build_geometry, mirror_edges, project_to_sigmas, unit_vector
+from ..optics.forward import build_geometry, mirror_edges, project_to_sigmas
 from ..optics.half_normal import TABLE
 from ..optics.tail_quadrature import NARROW_RAD, SLICES
+from ..optics.vectors import unit_vector
 from .c_numbers import number
 
 #: Facets seen along the beam must open by this much more than the narrowest wedge that the C code's

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
-from ..core.sensor import Sensor
+from ..core.sensor import EFFECTS as EFFECTS
+from ..core.sensor import LIGHT_EFFECTS, Sensor
 from ..core.units import Floats
-from ..optics.effects import EFFECTS as EFFECTS
 from ..optics.effects import LightEffects, LightOptions
 from ..optics.forward import Geometry, Openings, build_geometry
 from ..optics.parameters import BEAM, FACET, PSD
 from ..optics.parameters import parameter_axes as axes_of
 from ..scalars.dual import Dual
-from ..scalars.nesting import leaves
+from ..scalars.nesting import leaves, nest
 from . import blocks, evaluators, packing
 from .kinds import block_kind, lit_kind
 from .threads import share
@@ -56,44 +56,47 @@ def geometry_of(sensor: Sensor) -> Geometry:
 MIN_EDGE_DISTANCE_MM = 0.1
 
 
-def options(sensor: Sensor) -> LightOptions:
-    """The options of the light that do not vary, whether or not any effect is on."""
+def options(sensor: Sensor, profiled: bool = False) -> LightOptions:
+    """The options of the light that do not vary, whether or not any effect is on.
+
+    profiled: whether derivatives by the beam's profile are wanted, Gaussian or not.
+    """
     y, z = half_sizes(sensor).T.tolist()
     halves: Any = tuple(zip(y, z, strict=True))
     light = sensor.light
     return LightOptions(
-        True, light.index is not None, light.polarization is not None, halves, MIN_EDGE_DISTANCE_MM
+        True,
+        light.index is not None,
+        light.polarization is not None,
+        profiled or light.has_profile,
+        halves,
+        MIN_EDGE_DISTANCE_MM,
     )
 
 
-def light_effects(sensor: Sensor) -> LightEffects:
-    """The effects of real light in the form that the optics takes."""
-    return LightEffects(tuple(effects(sensor).tolist()), options(sensor))
+def light_effects(sensor: Sensor, profiled: bool = False) -> LightEffects:
+    """The effects of real light in the form that the optics takes.  profiled: as in `options`."""
+    return LightEffects(group_by_field(effects(sensor).tolist()), options(sensor, profiled))
+
+
+def group_by_field(values: Sequence[Any]) -> dict[str, Any]:
+    """Numbers in the order of `EFFECTS` by the fields of `BenchLight`, each field's as a tuple."""
+    each = iter(values)
+    return {
+        field: tuple(next(each) for _ in effect.names) for field, effect in LIGHT_EFFECTS.items()
+    }
 
 
 def effects(sensor: Sensor) -> Floats:
-    """The numbers of the bench's light in the order of `EFFECTS`: (27,) 1/mm, mm, mm^2, mW, rad.
+    """The numbers of the bench's light in the order of `EFFECTS`: (36,) 1/mm, mm, mm^2, mW, rad.
 
     The index of a coating that reflects all is 1 + 0i; the polarisation of unpolarised light is 0.
     """
-    light = sensor.light
-    n, k = (1.0, 0.0) if light.index is None else light.index
-    return np.array(
-        [
-            light.curvature_xx,
-            light.curvature_xy,
-            light.curvature_yy,
-            light.wavelength,
-            *light.rolloff,
-            *light.strips,
-            light.tip,
-            *(value for row in light.background for value in row),
-            n,
-            k,
-            light.polarization or 0.0,
-            light.rolloff_width,
-        ]
-    )
+    numbers: list[float] = []
+    for field, effect in LIGHT_EFFECTS.items():
+        value = getattr(sensor.light, field)
+        numbers += effect.absent if value is None else leaves(value)
+    return np.array(numbers)
 
 
 def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
@@ -101,24 +104,13 @@ def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
 
     An ideal coating and unpolarised light stay so. Raises `InputError` for an impossible number.
     """
-    v = [float(value) for value in values]
-    if len(v) != len(EFFECTS):
-        raise InputError(f"{len(v)} numbers of the light; needed: {len(EFFECTS)}")
-    light = replace(
-        sensor.light,
-        curvature_xx=v[0],
-        curvature_xy=v[1],
-        curvature_yy=v[2],
-        wavelength=v[3],
-        rolloff=tuple(v[4:10]),
-        rolloff_width=v[26],
-        strips=(v[10], v[11], v[12]),
-        tip=v[13],
-        background=tuple((v[i], v[i + 1], v[i + 2]) for i in (14, 17, 20)),
-        index=None if sensor.light.index is None else (v[23], v[24]),
-        polarization=None if sensor.light.polarization is None else v[25],
-    )
-    return replace(sensor, light=light)
+    if len(values) != len(EFFECTS):
+        raise InputError(f"{len(values)} numbers of the light; needed: {len(EFFECTS)}")
+    fields = dict[str, Any]()
+    for field, own in group_by_field([float(value) for value in values]).items():
+        old = getattr(sensor.light, field)
+        fields[field] = None if old is None else nest(old, iter(own))
+    return replace(sensor, light=replace(sensor.light, **fields))
 
 
 def varying(values: Sequence[float] | Floats, which: Sequence[int] | None = None) -> Any:
@@ -139,7 +131,7 @@ CUT_LIGHT = (
 def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | None = None) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
-    state: (..., 8). Returns (..., 9, 27), columns in the order of `EFFECTS`; mm and mW per unit of
+    state: (..., 8). Returns (..., 9, 36), columns in the order of `EFFECTS`; mm and mW per unit of
     each number, also for ideal light. names: the columns to compute, since each takes its time; the
     others are zero. The derivatives by the index of an ideal coating and by the polarisation of
     unpolarised light are zero. NaN as in `jacobian`. Raises `InputError` for a sensor with
@@ -151,12 +143,13 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     wanted = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
     out = np.zeros((len(rows), 9, len(EFFECTS)))
     if wanted:
-        varied = LightEffects(varying(effects(sensor), wanted), options(sensor))
+        profiled = any(EFFECTS[n].startswith(("profile.", "asymmetry.")) for n in wanted)
+        plain = light_effects(sensor, profiled)
+        varied = plain._replace(numbers=group_by_field(varying(effects(sensor), wanted)))
         vectors, moved = (
-            build_geometry(parameters(sensor), openings(sensor), light)
-            for light in (light_effects(sensor), varied)
+            build_geometry(parameters(sensor), openings(sensor), light) for light in (plain, varied)
         )
-        own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor)}"
+        own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor, profiled)}"
         out[:, :, wanted] = slopes_at(name, vectors, moved, own, len(wanted), rows)
     return out.reshape(*shape, 9, len(EFFECTS))
 

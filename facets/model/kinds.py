@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from ..core.sensor import Sensor
 
-#: The kinds of real light, by whether the coating reflects by incidence and whether the light is
-#: polarised: each has code without branches.
-LIT = {"light": (False, False), "light_coated": (True, False), "light_polarised": (True, True)}
+#: The kinds of real light, by whether the coating reflects by incidence, whether the light is
+#: polarised and whether the beam's profile is not Gaussian: each has code without branches.
+LIT = {
+    f"{name}{suffix}": (coated, polarised, profiled)
+    for profiled, suffix in ((False, ""), (True, "_profiled"))
+    for name, coated, polarised in (
+        ("light", False, False),
+        ("light_coated", True, False),
+        ("light_polarised", True, True),
+    )
+}
 
 
 def kind_of(sensor: Sensor) -> str:
@@ -21,11 +29,16 @@ def kind_of(sensor: Sensor) -> str:
     return known
 
 
-def lit_kind(sensor: Sensor) -> str:
-    """Which of LIT a sensor's light is, whether or not any effect is on."""
-    if sensor.light.index is None:
-        return "light"
-    return "light_coated" if sensor.light.polarization is None else "light_polarised"
+def lit_kind(sensor: Sensor, profiled: bool = False) -> str:
+    """Which of LIT a sensor's light is, whether or not any effect is on.
+
+    profiled: whether derivatives by the beam's profile are wanted, Gaussian or not.
+    """
+    light = sensor.light
+    kind = "light"
+    if light.index is not None:
+        kind = "light_coated" if light.polarization is None else "light_polarised"
+    return f"{kind}_profiled" if profiled or light.has_profile else kind
 
 
 def block_kind(sensor: Sensor) -> str | None:

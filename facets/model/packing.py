@@ -67,8 +67,10 @@ def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
     if kind not in LIT:
         return vectors_at(writer, pointer, PLAIN)  # type: ignore[no-any-return]
     whole = vectors_at(writer, pointer, EXAMPLE)
-    coated, polarised = LIT[kind]
-    options = whole.light.options._replace(on=True, coated=coated, polarised=polarised)
+    coated, polarised, profiled = LIT[kind]
+    options = whole.light.options._replace(
+        on=True, coated=coated, polarised=polarised, profiled=profiled
+    )
     light = whole.light._replace(options=options)
     return whole._replace(openings=None, light=light)  # type: ignore[no-any-return]
 

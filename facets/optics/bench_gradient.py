@@ -17,7 +17,8 @@ from .bench_light import scene, scene_readings
 from .central import Side
 from .curved_light import apparent_scene, apply, back_projection
 from .forward import Geometry, Scene, Three, dark_scene, path, replace_light
-from .gradient import edge_turns, gradients, state_row
+from .gradient import Gradient, edge_turns, gradients, state_row
+from .profile import apply_profile, moment_slopes
 from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
 from .wedge import Moments, closed_moments, turn_derivative
 
@@ -143,6 +144,7 @@ def linearise_nearly(
     at = scene(geometry, state)
     back = back_projection(geometry, at)
     values = scene_readings(geometry, at)
+    at = apply_profile(geometry, at)
     whitening = apparent_axes(geometry, at, back)
     seen = parallel_beam(geometry, geometry.direction, geometry.power, geometry.spread, whitening)
     turns, axes = edge_turns(seen, at), rotation_axes(state[4], state[5])
@@ -212,6 +214,10 @@ def approximate_rows(
     )
     parallel = parallel_beam(geometry, direction, own, spread, whitening)
     of_psi, of_zeta, of_power = gradients(parallel, at, k, ray)
+    if light.options.profiled:
+        decline, slopes = moment_slopes(geometry, at, k)
+        of_psi, of_zeta = apex_gradient(of_psi, slopes), apex_gradient(of_zeta, slopes)
+        of_power = of_power._replace(q=(-own * mass * decline[0], -own * mass * decline[1]))
     normal, both = at.normals[k], (turns[k], turns[(k + 1) % 3])
     return add_background_to_rows(
         values,
@@ -220,6 +226,12 @@ def approximate_rows(
         state_row(parallel, of_zeta, normal, both, axes),
         state_row(parallel, of_power, normal, both, axes),
     )
+
+
+def apex_gradient(gradient: Gradient, slopes: tuple[Any, Any, Any, Any]) -> Gradient:
+    """Of a place, where the beam is not Gaussian.  slopes: of the centroid, see `moment_slopes`."""
+    (x, y), (xx, xy, yx, yy) = gradient.centroid, slopes
+    return gradient._replace(q=(x * xx + y * yx, x * xy + y * yy))
 
 
 def add_background_to_rows(

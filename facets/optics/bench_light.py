@@ -1,9 +1,9 @@
 """Readings under real light, for any number type whose `moments` a scene holds.
 
-The wavefront may be curved (`curved_light`); the mirror's edges diffract, roll off or reflect
-nothing, and its tip is worn (`edge_light`); a coating reflects by incidence; background light is
-added. Where the losses exceed the light, or the effects are too large for first order, the readings
-are NaN.
+The wavefront may be curved (`curved_light`) and the profile not Gaussian (`profile`); the mirror's
+edges diffract, roll off or reflect nothing, and its tip is worn (`edge_light`); a coating reflects
+by incidence; background light is added. Where the losses exceed the light, or the effects are too
+large for first order, the readings are NaN.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from .edge_light import (
 )
 from .effects import reflectances
 from .forward import Geometry, Scene, Three, dark_scene, illuminate
+from .profile import apply_profile
 from .vectors import Plane, Vector, add, combine, cross, dot
 
 
@@ -108,6 +109,7 @@ def reading(
 def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
     """(psi, zeta, power) of detectors A, B and C in a scene from `curved` with the light in it."""
     back = back_projection(geometry, at)
+    at = apply_profile(geometry, at)
     steps = (
         edge_step(geometry, at, back, 0),
         edge_step(geometry, at, back, 1),

@@ -12,9 +12,20 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
-from .forward import Geometry, Scene, project_to_sigmas, unit_vector
+from .forward import Geometry, Scene, project_to_sigmas
 from .rays import reflect
-from .vectors import Matrix, Plane, Vector, add, combine, dot, dot2, rotate, subtract
+from .vectors import (
+    Matrix,
+    Plane,
+    Vector,
+    add,
+    combine,
+    dot,
+    dot2,
+    rotate,
+    subtract,
+    unit_vector,
+)
 
 
 def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:

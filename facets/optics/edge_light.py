@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 from ..scalars.dispatch import Number, log, maximum, pi, sqrt
 from .curved_light import DetectorImage, Ray, apply, trace_ray
 from .forward import Geometry, Scene, Three, project_to_sigmas
+from .profile import density_at_point, moment_slopes
 from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
 
@@ -89,7 +90,8 @@ def light_after_wear(
     mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
     covariance.
     """
-    mass, centroid, (pxx, pxy, pyy), _ = at.moments[k]
+    mass, centroid, _, _ = at.moments[k]
+    decline, (pxx, pxy, pyx, pyy) = moment_slopes(geometry, at, k)
     following = (k + 1) % 3
     first, second = at.sides[k], at.sides[following]
     facing = -dot(geometry.direction, at.normals[k])
@@ -102,8 +104,8 @@ def light_after_wear(
         (across2 * first[0] + across1 * second[0]) * inverse,
         (across2 * first[1] + across1 * second[1]) * inverse,
     )
-    pd = pxx * d[0] + pxy * d[1], pxy * d[0] + pyy * d[1]
-    step = dot2(centroid, d)
+    pd = pxx * d[0] + pxy * d[1], pyx * d[0] + pyy * d[1]
+    step = dot2(decline, d)
     left = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
     lost, place = tip_loss(geometry, at, back, k)
     rest = left - lost
@@ -125,8 +127,7 @@ def tip_loss(
     follows from the density at the apex and the density's slope.
     """
     light = geometry.light
-    length, first, _, _ = at.integrals[k]
-    density = first + dot2(at.q, at.sides[k]) * length
+    density = density_at_point(geometry, at, k)
     axis = at.turn[0][2], at.turn[1][2], at.turn[2][2]
     size = back[0] * back[3] - back[1] * back[2]
     area = -dot(axis, geometry.direction) * light.tip * light.tip_shares[k]
@@ -227,9 +228,8 @@ def add_apex_loss(
     between the edges. Over the whole plane the finite part of their integral is zero, so that minus
     the integral over the detector's sensitive area (`finite_part`) is lost.
     """
-    length, first, _, _ = at.integrals[k]
     size = back[0] * back[3] - back[1] * back[2]
-    density = (first + dot2(at.q, at.sides[k]) * length) * size * geometry.light.density
+    density = density_at_point(geometry, at, k) * size * geometry.light.density
     sine = dot(cross(steps[0].world, steps[1].world), geometry.direction)
     amount = -scatter * scatter * density / sine
     spot = trace_ray(image, at.q).spot

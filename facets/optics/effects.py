@@ -1,7 +1,7 @@
 """Deviations of real light from the ideal: their numbers, and the vectors made from them.
 
-`LightEffects` holds the numbers, `EFFECTS` their names and order. `Light` is the form that the
-optics uses; `build_light` makes it once a sensor. Lengths in mm, powers in mW.
+`LightEffects` holds the numbers that `facets.core.sensor.BenchLight` declares. `Light` is the form
+that the optics uses; `build_light` makes it once a sensor. Lengths in mm, powers in mW.
 """
 
 from __future__ import annotations
@@ -10,38 +10,29 @@ from math import inf
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, pi, real, sin, sqrt
-from .vectors import Vector, angle_between, combine, cross, dot
+from .vectors import Plane, Vector, angle_between, combine, cross, dot, unit_vector
 
 Three = tuple[Any, Any, Any]
-
-#: The order of the numbers in `Effects.values`.
-EFFECTS = (
-    *(f"light.curvature_{axes}" for axes in ("xx", "xy", "yy")),
-    "light.wavelength",
-    *(f"edge_{edge}.rolloff" for edge in ("ca_a", "ab_a", "ab_b", "bc_b", "bc_c", "ca_c")),
-    *(f"strip_{edge}.width" for edge in ("ca", "ab", "bc")),
-    "tip.area",
-    *(f"background_{letter}.{what}" for letter in "abc" for what in ("power", "y", "z")),
-    "coating.n",
-    "coating.k",
-    "light.polarization",
-    "rolloff.width",
-)
+#: Components xxx, xxy, xyy, yyy of a symmetric tensor, or of one turned into other axes.
+Four = tuple[Any, Any, Any, Any]
+#: Components xxxx, xxxy, xxyy, xyyy, yyyy of a symmetric tensor, or of one turned into other axes.
+Five = tuple[Any, Any, Any, Any, Any]
 
 
 class LightOptions(NamedTuple):
     """Constants: plain floats and truth values for all types of number.
 
     on: whether any effect is on; otherwise the formulas of ideal light apply.  coated: whether the
-    facets reflect by incidence.  polarised: whether the light is polarised.  halves: of each
-    detector's sensitive area along y and z, mm: the window in which light counts.  nearest: the
-    least distance from a spot to the window's edge in the formula of diffraction, mm, which has a
-    pole at the edge.
+    facets reflect by incidence.  polarised: whether the light is polarised.  profiled: whether
+    the beam's profile is not Gaussian.  halves: of each detector's sensitive area along y and z,
+    mm: the window in which light counts.  nearest: the least distance from a spot to the window's
+    edge in the formula of diffraction, mm, which has a pole at the edge.
     """
 
     on: bool
     coated: bool
     polarised: bool
+    profiled: bool
     halves: Three
     nearest: Any
 
@@ -49,10 +40,10 @@ class LightOptions(NamedTuple):
 class LightEffects(NamedTuple):
     """The numbers of the effects.
 
-    values: in the order of `EFFECTS`.
+    numbers: those of each field of `facets.core.sensor.BenchLight` that has any, by its name.
     """
 
-    values: tuple[Any, ...]
+    numbers: dict[str, Any]
     options: LightOptions
 
 
@@ -65,7 +56,8 @@ class Light(NamedTuple):
     each facet.  tip_shares: shares of the facets in the loss at the tip.  tip_offsets: from the
     apex to the middle of each share, in the mirror's frame.  background: power and place on each
     detector.  coating: its refractive index, n and k.  plain: twice its reflectance of unpolarised
-    light at 45 degrees.  field: direction of polarised light, in the world.
+    light at 45 degrees.  field: direction of polarised light, in the world.  profile,
+    asymmetry: symmetric tensors of fourth and third Hermite order, along the beam's own axes.
     """
 
     options: LightOptions
@@ -83,10 +75,12 @@ class Light(NamedTuple):
     coating: tuple[Any, Any]
     plain: Number
     field: Vector
+    profile: Five
+    asymmetry: Four
 
 
 UNBOUNDED = (inf, inf)
-OFF = LightOptions(False, False, False, (UNBOUNDED, UNBOUNDED, UNBOUNDED), 0.0)
+OFF = LightOptions(False, False, False, False, (UNBOUNDED, UNBOUNDED, UNBOUNDED), 0.0)
 ZERO_VECTOR = (0.0, 0.0, 0.0)
 IDEAL = Light(
     options=OFF,
@@ -104,6 +98,8 @@ IDEAL = Light(
     coating=(1.0, 0.0),
     plain=1.0,
     field=ZERO_VECTOR,
+    profile=(0.0, 0.0, 0.0, 0.0, 0.0),
+    asymmetry=(0.0, 0.0, 0.0, 0.0),
 )
 
 
@@ -135,11 +131,65 @@ def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number
     return s, p
 
 
-def ray_turn(effects: tuple[Any, ...], x: Vector, y: Vector, v: Vector) -> Vector:
-    """The change of a ray's direction over a step v across the beam."""
-    xx, xy, yy = effects[:3]
+def ray_turn(curvature: Three, x: Vector, y: Vector, v: Vector) -> Vector:
+    """The change of a ray's direction over a step v across the beam.  curvature: of the
+    wavefront, xx, xy, yy."""
+    xx, xy, yy = curvature
     right, up = dot(v, x), dot(v, y)
     return combine(xx * right + xy * up, x, xy * right + yy * up, y)
+
+
+def tensor_of(coefficients: Five) -> Five:
+    """The symmetric tensor T with T : dddd = sum c_n d^n."""
+    a, b, c, d, e = coefficients
+    return a, b / 4, c / 6, d / 4, e
+
+
+def turn_tensor(t: Five, u: Plane, w: Plane) -> Five:
+    """Components uuuu, uuuw, uuww, uwww, wwww."""
+    u0, u1, u2, u3 = contract_fourth(t, u)
+    w0, w1, w2, w3 = contract_fourth(t, w)
+    uu = u0 * u[0] + u1 * u[1], u1 * u[0] + u2 * u[1], u2 * u[0] + u3 * u[1]
+    uw = u0 * w[0] + u1 * w[1], u1 * w[0] + u2 * w[1], u2 * w[0] + u3 * w[1]
+    ww = w0 * w[0] + w1 * w[1], w1 * w[0] + w2 * w[1], w2 * w[0] + w3 * w[1]
+    return (
+        contract_twice(uu, u, u),
+        contract_twice(uu, u, w),
+        contract_twice(uu, w, w),
+        contract_twice(uw, w, w),
+        contract_twice(ww, w, w),
+    )
+
+
+def turn_cubic(t: Four, u: Plane, w: Plane) -> Four:
+    """Components uuu, uuw, uww, www of a symmetric tensor given as xxx, xxy, xyy, yyy."""
+    along = t[0] * u[0] + t[1] * u[1], t[1] * u[0] + t[2] * u[1], t[2] * u[0] + t[3] * u[1]
+    across = t[0] * w[0] + t[1] * w[1], t[1] * w[0] + t[2] * w[1], t[2] * w[0] + t[3] * w[1]
+    return (
+        contract_twice(along, u, u),
+        contract_twice(along, u, w),
+        contract_twice(along, w, w),
+        contract_twice(across, w, w),
+    )
+
+
+def contract_fourth(t: Five, v: Plane) -> tuple[Any, Any, Any, Any]:
+    return (
+        t[0] * v[0] + t[1] * v[1],
+        t[1] * v[0] + t[2] * v[1],
+        t[2] * v[0] + t[3] * v[1],
+        t[3] * v[0] + t[4] * v[1],
+    )
+
+
+def contract_twice(t: Three, v: Plane, w: Plane) -> Number:
+    """t: symmetric, as xx, xy, yy."""
+    return (t[0] * v[0] + t[1] * v[1]) * w[0] + (t[1] * v[0] + t[2] * v[1]) * w[1]
+
+
+def split_in_three(numbers: tuple[Any, ...], count: int) -> Three:
+    """Three tuples of `count` numbers, for the three facets or detectors."""
+    return numbers[:count], numbers[count : 2 * count], numbers[2 * count :]
 
 
 def build_light(
@@ -158,12 +208,16 @@ def build_light(
     flat = [(x, y) for x, y, _ in edges]  # These are seen along the mirror's axis.
     shares = tuple(angle_between(flat[k], flat[(k + 1) % 3]) for k in range(3))
     whole = 2 * pi(shares[0])
-    area = effects.values[13]
+    own = effects.numbers
+    (area,) = own["tip"]
     radius = sqrt(area / pi(area)) if real(area) > 0 else area * 0
-    v = effects.values
-    first, second = ray_turn(v, x, y, spread[0]), ray_turn(v, x, y, spread[1])
+    curvature = own["curvature_xx"] + own["curvature_xy"] + own["curvature_yy"]
+    first, second = ray_turn(curvature, x, y, spread[0]), ray_turn(curvature, x, y, spread[1])
     normal = cross(whitening[0], whitening[1])
-    across, along = reflectances((v[23], v[24]), sqrt((v[23] * 0 + 1) / 2))
+    u = unit_vector((dot(spread[0], x), dot(spread[0], y)))  # the first of the beam's own axes
+    across_u, odd = (-u[1], u[0]), own["asymmetry"]
+    (n, k), (polarization,) = own["index"], own["polarization"]
+    across, along = reflectances((n, k), sqrt((n * 0 + 1) / 2))
     return Light(
         options=effects.options,
         bend=(
@@ -174,19 +228,21 @@ def build_light(
         ),
         fan=(first, second),
         density=sqrt(dot(normal, normal)),
-        wavelength=v[3],
-        rolloff=((v[4], v[5]), (v[6], v[7]), (v[8], v[9])),
-        rolloff_width=v[26],
-        strips=(v[10], v[11], v[12]),
-        tip=v[13],
+        wavelength=own["wavelength"][0],
+        rolloff=split_in_three(own["rolloff"], 2),
+        rolloff_width=own["rolloff_width"][0],
+        strips=own["strips"],
+        tip=area,
         tip_shares=(shares[0] / whole, shares[1] / whole, shares[2] / whole),
         tip_offsets=(
             sector_centroid(edges[0], edges[1], shares[0], radius),
             sector_centroid(edges[1], edges[2], shares[1], radius),
             sector_centroid(edges[2], edges[0], shares[2], radius),
         ),
-        background=((v[14], v[15], v[16]), (v[17], v[18], v[19]), (v[20], v[21], v[22])),
-        coating=(v[23], v[24]),
+        background=split_in_three(own["background"], 3),
+        coating=(n, k),
         plain=across + along,
-        field=combine(cos(v[25]), x, sin(v[25]), y),
+        field=combine(cos(polarization), x, sin(polarization), y),
+        profile=turn_tensor(tensor_of(own["profile"]), u, across_u),
+        asymmetry=turn_cubic((odd[0], odd[1] / 3, odd[2] / 3, odd[3]), u, across_u),
     )

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, cos, nan_unless_positive, sin, sqrt
+from ..scalars.dispatch import Number, cos, nan_unless_positive, sin
 from .effects import IDEAL, Light, LightEffects, build_light
 from .rays import flight, hit, land, reflect
 from .vectors import (
@@ -29,6 +29,7 @@ from .vectors import (
     rotation,
     scale,
     subtract,
+    unit_vector,
 )
 from .wedge import side, wedge
 
@@ -171,11 +172,6 @@ def mirror_edges(normals: Three) -> Three:
 def project_to_sigmas(geometry: Geometry, v: Vector) -> Plane:
     """A vector of the world as seen along the beam, in units of the beam's sigma."""
     return dot(geometry.whitening[0], v), dot(geometry.whitening[1], v)
-
-
-def unit_vector(v: Plane) -> Plane:
-    norm = sqrt(v[0] * v[0] + v[1] * v[1])
-    return v[0] / norm, v[1] / norm
 
 
 class Scene(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import Number, atan2, cos, sin
+from ..scalars.dispatch import Number, atan2, cos, sin, sqrt
 
 Vector = tuple[Any, Any, Any]
 Plane = tuple[Any, Any]
@@ -82,3 +82,8 @@ def dot2(a: Plane, b: Plane) -> Number:
 def angle_between(a: Plane, b: Plane) -> Number:
     """The angle from a to b, counter-clockwise, between minus and plus half a turn."""
     return atan2(cross2(a, b), dot2(a, b))
+
+
+def unit_vector(v: Plane) -> Plane:
+    norm = sqrt(v[0] * v[0] + v[1] * v[1])
+    return v[0] / norm, v[1] / norm

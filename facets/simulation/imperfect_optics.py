@@ -40,8 +40,9 @@ class Flaws:
     """What the rays meet: of `sensor.light` and `sensor.imperfections` together.
 
     curvature: (2, 2) of the wavefront along `axes` (2, 3), 1/mm.  rolloff: (3, 2) mm, of the first
-    and second edge of each facet.  background: (3, 3) power, y, z.  The rest as in
-    `Imperfections`.
+    and second edge of each facet.  background: (3, 3) power, y, z.  series: (5, 5) Hermite
+    coefficients of the beam's profile.
+    The rest as in `Imperfections`.
     """
 
     axes: Floats
@@ -56,6 +57,7 @@ class Flaws:
     field: Floats | None
     sag: tuple[float, float, float]
     sag_over: float
+    series: Floats | None
 
 
 def flaws_of(sensor: Sensor) -> Flaws:
@@ -85,7 +87,18 @@ def flaws_of(sensor: Sensor) -> Flaws:
         field=field,
         sag=own.sag,
         sag_over=own.sag_over,
+        series=hermite_series(sensor) if light.has_profile else None,
     )
+
+
+def hermite_series(sensor: Sensor) -> Floats:
+    """The factor of a Gaussian irradiance, as NumPy's `hermeval2d` takes it."""
+    series = np.zeros((5, 5))
+    series[0, 0] = 1.0
+    for values in (sensor.light.profile, sensor.light.asymmetry):
+        for k, value in enumerate(values):
+            series[len(values) - 1 - k, k] = value
+    return series
 
 
 def imperfect_readings(sensor: Sensor, states: Floats) -> Floats:
@@ -178,9 +191,13 @@ class FacetEdge:
 
 def shares(fixed: Geometry, flaws: Flaws, places: Floats) -> Floats:
     """Shares of the beam for each mm^2 at places (n, 2), mm across the beam."""
-    x = places @ flaws.axes @ np.array(fixed.whitening).T
+    whitening = flaws.axes @ np.array(fixed.whitening).T
+    x = places @ whitening
     area = np.linalg.norm(np.cross(*np.array(fixed.spread)))
     density: Floats = np.exp(-(x**2).sum(axis=-1) / 2) / (2 * np.pi) / area
+    if flaws.series is not None:
+        u, v = whitening / np.linalg.norm(whitening, axis=0) @ x.T  # along the world's x and y
+        density *= np.polynomial.hermite_e.hermeval2d(u, v, flaws.series)
     return density
 
 

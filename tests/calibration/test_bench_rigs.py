@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments import disturbed_rigs, rigs
 from facets.experiments.bench_rays import RayBench, spots
 
 import facets
@@ -58,3 +58,15 @@ def test_a_rig_with_every_effect_at_once_is_calibrated():
     assert (one.over[2:] < 1.35).all()
     assert (one.over[:2] < 3).all()
     assert (one.inside > 0.8).all()
+
+
+@pytest.mark.slow
+def test_a_beam_with_another_mode_is_calibrated_and_named():
+    """3 % of LG10, which made x and y ten times wrong while the model's beam was Gaussian."""
+    case = next(one for one in disturbed_rigs.cases() if one.name == "3 % LG10")
+    one = rigs.try_bench_rig(1, 300, "paper", fresh=300, wrong=case.wrong)
+    assert one.verdict.is_trusted
+    assert any("profile is not Gaussian" in said.words for said in one.verdict.findings)
+    assert max(one.verdict.sensor.light.profile) == pytest.approx(0.015, abs=0.003)
+    assert (one.over < 1.5).all()
+    assert (one.inside > 0.85).all()

@@ -7,6 +7,7 @@ surface does near an edge is done to the single ray's normal.
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,7 +22,8 @@ class Bench:
 
     strips: width lost along edges ca, ab, bc, mm.  depths: of the roll-off at the first and second
     edge of each facet, mm, linear over `width` (mm) from the lost strip on, counted on the facet.
-    tip: radius of a flat disc at the apex, mm.
+    tip: radius of a flat disc at the apex, mm.  profile: factor of a Gaussian beam's irradiance at
+    places x and y, in the beam's sigmas, along the world's axes as the beam's tilt carries them.
     """
 
     curvature: np.ndarray = field(default_factory=lambda: np.zeros((2, 2)))
@@ -29,6 +31,7 @@ class Bench:
     depths: tuple = ((0.0, 0.0),) * 3
     width: float = 1e-3
     tip: float = 0.0
+    profile: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
 
 def origin_of(at: oracle.Setup, bench: Bench, point: np.ndarray) -> np.ndarray:
@@ -74,7 +77,15 @@ class Side:
 
     def density(self, x: np.ndarray) -> np.ndarray:
         sigmas = self.at.sigmas
-        return np.exp(-((x / sigmas) ** 2).sum(axis=1) / 2) / np.prod(sigmas) / (2 * np.pi)
+        z = x / sigmas
+        gauss = np.exp(-(z**2).sum(axis=1) / 2) / np.prod(sigmas) / (2 * np.pi)
+        if self.bench.profile is None:
+            return gauss
+        turn = self.at.rotation
+        return gauss * self.bench.profile(
+            np.cos(turn) * z[:, 0] - np.sin(turn) * z[:, 1],
+            np.sin(turn) * z[:, 0] + np.cos(turn) * z[:, 1],
+        )
 
     def hits(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         start, aim = rays(self.at, self.bench, x)

@@ -30,6 +30,7 @@ class Setup:
     normals: np.ndarray
     power: float
     detectors: list
+    rotation: float
 
 
 def setup(sensor: Sensor, state: np.ndarray) -> Setup:
@@ -56,6 +57,7 @@ def setup(sensor: Sensor, state: np.ndarray) -> Setup:
         normals=np.array(normals),
         power=beam.power,
         detectors=detectors,
+        rotation=beam.rotation,
     )
 
 

@@ -21,6 +21,9 @@ ALL = BenchLight(
     index=(1.37, 7.62),
     polarization=0.3,
 )
+#: A beam's profile without any symmetry.
+PROFILE = (0.012, -0.006, 0.02, 0.004, -0.008)
+ASYMMETRY = (0.01, -0.02, 0.015, 0.008)
 
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sensors import ALL, SENSORS, states
+from sensors import ALL, ASYMMETRY, PROFILE, SENSORS, states
 
 import facets
+from facets.core.sensor import BenchLight
 from facets.model import as_text, blocks, evaluators
 from facets.model.arrays import derivatives, packed_vectors
 
@@ -56,6 +57,9 @@ def test_footprints_of_blocks_are_those_of_one_pose_at_a_time(name, opening):
 LIT = {
     "ideal": SENSORS["skewed2"],
     "polarised": replace(SENSORS["paper"], light=ALL),
+    "not Gaussian": replace(
+        SENSORS["skewed2"], light=BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)
+    ),
 }
 
 

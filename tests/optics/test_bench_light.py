@@ -13,7 +13,7 @@ from bench_oracle import Bench, by_rays
 from digits import differences, many_digits, precise
 from hypothesis import given, settings
 from hypothesis.strategies import floats, integers, lists
-from sensors import ALL, DEPTHS, SENSORS, states
+from sensors import ALL, ASYMMETRY, DEPTHS, PROFILE, SENSORS, states
 
 import facets
 from facets import BenchLight, ConfigError, InputError
@@ -21,6 +21,7 @@ from facets.model.arrays import (
     EFFECTS,
     effect_jacobian,
     effects,
+    group_by_field,
     light_effects,
     options,
     parameters,
@@ -285,16 +286,19 @@ def test_light_that_is_all_but_off_is_the_plain_model():
 
 
 def forward(sensor, given, values, state):
-    effect = LightEffects(tuple(values), options(sensor))
+    effect = LightEffects(group_by_field(values), options(sensor, profiled=True))
     rows = readings(build_geometry(tuple(given), OPEN, effect), tuple(state))
     return np.array(rows, dtype=object).ravel()
 
 
+@pytest.mark.parametrize(
+    "light", [ALL, replace(ALL, profile=PROFILE, asymmetry=ASYMMETRY)], ids=["all", "profile"]
+)
 @pytest.mark.parametrize("name", ["paper", "skewed2"])
 @pytest.mark.slow
-def test_derivatives_against_differences_at_many_digits(name):
+def test_derivatives_against_differences_at_many_digits(name, light):
     """By the state, the 30 parameters and the light's own numbers, everything on."""
-    sensor, state = replace(SENSORS[name], light=ALL), states(1, seed=8)[0]
+    sensor, state = replace(SENSORS[name], light=light), states(1, seed=8)[0]
     with many_digits():
         given, at, values = (precise(x) for x in (parameters(sensor), state, effects(sensor)))
         plain = forward(sensor, given, values, at).astype(float)
@@ -320,7 +324,7 @@ def test_derivatives_by_effects_hold_where_all_are_off():
             assert (closed[..., number] == 0).all()
             continue
         moved = np.zeros(len(EFFECTS))
-        moved[23] = 1.0
+        moved[EFFECTS.index("coating.n")] = 1.0
         moved[number] = 1e-9
         ahead = facets.readings(replace_effects(PAPER, moved), some)
         slope = (ahead - facets.readings(PAPER, some)) / 1e-9
@@ -330,13 +334,13 @@ def test_derivatives_by_effects_hold_where_all_are_off():
 
 
 def test_effects_have_names_and_come_back():
-    assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 27
+    assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 36
     sensor = replace(PAPER, light=ALL)
     assert replace_effects(sensor, effects(sensor)) == sensor
     assert replace_effects(PAPER, effects(PAPER)) == PAPER
     assert not PAPER.light.on
-    assert light_effects(sensor).values[3] == 632.8e-6
-    with pytest.raises(InputError, match="needed: 27"):
+    assert light_effects(sensor).numbers["wavelength"] == (632.8e-6,)
+    with pytest.raises(InputError, match="needed: 36"):
         replace_effects(sensor, [0.0])
 
 

@@ -12,7 +12,7 @@ from html import unescape
 import numpy as np
 import pytest
 from commands import command
-from sensors import SENSORS, states
+from sensors import ASYMMETRY, PROFILE, SENSORS, states
 
 import facets
 from facets import BenchLight, InputError
@@ -32,6 +32,7 @@ LIT = BenchLight(
     rolloff_width=0.05, strips=(0.01, 0.008, 0.006), tip=1e-3, index=(1.4, 7.5), polarization=0.4,
     background=((1e-4, 1.0, 2.0), (0.0, 0.0, 0.0), (2e-4, -1.0, 0.5)),
 )  # fmt: skip
+PROFILED = BenchLight(curvature_xx=3e-4, profile=PROFILE, asymmetry=ASYMMETRY)
 COATED = BenchLight(index=(1.4, 7.5), background=((1e-4, 1.0, 2.0),) * 3)
 #: One sensor for each of the optics' ways to its readings.
 KINDS = {
@@ -39,6 +40,7 @@ KINDS = {
     "skewed": SENSORS["skewed1"],
     "cut": CUT,
     "lit": replace(PAPER, light=LIT),
+    "not Gaussian": replace(PAPER, light=PROFILED),
     "cut and lit": replace(CUT, light=COATED),
 }
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
