@@ -120,13 +120,13 @@ def test_a_late_answer_is_told_from_the_one_that_is_waited_for():
         (b"@01 0 01 OK IDLE -- 10", "has not answered for"),
         (b"@01 0 01 RJ IDLE -- BADDATA\r\n", "refused 'get pos': BADDATA"),
         (b"@01 0 01 OK IDLE FS 0 0\r\n", "fault, FS"),
-        (b"@01 0 01 OK IDLE WR 0 0\r\n", "was it restarted"),
+        (b"@01 0 01 OK IDLE WR 0 0\r\n", "it was restarted"),
         (b"@01 0\r\n", "cannot be understood"),
         (b"@01 0 01 OK IDLE -- x y\r\n", "cannot be understood"),
         (b"@01 0 01 OK IDLE -- nan 0\r\n", "cannot be understood"),
         (b"@01 0 01 OK IDLE -- 1\r\n", "cannot be understood"),
-        (b"\xff" * 2000, "no lines"),
-        (b"!01 0 IDLE --\r\n" * 2000, "talks, but does not answer"),
+        (b"\xff" * 2000, "without line ends"),
+        (b"!01 0 IDLE --\r\n" * 2000, "sends data, but does not answer"),
     ],
 )
 def test_zaber_says_what_is_wrong(reply, words):
@@ -512,7 +512,7 @@ def test_a_stage_that_somebody_else_moves_is_stopped():
         assert follower.step(), follower.error
         if follower.stop_reason:
             break
-    assert "does somebody else move it" in follower.stop_reason
+    assert "another program moves it" in follower.stop_reason
 
 
 def test_an_encoder_that_the_readings_contradict_stops_the_stage():
@@ -661,7 +661,7 @@ def test_the_envelope_predicts_no_older_and_no_further_than_the_settings_allow()
     assert envelope.bridge(there, port.now, origin + 1.2 * STAGE.bridge_distance) is None
     assert moves_of(port) == 0
     np.testing.assert_allclose(envelope.bridge(there, port.now - 0.14, origin)[1], 0.0)
-    with pytest.raises(StageError, match="no number"):
+    with pytest.raises(StageError, match="not a number"):
         envelope.bridge(np.array([np.nan, 0.0]), port.now, origin)
 
 
