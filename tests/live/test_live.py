@@ -310,19 +310,22 @@ def test_messages_say_what_to_do(tmp_path):
     here = ("--port", "file:board.bin")
     cases = [
         (("acquire", "bench"), "use --port, or set acquire.port"),
-        (("acquire", "hasty.yaml", "--port", "/dev/nothing"), "is it plugged in?"),
+        (("acquire", "hasty.yaml", "--port", "/dev/nothing"), "check that it is plugged in"),
         (("acquire", "bench", "--port", "file:none.bin"), "cannot be read"),
-        (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),
+        (("acquire", "bench", *here, "--seconds", "0"), "would end at once"),
         (("acquire", "bench", *here, "--plain", "--json"), "give one of them"),
         (("acquire", "bench", "--port", "file:none.bin", "--web"), "cannot be read"),
         (("acquire", "bench", *here, "-d", "file"), "is a file"),
         (("acquire", "bench", *here, "-d", "file/deeper"), "cannot be written"),
-        (("replay", "nothing"), "no such folder"),
-        (("replay", "nothing", "--recover"), "no such folder"),
+        (("replay", "nothing"), "the folder does not exist"),
+        (("replay", "nothing", "--recover"), "the folder does not exist"),
         (("recover", "rec"), "no command recover; give `facets replay RECORDING --recover`"),
         (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; its motions: "),
-        (("emulate", "bench", "--motion", "circle", "--seconds", "0"), "end before it begins"),
-        (("emulate", "bench", "--motion", "circle", "--folder", "file"), "no folder to write in"),
+        (("emulate", "bench", "--motion", "circle", "--seconds", "0"), "would end at once"),
+        (
+            ("emulate", "bench", "--motion", "circle", "--folder", "file"),
+            "not a folder that can be",
+        ),
     ]
     for words, text in cases:
         result = command(*words, cwd=tmp_path)
