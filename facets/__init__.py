@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from .core.faces import load_on_use
 from .core.version import __version__ as __version__
 
-# A name is imported when it is first asked for, so that a command pays only for what it uses.
+# A name is imported at its first use, so that a command loads only what it needs.
 _HOMES = {
     "load": "config.loading",
     "ConfigError": "core.errors",

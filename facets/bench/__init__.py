@@ -1,4 +1,4 @@
-"""Run time against error, beside what a user would write without this package."""
+"""Run time and error of facets, compared with code that a user would write without it."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What cut light costs: a pose with and without, and how many poses a bound spares it."""
+"""Cost of cut light: a pose with and without it, and the share of poses that need it."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ CUTS = {
 
 
 def apertures(quick: bool, seed: int) -> list[Row]:
-    """Readings, readings with Jacobian and warm solves for each cut; times to those of none.
+    """Times of readings, Jacobians and warm solves for each cut, relative to uncut light.
 
-    States as in the other studies: all centroids on their detectors, up to the edge.
+    The states are those of the other studies: all centroids lie on their detectors, up to the edge.
     """
     poses = 500 if quick else 50_000
     states = rivals.states_in_range(poses, seed)
@@ -67,11 +67,11 @@ def contender(kind: str, sensor: Sensor, states: NDArray[np.float64]) -> Contend
     return Contender(kind, warm, len(states))
 
 
-#: Powers that are computed one at a time and in blocks differ by less than this, relative.
+#: Relative difference that rounding makes between powers computed singly and in blocks.
 ROUNDING = 1e-13
 
 
 def share_cut(sensor: Sensor, states: NDArray[np.float64], plain: NDArray[np.float64]) -> float:
-    """Of the poses, those in which a power differs from the uncut one by more than rounding."""
+    """Share of the poses in which a power differs from the uncut one by more than rounding."""
     power = readings(sensor, states)[:, 2::3]
     return float((np.abs(power - plain) > ROUNDING * plain).any(axis=1).mean())

@@ -1,10 +1,10 @@
-"""What a call costs: a batch, one pose at a time, and the first result of all, beside a loop.
+"""Cost of a call, relative to a loop: a batch, one pose at a time, and the first result.
 
-Times are of the processor, so that what else the machine does counts for little; but they belong to
-the processor. The floor of a batch is what the special functions of the light alone take, by the
-same instructions on numbers at hand. Each row has a ratio, too: to a reference loop of a thousand
-additions, multiplications and divisions that wait for each other, timed in turn with it; and the
-ratio that was stored when the row was last measured, so that a run says what has become slower.
+Times are processor times, so that other work of the machine matters little; they still depend on
+the processor. The floor of a batch is the time of the light's special functions alone, by the same
+instructions on inputs that need no computation. Each row also has its ratio to a reference loop,
+timed in turn with it, of a thousand additions, multiplications and divisions that depend on each
+other, and the stored ratio of the last measurement, so that a run shows what has become slower.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ STORED = {
     "first reading: nothing compiled": 8.9e4,
     "first pose: nothing compiled": 2.0e5,
 }
-#: Left out of a quick run, because they compile all anew.
+#: Rows that a quick run leaves out, because they compile everything again.
 FIRST = {
     "first reading: nothing compiled": "facets.readings(sensor, [0.0] * 8)",
     "first pose: nothing compiled": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
@@ -54,7 +54,7 @@ FIRST = {
 
 @cache
 def loop() -> Callable[[int], float]:
-    """The reference: `loop()(n)` takes a thousand steps n times."""
+    """Make the reference loop: `loop()(n)` takes a thousand steps n times."""
     import numba
 
     def run(times: int) -> float:
@@ -76,7 +76,7 @@ def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], None]:
 
 
 def contenders(poses: int, few: int) -> list[Contender]:
-    """Inputs are readings, then states: (n, 17)."""
+    """Ways to call; their inputs are readings, then states: (n, 17)."""
     from . import stages
 
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
@@ -116,7 +116,7 @@ def solve_from_near(rows: Floats) -> None:
 
 
 def least(contenders: list[Contender], rows: Floats, rounds: int) -> list[float]:
-    """Seconds of CPU time a pose of each, the least of some rounds in turn."""
+    """CPU seconds per pose of each contender: the least over rounds in turn."""
     for contender in contenders:
         contender.work(rows[: contender.poses])
     best = [np.inf] * len(contenders)
@@ -129,7 +129,7 @@ def least(contenders: list[Contender], rows: Floats, rounds: int) -> list[float]
 
 
 def first(expression: str) -> float:
-    """Seconds of CPU time of a fresh process, imports included, with nothing compiled before."""
+    """CPU seconds of a new process with empty caches, imports included."""
     code = f"import facets; sensor = facets.Sensor(); {expression}"
     with tempfile.TemporaryDirectory() as empty:
         before = child_cpu_seconds()
@@ -147,7 +147,7 @@ def child_cpu_seconds() -> float:
 
 
 def calls(quick: bool, seed: int) -> list[dict[str, Any]]:
-    """A row for each way to call: us, the ratio to the reference loop, and the stored ratio."""
+    """Measure each way to call: us, the ratio to the reference loop, and the stored ratio."""
     poses, few = (5_000, 200) if quick else (50_000, 2_000)
     states = rivals.states_in_range(poses, seed)
     rows = np.hstack([readings(SENSOR, states), states])

@@ -1,7 +1,7 @@
-"""The best layout by casadi alone: its own derivatives, of all constraints at once.
+"""The best layout by casadi alone, with its own derivatives of all constraints at once.
 
-What `facets optimize` did at first, kept to be measured against, and as an optimum that shares
-neither derivatives nor the choice of constraints with it.
+The first method of `facets optimize`, kept for comparison and as an optimum that shares neither
+derivatives nor the choice of constraints with the present one.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class CasadiLayout:
         self.start = np.clip([now[name] for name in self.names], self.low, self.high)
 
     def solve(self) -> tuple[Floats, float]:
-        """The variables, and the square of the worst uncertainty over its unit."""
+        """Return the variables, and the square of the worst uncertainty over its unit."""
         shares = (self.start - self.low) / (self.high - self.low)
         found = self.solver(
             x0=np.append(shares, 100.0), lbx=0.0, ubx=np.append(np.ones(len(shares)), np.inf),

@@ -66,7 +66,7 @@ def landing(point: Any, k: int, normal: Any, apex: Any) -> tuple[Any, Any]:
 
 
 def solver() -> Callable[[Floats], Floats]:
-    """Readings (n, 9 or more columns) to states (n, 8), from zero."""
+    """Make a solver of readings (n, 9 or more columns) for states (n, 8), starting at zero."""
     import casadi as ca
 
     x, xi = ca.SX.sym("x", 8), ca.SX.sym("xi", 8)

@@ -1,4 +1,4 @@
-"""Timing contenders against each other: in turn, in one run, so that a noisy machine is fair."""
+"""Timing of contenders in turn, in one run, so that a noisy machine affects all alike."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Contender:
-    """A way to do the work. poses: how many it does a round; work: what it does to inputs."""
+    """A method to compare.  poses: number per round; work: function of the inputs."""
 
     name: str
     work: Callable[[Any], Any]
@@ -21,7 +21,7 @@ class Contender:
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds a pose: median over the rounds, and the quartiles around it."""
+    """Seconds per pose: median over the rounds, and the quartiles around it."""
 
     median: float
     low: float
@@ -29,7 +29,7 @@ class Timing:
 
 
 def alternate(contenders: Sequence[Contender], inputs: Any, rounds: int) -> list[Timing]:
-    """Times each contender in each round; those that take over 2 s only in the first."""
+    """Time each contender in each round; those that take over 2 s only in the first."""
     taken: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:
         if contender.poses >= 100:

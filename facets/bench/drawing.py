@@ -1,4 +1,4 @@
-"""Pictures: time to a first one, and to each frame of a film."""
+"""Time of a first picture, and of each frame of a film."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Row = dict[str, Any]
 
 
 def drawing(quick: bool, seed: int) -> list[Row]:
-    """Views at 1200 x 900 and frames of a film at 720 x 480, after imports; a quick run draws a
-    third of each width and height."""
-    del seed  # no number of the pictures is random
+    """Time views at 1200 x 900 and frames of a film at 720 x 480, after imports; a quick run draws
+    a third of each width and height."""
+    del seed  # the pictures contain no random number
     with Picture(rivals.SENSOR, np.zeros(8), "mirror", (200, 200)) as picture:
         picture.image()  # imports, graphics
     sizes = {"both": (1200, 900), "rig": (1200, 900), "mirror": (1200, 900), "film": (720, 480)}

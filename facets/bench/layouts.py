@@ -1,4 +1,4 @@
-"""Layouts: the best one, and many, beside what SciPy alone makes of the float model."""
+"""Time of the best layout and of many layouts, compared with SciPy on the float model."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from ..model.arrays import half_sizes, margins, readings
 from .casadi_layout import CasadiLayout
 
 Row = dict[str, Any]
-#: How far one axis's range is looked for, mm and rad.
+#: Limit of the search for one axis's range, mm and rad.
 FAR = np.array([0.6, 0.6, 12, 0.06, 0.06, 0.12])
 
 
 def layouts(quick: bool, seed: int) -> list[Row]:
-    """One start of the shipped `layout`; and designs of the same space, each with its ranges."""
+    """Time one start of the shipped `layout`, and designs of the same space with their ranges."""
     config = load("layout")
     names = ["radius_mm", "diameter_mm"] if quick else list(config.layout.variables)
     bounds = {name: config.layout.variables[name] for name in names}
@@ -63,8 +63,8 @@ def row(what: str, seconds: float, ours: float, value: float) -> Row:
 
 
 def optimise_with_facets(sensor: Any, layout: Any) -> tuple[float, float, float]:
-    """Processor seconds of a start and of building, and the worst uncertainty over its unit; at the
-    states that the others are asked at, without those between."""
+    """Processor seconds of a start and of building, and the worst uncertainty over its unit, at the
+    same states as for the other methods."""
     first = problem_of(sensor, layout)
     solve_from(first, starts_of(first, layout)[0])  # compiles
     begin = time.process_time()
@@ -75,7 +75,7 @@ def optimise_with_facets(sensor: Any, layout: Any) -> tuple[float, float, float]
 
 
 def optimise_with_casadi(sensor: Any, layout: Any) -> tuple[float, float, float]:
-    """The same with all constraints and casadi's own derivatives."""
+    """Do the same with all constraints and casadi's own derivatives."""
     begin = time.process_time()
     problem = CasadiLayout(sensor, layout)
     built = time.process_time()
@@ -91,7 +91,7 @@ def mean_call_time(function: Any, drawn: Floats) -> float:
 
 
 def optimise_with_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
-    """Processor seconds, and the worst uncertainty over its unit, by the usual minimax."""
+    """Processor seconds, and the worst uncertainty over its unit, by SciPy's minimax."""
     from scipy.optimize import minimize
 
     states = np.array(states_of(layout, 1.0), dtype=float)
@@ -126,7 +126,7 @@ def optimise_with_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[flo
 
 
 def ranges_by_brentq(sensor: Any) -> list[float]:
-    """Both ends of each axis, one scalar root after the other, on the same model."""
+    """Find both ends of each axis on the same model, by one scalar root after the other."""
     from scipy.optimize import brentq
 
     half = float(half_sizes(sensor)[0, 0])

@@ -1,6 +1,6 @@
-"""What the light of a bench costs: a pose with it, beside ideal light, in turn in one run.
+"""Cost of the light of a bench: a pose with it and with ideal light, in turn in one run.
 
-Times are of the processor, as in `calls`.
+Times are processor times, as in `calls`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Row = dict[str, Any]
 IDEAL = rivals.SENSOR
 LIT = replace(IDEAL, light=load("bench-light").sensor.light)
 
-#: What is asked of a sensor, and for how many times fewer poses than readings are asked for.
+#: Tasks, and the factor by which each has fewer poses than the readings.
 TASKS: dict[str, tuple[Callable[[Sensor, Floats, Floats], Any], int]] = {
     "readings": (lambda sensor, s, _: readings(sensor, s), 1),
     "near Jacobian": (lambda sensor, s, _: derivatives(sensor, s), 2),
@@ -39,12 +39,12 @@ TASKS: dict[str, tuple[Callable[[Sensor, Floats, Floats], Any], int]] = {
         lambda sensor, s, r: solve(sensor, r, start=s + 1e-6, covariance=False), 4
     ),
 }  # fmt: skip
-#: States in the middle of the range, as a share of it, where hardly a pose leaves its block.
+#: Share of the range around its middle in which hardly a pose leaves its block.
 SHARE = 0.5
 
 
 def light(quick: bool, seed: int) -> list[Row]:
-    """A row for each task: us a pose with ideal light and with the light of a bench, and the ratio.
+    """Measure each task: us per pose with ideal light, with a bench's light, and their ratio.
 
     Poses are estimated from noisy readings.
     """

@@ -1,4 +1,4 @@
-"""How late a live run's poses are: from the last byte of a sample to its pose, on a virtual bench.
+"""Latency of a live run on a virtual bench, from a sample's last byte to its pose.
 
 The bench, the run, and the reader of the page share this machine's cores.
 """
@@ -22,22 +22,22 @@ from .peers import missing
 
 Row = dict[str, Any]
 
-#: Runs and their options; PAGE beside a reader of all that the page is sent.
+#: Runs and their options; with PAGE, a reader receives everything that the page gets.
 PAGE = "with the page read"
 RUNS: dict[str, list[str]] = {
     "alone": [],
     "with --track": ["--track", "--stage-port", "bench/stage"],
     PAGE: ["--web", "127.0.0.1:0"],
 }
-#: Seconds of a run, the first of which do not count.
+#: Duration of a run, and the part at its start that does not count.
 SECONDS, BEGINNING = 12, 2
 
 
 def live(quick: bool, seed: int) -> list[Row]:
-    """For each run at 10 kHz: the 99th percentile of a sample's age when its pose is there, median
-    and worst over the seconds of the run, ms; and what was lost, of all samples.
+    """Measure each run at 10 kHz: the 99th percentile of a sample's age when its pose is solved, ms
+    (median and worst over the seconds of the run), and the share of lost samples.
 
-    None in a quick run, nor where there are no pseudoterminals for the bench.
+    No row in a quick run, or on a system without pseudoterminals.
     """
     if quick or sys.platform == "win32":
         return [{"run": "left out", "p99_ms": np.nan, "worst_p99_ms": np.nan, "lost": np.nan}]
@@ -67,7 +67,7 @@ def row(name: str, seed: int) -> Row:
 
 @contextmanager
 def virtual_bench(folder: Path, seed: int) -> Iterator[None]:
-    """The circle of the shipped configuration `bench`, once its ports are there."""
+    """Run the circle of the shipped configuration `bench`, and wait for its ports."""
     command = [sys.executable, "-m", "facets", "emulate", "bench", "--motion", "circle"]
     bench = subprocess.Popen(
         [*command, "--seed", str(seed)], cwd=folder, stdout=subprocess.PIPE, text=True
@@ -83,7 +83,7 @@ def virtual_bench(folder: Path, seed: int) -> Iterator[None]:
 
 
 def read_page(errors: Any) -> None:
-    """Reads what a run says on its standard error, and the page that it names, until both end."""
+    """Read the standard error of a run, and the page that it names, until both end."""
     for line in errors:
         if "the page is at " in line:
             address = line.split("the page is at ")[1].strip()

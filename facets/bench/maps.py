@@ -1,4 +1,4 @@
-"""Range maps: what following the outlines saves against grids of the same resolution."""
+"""Range maps: time of following the outlines, compared with grids of the same resolution."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Row = dict[str, Any]
 
 
 def maps(quick: bool, seed: int) -> list[Row]:
-    """All pairs of axes under a fixed beam, and tx, ty with the beam following.
+    """Time all pairs of axes under a fixed beam, and tx, ty with the beam following.
 
-    The grids' time is that of their calls, a million of which are made.
+    The grids' time is extrapolated from a million calls.
     """
     del seed  # nothing is drawn
     pairs = [("tx", "ty"), ("tz", "roll")] if quick else list(combinations(POSE, 2))

@@ -1,4 +1,4 @@
-"""What other packages make of the same sensor: `pip install "facets-6dof[bench-peers]"`.
+"""The same sensor in other packages: `pip install "facets-6dof[bench-peers]"`.
 
 Mitsuba 3 and Optiland trace random rays; JAX evaluates the Gauss-Legendre form of `rivals`, and
 optimistix and jaxopt solve it. Written as their manuals suggest, for the paper's sensor. A package
@@ -31,7 +31,7 @@ def missing(*packages: str) -> list[str]:
 
 
 def forward(quick: bool, seed: int) -> list[Contender]:
-    """Contenders for readings, of the packages that are there."""
+    """Contenders for readings, for the installed packages."""
     rays = 2**14 if quick else 2**20
     points = rivals.random_points(rays, seed)
     made = []

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = dict[str, Any]
-#: Of a panel of the diagram, points; and how near two numbers may come, across and up.
+#: Size of a panel, points; and least distances of two numbers, across and up.
 SIZE, NEAR = np.array([205.0, 165.0]), (13.0, 11.0)
 
 
 def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
-    """Time a pose against error, readings above and poses below; nearer the corner is better."""
+    """Draw time per pose against error, readings above and poses below."""
     with style.style_context():
         picture = style.figure(style.FULL, 6.6)
         upper, lower = picture.subplots(2, 1)
@@ -32,7 +32,7 @@ def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
 
 
 def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
-    """A number beside each mark, and what it stands for to the right."""
+    """Draw a number beside each mark, and its meaning to the right."""
     hues = chosen_hues()
     shown = [row for row in rows if np.isfinite(row[error])]
     shown.sort(key=lambda row: row["us_per_pose"])
@@ -54,7 +54,7 @@ def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
 
 
 def numbers(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
-    """A number above each mark; one that would lie on another goes higher, on a thin line."""
+    """Write a number above each mark; one that would overlap goes higher, on a thin line."""
     hues = chosen_hues()
     axes.autoscale_view()
     ends = np.log10([axes.get_xlim(), axes.get_ylim()])
@@ -74,7 +74,7 @@ def numbers(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
 
 
 def heat_map(rows: Sequence[Row]) -> Figure:
-    """Digits of power and place over apex offset and tilt."""
+    """Draw the digits of power and position over apex offset and tilt."""
     offsets = sorted({row["offset_sigma"] for row in rows})
     tilts = sorted({row["tilt_mrad"] for row in rows})
     with style.style_context(axes__grid=False):
@@ -102,7 +102,7 @@ def heat_map(rows: Sequence[Row]) -> Figure:
 
 
 def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
-    """Digits lost by powers and places, and steps from zero to a pose."""
+    """Draw digits lost by powers and positions, and steps from zero to a pose."""
     with style.style_context():
         picture = style.figure(style.FULL, 2.9)
         left, right = picture.subplots(1, 2)
@@ -114,7 +114,7 @@ def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
 
 
 def bars(axes: Axes, rows: Sequence[Row], key: str, series: Sequence[str], width: float) -> None:
-    """Two series side by side, the second hatched."""
+    """Draw two series side by side, the second hatched."""
     hues = chosen_hues()
     places = np.array([row[key] for row in rows])
     for n, (name, side) in enumerate(zip(series, (0.25, 0.75), strict=True)):

@@ -1,4 +1,4 @@
-"""Where the time of a pose goes, and what its special functions cost evaluated in other ways."""
+"""Time of a pose by stage, and of its special functions evaluated in other ways."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Row = dict[str, Any]
 
 
 def profile(quick: bool, seed: int) -> list[Row]:
-    """Nanoseconds a pose up to each stage of readings and Jacobian, and of a warm solve; and what
-    the special functions alone take, which none of them can do without."""
+    """Measure nanoseconds per pose up to each stage of readings and Jacobian, of a warm solve, and
+    of the special functions alone, which all of these need."""
     poses = 5_000 if quick else 50_000
     states = rivals.states_in_range(poses, seed)
     vectors, out = packed_vectors(rivals.SENSOR), np.empty(poses)
@@ -52,7 +52,7 @@ def warm(xi: Floats, states: Floats) -> None:
 
 
 def special(quick: bool, seed: int) -> list[Row]:
-    """What a side sweeps over, in four ways: time, and largest error near the centre and beyond.
+    """Integrate over a side's sweep in four ways: time, and largest error near the centre and far.
 
     near: both coordinates within 1.5 sigma, as in the range of the paper's sensor; far: within 6.
     """
@@ -95,7 +95,7 @@ def quadrature(nodes: int, points: Floats, out: Floats) -> None:
 
 
 def reference(points: Floats) -> Any:
-    """From the definition, at 30 digits."""
+    """Integrate the definition with 30 digits."""
     import mpmath as mp
 
     with mp.workdps(30):

@@ -1,8 +1,8 @@
 """Other ways to the readings of the paper's sensor, written from the physics, without the optics.
 
-`dblquad` is what the paper describes; Gauss-Legendre in the angle with the radial part closed is
-the best of the short ones; rays are what an optics package does. All for the symmetric sensor with
-a round, vertical beam.
+`dblquad` is the paper's method; Gauss-Legendre in the angle, with the radial part in closed form,
+is the best of the short methods; rays are the method of optics packages. All are for the symmetric
+sensor with a round, vertical beam.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def land(points: Floats, k: int, normal: Floats, apex: Floats) -> Floats:
 
 
 def moment_readings(states: Floats, moments: Moments) -> Floats:
-    """Nine readings a state; `moments(apex, start, stop)` integrates over a wedge, in sigmas."""
+    """Nine readings per state; `moments(apex, start, stop)` integrates over a wedge, in sigmas."""
     out = np.empty((len(states), 9))
     for n, state in enumerate(states):
         normals = facet_normals(state)
@@ -113,7 +113,7 @@ def legendre(nodes: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def legendre_moments(nodes: int) -> Moments:
-    """One wedge by Gauss-Legendre in the angle, in plain Python."""
+    """Moments of one wedge by Gauss-Legendre in the angle, in plain Python."""
 
     def moments(q: Floats, start: float, stop: float) -> tuple[float, float, float]:
         mass = x = y = 0.0
@@ -134,7 +134,7 @@ def legendre_moments(nodes: int) -> Moments:
 
 
 def legendre_batch(states: Floats, nodes: int) -> Floats:
-    """All states at once by Gauss-Legendre in the angle, in NumPy."""
+    """Readings of all states at once by Gauss-Legendre in the angle, in NumPy."""
     from scipy.special import erfc
 
     places, weights = np.polynomial.legendre.leggauss(nodes)
@@ -181,7 +181,7 @@ def random_points(count: int, seed: int) -> Floats:
 
 
 def sobol_points(count: int, seed: int) -> Floats:
-    """2^k >= count points, so that the sequence keeps its balance."""
+    """Sobol points, 2^k >= count of them, so that the sequence keeps its balance."""
     from scipy.special import ndtri
     from scipy.stats import qmc
 

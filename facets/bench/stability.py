@@ -1,4 +1,4 @@
-"""How many digits are lost where, and in how many steps poses are found."""
+"""Digits lost over the domain, and number of steps in which poses are found."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ EPSILON = float(np.finfo(float).eps)
 
 
 def stability(quick: bool, seed: int) -> list[Row]:
-    """Errors of readings over apex offset (in sigmas) and tilt; poses solved from zero, and steps.
+    """Measure errors of readings over apex offset (sigmas) and tilt; poses from zero, and steps.
 
-    The reference carries as many more digits as the faintest power has zeros.
+    The reference has one more digit for each leading zero of the least power.
     """
     offsets = [0, 0.01, 0.3, 0.6, 1, 1.5, 2, 3, 4, 6, 8, 10]
     tilts = [0, 1, 5, 10, 20, 50]
@@ -49,8 +49,8 @@ def stability(quick: bool, seed: int) -> list[Row]:
 
 
 def digits(quick: bool, seed: int) -> list[Row]:
-    """Histogram of the digits lost in the range: of powers, and of places beside the 250 mm that
-    their rays fly. A row a tenth of them: 0 is the last bit of a float.
+    """Count the digits lost in the range by powers, and by positions relative to the 250 mm of
+    their rays, in bins of a tenth of a digit: 0 is the last bit of a float.
     """
     states = rivals.states_in_range(40 if quick else 1000, seed)
     exact = reference(states).reshape(-1, 3, 3)
@@ -71,7 +71,7 @@ def digits(quick: bool, seed: int) -> list[Row]:
 
 
 def steps(quick: bool, seed: int) -> list[Row]:
-    """In how many steps poses of the range are found from zero: exact readings, and noisy ones."""
+    """Count the steps from zero to poses of the range, for exact and for noisy readings."""
     states = rivals.states_in_range(2_000 if quick else 100_000, seed)
     exact = readings(SENSOR, states)
     rng, noise = np.random.default_rng(seed), SENSOR.noise

@@ -1,4 +1,4 @@
-"""Where a pose's time goes: the chain compiled up to each stage in turn, and ways to its heart.
+"""Time of a pose by stage: the chain compiled up to each stage, and its innermost integral.
 
 Importing this imports Numba.
 """
@@ -30,7 +30,7 @@ compiled = compiler(__file__, calls=(kernels,))
 
 
 def stage_code(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> LaneWrite:
-    """Blocks' code that puts the sum of some numbers of a state into one place a pose."""
+    """Make block code that writes one sum of numbers per pose."""
 
     def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
         state = tuple(code.load_rows(states, 8, 8))
@@ -43,9 +43,9 @@ def stage_code(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[An
 
 
 def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iterator[Any]:
-    """Nothing but the functions of three edges: a Gaussian of the point; of each edge a Gaussian,
-    two error functions, a triangle's mass, a root and an arc tangent; of each angle its sine and
-    cosine. What readings cannot do without."""
+    """Evaluate only the functions of three edges, which all readings need: a Gaussian of the point;
+    of each edge a Gaussian, two error functions, a triangle's mass, a root and an arc tangent; of
+    each angle its sine and cosine."""
     q = state[:2]
     for k in range(3):
         a, h, angle = state[k], state[k + 1], state[3 + k]
@@ -55,9 +55,9 @@ def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iter
         yield code.function("sin", angle) + code.function("cos", angle)
 
 
-#: The functions alone, from numbers at hand: the floor of what follows.
+#: The functions alone, of inputs that need no computation: the least time of the stages below.
 FLOOR = "functions of three edges alone"
-#: In the order of the chain: each does what the one before does, and more.
+#: Stages in the order of the chain; each includes the one before.
 CHAIN: dict[str, Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]] = {
     "mirror turned; its edges seen along the beam": lambda code, vectors, state: leaves(
         (dark_scene(vectors, state).q, dark_scene(vectors, state).sides)
@@ -93,7 +93,7 @@ def stage(name: str) -> Callable[[Array, Array, Array], None]:
 
 @compiled
 def evaluate_series(points: Array, out: Array) -> None:
-    """What a side sweeps over, by the series that the optics uses; points (n, 2): a, h."""
+    """Integrate over a side's sweep by the optics' series; points (n, 2): a, h."""
     for n in range(len(points)):
         a, h = points[n, 0], points[n, 1]
         along, across = exp(-a * a / 2), exp(-h * h / 2)
@@ -102,7 +102,7 @@ def evaluate_series(points: Array, out: Array) -> None:
 
 @compiled
 def evaluate_quadrature(points: Array, nodes: Array, weights: Array, out: Array) -> None:
-    """The same with the series' integral by Gauss-Legendre; nodes on 0..1."""
+    """Integrate the same by Gauss-Legendre; nodes on 0..1."""
     for n in range(len(points)):
         a, h = points[n, 0], points[n, 1]
         wide = abs(a) >= abs(h)
@@ -118,7 +118,7 @@ def evaluate_quadrature(points: Array, nodes: Array, weights: Array, out: Array)
 
 
 def evaluate_library(points: Array, out: Array) -> None:
-    """The same from SciPy's Owen's T (Patefield and Tandy)."""
+    """Compute the same by SciPy's Owen's T (Patefield and Tandy)."""
     from scipy import special
 
     a, h = points.T

@@ -1,4 +1,4 @@
-"""What a start costs: of a process, and of a command with nothing compiled and with all kept."""
+"""Cost of a start: of a process, and of a command with an empty and with a full code cache."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ SENSOR = "import facets; sensor = facets.Sensor()"
 LIT = "import facets; from facets.bench.light import LIT as sensor"
 SOLVE = "facets.solve(sensor, [0.1, 0, 0.1] * 3)"
 CALIBRATION = "calibration"
-#: What is started, as arguments of Python; CALIBRATION is a folder with a rig's readings.
+#: Python arguments of each start; CALIBRATION is a folder with a rig's readings.
 STARTS = {
     "import facets": ["-c", "import facets"],
     "facets --help": ["-m", "facets", "--help"],
     "facets solve --help": ["-m", "facets", "solve", "--help"],
 }
-#: What compiles code where none is kept; left out of a quick run.
+#: Starts that compile code if the cache is empty; a quick run leaves them out.
 FIRST_USES = {
     "facets.solve in ideal light": ["-c", f"{SENSOR}; {SOLVE}"],
     "facets.solve in the light of a bench": ["-c", f"{LIT}; {SOLVE}"],
@@ -41,7 +41,7 @@ SIMULATION = ["-m", "facets", "simulate", "rig", "--motion", "calibration", "--w
 
 
 def starts(quick: bool, seed: int) -> list[Row]:
-    """Seconds of processor time and by the clock, of a first run and of the next one."""
+    """Measure processor and clock seconds of a first run and of the next run."""
     with tempfile.TemporaryDirectory() as folder:
         rows = [row(name, arguments, Path(folder)) for name, arguments in STARTS.items()]
         if not quick:
@@ -62,7 +62,7 @@ def row(name: str, arguments: list[str], folder: Path) -> Row:
 
 
 def run(arguments: list[str], folder: Path, environment: dict[str, str]) -> tuple[float, float]:
-    """Seconds of processor time and by the clock of a process of its own, in a folder."""
+    """Processor and clock seconds of a separate process, in a folder."""
     force = ["--force"] if {"-o", "-d"} & set(arguments) else []
     before, begin = child_cpu_seconds(), time.perf_counter()
     subprocess.run(

@@ -1,4 +1,4 @@
-"""Run time against error, and against batch size: rows for tables, in the order to be read."""
+"""Run time against error and against batch size, as rows of tables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SENSOR = rivals.SENSOR
 
 
 def reference(states: Floats, digits: int = 40) -> Any:
-    """Readings (n, 9) of the same text in mpmath, as an array of high-precision numbers."""
+    """Readings (n, 9) by the optics' text in mpmath, as an array of high-precision numbers."""
     import mpmath as mp
 
     with mp.workdps(digits):
@@ -32,7 +32,7 @@ def reference(states: Floats, digits: int = 40) -> Any:
 
 
 def errors(values: Floats, exact: Any) -> tuple[float, float]:
-    """Largest errors: of a place, mm, and of a power, relative to itself."""
+    """Largest errors of a position, mm, and of a power, relative."""
     away = np.abs(np.array(values - exact)).reshape(-1, 3, 3)
     power = away[:, :, 2] / np.asarray(exact).reshape(-1, 3, 3)[:, :, 2]
     return float(away[:, :, :2].max()), float(power.max())
@@ -79,7 +79,7 @@ def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
 
 
 def forward(quick: bool, seed: int) -> list[Row]:
-    """Readings: time a pose against error."""
+    """Measure time per pose against error, for readings."""
     poses = 5_000 if quick else 200_000
     states = rivals.states_in_range(poses, seed)
     contenders = forward_contenders(quick, poses, seed)
@@ -98,7 +98,7 @@ def forward(quick: bool, seed: int) -> list[Row]:
 
 
 def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[Floats], Floats]:
-    """The paper's inversion: eight readings, eight unknowns, scaled to be of order one."""
+    """Solve by the paper's inversion: eight readings, eight unknowns, scaled to order one."""
     scale = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2, 1, 1])
 
     def solve_readings(xi: Floats) -> Floats:
@@ -175,7 +175,7 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
 
 
 def inverse(quick: bool, seed: int) -> list[Row]:
-    """Poses, eight unknowns: time a pose against error."""
+    """Measure time per pose against error, for poses with eight unknowns."""
     poses = 5_000 if quick else 100_000
     states = rivals.states_in_range(poses, seed)
     index = np.column_stack([readings(SENSOR, states), states])
@@ -200,7 +200,7 @@ def chunk_sizes(total: int, size: int) -> Iterator[int]:
 
 
 def scaling(quick: bool, seed: int) -> list[Row]:
-    """Batch size and threads: time a pose; batches over a million go by chunks in flat memory."""
+    """Measure time per pose by batch size and threads; batches over a million go in chunks."""
     largest = 10**4 if quick else 10**7
     states = rivals.states_in_range(min(largest, 10**6), seed)
     rows = []

@@ -1,4 +1,4 @@
-"""Whether a file is whole, by its own format: some libraries do not notice a full disk."""
+"""Check by a file's format that it is complete: some libraries do not notice a full disk."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import errno
 import json
 from pathlib import Path
 
-#: How files of a kind end; blanks after that do not count.
+#: Last bytes of complete files by kind; blanks after them do not count.
 ENDS = {
     ".png": b"IEND\xaeB`\x82",
     ".svg": b"</svg>",
@@ -18,7 +18,7 @@ ENDS = {
 
 
 def require_complete(path: Path) -> None:
-    """Raises `OSError` where a picture, a film, a page or a table is cut off; by its ending."""
+    """Raise `OSError` if a picture, film, page or table, by the file's suffix, is cut off."""
     kind = path.suffix.lower()
     if kind in ENDS:
         whole = tail_of(path).rstrip().endswith(ENDS[kind])
@@ -47,7 +47,7 @@ def is_json(path: Path) -> bool:
 
 
 def has_whole_boxes(path: Path) -> bool:
-    """Whether the boxes of an MP4 (ISO/IEC 14496-12) fill the file, and `moov` is one of them."""
+    """Return whether the boxes of an MP4 (ISO/IEC 14496-12) fill the file and include `moov`."""
     size, place, names = path.stat().st_size, 0, set()
     with path.open("rb") as file:
         while place + 8 <= size:

@@ -18,7 +18,7 @@ from .whole import Whole, readable_path
 
 NAME = "ro-crate-metadata.json"
 PROFILE = "https://w3id.org/ro/crate/1.1"
-#: The entity by which a crate that this program wrote is known.
+#: Identifier of the entity that marks a crate written by this program.
 PROGRAM = "#facets"
 TYPES = {
     ".csv": "text/csv",
@@ -30,15 +30,15 @@ TYPES = {
     ".pdf": "application/pdf",
     ".html": "text/html",
 }
-#: What a unit is called by UCUM, the code that RO-Crates use for `unitCode`.
+#: UCUM code of each unit, which RO-Crates use for `unitCode`.
 UCUM = {"mm": "mm", "mrad": "mrad", "mW": "mW", "um": "um", "urad": "urad", "s": "s", "us": "us"}
 
 
 def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seconds: float) -> None:
-    """Describes a folder's files, those of them that exist.
+    """Write the description of a folder's existing files.
 
-    about: as in the head of a table.  seconds: that the run took. A description in the folder that
-    another program wrote stays as it is.
+    about: as in the head of a table.  seconds: duration of the run. A description that another
+    program wrote into the folder is not changed.
     """
     path = folder / NAME
     if path.exists() and not is_ours(path):
@@ -50,7 +50,7 @@ def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seco
 
 
 def is_ours(path: Path) -> bool:
-    """Whether this program wrote a description."""
+    """Return whether this program wrote a description."""
     try:
         found = json.loads(path.read_text("utf-8"))
         return any(entity.get("@id") == PROGRAM for entity in found["@graph"])
@@ -59,7 +59,7 @@ def is_ours(path: Path) -> bool:
 
 
 def crate(files: Sequence[Path], about: dict[str, str], seconds: float) -> dict[str, Any]:
-    """The description of files in one folder."""
+    """Describe files in one folder."""
     columns = [column for file in files for column in columns_of(file)]
     root = {
         "@id": "./",
@@ -115,7 +115,7 @@ def entity_of(file: Path) -> dict[str, Any]:
 
 
 def columns_of(file: Path) -> list[dict[str, Any]]:
-    """The columns of a table that have a unit; none for what is no table."""
+    """Columns of a table that have a unit; none for files that are not tables."""
     found = []
     for name in names_of(readable_path(file)):
         unit = unit_of_column(name)

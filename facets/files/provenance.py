@@ -1,4 +1,4 @@
-"""How a result was made: what every table and every run record says of itself."""
+"""Provenance of results: what every table and every run record states about its origin."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ PACKAGES = ("numpy", "scipy", "numba")
 
 
 def command_line() -> str:
-    """The command as it was given, with the program's bare name."""
+    """The command line as typed, with the program's bare name."""
     import shlex
 
     return shlex.join(["facets", *sys.argv[1:]])
 
 
 def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]:
-    """For the head of a table: config and its hash, version, seed, command, time."""
+    """Entries for the head of a table: config and its hash, version, seed, command, time."""
     known = {
         "config": config.name,
         "config_sha256": config.sha256,
@@ -43,14 +43,14 @@ def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]
 
 
 def origin_line(config: Config) -> str:
-    """How a page or a document was made, in one line."""
+    """Describe in one line how a page or a document was made."""
     return f"{command_line()}; sha256 of the configuration {config.sha256[:12]}"
 
 
 def require_origin(source: Path, made: Mapping[str, Any], config: Config, remedy: str) -> None:
-    """Raise `InputError` where a former result was not made from this very configuration.
+    """Raise `InputError` if an earlier result was not made from exactly this configuration.
 
-    source: the result's file or folder.  made: what it says of how it was made, as `about`.
+    source: the result's file or folder.  made: provenance that the result states, as `about`.
     remedy: what to do instead.
     """
     checksum, name = made.get("config_sha256"), made.get("config")
@@ -71,12 +71,12 @@ def require_origin(source: Path, made: Mapping[str, Any], config: Config, remedy
 def configuration(
     config: Config, block: dict[str, Any], about: dict[str, str], name: str = "sensor"
 ) -> str:
-    """A configuration as YAML, with another block of that name; above, how it was made."""
+    """Write a configuration as YAML with one block replaced, below its provenance."""
     return _commented_yaml({**config.resolved, name: block}, about)
 
 
 def extension(parent: Path, keys: dict[str, Any], about: dict[str, str]) -> str:
-    """A configuration as YAML that extends another by some keys; above, how it was made."""
+    """Write YAML that extends another configuration by some keys, below its provenance."""
     return _commented_yaml({"extends": str(parent), **keys}, about)
 
 
@@ -91,7 +91,7 @@ def _commented_yaml(keys: dict[str, Any], about: dict[str, str]) -> str:
 
 
 def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
-    """The whole story of a run, as YAML."""
+    """Describe a run completely, as YAML."""
     from ruamel.yaml import YAML
 
     stream = StringIO()
@@ -119,9 +119,9 @@ def write_record(
     results: dict[str, Any],
     files: Sequence[Path],
 ) -> None:
-    """`run_record` as a file, whole or not at all, and beside it what the folder holds.
+    """Write `run_record` to a file, and the description of the folder beside it.
 
-    files: the results, the record among them; those that exist are described.
+    files: the results, including the record; existing files are described.
     """
     with Whole(path) as temporary:
         temporary.write_text(run_record(config, seed, seconds, results), "utf-8")

@@ -1,6 +1,6 @@
-"""Tables in CSV and Parquet, of any length: read in chunks, written whole or not at all.
+"""Tables in CSV and Parquet of any length: reading in chunks, writing completely or not at all.
 
-A table begins with how it was made: comment lines `# key: value` in CSV, metadata in Parquet.
+A table begins with its provenance: comment lines `# key: value` in CSV, metadata in Parquet.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ CHUNK = 50_000
 class Chunk:
     """Some rows of a table.
 
-    columns: by name, float, NaN where a cell is empty or says so.  lines: in the file, from 1; row
-    numbers in Parquet.  unparsable: rows that are not numbers; their columns are NaN.
-    bytes_read: of the file, so far.
+    columns: by name, float, NaN where a cell is empty or holds NaN.  lines: line numbers in the
+    file, from 1; row numbers in Parquet.  unparsable: whether a row is not numbers; its columns
+    are NaN.  bytes_read: bytes of the file read so far.
     """
 
     columns: dict[str, Floats]
@@ -54,17 +54,16 @@ def ending(path: Path) -> str:
 def read_chunks(
     path: Path, needed: Sequence[str] = (), optional: Sequence[str] = (), rows: int = CHUNK
 ) -> Iterator[Chunk]:
-    """The named columns of a table, `rows` at a time; the others are passed over.
+    """Read the named columns of a table, `rows` at a time, and skip the others.
 
-    A column that is needed and missing, one that holds words, or a file that cannot be read,
-    raises `InputError`.
+    Raises `InputError` if a needed column is missing or holds words, or if the file cannot be read.
     """
     require_table(path)
     read = read_csv if ending(path) == ".csv" else read_parquet
     return read(path, needed, optional, rows)
 
 
-#: How files begin that are no tables of text, and what they are.
+#: First bytes of files that are not text tables, and the kind of file.
 BEGINNINGS = {
     b"\xff\xfe": "UTF-16 text; save it as UTF-8",
     b"\xfe\xff": "UTF-16 text; save it as UTF-8",
@@ -75,7 +74,7 @@ PARQUET = b"PAR1"
 
 
 def require_table(path: Path) -> None:
-    """Raises `InputError` where a file is not there, is none, or is not what its name says."""
+    """Raise `InputError` if a file is missing or is not of the kind that its name says."""
     try:
         if path.is_dir():
             raise InputError(f"{path}: is a folder, not a table")
@@ -97,7 +96,7 @@ def require_table(path: Path) -> None:
 
 
 class MissingColumnsError(InputError):
-    """A table lacks columns: `names`."""
+    """Error for a table that lacks the columns `names`."""
 
     def __init__(self, text: str, names: Sequence[str]) -> None:
         super().__init__(text)
@@ -120,7 +119,7 @@ def columns_to_read(
 
 
 class Sheet:
-    """An open CSV table behind its header: rows with their line numbers."""
+    """An open CSV table after its header: rows with their line numbers."""
 
     def __init__(self, path: Path, raw: BinaryIO) -> None:
         self.path = path
@@ -140,7 +139,7 @@ class Sheet:
         self.reader = csv.reader(file, delimiter=delimiter, quoting=csv.QUOTE_NONE)
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Line number, from 1, and cells; comments and empty lines are passed over."""
+        """Yield line numbers, from 1, and cells; skip comments and empty lines."""
         while True:
             try:
                 row = next(self.reader)
@@ -154,7 +153,7 @@ class Sheet:
 
 
 def read_head(path: Path) -> dict[str, str]:
-    """The head of a table, by `provenance.provenance_header`; empty where there is none."""
+    """Read the head of a table, written by `provenance.provenance_header`; empty if it has none."""
     require_table(path)
     if ending(path) == ".parquet":
         import pyarrow as pa
@@ -176,7 +175,7 @@ def read_head(path: Path) -> dict[str, str]:
 
 
 def delimiter_of(header: str) -> str:
-    """A comma; where there is none, a semicolon or a tab."""
+    """Delimiter of a line: a comma or, if it has none, a semicolon or a tab."""
     return next((mark for mark in ",;\t" if mark in header), ",")
 
 
@@ -191,9 +190,9 @@ def open_sheet(path: Path) -> Iterator[Sheet]:
 
 
 def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floats]:
-    """A small CSV table of nothing but numbers: its names, or those that are needed, and its rows.
+    """Read names and rows of a small CSV table that holds only numbers.
 
-    Raises `InputError` with the line of what is no number.
+    Raises `InputError` with the line of a cell that is not a number.
     """
     with open_sheet(path) as sheet:
         use = columns_to_read(path, sheet.names, names or sheet.names, ())
@@ -226,12 +225,12 @@ def read_csv(
             )
 
 
-#: In how many rows a column may hold nothing but words before it is taken for a column of words.
+#: A column that holds only words in this number of rows is taken for a column of words.
 LOOKED_AT = 1000
 
 
 def refuse_words(path: Path, use: Sequence[str]) -> None:
-    """Raises `InputError` for a column that holds no number in the rows looked at, but words."""
+    """Raise `InputError` for a column that holds words and no number in the checked rows."""
     with open_sheet(path) as sheet:
         rows = [
             (line, row)
@@ -255,7 +254,7 @@ TIME_HINT = "; give seconds, or leave the column out"
 
 
 def number(cell: str) -> float:
-    """A cell as a number; NaN where it is empty. Quotes round it mean nothing."""
+    """Convert a cell to a number, an empty one to NaN; quotes around it are ignored."""
     text = cell.strip()
     if len(text) > 1 and text[0] == text[-1] == '"':
         text = text[1:-1]
@@ -263,7 +262,7 @@ def number(cell: str) -> float:
 
 
 def is_plain(text: str) -> bool:
-    """Whether NumPy reads numbers in a text as `number` does."""
+    """Return whether NumPy reads the numbers of a text as `number` does."""
     return text.isascii() and "_" not in text
 
 
@@ -276,7 +275,7 @@ def is_number(cell: str) -> bool:
 
 
 def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Floats, Booleans]:
-    """Cells as floats (n, columns), and which rows are not numbers; an empty cell is NaN."""
+    """Convert cells to floats (n, columns), empty ones to NaN; flag rows that are not numbers."""
     bad = np.array([len(row) != width for row in rows])
     cells = [[row[i] or "nan" for i in places] for row in rows] if not bad.any() else None
     if cells is not None and is_plain("".join(map("".join, cells))):
@@ -317,7 +316,7 @@ def read_parquet(
 
 
 def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
-    """Raises `InputError` for columns of a Parquet table whose type is not one of numbers."""
+    """Raise `InputError` for columns of a Parquet table that are not of a numeric type."""
     from pyarrow import types
 
     kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_null)
@@ -331,9 +330,9 @@ def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
 
 
 def arrow_column(values: Any) -> Any:
-    """A column for Arrow: its numbers as they lie in memory, its texts one after the other.
+    """Make an Arrow column: numbers without a copy, texts one after the other.
 
-    `pyarrow.array` would first import pandas, to ask whether the values are a series of it; that
+    `pyarrow.array` would first import pandas to check whether the values are a pandas series, which
     takes longer than solving a small table.
     """
     import pyarrow as pa
@@ -352,7 +351,7 @@ def arrow_column(values: Any) -> Any:
 
 
 class Writer:
-    """Appends blocks of rows to a table; by its ending CSV or Parquet. See `written`."""
+    """Appends blocks of rows to a table, which is CSV or Parquet by the file's suffix."""
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
         self.path = path
@@ -391,13 +390,13 @@ class Writer:
 
 
 def unit_of_column(name: str) -> str:
-    """The unit that ends a column's name, as people write it, or nothing."""
+    """The unit at the end of a column's name, in its usual spelling, or an empty text."""
     ending = unit_in(name)
     return KEY_UNITS[ending].label if ending else ""
 
 
 def add_units(schema: Any, about: Mapping[str, str]) -> Any:
-    """An Arrow schema whose fields state their units, by the key `unit`, with `about` beside."""
+    """Add each field's unit (key `unit`) and `about` to an Arrow schema."""
     import pyarrow as pa
 
     fields = [
@@ -408,7 +407,7 @@ def add_units(schema: Any, about: Mapping[str, str]) -> Any:
 
 
 def write_table(path: Path, columns: Columns, about: Mapping[str, str]) -> None:
-    """A whole table at once. about: how it was made."""
+    """Write a table at once.  about: its provenance."""
     ending(path)
     with Whole(path) as temporary:
         writer = Writer(temporary, about)

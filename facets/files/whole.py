@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and places for them that are asked for before the work."""
+"""Files that are written completely or not at all, and checks of their places before the work."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .completeness import require_complete
 
 
 def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
-    """Asks for the places of all results, before any work is done for them.
+    """Check the places of all results before any work is done for them.
 
-    Raises `OutputError` where one of the paths exists and is not to be replaced, is a folder, or
+    Raises `OutputError` if one of the paths exists and must not be replaced, is a folder, or
     cannot be written.
     """
     for path in paths:
@@ -33,10 +33,10 @@ def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
 
 
 def require_writable(path: Path) -> None:
-    """Raises `OutputError` where a file of that name cannot be written; leaves nothing behind.
+    """Raise `OutputError` if a file of this name cannot be written; leave nothing behind.
 
-    Tries it, in the folder that is there already: rights, a read-only disk and a full one differ
-    from system to system.
+    Tries to write in the nearest existing folder, because rights, a read-only disk and a full disk
+    appear differently on different systems.
     """
     try:
         if path.is_dir():
@@ -49,7 +49,7 @@ def require_writable(path: Path) -> None:
 
 
 def nearest_folder(path: Path) -> Path:
-    """The folder above a path that is there; each part of the path has a name that is allowed."""
+    """Nearest existing folder above a path, after checking the name of each part of the path."""
     for above in path.parents:
         if above.exists():
             if not above.is_dir():
@@ -63,7 +63,7 @@ def nearest_folder(path: Path) -> Path:
 
 
 def free_space(path: Path) -> int:
-    """Bytes that are free on the disk that a file of that name would stand on."""
+    """Free bytes on the disk that would hold a file of this name."""
     return shutil.disk_usage(nearest_folder(path)).free
 
 
@@ -74,19 +74,19 @@ def cannot_write(path: Path, error: OSError) -> OutputError:
 
 
 def reason_of(error: OSError) -> str:
-    """Why, in a line: the system's words, or the first of what a library said."""
+    """Reason of an error: the system's words, or the first line of a library's message."""
     return error.strerror or str(error).partition("\n")[0] or type(error).__name__
 
 
 class Whole:
-    """A file that appears under its name when all is written, and not at all if that fails.
+    """A file that appears under its name once it is complete, and not at all if writing fails.
 
     `with Whole(path) as temporary:` write to `temporary`, a path in the same folder. At the end the
-    file is looked over (some libraries do not notice a full disk), brought to the disk, and then
-    given its name, so that neither an error nor a power failure leaves half of it. Within a
-    `ResultSet` it waits for the other files of the set.
+    file is checked (some libraries do not notice a full disk), synced to the disk, and then given
+    its name, so that neither an error nor a power failure leaves half a file. Within a `ResultSet`
+    the file waits for the other files of the set.
 
-    alone: whether it belongs to no set, as what is kept for later runs.
+    alone: whether the file belongs to no set, such as a file that is kept for later runs.
     """
 
     def __init__(self, path: Path, alone: bool = False) -> None:
@@ -130,18 +130,18 @@ class Whole:
 
     @property
     def backup(self) -> Path:
-        """Where the older file of that name waits while a set is published."""
+        """Path of the older file of this name while a set is published."""
         return self.temporary.with_name(f"{self.temporary.name}.old")
 
     def restore(self) -> None:
-        """Puts the older file of that name back; without one there is none again."""
+        """Put the older file of this name back, or remove the new one if there was none."""
         if self.backup.exists():
             self.backup.replace(self.path)
         elif not (self.removes or self.temporary.exists()):
             self.path.unlink(missing_ok=True)
 
     def discard(self) -> None:
-        """Takes away what was written so far, and the folders that were made for it."""
+        """Remove everything written so far, and the folders that were made for it."""
         with hold_signals():
             for path in (self.temporary, self.backup):
                 with suppress(OSError):
@@ -152,11 +152,11 @@ class Whole:
 
 
 class ResultSet:
-    """The results of a command: files that appear under their names together, or none of them.
+    """The results of a command: files that appear under their names together or not at all.
 
-    `with ResultSet():` every `Whole` in it waits until the end, when all of them are given their
-    names. After an error, a full disk or ^C there is none of them, nor a folder that was made for
-    them, and the older files of these names are as they were.
+    Within `with ResultSet():` every `Whole` waits until the end, when all files get their names.
+    After an error, a full disk or ^C none of the files remains, nor any folder made for them, and
+    the older files of these names are unchanged.
     """
 
     def __init__(self) -> None:
@@ -181,7 +181,7 @@ class ResultSet:
                 file.discard()
 
     def add(self, file: Whole) -> None:
-        """Takes a file that is written; an earlier one of the same name goes."""
+        """Add a complete file; it replaces an earlier one of the same name."""
         older = self.files.get(file.path)
         self.files[file.path] = file
         if older is not None:
@@ -190,7 +190,7 @@ class ResultSet:
             older.discard()
 
     def publish(self) -> None:
-        """Gives all files their names; where that fails, all older files are put back."""
+        """Give all files their names; if that fails, put all older files back."""
         files = self.files.values()
         try:
             for file in files:
@@ -209,19 +209,18 @@ class ResultSet:
             raise
 
 
-#: The sets that are being written, the innermost last.
+#: The sets in progress, the innermost last.
 _sets: list[ResultSet] = []
 
 
 def readable_path(path: Path) -> Path:
-    """Where the file of that name can be read: within a `ResultSet` it has no name of its own
-    yet."""
+    """Path at which a result can be read: within a `ResultSet` it does not have its name yet."""
     found = next((one.files[path] for one in reversed(_sets) if path in one.files), None)
     return path if found is None else found.temporary
 
 
 def remove_older(path: Path) -> None:
-    """Takes an older file away; within a `ResultSet`, with the others of the set."""
+    """Remove an older file; within a `ResultSet`, together with the others of the set."""
     if not _sets:
         path.unlink(missing_ok=True)
         return
@@ -231,17 +230,17 @@ def remove_older(path: Path) -> None:
 
 
 def hidden_name(path: Path) -> Path:
-    """A name that no other file has, beside that one."""
+    """An unused name in the same folder."""
     return path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
 
 
 def missing_folders(folder: Path) -> list[Path]:
-    """The folder and those above that are not there, the innermost first."""
+    """The folder and its parents that do not exist, the innermost first."""
     return [one for one in (folder, *folder.parents) if not one.exists()]
 
 
 def link_or_copy(path: Path, backup: Path) -> None:
-    """A second name for a file; where a disk knows none, a copy."""
+    """Make a second name for a file, or a copy if the disk has no links."""
     try:
         os.link(path, backup)
     except OSError:
@@ -250,7 +249,7 @@ def link_or_copy(path: Path, backup: Path) -> None:
 
 @contextmanager
 def hold_signals() -> Iterator[None]:
-    """Within it signals wait, so that ^C does not come between moves of files."""
+    """Context in which signals wait, so that ^C does not interrupt moves of files."""
     waiting: list[tuple[int, FrameType | None]] = []
     before: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
@@ -268,7 +267,7 @@ def hold_signals() -> Iterator[None]:
 
 
 def sync_to_disk(path: Path) -> None:
-    """Waits until a file, or the names in a folder, are on the disk. Raises `OSError`."""
+    """Wait until a file, or the names in a folder, are on the disk. Raises `OSError`."""
     if path.is_dir() and os.name == "nt":
         return
     handle = os.open(path, os.O_RDONLY)

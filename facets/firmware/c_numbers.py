@@ -13,7 +13,7 @@ from typing import Any
 from ..scalars.nesting import leaves, nest
 from ..scalars.tracing import Condition, Tracer, Value, key_of
 
-#: A number of the formula, or one that is known already; or tuples of such.
+#: A number of the formula or a known number, or nested tuples of these.
 Numbers = Any
 
 FORMS = {
@@ -27,13 +27,13 @@ CONNECTIVES = {"and": "({}) && ({})", "or": "({}) || ({})", "not": "!({})"}
 
 
 class WideValue(Value):
-    """A number of the type `facets_wide`, which has double precision in either build."""
+    """A number of the type `facets_wide`, which has double precision in both builds."""
 
     __slots__ = ()
 
 
 def number(value: float, wide: bool = False) -> str:
-    """A constant in C, to its last digit."""
+    """Write a constant in C with all digits."""
     if math.isnan(value):
         return "W(FACETS_NAN)" if wide else "FACETS_NAN"
     return f"{'W' if wide else 'R'}({float(value)!r})"
@@ -55,17 +55,17 @@ class CWriter(Tracer):
         self._indent = "    "
 
     def variable(self, name: str, wide: bool = False) -> Value:
-        """What has a name in C."""
+        """A number for a C variable of this name."""
         return (WideValue if wide else Value)(self, name)
 
     def text(self, part: Numbers, wide: bool = False) -> str:
-        """A number as an operand among wide ones, or among others."""
+        """Write a number as an operand of a wide or of a plain operation."""
         if not isinstance(part, Value):
             return number(part, wide)
         return f"(facets_wide){part.ir}" if wide and not is_wide(part) else str(part.ir)
 
     def narrow(self, part: Numbers) -> Numbers:
-        """Wide numbers, in nested tuples, as others."""
+        """Convert wide numbers, in nested tuples, to plain ones."""
         return nest(part, (self._narrow(each) for each in leaves(part)))
 
     def _narrow(self, part: Numbers) -> Numbers:
@@ -93,7 +93,7 @@ class CWriter(Tracer):
         return Condition(self, CONNECTIVES[how].format(*(each.ir for each in conditions)))
 
     def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """What a C function of the same name gives, in tuples nested like `like`."""
+        """Call a C function of this name; its results are nested like `like`."""
         wanted = list(leaves(like))
         place = self._new("f")
         given = ", ".join(self.text(each) for each in leaves(arguments))
@@ -107,7 +107,7 @@ class CWriter(Tracer):
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
     ) -> Numbers:
-        """What one of two functions gives, of which the code takes the way that it needs."""
+        """Result of one of two functions, between which the C code branches."""
         place = self._new("c")
         first = len(self.statements)
         like, size = None, 0
@@ -120,7 +120,7 @@ class CWriter(Tracer):
         return nest(like, iter([Value(self, f"{place}[{n}]") for n in range(size)]))
 
     def _branch(self, way: Callable[[], Numbers], place: str) -> Numbers:
-        """Writes one way of `choose`."""
+        """Write one branch of `choose`."""
         indent = self._indent
         self._indent += "    "
         with self.scope():
@@ -131,11 +131,11 @@ class CWriter(Tracer):
         return found
 
     def put(self, place: str, part: Numbers) -> None:
-        """A result of the function."""
+        """Write one result of the function."""
         self._write(f"{place} = {self.text(part)};")
 
     def _compute(self, form: str, *operands: Numbers) -> Value:
-        """form: the expression, with a place for each operand."""
+        """Write a statement; form: the expression, with a place for each operand."""
         wide = is_wide(*operands)
         return self._assign(form.format(*(self.text(each, wide) for each in operands)), wide)
 
@@ -152,12 +152,12 @@ class CWriter(Tracer):
         self.statements.append(self._indent + statement)
 
 
-#: A statement that computes one number, and its name.
+#: Pattern of a statement that computes one number, with its name.
 CONSTANT = re.compile(r"\s*const facets_(?:real|wide) (\w+) = ")
 
 
 def prune_statements(statements: list[str]) -> list[str]:
-    """The statements without those whose number no later one asks for."""
+    """Remove the statements whose number no later statement uses."""
     asked: set[str] = set()
     kept: list[str] = []
     for statement in reversed(statements):

@@ -10,7 +10,7 @@ from ..core.sensor import Sensor
 from .source import CSource, Provenance, fill_template, template, write_source
 from .vectors import TestVectors, make_vectors
 
-#: Of the shipped configuration `bench`, by GCC 12.2 with -O2, counted by QEMU 7.2.
+#: Sizes for the shipped configuration `bench`: GCC 12.2 with -O2, instructions counted by QEMU 7.2.
 COSTS = """\
 For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU counts; a Cortex-M7 at
 600 MHz with one instruction a cycle would need 18 us for a step):
@@ -42,7 +42,7 @@ FILES = (
 
 
 def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
-    """The files of the folder by their paths in it. Raises `InputError` where it cannot be."""
+    """Files of the folder by path. Raises `InputError` for a sensor without a C solver."""
     code = write_source(sensor, about)
     found = {
         Path("facets.h"): code.header,
@@ -63,7 +63,7 @@ def fill_folder_template(text: str, code: CSource, about: Provenance) -> str:
 
 
 def vectors_header(found: TestVectors, about: Provenance) -> str:
-    """The test vectors as constants of C, in double precision."""
+    """Write the test vectors as C constants in double precision."""
     count = len(found.status)
     lines = [
         fill_template('/* Test vectors of "@NAME@", hash @HASH@, by facets @VERSION@. */', about),

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from ..core.sensor import Sensor
 
 
-#: States at which a library is compared with a sensor, mm and rad; and how far a reading of numbers
-#: of 32 bits may be off, mm or mW.
+#: States at which a library is compared with a sensor, mm and rad; and the error, mm or mW, that a
+#: reading in single precision may have.
 SPREAD, SAME_READING_MM = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1]), 2e-4
 
 
 class FirmwareSolutions(NamedTuple):
     """state: (n, 8) mm, rad, power: (n,) mW, NaN where not converged.  status: (n,).
-    covariance: (n, 8, 8).  residual: (n,).  used: (n, 3) the detectors that took part."""
+    covariance: (n, 8, 8).  residual: (n,).  used: (n, 3) whether each detector was used."""
 
     state: Floats
     power: Floats
@@ -37,7 +37,7 @@ class FirmwareSolutions(NamedTuple):
 class FirmwareLibrary:
     """A shared library of the exported C, in the precision that it was compiled for.
 
-    path: of the library. Raises `InputError` where it is none, or not of this C.
+    path: the library's file. Raises `InputError` if it is not a library of this C code.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,7 +71,7 @@ class FirmwareLibrary:
         return out.astype(float)
 
     def is_of(self, sensor: Sensor) -> bool:
-        """Whether it was exported for this sensor: whether it has its readings at a few states."""
+        """Return whether the library gives the readings of this sensor at a few states."""
         states = SPREAD * np.random.default_rng(1).uniform(-1, 1, (4, 8))
         close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, SAME_READING_MM)
         return bool(close.all())
@@ -85,12 +85,12 @@ class FirmwareLibrary:
         sigmas: ArrayLike | None = None,
         accept_unchecked: bool = False,
     ) -> FirmwareSolutions:
-        """The poses of readings (n, 9).
+        """Solve readings (n, 9) for poses.
 
         start: states and powers (9,) or (n, 9) to start from; None for zero.  beam: "free", or
-        "known" to be where the start has it.  means, sigmas: (3,) what else is known of the beam's
-        place and its power, as `facets_options` has it; None for nothing of the place, and the
-        power.  accept_unchecked: as for `facets.solve`.
+        "known" at the position of the start.  means, sigmas: (3,) priors of the beam's position and
+        power, as in `facets_options`; None for an unknown position and a known power.
+        accept_unchecked: as for `facets.solve`.
         """
         rows = np.ascontiguousarray(readings, self.kind)
         found = np.zeros(len(rows), self._solution)
@@ -118,7 +118,7 @@ class FirmwareLibrary:
         )
 
     def _solve_options(self, beam: str, means: ArrayLike | None, sigmas: ArrayLike | None) -> Any:
-        """The options of the C code, as an array without dimensions."""
+        """Make the options of the C code, an array without dimensions."""
         options = np.zeros((), self._options)
         self._code.facets_default_options(pointer(options))
         if beam == "known":
@@ -130,7 +130,7 @@ class FirmwareLibrary:
         return options
 
     def readings_of_counts(self, counts: ArrayLike, dark: ArrayLike, xy_sum: bool) -> Floats:
-        """(n, 9) of counts (n, 12); dark: (12,)."""
+        """Readings (n, 9) of counts (n, 12); dark: (12,)."""
         rows = np.ascontiguousarray(counts, np.int32)
         without = np.ascontiguousarray(dark, self.kind)
         out = np.empty((len(rows), 9), self.kind)

@@ -21,7 +21,7 @@ from .c_numbers import CONSTANT, CWriter, prune_statements
 
 
 class ModelText(NamedTuple):
-    """statements: of `facets_linearise`.  operations: how many numbers they compute."""
+    """statements: body of `facets_linearise`.  operations: count of its computed numbers."""
 
     statements: str
     operations: int
@@ -30,9 +30,9 @@ class ModelText(NamedTuple):
 def model_text(sensor: Sensor) -> ModelText:
     """The statements that fill found[10][10] from x[9]: a state (mm, rad) and the power (mW).
 
-    The first row holds the nine readings, each further row one reading's derivatives. Where the
-    spots land is computed in wide numbers: over the detector's distance, single precision would
-    round them by some 50 nm. The light and the derivatives do not need that.
+    The first row holds the nine readings, each further row one reading's derivatives. The spots'
+    positions are computed in wide numbers: over the detector's distance, single precision would
+    round them by some 50 nm. The light and the derivatives do not need this.
     """
     writer = CWriter()
     exact = tuple(writer.variable(f"x[{c}]", wide=True) for c in range(8))

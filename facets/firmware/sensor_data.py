@@ -1,4 +1,4 @@
-"""A sensor's numbers as C, and which sensors C code is written for."""
+"""A sensor's constants in C, and the check that C code supports the sensor."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..optics.tail_quadrature import NARROW_RAD, SLICES
 from ..optics.vectors import unit_vector
 from .c_numbers import number
 
-#: Facets seen along the beam must open by this much more than the narrowest wedge that the C code's
-#: sums hold for, rad, so that the mirror may tilt.
+#: Facets seen along the beam must open by this angle (rad) more than the narrowest wedge for which
+#: the C code's series hold, so that the mirror may tilt.
 TILT_RAD = 0.1
 
 
 def refuse_sensor(sensor: Sensor) -> None:
-    """Raises `InputError` for a sensor whose readings the C code would not give, and why."""
+    """Raise `InputError`, with the reason, for a sensor that the C code cannot compute."""
     if sensor.apertures.cut:
         raise InputError(
             "the sensor has apertures, and light that is cut is not part of the C code; "
@@ -68,7 +68,7 @@ def facet_angles(sensor: Sensor) -> list[float]:
 
 
 def sensor_data(sensor: Sensor) -> str:
-    """The constants that the C sources ask for."""
+    """The constants that the C sources need."""
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     parts = [
         define("BEAM_POWER", sensor.beam.power, "mW"),
@@ -104,7 +104,7 @@ def noise_data(sensor: Sensor) -> str:
 
 
 def largest_count(bits: int) -> int:
-    """The largest count of a converter that fits the 32 bits of a frame."""
+    """Largest count of a converter that fits the 32 bits of a frame."""
     return int(min(2**bits - 1, 2**31 - 1))
 
 
@@ -151,7 +151,7 @@ def define(name: str, value: float, unit: str = "") -> str:
 
 
 def array(name: str, values: np.ndarray, unit: str = "") -> str:
-    """A constant array of one or two dimensions."""
+    """Write a constant array of one or two dimensions."""
     comment = f" /* {unit} */" if unit else ""
     size = "".join(f"[{n}]" for n in values.shape)
     if values.ndim == 1:

@@ -1,4 +1,4 @@
-"""The two files of C that a sensor becomes: `facets.h` and `facets.c`."""
+"""The two C files of a sensor: `facets.h` and `facets.c`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .sensor_data import refuse_sensor, sensor_data
 
 
 class Provenance(NamedTuple):
-    """Where a sensor comes from.  name: of its configuration.  hash: of that."""
+    """Origin of a sensor: name and hash of its configuration."""
 
     name: str
     hash: str
@@ -20,8 +20,8 @@ class Provenance(NamedTuple):
 
 
 class CSource(NamedTuple):
-    """header, code: the texts of the two files.  operations: of the model's readings and their
-    derivatives, by count of the numbers that are computed."""
+    """header, code: the texts of the two files.  operations: count of the numbers that the
+    model computes for the readings and their derivatives."""
 
     header: str
     code: str
@@ -33,7 +33,7 @@ def template(name: str) -> str:
 
 
 def fill_template(text: str, about: Provenance) -> str:
-    """A template with its marks replaced by what is known of the sensor."""
+    """Replace the marks of a template by the sensor's constants."""
     marks = {
         "@NAME@": about.name,
         "@HASH@": about.hash,
@@ -59,7 +59,7 @@ static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
 
 
 def write_source(sensor: Sensor, about: Provenance) -> CSource:
-    """The C of a sensor. Raises `InputError` for one whose readings it would not give."""
+    """Write the C code of a sensor. Raises `InputError` for one that the code cannot compute."""
     refuse_sensor(sensor)
     model = model_text(sensor)
     head = fill_template(

@@ -1,4 +1,4 @@
-"""Readings with the poses that facets gives for them, by which the C code is tested."""
+"""Test vectors of the C code: readings with the poses that facets solves from them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, reaches, readings
 
-#: Poses with the beam free, and with the beam known; each once exact and once with noise.
+#: Number of poses with the beam free and with the beam known, each exact and with noise.
 FREE, KNOWN = 16, 8
 SEED = 1
 
@@ -29,9 +29,9 @@ class TestVectors(NamedTuple):
 
 
 def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Floats:
-    """States (count, 8) at which every spot reaches its detector, drawn about zero.
+    """Sample states (count, 8) around zero at which every spot reaches its detector.
 
-    Raises `InputError` where a spot misses its detector at zero already.
+    Raises `InputError` if a spot misses its detector even at zero.
     """
     if not reaches(sensor, np.zeros((1, 8))).all():
         raise InputError(
@@ -51,7 +51,7 @@ def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Float
 
 
 def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
-    """Readings (6, 9) that cannot be solved, or by two detectors only."""
+    """Readings (6, 9) that cannot be solved, or only with two detectors."""
     rows = np.tile(reading, (6, 1))
     rows[0] = 0.0
     rows[1, 2::3] *= 1e-9
@@ -63,7 +63,7 @@ def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
 
 
 def make_vectors(sensor: Sensor) -> TestVectors:
-    """For a sensor; the same ones each time."""
+    """Make the test vectors of a sensor, the same ones each time."""
     rng = np.random.default_rng(SEED)
     parts = []
     for count, beam in ((FREE, "free"), (KNOWN, "known")):
@@ -88,7 +88,7 @@ def solve_readings(sensor: Sensor, rows: Floats, beam: str) -> TestVectors:
 
 
 def drop_uncertainty(sensor: Sensor) -> Sensor:
-    """The same parameters without their uncertainty, which the C code does not know of."""
+    """Remove the parameters' uncertainty, which the C code does not have."""
     from dataclasses import replace
 
     return replace(sensor, calibration=None)
