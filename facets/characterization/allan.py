@@ -1,8 +1,8 @@
 """Allan deviation of a signal with gaps, with confidence intervals.
 
-For averages over tau the overlapping estimate (IEEE 1139): half the mean square of the difference
+The overlapping estimate for averages over tau (IEEE 1139) is half the mean square of the difference
 of neighbouring averages. Its equivalent degrees of freedom are the approximations of NIST SP 1065,
-table 5, for white, flicker and random-walk noise, by the slope that the deviations have there.
+table 5, for white, flicker and random-walk noise, chosen by the slope of the deviations.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 
 from ..core.units import Floats
 
-#: Averaging times for each factor of ten.
+#: Number of averaging times for each factor of ten.
 TIMES_PER_DECADE = 6
 
 
 @dataclass(frozen=True)
 class Allan:
-    """Averaging times (n,), s; deviations (n,) and the ends of their intervals."""
+    """Averaging times (n,), s; deviations (n,) and the ends of their confidence intervals."""
 
     tau: Floats
     deviation: Floats
@@ -28,9 +28,9 @@ class Allan:
 
 
 def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
-    """signal: (n,) evenly spaced, NaN in gaps, whose averages are not used.  rate: Hz.
+    """Compute the Allan deviations of a signal.
 
-    level: of the intervals.
+    signal: (n,) evenly spaced; NaN in gaps, which no average spans.  rate: Hz. level: confidence.
     """
     from scipy.stats import chi2
 
@@ -59,7 +59,7 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
 
 
 def degrees_of_freedom(points: float, m: int, slope: float) -> float:
-    """Of the overlapping estimate over m samples.
+    """Degrees of freedom of the overlapping estimate over m samples.
 
     points: of the summed signal.  slope: of the logarithm of the deviation: -1/2 for white noise, 0
     for flicker, 1/2 for a random walk.

@@ -1,9 +1,8 @@
-"""Two states with the same readings: beside a singular one, and then followed into a box of states.
+"""Find two states with the same readings: next to a singular state, then within a box of states.
 
-Where the Jacobian is singular the readings fold: on its two sides along the direction to which they
-answer least lie states with the same readings. Such pairs make up a surface, of eight dimensions
-out of sixteen; a pair on it is moved, its readings kept equal, until both of its states lie in the
-box.
+At a singular Jacobian the readings fold: states with the same readings lie on both sides, along the
+direction of the weakest response. Such pairs form a surface of eight dimensions out of sixteen; a
+pair on this surface is moved, with equal readings, until both of its states lie in the box.
 """
 
 from __future__ import annotations
@@ -22,28 +21,28 @@ from ..model.arrays import jacobian, readings
 from .singularity import measures, weakest_direction
 from .state_box import StateBox
 
-#: How far from the singular state a pair is looked for, largest first: shares of FARTHEST_UM_URAD.
+#: Distances of pairs from the singular state, largest first: shares of FARTHEST_UM_URAD.
 REACHES = np.geomspace(1, 1e-3, 25)
-#: The longest component of the farthest step along the direction, um or urad.
+#: Largest component of the farthest step along the direction, um or urad.
 FARTHEST_UM_URAD = 3000.0
-#: Readings this near, in standard deviations, are the same.
+#: Readings that differ by less than this, in standard deviations, are equal.
 EQUAL_SIGMAS = 1e-6
 #: Largest number of steps along the weakest direction to a singular state.
 MAX_STEPS = 400
 #: Length of such a step, um or urad.
 STEP_UM_URAD = 100.0
-#: Distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD; and moves of each.
+#: Distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD; moves for each.
 DISTANCES, MOVES = (0.03, 0.3, 1.0, 3.0), 40
-#: The power's reading that the other eight make up where the laser's power is known.
+#: The power reading that follows from the other eight if the laser's power is known.
 REDUNDANT_READING = 8
 
 
 @dataclass(frozen=True)
 class AmbiguousPair:
-    """States (8,) one and other, whose readings are equal.
+    """Two states (8,), one and other, with equal readings.
 
-    share: (n,) from one to the other along a straight line.  apart: (n,) of the readings there from
-    those at the ends, root of the sum of squares, standard deviations.  determinant: (n,).
+    share: (n,) of the straight line from one to the other.  apart: (n,) root of the sum of squares
+    of the readings' differences from those at the ends, in standard deviations.  determinant: (n,).
     """
 
     one: Floats
@@ -54,16 +53,15 @@ class AmbiguousPair:
 
 
 class PairSearch(NamedTuple):
-    """pair: the nearest to the box that was found, if any.  outside: by how much it is, at its
-    farthest, in half widths of the box or as the logarithm of a power; 0 where it lies in the box.
-    """
+    """pair: the pair nearest to the box, if one was found.  outside: its largest distance from the
+    box, in half widths of the box or as the logarithm of a power; 0 for a pair in the box."""
 
     pair: AmbiguousPair | None
     outside: float
 
 
 def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
-    """The pair furthest apart that is found about a nearly singular state (8,), if any is."""
+    """Find the pair furthest apart about a nearly singular state (8,), if there is one."""
     direction = weakest_direction(sensor, near) * FINE_UNITS
     direction *= FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
     for reach in REACHES:
@@ -80,9 +78,9 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
 
 
 def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) -> PairSearch:
-    """The pair of states nearest to the set that a certificate is about, from a weak state (8,).
+    """Find the pair of states nearest to a certificate's set, from a weak state (8,).
 
-    share: of the light, that each facet has at least.
+    share: least share of the light on each facet.
     """
     best = PairSearch(None, np.inf)
     fold = find_singular_state(sensor, near)
@@ -101,7 +99,7 @@ def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) 
 
 
 def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
-    """Where the determinant is zero, from a state (8,) along the weakest direction, if anywhere."""
+    """Find a zero of the determinant along the weakest direction from a state (8,), if any."""
     sign = np.sign(measures(sensor, near[None], spectra=False)[0, 0])
     for side in (1.0, -1.0):
         state, before = near.copy(), side * weakest_direction(sensor, near)
@@ -119,7 +117,7 @@ def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
 
 
 def narrow_down(sensor: Sensor, near: Floats, far: Floats, sign: float) -> Floats:
-    """The singular state between two whose determinants have different signs."""
+    """Find the singular state between two states whose determinants have different signs."""
     for _ in range(40):
         middle = (near + far) / 2
         same = np.sign(measures(sensor, middle[None], spectra=False)[0, 0]) == sign
@@ -131,7 +129,7 @@ def narrow_down(sensor: Sensor, near: Floats, far: Floats, sign: float) -> Float
 def move_into_box(
     sensor: Sensor, box: StateBox, share: float, pair: Floats
 ) -> tuple[Floats, float] | None:
-    """A pair (16,) with equal readings and how far it is outside; None where none is reached."""
+    """A pair (16,) with equal readings and its distance from the box; None if there is none."""
     scale = np.tile(FINE_UNITS, 2)
     length = np.linalg.norm((pair[8:] - pair[:8]) / FINE_UNITS)
     best: tuple[Floats, float] | None = None
@@ -162,7 +160,7 @@ def move_into_box(
 
 
 def constrained_step(rows: Floats, target: Floats, equal: Floats, missing: Floats) -> Floats:
-    """The step (16,) with equal . step = missing and rows . step near the target."""
+    """The step (16,) with equal . step = missing and with rows . step nearest to the target."""
     first = np.linalg.lstsq(equal, missing, rcond=1e-12)[0]
     free = np.linalg.svd(equal)[2][len(equal) :].T
     inner = rows @ free
@@ -174,7 +172,7 @@ def constrained_step(rows: Floats, target: Floats, equal: Floats, missing: Float
 def excess_of(
     sensor: Sensor, box: StateBox, share: float, pair: Floats, seen: Floats, slopes: Floats
 ) -> tuple[Floats, Floats]:
-    """By how much a pair is outside in each way, 0 or more, (18,); its derivatives (18, 16)."""
+    """The excess of a pair over each limit, 0 or more, (18,); its derivatives (18, 16)."""
     middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
     excess, slope = np.zeros(18), np.zeros((18, 16))
     for n in range(2):

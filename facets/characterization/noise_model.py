@@ -1,9 +1,9 @@
-"""What a steady signal's noise is made of: white, flicker, lines, drift; each with its interval.
+"""Model the noise of a steady signal: white and flicker noise, lines and drift, with intervals.
 
-The one-sided power spectral density is taken as S(f) = white + flicker / f beside lines. It is
-fitted to the periodogram by Whittle's likelihood: the values of a periodogram are independent and
-exponentially distributed about S. Amplitudes of lines and the slope of the drift are least squares,
-their variances those that S gives.
+The model of the one-sided power spectral density beside lines is S(f) = white + flicker / f, fitted
+to the periodogram by Whittle's likelihood: the values of a periodogram are independent and
+exponentially distributed about S. Amplitudes of lines and the drift's slope are least-squares
+estimates with variances by S.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from ..core.units import Floats
 
 #: Standard deviations on either side of a 95 % interval.
 SIGMAS_OF_95_PERCENT = 1.959964
-#: Bands of the fit, evenly spaced in the logarithm of the frequency.
+#: Number of bands of the fit, evenly spaced in the logarithm of the frequency.
 BANDS = 400
-#: The lowest frequencies, which the drift's removal has changed, in units of one over the length.
+#: Number of the lowest frequencies to skip, because the removal of the drift changes them.
 SKIPPED_FREQUENCIES = 2
-#: A line must be so unlikely to be chance, over all frequencies.
+#: Largest probability that a line is noise, over all frequencies.
 CHANCE = 1e-4
-#: Mains, and what may be off a nominal frequency, as a share.
+#: Frequencies of the mains, and the largest relative difference of a line from one of them.
 MAINS_HZ, MAINS_TOLERANCE = (50.0, 60.0), 0.005
-#: At most so many lines are looked for.
+#: Largest number of lines.
 MAX_LINES = 20
-#: Pieces that a signal is summed in while a line's frequency is refined: they hide a part in 10^6
-#: of an amplitude that is one line of the periodogram off.
+#: Number of sums in which a signal is combined while a line's frequency is refined: they hide a
+#: part in 10^6 of an amplitude that is one line of the periodogram off.
 PEAK_SUMS = 2048
-#: The fewest samples that say anything.
+#: Least number of samples for an estimate.
 MIN_SAMPLES = 64
 
 
@@ -42,7 +42,7 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 %."""
+        """The interval of 95 %."""
         half = SIGMAS_OF_95_PERCENT * self.sigma
         return self.value - half, self.value + half
 
@@ -53,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class SpectralLine:
-    """A sinusoid.  frequency: Hz.  amplitude: in the signal's unit.  name: what it may be."""
+    """A sinusoid.  frequency: Hz.  amplitude: in the signal's unit.  name: the probable cause."""
 
     frequency: float
     amplitude: Estimate
@@ -62,10 +62,10 @@ class SpectralLine:
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Of one signal; u is its unit.
+    """The noise of one signal; u is its unit.
 
-    rate: Hz.  length: s.  white: u^2/Hz.  flicker: u^2.  drift: u/s.  spikes: samples that are
-    further off than noise brings them.  filled: share of samples that were not there.
+    rate: Hz.  length: s.  white: u^2/Hz.  flicker: u^2.  drift: u/s.  spikes: number of samples
+    that are further off than by noise.  filled: share of missing samples.
     """
 
     rate: float
@@ -85,21 +85,21 @@ class NoiseModel:
 
     @property
     def standard_deviation(self) -> float:
-        """Of a sample against the mean of so long a recording, without the drift, 1 sigma."""
+        """Standard deviation of a sample from the recording's mean, without the drift."""
         low, high = 1 / self.length, self.rate / 2
         steady = self.white.value * (high - low) + self.flicker.value * np.log(high / low)
         return float(np.sqrt(steady + sum(line.amplitude.value**2 / 2 for line in self.lines)))
 
     @property
     def white_deviation(self) -> float:
-        """Of a sample by the white noise alone, 1 sigma."""
+        """Standard deviation of a sample by the white noise alone."""
         return float(np.sqrt(max(self.white.value, 0.0) * self.rate / 2))
 
 
 def fit_noise(signal: Floats, rate: float) -> NoiseModel:
-    """signal: (n,) evenly spaced, NaN where a sample is missing.  rate: Hz.
+    """Fit the noise of a signal (n,), evenly spaced, NaN for missing samples.  rate: Hz.
 
-    Raises `ValueError` for fewer than FEWEST numbers.
+    Raises `ValueError` for fewer than MIN_SAMPLES numbers.
     """
     there = np.isfinite(signal)
     if there.sum() < MIN_SAMPLES:
@@ -146,7 +146,7 @@ def density(frequency: float | Floats, white: Estimate, flicker: Estimate) -> Fl
 
 
 def fill(signal: Floats) -> Floats:
-    """Missing samples by the line between their neighbours."""
+    """Interpolate missing samples."""
     there = np.isfinite(signal)
     if there.all():
         return signal
@@ -155,7 +155,7 @@ def fill(signal: Floats) -> Floats:
 
 
 def find_spikes(signal: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Samples (n,) far off the middle of their neighbours: dust, a cable, a spoilt frame."""
+    """Samples (n,) far from the median of their neighbours: dust, a cable, a damaged frame."""
     middle = np.median(np.stack([np.roll(signal, n) for n in (-2, -1, 1, 2)]), axis=0)
     apart = np.abs(signal - middle)
     apart[:2] = apart[-2:] = 0.0
@@ -169,7 +169,7 @@ def slope_of(signal: Floats, time: Floats) -> float:
 
 
 def slope_sigma(time: Floats, rate: float, white: float, flicker: float) -> float:
-    """Of a line's slope by least squares, where the noise has the given density.
+    """Standard uncertainty of a line's slope by least squares, for noise of a given density.
 
     The variance is the integral of S(f) |W(f)|^2, with W the transform of the weights.
     """
@@ -184,7 +184,7 @@ def slope_sigma(time: Floats, rate: float, white: float, flicker: float) -> floa
 
 
 def periodogram(signal: Floats, rate: float) -> tuple[Floats, Floats]:
-    """Frequencies, Hz, and the one-sided density at them, u^2/Hz; neither zero nor the last."""
+    """Frequencies, Hz, without zero and the last, and the one-sided density, u^2/Hz."""
     power: Floats = 2 * np.abs(np.fft.rfft(signal)[1:]) ** 2 / rate / len(signal)
     frequency: Floats = np.arange(1.0, len(power) + 1.0) * (rate / len(signal))
     end = (len(signal) - 1) // 2
@@ -192,10 +192,11 @@ def periodogram(signal: Floats, rate: float) -> tuple[Floats, Floats]:
 
 
 def fit_spectrum(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
-    """White and flicker noise of a periodogram, by the likelihood of its bands' means.
+    """Estimate white and flicker noise by the likelihood of a periodogram's band means.
 
-    Scoring in the logarithms, so that neither can be negative. Their standard uncertainties are
-    those of Fisher's information; where one is not seen, its is the upper end of what may hide.
+    Scoring bounds both noises from below, so that neither can be negative. Their standard
+    uncertainties are those of Fisher's information; for a noise that is too small to be seen, the
+    uncertainty shows how large it may be.
     """
     edges = np.unique(np.geomspace(1, len(frequency), BANDS).astype(int))
     starts = np.append(0, edges[:-1])
@@ -226,7 +227,7 @@ def fit_spectrum(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
 def find_lines(
     rest: Floats, rate: float, frequency: Floats, power: Floats, expected: Floats, most: int
 ) -> list[tuple[float, float]]:
-    """Frequencies and powers of what stands out of the noise, the strongest first."""
+    """Frequencies and relative powers of lines above the noise, the strongest first."""
     over = power / expected
     limit = np.log(len(over) / CHANCE)
     found: list[tuple[float, float]] = []
@@ -242,8 +243,8 @@ def find_lines(
 def find_peak(signal: Floats, rate: float, about: float, step: float) -> float:
     """The frequency of the periodogram's peak, between its lines.
 
-    The signal is brought down to frequency zero once, and summed in pieces that are short beside
-    one turn of what is left, so that each try costs a few numbers and not the whole signal.
+    The signal is shifted to frequency zero once, and summed over pieces that are short compared
+    with one turn of the shifted signal, so that each step uses few numbers.
     """
     from scipy.optimize import minimize_scalar
 
@@ -267,7 +268,7 @@ def line_matrix(time: Floats, frequencies: list[float]) -> Floats:
 
 
 def name_of(frequency: float) -> str:
-    """What a line may be, by its frequency."""
+    """The probable cause of a line, by its frequency."""
     for mains in MAINS_HZ:
         order = round(frequency / mains)
         if order >= 1 and abs(frequency - order * mains) < MAINS_TOLERANCE * order * mains:

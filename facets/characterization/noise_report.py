@@ -1,4 +1,4 @@
-"""What a recording says of its noise: every reading and pose axis beside the configured model."""
+"""Compare a recording's noise, for every reading and pose axis, with the configured model."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from .rest import Columns, RecordingSection, find_faults
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-#: Columns that are looked at, and by how much they are shown larger, in which unit.
+#: Columns of the report, and the factor and the unit in which each is shown.
 CHANNELS = {
     **{name: (1e3, "um" if name.endswith("mm") else "uW") for name in READING_COLUMNS},
     **{name: (1e3, "um" if name.endswith("mm") else "urad") for name in STATE_COLUMNS[:6]},
 }
-#: At most so many samples are looked at, from the beginning: six minutes at 10 kHz.
+#: Largest number of samples, from the beginning: seven minutes at 10 kHz.
 MAX_SAMPLES = 1 << 22
-#: A jump of the time by more than so many samples ends the piece that is looked at.
+#: A jump of the time by more than this number of samples ends a section.
 JUMP_SAMPLES = 100
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One column.  configured: standard deviation of a sample by the configuration, 1 sigma."""
+    """One column.  configured: the configuration's standard deviation of a sample."""
 
     name: str
     unit: str
@@ -44,12 +44,11 @@ class Channel:
 
 @dataclass(frozen=True)
 class NoiseReport:
-    """rate: Hz.  seconds: of what was looked at.  correlation: of the readings' fast noise (9, 9).
+    """rate: Hz.  seconds: length of the section.  correlation: of the readings' fast noise (9, 9).
 
-    faults: what speaks against a mirror at rest with steady light, in sentences; with any of them
-    the numbers are no noise.  position, power: noise that the configuration should state, mm at
-    `at_power` and mW.
-    common: of the three powers together, a share; the laser's.
+    faults: reasons against a mirror at rest with steady light, in sentences; any of them makes the
+    numbers invalid as noise.  position, power: noise for the configuration, mm at `at_power` and
+    mW.  common: the laser's noise as a share, common to the three powers.
     """
 
     rate: float
@@ -74,10 +73,10 @@ def report_of(
     name: str,
     tell: Callable[[int, int], None] = lambda *_: None,
 ) -> NoiseReport:
-    """Of a recording's columns, as `live.pose_table` has them.
+    """Report the noise of a recording's columns, in the form of `live.pose_table`.
 
-    name: for messages.  tell: is told how many channels are done, and of how many. Raises
-    `InputError` where the recording says too little.
+    name: for messages.  tell: called with the number of finished channels and their total. Raises
+    `InputError` if the recording has too few samples.
     """
     piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
@@ -109,9 +108,9 @@ def channels_by_name(channels: list[Channel]) -> dict[str, Channel]:
 
 
 def longest_section(columns: Columns, name: str) -> RecordingSection:
-    """The samples between two jumps of the time, where most are; no more than MOST.
+    """The samples between two jumps of the time, where most are; at most MAX_SAMPLES.
 
-    Raises `InputError` where they are too few. name: for its message.
+    Raises `InputError` if they are too few.  name: for its message.
     """
     if not columns or len(columns["seq"]) < MIN_SAMPLES:
         raise InputError(f"{name}: holds less than {MIN_SAMPLES} samples, too few for their noise")
@@ -131,7 +130,7 @@ def longest_section(columns: Columns, name: str) -> RecordingSection:
 
 
 def configured_deviation(name: str, columns: Columns, rows: slice, config: Config) -> float:
-    """The standard deviation of one sample that the configuration states, in the column's unit."""
+    """The configuration's standard deviation of one sample, in the column's unit."""
     if name in READING_COLUMNS:
         readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
         whole = np.isfinite(readings).all(axis=1)
@@ -145,7 +144,7 @@ def configured_deviation(name: str, columns: Columns, rows: slice, config: Confi
 
 
 def correlation(readings: Floats) -> Floats:
-    """Of the readings' noise from sample to sample, free of what is slow: (9, 9)."""
+    """Correlation (9, 9) of the readings' changes between successive samples."""
     steps = np.diff(readings[np.isfinite(readings).all(axis=1)], axis=0)
     return np.asarray(np.corrcoef(steps.T), dtype=np.float64)
 
@@ -153,7 +152,7 @@ def correlation(readings: Floats) -> Floats:
 def position_noise(
     channels: dict[str, Channel], readings: Floats, config: Config
 ) -> tuple[float, float]:
-    """The simple model's noise of a centroid, mm, and the power that it is stated at, mW."""
+    """The simple model's noise of a centroid, mm, and the power at which it holds, mW."""
     at_power = config.sensor.noise.at_power
     parts = [
         1e-3 * channels[name].model.standard_deviation
@@ -164,7 +163,7 @@ def position_noise(
 
 
 def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, float]:
-    """Noise of a power that is its own, mW, and what the three have in common, as a share."""
+    """Noise of one power alone, mW, and the noise common to the three powers, as a share."""
     powers = readings[:, 2::3]
     powers = powers[np.isfinite(powers).all(axis=1)]
     mean = powers.mean(axis=0)
@@ -182,7 +181,7 @@ def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, 
 
 
 def noise_block(report: NoiseReport, resolved: dict[str, Any]) -> dict[str, Any]:
-    """The resolved block `sensor` with the noise that was found, by the simple model."""
+    """The resolved block `sensor` with the measured noise, by the simple model."""
     return {
         **resolved["sensor"],
         "noise": {
@@ -202,7 +201,7 @@ HEADINGS = (
 
 
 def table_of(report: NoiseReport) -> dict[str, list[Any]]:
-    """The columns of the CSV, a row a channel. Densities are amplitudes, with 95 % intervals."""
+    """Columns of the CSV, a row for each channel; amplitude densities with 95 % intervals."""
     rows = []
     for one in report.channels:
         model = one.model

@@ -1,7 +1,7 @@
-"""The outline of the range over two axes, and maps of what lies inside it.
+"""The outline of the range over two axes, and maps of its inside.
 
-An outline is followed along rays from a place inside, to a tolerance, and rays are added until the
-outline between them is as good.
+An outline is traced along rays from a place inside, to a tolerance, and rays are added until the
+outline between them has the same accuracy.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from .ranges import (
     states_of,
 )
 
-#: To what an outline is followed: 0.1 um and 0.1 urad.
+#: Tolerance of an outline: 0.1 um and 0.1 urad.
 TOLERANCE_MM = 1e-4
 TOLERANCE_RAD = 1e-7
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """The outline of the range over two axes, as traced: points (n, 2), mm or rad, in order, from
+    """The traced outline of the range over two axes: points (n, 2), mm or rad, in order, from
     `start` (6,).
 
     causes: (n,) why the range ends between each point and the next; -1 where the search ended.
@@ -64,7 +64,7 @@ class Boundary:
 
     @property
     def grid_calls(self) -> float:
-        """Calls that a grid of the same resolution over the same extent would take."""
+        """Number of model calls of a grid with the same resolution over the same extent."""
         return float(np.prod(self.extent / tolerances(self.axes)))
 
 
@@ -95,7 +95,7 @@ def trace(
     sensor
         The sensor.
     rules
-        What counts as inside the range; `Config.range` has a configuration's.
+        Limits of the range; `Config.range` contains a configuration's limits.
     axes
         Two names out of `facets.POSE`.
     start
@@ -137,7 +137,7 @@ def trace(
 
 
 def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Floats) -> Boundary:
-    """`trace` from a pose (6,) that is inside."""
+    """Trace from a pose (6,) that is inside the range."""
     columns = [POSE.index(name) for name in axes]
     reach = np.array([FARTHEST_MM_RAD[column] for column in columns])
     fine = tolerances(axes)
@@ -149,7 +149,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
         return found.distance[:, None] * rays[:, columns], found.cause, found.calls
 
     ends, _, calls = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
-    scale = 4 * np.abs(ends).max(axis=0)  # so that the outline is about a unit circle, and inside
+    scale = 4 * np.abs(ends).max(axis=0)  # a nearly round outline, inside the ends of the rays
     precise = float((fine / scale).min()) / 10
     angles = np.arange(33) * np.pi / 16
     points, causes, more = follow(angles, scale, precise)
@@ -164,7 +164,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
         where = open_ + 1
         angles, points = np.insert(angles, where, middle), np.insert(points, where, between, axis=0)
         causes = np.insert(causes, where, why)
-        first = open_[split] + np.flatnonzero(split)  # as numbered after the insertion
+        first = open_[split] + np.flatnonzero(split)  # numbers after the insertion
         open_ = np.sort(np.concatenate([first, first + 1]))
     poses = poses_on_axes(pose, axes, (points[:-1] + points[1:]) / 2)
     between = clearances(sensor, poses, rules).argmin(axis=1)
@@ -173,7 +173,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
 
 
 def chord_distance(point: Floats, a: Floats, b: Floats) -> Floats:
-    """How far points lie from the line through a and b."""
+    """Distances of points from the line through a and b."""
     chord = b - a
     length = np.maximum(np.hypot(*chord.T), 1e-300)
     off: Floats = np.abs(chord[:, 0] * (point - a)[:, 1] - chord[:, 1] * (point - a)[:, 0]) / length
@@ -183,9 +183,9 @@ def chord_distance(point: Floats, a: Floats, b: Floats) -> Floats:
 def cause_grid(
     sensor: Sensor, rules: Rules, boundary: Boundary, count: int
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """The two axes and, for each place of a count x count grid, why it is outside; -1 inside.
+    """The two axes, and for each place of a count x count grid why it is outside; -1 inside.
 
-    The grid covers the outline and a tenth more. Shapes (count,), (count,), (count, count).
+    The grid covers the outline and a margin of a tenth. Shapes (count,), (count,), (count, count).
     """
     low, high = boundary.points.min(axis=0), boundary.points.max(axis=0)
     low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
@@ -196,7 +196,7 @@ def cause_grid(
 
 
 def encloses(boundary: Boundary, points: Floats) -> NDArray[np.bool_]:
-    """Which of points (n, 2) the outline encloses."""
+    """Whether the outline encloses each of points (n, 2)."""
     from matplotlib.path import Path
 
     within: NDArray[np.bool_] = Path(boundary.points).contains_points(points)
@@ -204,13 +204,13 @@ def encloses(boundary: Boundary, points: Floats) -> NDArray[np.bool_]:
 
 
 def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
-    """Number of poses sampled inside the outline, and how many of them `solve` finds from zero."""
+    """Number of poses sampled inside the outline, and of those that `solve` finds from zero."""
     shares = np.linspace(0.25, 0.999, 4)[:, None, None]
     some = boundary.points[:: max(1, len(boundary.points) // 100)]
     points = (shares * some).reshape(-1, 2)
     state = states_of(boundary.poses(points), rules)
     start = np.zeros_like(state)
-    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # the mirror is looked for under the beam
+    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # the start has the mirror under the beam
     found = solve(sensor, readings(sensor, state), start=start, covariance=False)
     right = found.converged & (np.abs(found.state - state).max(axis=1) < 1e-6)
     return len(points), int(right.sum())

@@ -11,12 +11,12 @@ from ..core.errors import InputError
 from ..core.units import Floats
 from .ranges import axis_ranges, clearances
 
-#: Displacement in x and y, in diameters of the beam: there the powers separate gains, lost strips
+#: Displacement in x and y, in diameters of the beam: large enough to separate gains, lost strips
 #: and the beam's size from the apex's position.
 REACH_DIAMETERS = 0.3
 #: Least distance of a spot's centre from its detector's edge, mm.
 EDGE_MM = 1.2
-#: Least power on a detector, over the noise of the power.
+#: Least power on a detector, relative to the noise of the power.
 LEAST_SNR = 100.0
 #: Random poses from which the proposed ones are chosen.
 CANDIDATES = 4000

@@ -1,7 +1,7 @@
-"""How far the sensor measures: limits as smooth margins, and the ranges of axes.
+"""The limits of the range as smooth margins, and the ranges of axes.
 
-A margin is positive where a limit is kept, and all are scaled to be of order one, so that the least
-of them says where the range ends and why.
+A margin is positive if its limit is kept, and all are scaled to order one, so that the least of
+them says where the range ends and why.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from ..model.arrays import (
     readings,
 )
 
-#: Why a range ends.
+#: Causes that end a range.
 CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "too coarse")
 PSD, LIGHT, SINGULAR, COARSE = range(4)
-#: How far the search goes: mm and rad, past any range that a sensor of this kind can have.
+#: Largest distances of the search: mm and rad, larger than any range of a sensor of this kind.
 FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
 #: Rays along the pose's axes, to the low and to the high ends of their ranges.
 AXIS_RAYS = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)])
@@ -58,7 +58,7 @@ def scaled_jacobian(sensor: Sensor, state: Floats) -> Floats:
 
 
 def scale_jacobian(sensor: Sensor, state: Floats, matrix: Floats) -> Floats:
-    """Derivatives (n, 9, 8) at states (n, 8), scaled as those of `scaled_jacobian`."""
+    """Derivatives (n, 9, 8) at states (n, 8), scaled as in `scaled_jacobian`."""
     sigma = standard_deviations(sensor, readings(sensor, state))
     scaled: Floats = matrix * FINE_UNITS / sigma[:, :, None]
     return scaled
@@ -67,8 +67,7 @@ def scale_jacobian(sensor: Sensor, state: Floats, matrix: Floats) -> Floats:
 def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     """The margins (n, 4) at poses (n, 6), in the order of CAUSES; positive inside.
 
-    The first in units of the detector's half size, the others as logarithms. Where a spot is lost
-    altogether the first is -1.
+    The first is in units of the detector's half size, -1 for a lost spot; others are logarithms.
     """
     state = states_of(poses, rules)
     reading, ends = readings(sensor, state), footprints(sensor, state)
@@ -83,12 +82,12 @@ def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     return out
 
 
-#: A margin of light below this logarithm is that of no light at all.
+#: A margin of light below this logarithm counts as no light.
 NO_LIGHT = -690.0
 
 
 def light_clearances(sensor: Sensor, reading: Floats, rules: Rules) -> Floats:
-    """Of readings (n, 9): the logarithm of the least light of a spot over what it needs; (n,)."""
+    """The margin of light of readings (n, 9): logarithm of the least light over its limit; (n,)."""
     other = other_light(sensor)
     light = (reading[:, 2::3] - other) / (least_light(sensor, rules.snr) - other)
     clearance: Floats = np.log(np.maximum(np.nan_to_num(least_of_rows(light)), 1e-300))
@@ -101,7 +100,7 @@ def spot_clearances(ends: Floats, reading: Floats, limits: Floats, rules: Rules)
     ends (n, 3, 5), as of `footprints`.  limits: (3, 5) or (n, 3, 5), of `edge_limits`.
     """
     if rules.whole_spot:
-        # a facet that meets no light inside the circle has no footprint: its centroid counts
+        # A facet without light inside the circle has no footprint: its centroid counts.
         bare = np.isnan(ends[:, :, 0]) & ~np.isnan(reading[:, 0::3])
         if bare.any():
             ends = ends.copy()
@@ -115,9 +114,9 @@ def spot_clearances(ends: Floats, reading: Floats, limits: Floats, rules: Rules)
 
 
 def least_of_rows(values: Floats) -> Floats:
-    """The least number of each row of an array (n, ...), NaN where one is: (n,).
+    """The least number of each row of an array (n, ...), NaN for a row with NaN: (n,).
 
-    Ten times as fast as by numpy along the rows, which are short.
+    Ten times as fast as NumPy's minimum along short rows.
     """
     columns = values.reshape(len(values), prod(values.shape[1:])).T
     least: Floats = np.ascontiguousarray(columns).min(axis=0)
@@ -141,22 +140,22 @@ def information_margins(sensor: Sensor, state: Floats, rules: Rules) -> Floats:
 
 
 def standard_uncertainties(matrices: Floats) -> Floats:
-    """Of the pose, um and urad, (n, 6), by Jacobians (n, 9, 8) as of `scaled_jacobian`."""
+    """Standard uncertainties of the pose, um and urad, (n, 6), from scaled Jacobians (n, 9, 8)."""
     inverse = np.linalg.pinv(matrices)
     sigma: Floats = np.sqrt((inverse**2).sum(axis=2))[:, :6]
     return sigma
 
 
 class Exits(NamedTuple):
-    """Where rays leave the range: distance, the cause's number (-1: nowhere), and calls made."""
+    """Where rays leave the range: distance, number of the cause (-1: none), model calls."""
 
     distance: Floats
     cause: NDArray[np.int64]
     calls: int
 
 
-#: Shares of the farthest distance at which a ray is examined before its exit is narrowed down, and
-#: how many of them at once.
+#: Number of steps that are examined at once, and shares of the farthest distance at which a ray is
+#: examined before its exit is refined.
 STEPS_AT_ONCE = 5
 STEP_SHARES = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
 
@@ -164,7 +163,7 @@ STEP_SHARES = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
 def find_exits(
     sensor: Sensor, rules: Rules, start: Floats, rays: Floats, tolerance: float = 1e-6
 ) -> Exits:
-    """Where rays (n, 6) from the pose `start` (6,), which is inside, first leave the range.
+    """Distances at which rays (n, 6) from the pose `start` (6,) inside the range first leave it.
 
     tolerance: of the distance, in units of the rays' own lengths.
     """
@@ -178,10 +177,10 @@ def find_exits(
 def first_exits(
     margins_at: Callable[[Floats, Integers], Floats], count: int, tolerance: float
 ) -> Exits:
-    """Where so many rays, which begin inside, first leave a range.
+    """Distances at which `count` rays that begin inside a range first leave it.
 
-    margins_at: the margins (m, causes) at distances (m,) along rays of these numbers (m,), which
-    ascend.  tolerance: of a distance.
+    margins_at: the margins (m, causes) at distances (m,) along rays with these ascending numbers
+    (m,).  tolerance: of a distance.
     """
     from scipy.optimize.elementwise import find_root
 
@@ -196,7 +195,7 @@ def first_exits(
     numbers = np.arange(count)
     first = np.full(count, len(STEP_SHARES))  # the step at which a ray is first outside
     for begin in range(0, len(STEP_SHARES), STEPS_AT_ONCE):
-        # a ray that has left the range is not followed further
+        # Rays that have left the range need no further steps.
         which = numbers[first == len(STEP_SHARES)]
         steps = np.repeat(STEP_SHARES[None, begin : begin + STEPS_AT_ONCE], len(which), axis=0)
         outside = least(steps, np.repeat(which[:, None], steps.shape[1], axis=1)) <= 0
@@ -221,7 +220,7 @@ def first_exits(
 
 @dataclass(frozen=True)
 class AxisRange:
-    """The range of one axis with the others at rest, from a place inside: mm or rad, and why."""
+    """The range of one axis with the others fixed: its ends, mm or rad, and their causes."""
 
     name: str
     low: float
@@ -235,13 +234,13 @@ class AxisRange:
 
     @property
     def symmetric(self) -> float:
-        """Twice the nearer end: the largest range that goes equally far to both sides."""
+        """Twice the nearer end: the largest range with equal lengths to both sides."""
         return 2 * min(self.high, -self.low)
 
 
 def require_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
-    """A pose (6,) as an array. Raises `InputError` where it is none, and where it is outside the
-    range, by how much and by which key."""
+    """Return a pose (6,) as an array. Raises `InputError` for an invalid pose, and for one outside
+    the range, with the excess and the key of the limit."""
     rows, shape = as_rows(start, 6, "start")
     if shape:
         raise InputError(f"start has shape {(*shape, 6)}; needed: (6,), one pose")
@@ -257,7 +256,7 @@ def require_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
 
 
 def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
-    """What a limit asks for, what there is at a pose, and the key that sets it."""
+    """The requirement of a limit, its value at a pose, and the key that sets it."""
     if cause == LIGHT:
         powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
         least, other = least_light(sensor, rules.snr), other_light(sensor)
@@ -282,25 +281,25 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
 def axis_ranges(
     sensor: Sensor, rules: Rules, start: ArrayLike, tolerance: float = 1e-9
 ) -> list[AxisRange]:
-    """Find how far each axis of the pose may go with the others where they are.
+    """Find the range of each axis of the pose with the other axes fixed.
 
     Parameters
     ----------
     sensor
         The sensor.
     rules
-        What counts as inside the range; `Config.range` has a configuration's.
+        Limits of the range; `Config.range` contains a configuration's limits.
     start
-        The pose to go out from, (6,); mm and rad, world frame.
+        The pose from which the ranges extend, (6,); mm and rad, world frame.
     tolerance
-        To what an end is followed, in units of `FARTHEST_MM_RAD`.
+        Tolerance of an end, in units of `FARTHEST_MM_RAD`.
 
     Returns
     -------
     list of AxisRange
-        Six ranges, their ends relative to `start`, and what ends them. `total` is the whole range,
-        from one end to the other; `symmetric` is twice the nearer end, the range of the paper's
-        Table 2.
+        Six ranges, with their ends relative to `start` and the causes of the ends. `total` is the
+        whole range, from one end to the other; `symmetric` is twice the nearer end, the range of
+        the paper's Table 2.
 
     Raises
     ------
@@ -326,9 +325,9 @@ def axis_ranges(
 
 
 def largest_box(sensor: Sensor, rules: Rules, start: Floats, sizes: Floats) -> tuple[Floats, int]:
-    """Half the sides of the largest box about a pose, of sides in the proportion of `sizes` (6,).
+    """Half the sides, proportional to `sizes` (6,), of the largest box about a pose, and its limit.
 
-    Its 64 corners and 2000 random points of its surface are inside. Also which limit stops it.
+    The box's 64 corners and 2000 random points of its surface are inside.
     """
     corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 6)).reshape(6, -1).T
     rng = np.random.default_rng(0)

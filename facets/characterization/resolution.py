@@ -1,10 +1,10 @@
-"""How fine the sensor measures: standard uncertainties, and which source they come from.
+"""The standard uncertainties of the pose, and their sources.
 
-Uncertainties are propagated through the estimator that `facets.solve` is: with J the Jacobian at
-the true state and W the inverse variances of the readings and priors, the gain is G = (J'WJ)^-1 J'W
-and each source i with variance s_i^2 contributes (G_ki s_i)^2 to unknown k. Their sum is the
-diagonal of (J'WJ)^-1, the Cramer-Rao bound. Terms follow the GUM: a standard uncertainty is one
-standard deviation, an expanded one twice that (coverage factor 2).
+Uncertainties are propagated through the estimator of `facets.solve`: with J the Jacobian at the
+true state and W the inverse variances of the readings and priors, the gain is G = (J'WJ)^-1 J'W and
+each source i with variance s_i^2 contributes (G_ki s_i)^2 to unknown k. Their sum is the diagonal
+of (J'WJ)^-1, the Cramer-Rao bound. Terms follow the GUM: a standard uncertainty is one standard
+deviation, an expanded one twice that (coverage factor 2).
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from .ranges import axis_ranges, states_of
 
 
 class Estimator(NamedTuple):
-    """What a solution uses and knows, with a name for tables.
+    """The readings and the knowledge of the beam for a solution, with a name for tables.
 
-    beam: what is known of the position: "free", "known" or a `Prior` as in `Knowledge`, or its
-    standard uncertainty along x and y, mm; 0: known exactly; infinite: free.
-    eight: leaves out the last power, as the paper's inversion.
-    power: "known", "unknown" or a `Prior` as in `Knowledge`; or whether it is known.
+    beam: knowledge of the position: "free", "known" or a `Prior` as in `Knowledge`, or its standard
+    uncertainty along x and y, mm; 0: known exactly; infinite: free.  eight: omits the last power,
+    as the paper's inversion does.  power: "known", "unknown" or a `Prior` as in `Knowledge`; or
+    whether it is known.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Estimator(NamedTuple):
 
     @property
     def knowledge(self) -> Knowledge:
-        """What is known of the beam.  Raises `InputError` where that is impossible."""
+        """Knowledge of the beam.  Raises `InputError` for invalid values."""
         beam: Any = self.beam
         if not isinstance(beam, str | Prior):
             if not as_floats(beam, "the estimator's beam") >= 0:
@@ -60,7 +60,7 @@ class Estimator(NamedTuple):
 
 
 def estimators(beam_sigma: float) -> list[Estimator]:
-    """The paper's, and ours with more and more known of the beam."""
+    """The paper's estimator, and ours with increasing knowledge of the beam."""
     return [
         Estimator("paper: 8 readings", np.inf, eight=True),
         Estimator("beam free", np.inf),
@@ -70,7 +70,7 @@ def estimators(beam_sigma: float) -> list[Estimator]:
 
 
 def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[str, ...]:
-    """What an uncertainty comes from: the columns of a budget."""
+    """Sources of the uncertainty: the columns of a budget."""
     known = () if how is None or not isinstance(how.power, Prior) else ("beam power",)
     calibration = ("calibration",) if sensor.calibration else ()
     return (*noise_sources(sensor), "beam position", *known, *calibration)
@@ -87,7 +87,7 @@ def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Fl
     states
         States, (..., 8); mm and rad, world frame.
     how
-        What is known of the beam (`facets.Knowledge`), or also which readings are used
+        Knowledge of the beam (`facets.Knowledge`), or an estimator that also selects the readings
         (`facets.Estimator`).
 
     Returns
@@ -111,7 +111,7 @@ def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Fl
 
 
 def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight: bool) -> Floats:
-    """`budgets` of states (n, 8).  eight: leaves out the last power."""
+    """`budgets` of states (n, 8).  eight: omits the last power."""
     reading = readings(sensor, states)
     parts = variances(sensor, reading)
     sigma = np.sqrt(parts.sum(axis=-1))
@@ -144,7 +144,7 @@ def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight:
 
 
 def add_power_column(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
-    """Another unknown, the beam's power: a column (n, 9, 1) with the powers' derivatives by it."""
+    """Append the beam's power as an unknown: a column (n, 9, 1) of the powers' derivatives."""
     column = weighted / sensor.beam.power
     column[:, [0, 1, 3, 4, 6, 7]] = 0.0
     wider: Floats = np.concatenate([rows, column[:, :, None]], axis=2)
@@ -152,7 +152,7 @@ def add_power_column(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
 
 
 def prior_sigmas(knowledge: Knowledge) -> tuple[float, float]:
-    """The standard uncertainties of what is known of the position, mm, and of the power, mW."""
+    """Prior standard uncertainties of the position, mm, and of the power, mW."""
     beam, power = as_floats(knowledge.beam_sigma, "sigma"), knowledge.power_sigma
     if beam.size > 1 and (beam != beam.flat[0]).any():
         raise InputError(
@@ -162,10 +162,10 @@ def prior_sigmas(knowledge: Knowledge) -> tuple[float, float]:
 
 
 def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:
-    """Weighted Jacobians without the unknowns that are known exactly, and with a row more for each
-    that has a prior.
+    """Remove exactly known unknowns from weighted Jacobians, and append a row for each prior.
 
-    rows: (n, r, 6 + m).  sigmas: m of the unknowns beside the pose, 0 known, infinite free.
+    rows: (n, r, 6 + m).  sigmas: m standard uncertainties of the unknowns after the pose, 0 known,
+    infinite free.
     """
     priors = [6 + n for n, sigma in enumerate(sigmas) if 0 < sigma < np.inf]
     if priors:
@@ -188,7 +188,7 @@ def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge)
     states
         States, (..., 8); mm and rad, world frame.
     how
-        What is known of the beam (`facets.Knowledge`), or also which readings are used
+        Knowledge of the beam (`facets.Knowledge`), or an estimator that also selects the readings
         (`facets.Estimator`).
 
     Returns
@@ -224,9 +224,9 @@ def sweep_states(sensor: Sensor, rules: Rules, count: int = 101) -> Floats:
 
 @dataclass(frozen=True)
 class Resolution:
-    """One estimator's standard uncertainties, mm and rad: (6,) at rest and at worst.
+    """One estimator's standard uncertainties, mm and rad: (6,) at rest and their maxima.
 
-    worst_state: (6, 8) where each axis is worst.  budget: (6, s) variances at rest, by source.
+    worst_state: (6, 8) states of each axis's maximum.  budget: (6, s) variances at rest, by source.
     """
 
     how: Estimator
@@ -238,13 +238,13 @@ class Resolution:
 
     @property
     def shares(self) -> Floats:
-        """What part of each variance at rest comes from each source: (6, s)."""
+        """The share of each source in each variance at rest: (6, s)."""
         part: Floats = self.budget / self.budget.sum(axis=1, keepdims=True)
         return part
 
 
 def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Resolution]:
-    """Resolutions over the range of each axis."""
+    """Compute the resolutions of estimators over the range of each axis."""
     compile_for(sensor, "readings", "footprints", "derivatives")
     states = sweep_states(sensor, rules)
     rest = np.zeros((1, 8))

@@ -1,21 +1,21 @@
-"""Whether a recording is one of a mirror at rest with steady light, so that its scatter is noise.
+"""Check that a recording shows a mirror at rest with steady light, so that its scatter is noise.
 
-What electronics alone give is white and flicker noise, independent from detector to detector, mains
-pick-up, and a slow drift. Against that every reading is tested, on the recording itself and not on
-what the configuration expects:
+Electronics alone give white and flicker noise, independent between detectors, mains pick-up, and a
+slow drift. Every reading is tested against that, by the recording itself and not by the configured
+noise:
 
-light      no converter at its end, no detector dark, a steady total power
-steps      readings finer than the converter's steps, else the noise hides between them
+light      no saturated converter, no dark detector, a steady total power
+steps      readings finer than the converter's steps, which otherwise hide the noise
 drift      the slope over the whole recording
-slow       the Allan deviation of the rest: of white and flicker noise it never rises with the
-           averaging time; of a motion, a step, or a random walk it does
-fast       what one detector reads, predicted from the other two at every time scale: of noise
-           nothing can be, of a motion of the mirror, or of the beam, nearly all
-bursts     the same variance throughout
+slow       the Allan deviation without the slope: for white and flicker noise it never rises with
+           the averaging time; for a motion, a step, or a random walk it does
+fast       prediction of one detector from the other two at every time scale: noise cannot be
+           predicted, a motion of the mirror or of the beam can, nearly completely
+bursts     a constant variance
 
-A finding needs both: to be beyond chance, and to be large enough to spoil the number that the
-recording is for, the standard deviation of one sample. Beside that stands the median scatter within
-short segments, about their own lines, in which a slow motion shows least.
+A finding must be beyond chance, and large enough to change the result of the recording, the
+standard deviation of one sample. The reference is the median scatter within short segments, about
+their own lines, which slow motions affect least.
 """
 
 from __future__ import annotations
@@ -41,46 +41,45 @@ if TYPE_CHECKING:
     from ..core.settings import Config
 
 Columns = dict[str, NDArray[Any]]
-#: What all the sentences mean together, and what to do.
+#: The common conclusion of all findings, and the remedy.
 NOT_NOISE = "the noise of the bench cannot be estimated from this recording"
 REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
-#: Share of samples that may be saturated or dark: a normal distribution that loses its upper
-#: thousandth has a standard deviation that is too small by a share of 0.005.
+#: Largest share of saturated or dark samples: a normal distribution that loses its upper thousandth
+#: has a standard deviation that is too small by a share of 0.005.
 LOST_SHARE = 1e-3
-#: Share by which the total power may change: the noise of a place goes with one over the power, and
-#: is known to a twentieth.
+#: Largest relative change of the total power: the noise of a place is inversely proportional to the
+#: power, and is known to a twentieth.
 POWER_CHANGE = 0.05
-#: Share of equal readings one after the other: where it is a half, the noise is half a step of the
-#: converter, and what is written would be the converter's step.
+#: Largest share of equal successive readings: at a half, the noise is half a step of the converter,
+#: and the result would be the converter's step.
 EQUAL_SHARE = 0.5
-#: Drift over the recording, beside the scatter within segments. It is not part of what is
-#: written; but if a fifth of it were not even, this would be as large as the noise.
+#: Largest drift over the recording, relative to the scatter within segments. The result does not
+#: contain the drift; but if a fifth of the largest drift were uneven, this part would be as large
+#: as the noise.
 DRIFT_LIMIT = 5.0
-#: Variance that may be added to that of the noise, as a share: 0.2 makes the standard deviation
-#: that is written too large by a tenth.
+#: Largest additional variance over the noise's: 0.2 increases the standard deviation by a tenth.
 ADDED_VARIANCE = 0.2
-#: The same as an Allan deviation: a sinusoid of amplitude A adds A^2 / 2, and its largest Allan
-#: deviation is 0.73 A.
+#: The same limit as an Allan deviation: a sinusoid of amplitude A adds A^2 / 2, and its largest
+#: Allan deviation is 0.73 A.
 ADDED_DEVIATION = 0.73 * (2 * ADDED_VARIANCE) ** 0.5
-#: The same for lines at multiples of the mains' frequency, which electronics pick up.
+#: The same limit for lines at multiples of the mains' frequency, which electronics pick up.
 MAINS_VARIANCE = 1.0
-#: Chance of one false alarm in one test, of which a recording has some hundreds.
+#: Probability of one false alarm in one test; a recording has some hundreds of tests.
 CHANCE = 1e-6
-#: The same as standard deviations of a normal distribution.
+#: The same probability as standard deviations of a normal distribution.
 TAIL_SIGMAS = 5.0
-#: Intervals of Allan deviations for the test, of which a recording has some tens.
+#: Confidence level of Allan deviations in the test; a recording has some tens of them.
 ALLAN_LEVEL = 0.999
-#: Segments of a recording that are compared, and the fewest samples in each.
+#: Number of segments of a recording, and the least number of samples in each.
 SEGMENTS, MIN_SEGMENT_SAMPLES = 64, 16
-#: Bursts are looked for in segments that are longer by this factor, so that noise behind a low pass
-#: has samples enough in each; a burst has at least `BURST_VARIANCE_RATIO` times the usual
-#: variance.
+#: Bursts are searched in segments that are longer by this factor, so that noise behind a low pass
+#: has enough samples in each; a burst has at least `BURST_VARIANCE_RATIO` times the usual variance.
 BURST_SEGMENT_FACTOR, BURST_VARIANCE_RATIO = 4, 4.0
-#: The fewest differences from which one detector is predicted by the others.
+#: Least number of differences for predicting one detector from the others.
 MIN_DIFFERENCES = 100
-#: A slow change is the mirror's or the beam's if no larger share of it, in squares, is left.
+#: A motion explains a slow change if at most this share of the change's squares remains.
 UNEXPLAINED_SHARE = 0.1
-#: A slow change is that of one detector if no larger share of it, in squares, is elsewhere.
+#: One detector has a slow change alone if at most this share of its squares is on the others.
 ELSEWHERE_SHARE = 0.05
 
 
@@ -102,9 +101,9 @@ class RecordingSection:
 def find_faults(
     columns: Columns, piece: RecordingSection, models: Sequence[NoiseModel], config: Config
 ) -> list[str]:
-    """What speaks against a mirror at rest with steady light, in sentences; empty if nothing does.
+    """Find evidence against a mirror at rest with steady light, in sentences; empty if none.
 
-    piece: the samples that are looked at.  models: of the nine readings.
+    piece: the section of the recording.  models: of the nine readings.
     """
     steady = Steady(columns, piece, models, config)
     wandering = steady.wandering_channels()
@@ -114,13 +113,13 @@ def find_faults(
         if one[0] // 3 not in {n // 3 for n, _ in wandering}
     ]
     found = [*steady.power_faults(), *(sentence for _, sentence in slow)]
-    # what moves slowly also moves together and scatters unevenly: to say so once is enough
+    # Slow changes also move detectors together and scatter unevenly: one sentence is enough.
     found += [steady.cause()] if slow else [*steady.common_motion(), *steady.bursts()]
     return [*found, *steady.mains_pickup()]
 
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
-    """Why readings do not show the noise at all, in sentences: saturated, dark, or too coarse."""
+    """Find readings that hide the noise, in sentences: saturated, dark, or too coarse."""
     least = least_light(config.sensor)
     full = columns["flags"] & SATURATED > 0
     found = []
@@ -150,10 +149,10 @@ def reading_faults(columns: Columns, config: Config) -> list[str]:
 
 
 class Steady:
-    """The readings of a recording, evenly spaced, without spikes and mains; tests of them.
+    """Tests of a recording's readings, evenly spaced, without spikes and mains.
 
     Nine channels: places psi and zeta of each detector, um, and its share of the light, in
-    thousandths. The laser's power, which all three have in common, cancels in the shares. noise:
+    thousandths. The laser's power, which all three have in common, cancels in the shares.  noise:
     (9,), the median scatter within segments.
     """
 
@@ -191,7 +190,7 @@ class Steady:
         self.scatter = f"the scatter within {self.length / count:.2g} s"
 
     def power_faults(self) -> list[str]:
-        """A laser that changes, or light that misses all detectors."""
+        """Find a change of the laser's power, or of the light that misses all detectors."""
         means = np.array([self.total[rows].mean() for rows in self.segments])
         change = float(np.ptp(means) / abs(means.mean()))
         if change <= POWER_CHANGE:
@@ -202,7 +201,7 @@ class Steady:
         ]
 
     def drifting_channels(self) -> list[tuple[int, str]]:
-        """Channels whose slope is large; the worst of each detector."""
+        """Channels with a large slope; the worst of each detector."""
         sure = np.abs(self.slope) > TAIL_SIGMAS * np.array(
             [model.drift.sigma for model in self.models]
         )
@@ -215,7 +214,7 @@ class Steady:
         ]  # fmt: skip
 
     def wandering_channels(self) -> list[tuple[int, str]]:
-        """Channels whose Allan deviation rises; the worst of each detector."""
+        """Channels with a rising Allan deviation; the worst of each detector."""
         size = np.zeros(9)
         for n in range(9):
             found = allan(self.rest[:, n], self.rate, ALLAN_LEVEL)
@@ -231,7 +230,7 @@ class Steady:
         ]  # fmt: skip
 
     def segment_means(self) -> Floats:
-        """Of the segments, the drift included: (segments, 9)."""
+        """Means of the segments, with the drift: (segments, 9)."""
         whole = self.rest + np.outer(self.time - self.time.mean(), self.slope)
         return np.array([whole[rows].mean(axis=0) for rows in self.segments])
 
@@ -239,7 +238,7 @@ class Steady:
         return float(np.ptp(self.segment_means()[:, channel]))
 
     def manner(self, channel: int) -> str:
-        """A step, if one explains nearly all of a slow change; else it wanders."""
+        """Describe a slow change: a step, if one explains nearly all of it, or wandering."""
         means = self.segment_means()[:, channel]
         left = [
             means[:k].var() * k + means[k:].var() * (len(means) - k) for k in range(1, len(means))
@@ -250,7 +249,7 @@ class Steady:
         return f"jumps after {self.time[self.segments[k][0]]:.3g} s by"
 
     def common_motion(self) -> list[str]:
-        """What the detectors have in common, at the time scale where that is most."""
+        """Find a common motion of the detectors, at the time scale where it is largest."""
         worst, size, allowed = (0.0, 0.0, 0), 1, self.allowed_variances()
         while len(self.rest) // size - 1 >= MIN_DIFFERENCES:
             apart = np.diff(block_means(self.rest, size), axis=0) / self.noise
@@ -273,8 +272,8 @@ class Steady:
         ]
 
     def allowed_variances(self) -> Floats:
-        """Variances (9,), over those of the noise, that detectors may have in common: what the
-        configuration states of the beam's pointing comes on top."""
+        """Largest variances (9,) common to the detectors, relative to the noise's: they include the
+        configured pointing jitter of the beam."""
         electronics = self.config.sensor.electronics
         pointing = electronics.pointing if electronics else 0.0
         beam = self.jacobian()[:, 6:] * pointing / self.noise[:, None]
@@ -282,7 +281,7 @@ class Steady:
         return found
 
     def mains_pickup(self) -> list[str]:
-        """Lines at the mains' frequency that are larger than the noise."""
+        """Find lines at the mains' frequency that are larger than the noise."""
         size = (2 * self.hum) ** 0.5
         return [
             f"{subject(n)} swings with the mains by {amount(n, size[n])} (amplitude), "
@@ -292,7 +291,7 @@ class Steady:
         ]
 
     def bursts(self) -> list[str]:
-        """Segments with a larger variance than others, where they count."""
+        """Find segments with a much larger variance than the others."""
         parts = np.array_split(
             np.arange(len(self.rest)), len(self.segments) // BURST_SEGMENT_FACTOR
         )
@@ -314,7 +313,8 @@ class Steady:
         ]
 
     def jacobian(self) -> Floats:
-        """Of the channels by the state, (9, 8), at the mean readings' pose, else at rest."""
+        """Derivatives (9, 8) of the channels by the state, at the mean readings' pose, else at
+        rest."""
         sensor = self.config.sensor
         solution = solve(sensor, self.mean, beam="known", power="unknown")
         state = solution.state if bool(solution.converged) else np.zeros(8)
@@ -323,7 +323,7 @@ class Steady:
         return found
 
     def cause(self) -> str:
-        """Whose slow change it is, where that can be told."""
+        """Describe the cause of a slow change, or say that it is unknown."""
         slow = self.segment_means()
         slow = (slow - slow.mean(axis=0)) / self.noise
         energy = (slow**2).sum(axis=0)
@@ -333,7 +333,7 @@ class Steady:
             left = slow - states @ jacobian[:, columns].T
             if (left**2).sum() <= UNEXPLAINED_SHARE * energy.sum():
                 return self.motion(words, states, jacobian[:, columns])
-        places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change where one power does
+        places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change if one power does
         k = int(np.argmax(places))
         if places.sum() - places[k] <= ELSEWHERE_SHARE * places.sum():
             return (
@@ -347,7 +347,7 @@ class Steady:
 
     @staticmethod
     def motion(words: str, states: Floats, jacobian: Floats) -> str:
-        """The sentence for a motion that explains what changes slowly."""
+        """The sentence for a motion that explains a slow change."""
         if words == "beam":
             size = float(np.ptp(states, axis=0).max())
             return (
@@ -366,7 +366,7 @@ class Steady:
 
 
 def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
-    """Frequencies of the mains' lines in any of the signals, each once."""
+    """Frequencies of the mains' lines in any of the signals, without duplicates."""
     found: list[float] = []
     for model in models:
         for line in model.lines:
@@ -380,7 +380,7 @@ def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
 def remove_lines(
     signals: Floats, time: Floats, frequencies: list[float]
 ) -> tuple[Floats, Floats, Floats]:
-    """Slopes (m,), variances of sinusoids (m,), and what is left of signals (n, m)."""
+    """Slopes (m,), variances of sinusoids (m,), and the remaining signals (n, m)."""
     matrix = line_matrix(time, frequencies)
     centred = signals - signals.mean(axis=0)
     coefficients = np.linalg.solve(matrix.T @ matrix, matrix.T @ centred)
@@ -389,7 +389,7 @@ def remove_lines(
 
 
 def segment_variance(part: Floats) -> Floats:
-    """Of the columns of (n, m) about their own lines."""
+    """Variances of the columns of (n, m) about their own lines."""
     place = np.arange(len(part)) - (len(part) - 1) / 2
     centred = part - part.mean(axis=0)
     centred = centred - np.outer(place, place @ centred / (place @ place))
@@ -404,7 +404,7 @@ def block_means(signals: Floats, size: int) -> Floats:
 
 
 def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
-    """The variance of each place that the other detectors predict, over what is allowed.
+    """The variance of each place that the other detectors predict, relative to the allowed one.
 
     apart: differences of neighbouring means (n, 9), over the noise. The regression of independent
     noise explains a part of about 6 / n, which counts as chance.
@@ -424,11 +424,11 @@ def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, i
 
 
 def exchanged_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
-    """The variance of each detector's light that the others lack, over what is allowed.
+    """The variance of light exchanged between two detectors, relative to the allowed one.
 
-    apart: differences of neighbouring means of the powers (n, 3), over the noise. Noise of their
-    own has no covariance, the laser's a positive one; light that goes from one detector to others
-    has a negative one, of half its variance where it goes to both alike.
+    apart: differences of neighbouring means of the powers (n, 3), over the noise. Independent noise
+    has no covariance, the laser's noise a positive one; light that moves from one detector to
+    others has a negative one, of half its variance if both others get the same.
     """
     covariance = apart.T @ apart / len(apart)
     scale = np.sqrt(np.diagonal(covariance))
@@ -436,13 +436,13 @@ def exchanged_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int
     for one, other in ((0, 1), (1, 2), (0, 2)):
         chance = TAIL_SIGMAS * scale[one] * scale[other] / len(apart) ** 0.5
         if covariance[one, other] < -chance:
-            variance = -covariance[one, other]  # twice it, over two for a difference
+            variance = -covariance[one, other]  # twice the covariance, halved for a difference
             found.append((float(variance / allowed[one]), 3 * one + 2))
     return found
 
 
 def worst_channels(ratios: Floats, allowed: float) -> list[int]:
-    """The channel of each detector whose ratio is largest, where it is above what is allowed."""
+    """The channel of each detector with the largest ratio, if the ratio exceeds the allowed one."""
     by_detector = np.nan_to_num(ratios).reshape(3, 3)
     return [3 * k + int(np.argmax(row)) for k, row in enumerate(by_detector) if row.max() > allowed]
 
@@ -457,7 +457,7 @@ def amount(channel: int, value: float) -> str:
 
 
 def digits(value: float) -> str:
-    """Three digits, and no exponent below a million."""
+    """Format with three digits, without an exponent below a million."""
     return f"{float(f'{value:.3g}'):,g}"
 
 

@@ -1,4 +1,4 @@
-"""Which variable of a design moves which of its measures: Sobol indices from designs drawn."""
+"""Sobol indices of a design's measures by its variables, from sampled designs."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 
 class Index(NamedTuple):
-    """A first-order Sobol index, and half of its interval of 95 %."""
+    """A first-order Sobol index, and half the width of its 95 % interval."""
 
     value: float
     half: float
 
 
-#: Designs that an index takes at least; and from which on it means something.
+#: Least number of designs for a meaningful index.
 MIN_DESIGNS = 100
 
 
@@ -24,8 +24,8 @@ def sensitivity(
 ) -> dict[str, dict[str, Index]]:
     """First-order Sobol indices of each objective by each variable, by SALib's RBD-FAST.
 
-    table: of designs that were all looked at in full, but for those that no sensor can be. An
-    index is estimated, so that a small one can come out below zero, within its interval.
+    table: of completely evaluated designs; impossible designs may be among them. An index is an
+    estimate, so that a small one can be below zero, within its interval.
     """
     from SALib.analyze import rbd_fast
 

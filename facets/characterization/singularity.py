@@ -1,9 +1,9 @@
-"""Is the Jacobian regular over a box of states? Sampled as for Fig. 4, and searched for the worst.
+"""Check that the Jacobian is regular over a box of states, by samples as in Fig. 4 and by search.
 
-The determinant of Eq. (11), of the readings but one, has units in which no size is small or large.
-What means something is the smallest singular value of the Jacobian with its columns in um and urad
-and its rows in standard deviations of the readings: by how many standard deviations the readings
-answer, all together, to one unit in the direction to which they answer least.
+The determinant of Eq. (11), of all readings but one, has units in which no size is small or large.
+A meaningful measure is the smallest singular value of the Jacobian with its columns in um and urad
+and its rows in standard deviations of the readings: the readings' total response, in standard
+deviations, to one unit along the direction of the weakest response.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from .ranges import scale_jacobian, scaled_jacobian
 from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
-#: As many different points as a Sobol sequence of 30 bits has.
+#: Number of different points of a Sobol sequence of 30 bits.
 MAX_STATES = 2**30
-#: States on which the time of all of them is estimated.
+#: Number of states from which a survey's time is estimated.
 PILOT_STATES = 256
-#: What is told of a state.
+#: Names of a state's measures.
 MEASURES = ("determinant", "smallest singular value", "condition number")
 
 
@@ -40,10 +40,10 @@ def measures(
     spectra: bool = True,
     threads: int = 1,
 ) -> Floats:
-    """(n, 3) by `MEASURES` at states (n, 8); NaN where a detector has no reading.
+    """Compute `MEASURES` (n, 3) at states (n, 8); NaN if a detector has no reading.
 
-    left_out: the reading whose row the determinant lacks; mm, mW and rad. The other two take all
-    nine, um and urad; NaN without `spectra`.
+    left_out: the reading whose row the determinant omits; mm, mW and rad. The other two measures
+    use all nine readings, um and urad; NaN without `spectra`.
     """
     if left_out not in READING:
         raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
@@ -58,14 +58,14 @@ def measures(
     return out
 
 
-#: States whose Jacobians are in memory at a time.
+#: Number of states whose Jacobians are in memory at a time.
 JACOBIANS_AT_ONCE = 2000
 
 
 def fill_measures(
     sensor: Sensor, states: Floats, left_out: int, spectra: bool, out: Floats
 ) -> None:
-    """Fills out (n, 3) with `measures`.  left_out: the number of a reading."""
+    """Fill out (n, 3) with `measures`.  left_out: the number of a reading."""
     matrices = derivatives(sensor, states)
     lit = ~np.isnan(matrices).any(axis=(1, 2))
     rest = matrices[lit]
@@ -74,7 +74,7 @@ def fill_measures(
         out[lit, 1:] = extremes(scale_jacobian(sensor, states[lit], rest))
 
 
-#: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
+#: Above this squared condition number the eigenvalues of J'J have lost half their digits.
 MAX_SQUARED_CONDITION = 1e8
 
 
@@ -96,13 +96,13 @@ class Worst(NamedTuple):
 
 @dataclass
 class Survey:
-    """What was found over many states.
+    """The results of a survey of many states.
 
     counts: (OFFSETS, LEVELS) of states by apex offset and determinant; second: by smallest singular
-    value. edges: of offsets (mm), determinants, singular values.
-    low, high: (3,) of each measure.  signs: how many determinants are below, at and above zero.
-    weakest: the state whose smallest singular value is least.  lowest: that of least |determinant|.
-    dark: states in which a detector has no reading.
+    value.  edges: of offsets (mm), determinants, singular values.  low, high: (3,) of each measure.
+    signs: numbers of negative, zero and positive determinants.  weakest: the state with the least
+    smallest singular value.  lowest: with the least |determinant|.  dark: number of states in which
+    a detector has no reading.
     """
 
     edges: tuple[Floats, Floats, Floats]
@@ -118,12 +118,12 @@ class Survey:
 
     @property
     def one_sign(self) -> bool:
-        """Whether every determinant is above zero, or every one below."""
+        """Whether all determinants are positive, or all are negative."""
         return self.dark == 0 and self.has_one_sign_in_light
 
     @property
     def has_one_sign_in_light(self) -> bool:
-        """Whether the states in which all detectors have light have determinants of one sign."""
+        """Whether all states with light on all detectors have determinants of one sign."""
         return self.states - self.dark in (self.signs[0], self.signs[2])
 
 
@@ -131,19 +131,19 @@ OFFSETS, LEVELS = 120, 160
 
 
 class Cost(NamedTuple):
-    """What a survey takes: s of time, and bytes of memory and of a table of all states."""
+    """The cost of a survey: time in s, and bytes of memory and of a table of all states."""
 
     seconds: float
     memory: float
     table: float
 
 
-#: Numbers a state in memory at a time: states, measures, and the Jacobians that these come from.
+#: Numbers in memory for each state: the state, its measures, and the Jacobians for these.
 NUMBERS_PER_STATE, COLUMNS_PER_STATE = 200, 12
 
 
 def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
-    """An estimate for `count` states, from a pilot of some; compiles what is needed first."""
+    """Estimate the cost of `count` states from PILOT_STATES; compiles the model first if needed."""
     states = next(samples(domain, PILOT_STATES, "uniform", 0))
     measures(sensor, states[:1], left_out)
     begin = time.perf_counter()
@@ -174,7 +174,7 @@ def samples(
 
 
 def sobol_points(sobol: object, rows: int) -> Floats:
-    """Points of a Sobol sequence; any number of them, of which SciPy would warn."""
+    """Points of a Sobol sequence; SciPy would warn of a number that is no power of two."""
     import warnings
 
     with warnings.catch_warnings():
@@ -191,7 +191,7 @@ def survey(
     threads: int = 1,
     keep: Callable[[Floats, Floats], None] | None = None,
 ) -> Survey:
-    """Measures all states of `chunks` in flat memory. keep: takes each chunk and its measures."""
+    """Measure all states chunk by chunk.  keep: takes each chunk and its measures."""
     if left_out not in READING:
         raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     found: Survey | None = None
@@ -213,7 +213,7 @@ def survey(
 
 
 def empty_survey(offset: Floats, values: Floats) -> Survey:
-    """A survey whose classes fit the first chunk, with room beside it."""
+    """A survey whose classes cover the first chunk and a margin."""
     with np.errstate(invalid="ignore"):
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
         ends = [extent_of(values[:, 0]), extent_of(values[:, 1])]
@@ -232,7 +232,7 @@ def empty_survey(offset: Floats, values: Floats) -> Survey:
 
 
 def extent_of(values: Floats) -> tuple[float, float]:
-    """From zero to past the largest, or on both sides of zero where the values are."""
+    """An interval from zero to beyond the largest values, or on both sides of zero."""
     known = values[np.isfinite(values)]
     if len(known) == 0:
         return 0.0, 1.0
@@ -273,9 +273,9 @@ def keep_worse(known: Worst, states: Floats, values: Floats, size: Floats, colum
 def search(
     sensor: Sensor, domain: StateBox, column: int, left_out: str = "power_c", seed: int = 1
 ) -> Worst:
-    """The state of the box where a measure is least, by differential evolution and descent.
+    """The state of the box with the least measure, by differential evolution and descent.
 
-    column: 0 the determinant, times the sign it has in the middle; 1 the smallest singular value.
+    column: 0 the determinant, times its sign in the middle; 1 the smallest singular value.
     """
     from scipy.optimize import differential_evolution
 
@@ -305,9 +305,9 @@ def search(
 
 
 def weakest_direction(sensor: Sensor, state: Floats) -> Floats:
-    """The direction (8,) of the state to which the readings answer least, µm and µrad, length 1.
+    """The direction (8,) of the weakest response of the readings, µm and µrad, length 1.
 
-    NaN where the readings have no derivatives.
+    NaN if the readings have no derivatives.
     """
     matrix = scaled_jacobian(sensor, state[None])[0]
     if not np.isfinite(matrix).all():
@@ -316,12 +316,12 @@ def weakest_direction(sensor: Sensor, state: Floats) -> Floats:
     return vector * (np.sign(vector[np.abs(vector).argmax()]) or 1.0)
 
 
-#: A part of a direction smaller than this is not named.
+#: Smaller parts of a direction are not named.
 MIN_NAMED_PART = 0.25
 
 
 def direction_in_words(direction: Floats) -> str:
-    """A direction of the state in words: what moves, and what moves with it."""
+    """Name the parts of the state that move along a direction."""
     if not np.isfinite(direction).all():
         return "a state without light, in every direction"
     large = np.abs(direction) > MIN_NAMED_PART

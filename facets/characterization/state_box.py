@@ -1,4 +1,4 @@
-"""A box of states, in which the sensor is examined."""
+"""A box of states for surveys and proofs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..core.units import Floats
 from ..detectors.noise import power_floor
 from .ranges import axis_ranges
 
-#: What a box spans: the pose, and how far the apex stands off the beam's centre, Eq. (12).
+#: Axes of a box: the pose, and the apex's offset from the beam's centre, Eq. (12).
 AXES = (*POSE, "offset_x", "offset_y")
 COLUMNS = tuple(f"{name}_mrad" if name in ANGLES else f"{name}_mm" for name in AXES)
 UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in AXES)
@@ -49,16 +49,16 @@ def box_of_poses(low: Floats, high: Floats) -> StateBox:
 
 
 def apex_offset(states: Floats) -> Floats:
-    """How far the apex stands off the beam's centre, Eq. (12), mm: (n, 8) -> (n,)."""
+    """The apex's offset from the beam's centre, Eq. (12), mm: (n, 8) -> (n,)."""
     distance: Floats = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
     return distance
 
 
 def range_box(sensor: Sensor, rules: Rules) -> StateBox:
-    """The box of the ranges of the axes: x and y with the beam following, the offset without.
+    """The box of the ranges of the axes: x and y with beam following, the offset without.
 
-    Each range is that of one axis with the others at rest. Not all axes can be at their ends at
-    once, and where several move together some can be further off than alone: the box does not hold
+    Each range is that of one axis with the others at rest. Not all axes can reach their ends
+    together, and a combined motion can be longer than one axis alone: the box does not contain
     every pose that keeps the rules (`facets.proof.range_cover` finds one that does).
     """
     from dataclasses import replace
@@ -71,23 +71,24 @@ def range_box(sensor: Sensor, rules: Rules) -> StateBox:
     return StateBox(low, np.array([axis.high for axis in ranges]))
 
 
-#: How a side of a box is given on the command line.
+#: Format of a box's side on the command line.
 BOX_FORM = "NAME=HALF or NAME=LOW:HIGH"
-#: What the quotient of a least share can be rounded up by.
+#: Largest relative rounding error of the quotient in a least share.
 ROUNDING_SHARE = 1e-12
 
 
 def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
-    """Of the light, that a detector gets at least within the rules; rounded down.
+    """Least share of the light on a detector within the rules, rounded down.
 
-    power_off: by how much the laser's power may be off, mW.
+    power_off: largest deviation of the laser's power, mW.
     """
     share = rules.snr * power_floor(sensor) / (sensor.beam.power + power_off)
     return share * (1 - ROUNDING_SHARE)
 
 
 def parse_box(text: str) -> StateBox:
-    """'tx_mm=1,yaw_mrad=-2:5' as a box: half widths about zero or both ends; else no width."""
+    """Parse 'tx_mm=1,yaw_mrad=-2:5': half widths about zero or both ends; other axes have no
+    width."""
     low, high = np.zeros(8), np.zeros(8)
     for name, value in assignments(text, "--box", COLUMNS, BOX_FORM).items():
         number = COLUMNS.index(name)
@@ -115,7 +116,6 @@ def parse_ends(texts: list[str], unit: float) -> tuple[float, float]:
 
 
 def float_above(exact: Fraction) -> float:
-    """The least float that is not below a number: a proof for a box of such ends is one for all
-    that was asked for."""
+    """The least float that is not below a number, so that a box contains the requested one."""
     nearest = float(exact)
     return nearest if nearest >= exact else float(np.nextafter(nearest, np.inf))

@@ -1,4 +1,4 @@
-"""What was found about ranges, Jacobians and resolutions, as the columns of tables."""
+"""Ranges, Jacobians and resolutions as columns of tables."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .state_box import apex_offset
 
 
 def cause_of(number: int) -> str:
-    """Why a range ends, in words; "nowhere" for -1, where nothing ends it as far as one looks."""
+    """The cause that ends a range, in words; "nowhere" for -1, if the search found no end."""
     return CAUSES[number] if number >= 0 else "nowhere"
 
 
 def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
-    """Outlines of ranges, a row a point; places in the units of their axes' names."""
+    """Outlines of ranges, one row for each point; places in the units of their axes' names."""
     keys = ("axis_1", "axis_2", "value_1", "value_2", "ends_where")
     rows: dict[str, list[Any]] = {key: [] for key in keys}
     for boundary in boundaries:
@@ -35,7 +35,7 @@ def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
 
 
 def resolution_columns(found: Sequence[Resolution]) -> dict[str, Any]:
-    """A row an estimator and axis; um and urad."""
+    """Resolutions, one row for each estimator and axis; um and urad."""
     rows = [resolution_row(row, i) for row in found for i in range(len(POSE))]
     return {key: np.array([row[key] for row in rows]) for key in rows[0]}
 

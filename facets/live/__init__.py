@@ -1,13 +1,13 @@
-"""Samples as they come: read, recorded, solved, followed by a stage, and given to other programs.
+"""Live samples: read, record, solve and publish them, and let a stage follow the mirror.
 
     >>> import facets
     >>> from facets.live import poses
     >>> for found in poses(facets.load("bench"), "file:bytes.bin"):  # doctest: +SKIP
     ...     print(found.solution.state)
 
-`Run` assembles everything that `facets acquire` runs. The folders: `sources` reads bytes, `run`
-solves and shows, `recording` and `streams` are where samples go, beside a page (`web`) and a bench
-that does not exist (`virtual`).
+`Run` assembles everything that `facets acquire` runs. `sources` reads bytes, `run` solves and
+shows samples, `recording` and `streams` write and send them, `web` serves a page, and `virtual`
+is a simulated bench.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ..core.faces import load_on_use
 
-# A name is imported when it is first asked for, so that a program pays only for what it uses.
+# Names are imported at their first use, so that a program loads only what it uses.
 _HOMES = {
     "Live": "run.live",
     "Playback": "playback",

@@ -1,4 +1,4 @@
-"""A run assembled from a configuration: a source, the loop that solves, and sinks."""
+"""Assemble a run from a configuration: a source, the loop that solves, and the sinks."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ Show = Callable[[Live], None]
 
 
 class Run:
-    """A stream that is recorded, solved, followed by a stage, and published, as it comes.
+    """A live stream that is recorded, solved, published, and followed by a stage.
 
-    `from_config` assembles a run and opens all its parts; `acquire` runs it to its end and closes
+    `from_config` assembles a run and opens all its parts; `acquire` runs to the end and closes
     them.
 
     Attributes
@@ -44,9 +44,9 @@ class Run:
     live : Live
         The state of the run, at any time: counts, the newest poses, messages.
     recording : Recording or None
-        What is written.
+        The files of the recording.
     check : StageCheck or None
-        The check of the stage's wiring, if that is what the run is for.
+        The check of the stage's wiring, if the run has one.
 
     Examples
     --------
@@ -102,44 +102,44 @@ class Run:
         port : str, optional
             Port of the detector board; `acquire.port` of the configuration by default.
         record, folder
-            Whether everything that comes is recorded, and the new folder for it;
-            `recordings/TIME` by default.
+            Whether the run is recorded, and the new folder for the recording; `recordings/TIME` by
+            default.
         track, check_stage : bool
-            Whether the stage follows the mirror, or moves for a check of its wiring; not both.
-            Without either the stage never moves.
+            Whether the stage follows the mirror, or moves for a check of its wiring; not both. If
+            neither is set, the stage never moves.
         stage_port : str, optional
             Port of the stage; `stage.port` of the configuration by default.
         search : bool
-            Whether a mirror that was lost is looked for, once a person has resumed the stage.
+            Whether the stage searches for a lost mirror after a person has resumed the stage.
         seconds, samples
-            When the run ends by itself: after this time, s, or this number of samples.
+            The run ends after this time, s, or after this number of samples.
         reconnect : bool
-            Whether a board that is unplugged is waited for.
+            Whether the run waits for an unplugged board.
         max_loss, compare
-            When a run is not good: above this share of lost samples; where poses that the board
-            sends differ from those solved here.
+            Largest share of lost samples in a good run, and whether poses that differ from the
+            board's poses make a run bad.
         publish, filter_by
-            Addresses that samples are published at, and the model of a filter whose poses are
+            Addresses at which samples are published, and the model of a filter whose poses are
             published beside the raw ones.
         web, page_scripts
             Address `[HOST:]PORT` of a page that shows the run, and its scripts for the drawing.
         tell : callable
-            Receives what a person should know at the beginning, line by line.
+            Receives messages for the user at the beginning, line by line.
 
         Raises
         ------
         InputError
-            For what cannot be meant, and for an address or a folder that cannot be used.
+            For contradictory options, and for an address or a folder that cannot be used.
         PortError
-            Where the board or the stage cannot be opened. Everything that was opened before is then
-            closed again, and an empty recording removed.
+            If the board or the stage cannot be opened. All parts opened before are then closed
+            again, and an empty recording is removed.
         """
         refuse_options(track, check_stage, seconds, publish, filter_by)
         port = require_port(port or config.acquire.port, "--port", "acquire.port")
         moves_stage = track or check_stage
         if moves_stage:
             refuse_board(config, port)
-        if check_stage:  # the readings alone are to say where the beam is
+        if check_stage:  # the check uses only the readings' place of the beam
             config = replace(config, solve=replace(config.solve, beam="free"))
         require_packages(publish, web)
         run = cls(config, max_loss, compare)
@@ -163,7 +163,7 @@ class Run:
         return tracker if isinstance(tracker, StageCheck) else None
 
     def is_check_over(self) -> bool:
-        """Whether there is a check of the stage, and it has moved all that it moves."""
+        """Whether the run has a check of the stage that is complete or was stopped."""
         return self.check is not None and self.check.is_over
 
     def begin_recording(self, folder: Path | None) -> None:
@@ -184,7 +184,7 @@ class Run:
         page_scripts: dict[str, str] | None,
         tell: Tell,
     ) -> None:
-        """Begin to publish samples, and tell where. carried: whether a stage carries the beam."""
+        """Begin to publish samples; report where.  carried: whether a stage carries the beam."""
         self.publications = Publications(
             addresses, self.config, filter_by=filter_by, carried=carried
         )
@@ -201,7 +201,7 @@ class Run:
         self.page.show()
 
     def open_stage(self, port: str | None, search: bool, check: bool, tell: Tell) -> None:
-        """Open the stage; the page can then resume it."""
+        """Open the stage, which the page can then resume."""
         self.stage_port = require_port(port or self.config.stage.port, "--stage-port", "stage.port")
         tracker = open_tracker(
             self.config, self.stage_port, search, check, tell, self.live.add_event
@@ -211,7 +211,7 @@ class Run:
             self.page.resume = partial(tracker.resume, "the page")
 
     def abandon(self) -> None:
-        """Close what was opened for a run that does not begin, and remove its empty recording."""
+        """Close the parts of a run that does not begin, and remove its empty recording."""
         with ExitStack() as closing:
             if self.recording is not None:
                 closing.callback(self.recording.discard)
@@ -221,16 +221,16 @@ class Run:
                 closing.callback(self.publications.close)
 
     def acquire(self, show: Show = lambda _: None) -> None:
-        """Run to the end: of the stream, by time or samples, or by ^C; and close everything.
+        """Run to the end of the stream, the time or the samples, or to ^C; then close all parts.
 
         show: called often, with the state of the run. Raises the `FacetsError` that ended the
-        reading, if one did; what came until then is recorded and solved.
+        reading, if there is one; everything before it is recorded and solved.
         """
         show = join_page(self.page, show) if self.page else show
         acquire(self.live, self.reader, self.ending, show, lambda _: self.complaints())
 
     def complaints(self) -> list[str]:
-        """Why a run that came to its end is not a good one, in sentences; none for a good one."""
+        """The faults of a finished run, in sentences; empty for a good run."""
         live, found = self.live, []
         if not live.pipeline.tally.samples:
             found.append("no sample came.")
@@ -252,7 +252,7 @@ class Run:
         return found
 
     def check_sentences(self, path: Path | None) -> Iterator[str]:
-        """Yield what the check of the stage found, and write the checked configuration to path."""
+        """Yield the results of the stage's check, and write the checked configuration to path."""
         if self.check:
             good = not self.complaints()
             yield from check_sentences(self.check, self.config, self.stage_port, path, good)
@@ -279,14 +279,14 @@ def refuse_options(
 
 
 def require_port(port: str | None, option: str, key: str) -> str:
-    """The port; raises `InputError` where there is none."""
+    """Return the port; raise `InputError` if there is none."""
     if not port:
         raise InputError(f"no port is given: use {option}, or set {key} in the configuration")
     return port
 
 
 def join_page(page: WebPage, show: Show) -> Show:
-    """A view that also keeps the page up to date, and does so after a terminal was closed."""
+    """A view that also updates the page, even after a terminal was closed."""
     is_open = True
 
     def show_both(live: Live) -> None:

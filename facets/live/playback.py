@@ -1,4 +1,4 @@
-"""A recording solved again: its poses, the files that they go to, and how they compare."""
+"""Solve a recording again, write its poses to files, and compare them with the recorded ones."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Playback:
     folder : Path
         The recording.
     config : Config, optional
-        Solve with this configuration; the recording's own by default.
+        The configuration for solving; the recording's own by default.
 
     Raises
     ------
     InputError
-        For what is no recording, and one whose configuration is damaged or was changed.
+        If the folder is no recording, or its configuration is damaged or was changed.
 
     Examples
     --------
@@ -66,11 +66,11 @@ class Playback:
         recover: bool = False,
         tell: Callable[[int, int], None] = lambda done, of: None,
     ) -> Iterator[Poses]:
-        """Yield the poses, block by block as the bytes came.
+        """Yield the poses, in the blocks of the recorded bytes.
 
-        real_time: as slowly as they came.  recover: also read bytes without an index, or with one
-        that is not theirs, for which `InputError` is raised otherwise.  tell: called with the bytes
-        that are read, and of how many.
+        real_time: at the speed of the recording.  recover: also read bytes without an index, or
+        with one that does not match, which otherwise raise `InputError`.  tell: called with the
+        number of bytes read and their total.
         """
         return replay(self.folder, self.pipeline, real_time, self.damage, tell, recover)
 
@@ -83,16 +83,16 @@ class Playback:
         compare: bool,
         config_name: str | None,
     ) -> tuple[list[str], bool]:
-        """Solve everything, write the poses to `path`, if any, and compare them, if asked to.
+        """Solve all samples, write the poses to `path`, if any, and compare them on request.
 
-        The other arguments are those of `write` and `compare`. Returns what is to be said, and
-        whether no comparison found a difference.
+        The other arguments are those of `write` and `compare`. Returns the sentences for the user,
+        and whether no comparison found a difference.
         """
         if compare or smooth or filter_by:
             poses = list(poses)
         written = list(self.write(path, poses, smooth, filter_by)) if path else []
         compared, is_same = self.compare(poses, config_name) if compare else ([], True)
-        deque(poses, maxlen=0)  # all are solved, also where nothing needs them
+        deque(poses, maxlen=0)  # solve all poses, even if no output uses them
         return [*self.sentences(), *written, *compared], is_same
 
     def publish_poses(
@@ -103,9 +103,9 @@ class Playback:
         tell: Callable[[str], None],
         say: Callable[[str], None],
     ) -> Iterator[Poses]:
-        """Yield the same poses, and publish them on their way.
+        """Yield the same poses, and publish each of them.
 
-        tell: receives the addresses.  say: receives, at the end, how many samples were published.
+        tell: receives the addresses.  say: receives, at the end, the number of published samples.
         """
         offset = utc_offset(self.folder)
         with Publications(addresses, self.config, True, offset, filter_by) as publications:
@@ -117,7 +117,7 @@ class Playback:
             say(text)
 
     def sentences(self) -> Iterator[str]:
-        """Yield what was solved, and what of the recording is not as it was written."""
+        """Yield the number of solved samples, and the faults of the recording."""
         sequence, tally, parser = self.pipeline.sequence, self.pipeline.tally, self.pipeline.parser
         yield (
             f"{self.folder}: {tally.samples} samples, {sequence.lost} lost, "
@@ -138,10 +138,10 @@ class Playback:
     def write(
         self, path: Path, poses: Iterable[Poses], smooth: str | None, filter_by: str | None
     ) -> Iterator[str]:
-        """Write poses to a table or an MCAP file; yield what is to be said of them.
+        """Write poses to a table or an MCAP file; yield the sentences for the user.
 
         smooth, filter_by: the model of a motion by which poses are smoothed, or filtered as in a
-        live run, in columns beside the raw ones. Raises `InputError` where there are no samples.
+        live run, in columns beside the raw ones. Raises `InputError` if there are no samples.
         """
         about = provenance.provenance_header(self.config)
         if filter_by:
@@ -159,7 +159,7 @@ class Playback:
     def write_with_filter(
         self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
     ) -> str:
-        """Write the table of poses, with those that a live run would have had beside them."""
+        """Write the table of poses, with the poses that a live filter gives beside them."""
         refuse_nothing(path, poses)
         rows = RowFilter(self.config, model, self.pipeline.tally.misfit.carried)
         wide = np.concatenate([rows.widen(rows_of(part, 0.0)) for part in poses])
@@ -171,7 +171,7 @@ class Playback:
     def write_with_smoothing(
         self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
     ) -> str:
-        """Write the table of poses, with those that all samples together make likeliest."""
+        """Write the table of poses, with the likeliest poses given all samples beside them."""
         refuse_nothing(path, poses)
         joined, carried = join_poses(poses), self.pipeline.tally.misfit.carried
         seconds = 1e-6 * joined.time.astype(float)
@@ -188,7 +188,7 @@ class Playback:
     def write_table(
         self, path: Path, poses: Iterable[Poses], about: dict[str, str]
     ) -> Iterator[str]:
-        """Write the table of poses, with the times by a pulse per second where there is one."""
+        """Write the table of poses, with the times by a pulse per second if there is one."""
         pulses = PulseClock() if self.config.acquire.mark == "pps" else None
         offset = (utc_offset(self.folder) or 0.0) if pulses else 0.0
         with tables.Whole(path) as temporary:
@@ -208,8 +208,8 @@ class Playback:
     def compare(self, poses: Iterable[Poses], config_name: str | None) -> tuple[list[str], bool]:
         """Compare poses with the recorded ones, bit by bit.
 
-        config_name: of the configuration that they are solved with, unless the recording's own.
-        Returns what is to be said, and whether everything is the same and whole.
+        config_name: of the configuration for solving, unless it is the recording's own. Returns the
+        sentences for the user, and whether everything is equal and complete.
         """
         parts = [pose_columns(part) for part in poses]
         result = compare(recorded_poses(self.folder), join_columns(parts) if parts else {})
@@ -220,18 +220,18 @@ class Playback:
 
 
 def refuse_nothing(path: Path, written: object) -> None:
-    """Raise `InputError` where there is nothing to write."""
+    """Raise `InputError` if there is nothing to write."""
     if not written:
         raise InputError(f"{path}: was not written, because the recording holds no complete sample")
 
 
 def is_mcap(path: Path | None) -> bool:
-    """Whether a file is to be an MCAP file."""
+    """Whether a path names an MCAP file."""
     return path is not None and path.suffix.lower() == ".mcap"
 
 
 def refuse_models(smooth: str | None, filter_by: str | None) -> None:
-    """Raise `InputError` for a model of a motion that is none, and for two of them."""
+    """Raise `InputError` for an unknown model of a motion, and for two models."""
     if smooth:
         require_model("--smooth", smooth)
     if filter_by:

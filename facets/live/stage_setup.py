@@ -1,4 +1,4 @@
-"""A stage opened for a run, refused where it is unsafe, and what the check of its wiring found."""
+"""Open a stage for a run, refuse an unsafe one, and report the check of its wiring."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def refuse_board(config: Config, port: str) -> None:
-    """Raise `InputError` for a permit or a heartbeat by a board that has no such thing."""
+    """Raise `InputError` for a permit or a heartbeat by a board that does not support it."""
     if config.stage.permit == "board" and config.acquire.format == "text":
         raise InputError(
             "stage.permit is board: lines of text have no flag for it; use acquire.format: frames"
@@ -31,7 +31,7 @@ def refuse_board(config: Config, port: str) -> None:
 
 
 def require_stage_check(config: Config, port: str) -> None:
-    """Raise `InputError` for a stage whose wiring was not checked."""
+    """Raise `InputError` for a stage whose wiring has not been checked."""
     known, here = config.stage.checked, stage_identity(config.stage, port)
     if known and known.partition(" ")[2] == here:
         return
@@ -54,11 +54,11 @@ def open_tracker(
     tell: Callable[[str], None],
     add_event: Callable[..., None],
 ) -> Tracker:
-    """Open the stage, and tell how stable the loop is before anything moves.
+    """Open the stage, and report the stability of the loop before anything moves.
 
-    search: look for a mirror that was lost, after a person has resumed the stage.  check: move the
-    stage to check its wiring, instead of following the mirror. Raises `InputError` where the stage
-    was not checked, or the loop would be unstable; `PortError` where the port cannot be opened.
+    search: search for a lost mirror, after a person has resumed the stage.  check: move the stage
+    to check its wiring, instead of following the mirror. Raises `InputError` if the stage was not
+    checked, or the loop would be unstable; `PortError` if the port cannot be opened.
     """
     stage = config.stage
     if not check:
@@ -85,9 +85,9 @@ def open_tracker(
 def check_sentences(
     check: StageCheck, config: Config, port: str, path: Path | None, is_good: bool
 ) -> Iterator[str]:
-    """Yield what a check of the stage found; write the checked configuration to `path`, if given.
+    """Yield the results of a stage's check; write the checked configuration to `path`, if any.
 
-    Nothing is written where the check, or the run that it was part of, is not good.
+    Nothing is written if the check, or the run that it was part of, is not good.
     """
     if check.leg == len(check.LEGS):
         for axis in check.axes():

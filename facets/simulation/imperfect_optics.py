@@ -1,21 +1,21 @@
-"""Readings of imperfect optics, by rays: what a sensor's model leaves out, or another way to it.
+"""Compute readings of imperfect optics by tracing rays: effects outside the model, and a check.
 
-For simulations: to see what a coating, a diverging beam, facets that are not flat, edges that roll
-off or are lost and diffraction do to poses that are solved without a thought of them, and to check
-the closed form of these in `optics.edge_light`, of which nothing is used here. What
-`sensor.imperfections` says comes on top of what `sensor.light` says.
+Simulations use this module to see how a coating, a diverging beam, facets that are not flat, edges
+that roll off or are lost, and diffraction change poses that are solved without them, and to check
+the closed form of these effects in `optics.edge_light`, which is not used here. The effects of
+`sensor.imperfections` are added to those of `sensor.light`.
 
-Each ray starts at the height of the beam's place, with a direction of its own where the wavefront
-is curved, so that the beam's width changes on its way. A wedge of light is sampled in polar
-coordinates about the apex, as seen from where the light comes from, where it is smooth up to its
-edges: some hundred rays are as good as a closed form. Lost strips move the wedge's point; strips
-that roll off and the tip are sampled by themselves, and what they change is added.
+Each ray starts at the height of the beam's place, with a direction of its own if the wavefront is
+curved, so that the beam's width changes along its way. A wedge of light is sampled in polar
+coordinates about the apex, seen along the beam, where it is smooth up to its edges: some hundred
+rays are as accurate as a closed form. Lost strips move the wedge's point; strips that roll off and
+the tip are sampled separately, and their changes are added.
 
-Diffraction at a facet's edge spreads light to both sides across it: at the distance s from where
-the edge's own light lands the share a / s^2 for each mm, a = wavelength x path / 4 pi^2 x light
-along the edge (Fresnel). Most of it lands on the detector and leaves the centroid where it is; what
-misses the detector is lost. Each of the edge's rays spreads so from where it lands; the light of
-the facet's point, where both edges end, is added.
+Diffraction at a facet's edge spreads light to both sides across the edge: at the distance s from
+where the edge's own light lands, the share a / s^2 for each mm, a = wavelength x path / 4 pi^2 x
+light along the edge (Fresnel). Most of this light lands on the detector and keeps the centroid in
+place; light that misses the detector is lost. Each of the edge's rays is spread about its own
+landing place; the light of the facet's point, where both edges end, is added.
 """
 
 from __future__ import annotations
@@ -31,18 +31,17 @@ from ..detectors.skew import delay_states
 from ..model.arrays import geometry_of, half_sizes, readings
 from ..optics.forward import Geometry, Scene, beam_axes, dark_scene
 
-#: Nodes over a wedge's angle and radius, across a strip, and where the light ends, in sigmas.
+#: Numbers of nodes over a wedge's angle, its radius and a strip; end of the light, in sigmas.
 ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0
 
 
 @dataclass(frozen=True)
 class Flaws:
-    """What the rays meet: of `sensor.light` and `sensor.imperfections` together.
+    """All imperfections for the rays, of `sensor.light` and `sensor.imperfections` together.
 
     curvature: (2, 2) of the wavefront along `axes` (2, 3), 1/mm.  rolloff: (3, 2) mm, of the first
     and second edge of each facet.  background: (3, 3) power, y, z.  series: (5, 5) Hermite
-    coefficients of the beam's profile.
-    The rest as in `Imperfections`.
+    coefficients of the beam's profile.  The others as in `Imperfections`.
     """
 
     axes: Floats
@@ -92,7 +91,7 @@ def flaws_of(sensor: Sensor) -> Flaws:
 
 
 def hermite_series(sensor: Sensor) -> Floats:
-    """The factor of a Gaussian irradiance, as NumPy's `hermeval2d` takes it."""
+    """Hermite series that multiplies a Gaussian irradiance, for NumPy's `hermeval2d`."""
     series = np.zeros((5, 5))
     series[0, 0] = 1.0
     for values in (sensor.light.profile, sensor.light.asymmetry):
@@ -102,16 +101,16 @@ def hermite_series(sensor: Sensor) -> Floats:
 
 
 def imperfect_readings(sensor: Sensor, states: Floats) -> Floats:
-    """Readings (n, 9) at states (n, 8), imperfect where `sensor.imperfections` says so."""
+    """Readings (n, 9) at states (n, 8), by rays if `sensor.imperfections` has any."""
     if sensor.imperfections == Imperfections():
         return readings(sensor, states)
     return ray_readings(sensor, states)
 
 
 def delayed_readings(sensor: Sensor, time: Floats, motion: Floats, states: Floats) -> Floats:
-    """Readings (n, 9), as `seen` gives them at states (n, 8), each detector's late by its delay.
+    """Readings (n, 9) of `imperfect_readings` at states (n, 8), with each detector's delay.
 
-    time: (n,) s.  motion: (n, 8) the states without what jumps from sample to sample.
+    time: (n,) s.  motion: (n, 8) the states without the noise from sample to sample.
     """
     readings = imperfect_readings(sensor, states)
     for k, delay in enumerate(sensor.light.delays):
@@ -122,13 +121,13 @@ def delayed_readings(sensor: Sensor, time: Floats, motion: Floats, states: Float
 
 
 def ray_readings(sensor: Sensor, states: Floats) -> Floats:
-    """Readings (n, 9) at states (n, 8) by rays, whatever `sensor.imperfections` says."""
+    """Readings (n, 9) at states (n, 8) by rays, even without `sensor.imperfections`."""
     fixed, halves, flaws = geometry_of(sensor), half_sizes(sensor), flaws_of(sensor)
     return np.array([ray_reading(fixed, flaws, state, halves) for state in states])
 
 
 def ray_reading(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
-    """One reading (9,). halves: (3, 2) of the detectors' areas, mm."""
+    """One reading (9,).  halves: (3, 2) half sizes of the detectors, mm."""
     at = dark_scene(fixed, tuple(state.tolist()))
     out = np.empty(9)
     for k in range(3):
@@ -145,13 +144,13 @@ def ray_reading(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) ->
 
 @cache
 def gauss(count: int) -> tuple[Floats, Floats]:
-    """Gauss and Legendre's nodes and weights from -1 to 1, found once."""
+    """Gauss-Legendre nodes and weights from -1 to 1."""
     found: tuple[Floats, Floats] = np.polynomial.legendre.leggauss(count)
     return found
 
 
 def origin(fixed: Geometry, at: Scene, flaws: Flaws, points: Floats) -> Floats:
-    """Where rays to points (..., 3) in space start, mm across the beam: (..., 2)."""
+    """Starting points (..., 2), mm across the beam, of the rays to points (..., 3) in space."""
     away = points - np.array(at.place)
     height = (away @ np.array(fixed.direction))[..., None, None]
     found: Floats = np.linalg.solve(
@@ -162,10 +161,10 @@ def origin(fixed: Geometry, at: Scene, flaws: Flaws, points: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class FacetEdge:
-    """An edge of a facet: its unit vector down from the apex, what leads into the facet on it, both
-    in space, and both as the light sees them, mm across the beam.
+    """An edge of a facet: its unit vector down from the apex, and the direction into the facet,
+    both in space and both in the plane across the beam.
 
-    across: so far lies, across the beam, what lies 1 mm inside the facet.
+    across: distance across the beam of a point 1 mm inside the facet from the edge, mm.
     """
 
     along: Floats
@@ -209,8 +208,8 @@ def size_of(fixed: Geometry) -> float:
 def nodes(
     fixed: Geometry, at: Scene, flaws: Flaws, k: int, edges: list[FacetEdge]
 ) -> tuple[Floats, Floats]:
-    """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of facet k less
-    the strips that are lost."""
+    """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of facet k
+    without the lost strips."""
     apex = origin(fixed, at, flaws, np.array(at.apex))
     lost = [flaws.strips[(k + which) % 3] / 2 * edges[which].across for which in (0, 1)]
     apex = apex + np.linalg.solve(np.array([edge.seen_inward for edge in edges]), lost)
@@ -237,7 +236,7 @@ def polar(
 def spot_reading(
     fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge]
 ) -> Floats:
-    """psi, zeta and power of detector k, without diffraction and other light."""
+    """psi, zeta and power of detector k, without diffraction and background."""
     parts = [spots(fixed, at, k, flaws, *nodes(fixed, at, flaws, k, edges))]
     for which in (0, 1):
         if flaws.rolloff[k, which]:
@@ -255,7 +254,7 @@ def spot_reading(
 def strip(
     fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge], which: int
 ) -> tuple[Floats, Floats]:
-    """Nodes over the strip along one edge of facet k that rolls off, from where it is lost on."""
+    """Nodes over the strip along one edge of facet k that rolls off, without its lost part."""
     apex = origin(fixed, at, flaws, np.array(at.apex))
     own, other = edges[which].seen_along, edges[1 - which].seen_along
     rise = float(other @ edges[which].seen_inward)
@@ -274,7 +273,7 @@ def strip(
 def tip_nodes(
     fixed: Geometry, at: Scene, flaws: Flaws, edges: list[FacetEdge]
 ) -> tuple[Floats, Floats]:
-    """Nodes over a facet's part of the flat disc at the apex, counted against it."""
+    """Nodes over a facet's part of the flat disc at the apex, subtracted from the facet's light."""
     axis = np.array([row[2] for row in at.turn])
     level = [edge.along - (edge.along @ axis) * axis for edge in edges]
     first, last = (v / np.linalg.norm(v) for v in level)
@@ -295,10 +294,7 @@ def spots(
     fixed: Geometry, at: Scene, k: int, flaws: Flaws, weights: Floats, places: Floats,
     tilt: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Of rays and their shares: sums of the shares that are reflected, times psi, zeta and 1.
-
-    tilt: of the facet's normal besides.
-    """
+    """Sums of rays' reflected shares, times psi, zeta and 1.  tilt: added to the facet's normal."""
     spot, light = follow(fixed, at, k, flaws, places, tilt)
     light = light * weights
     return np.array([*(light @ spot), light.sum()])
@@ -307,7 +303,7 @@ def spots(
 def follow(
     fixed: Geometry, at: Scene, k: int, flaws: Flaws, places: Floats, tilt: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Where rays through places (n, 2) land (n, 2), and how much of each is reflected (n,)."""
+    """Landing places (n, 2) of rays through places (n, 2), and the reflected share of each (n,)."""
     normal, apex, direction = (np.array(v) for v in (at.normals[k], at.apex, fixed.direction))
     start = np.array(at.place) + places @ flaws.axes
     aim = direction + places @ flaws.curvature @ flaws.axes
@@ -315,7 +311,7 @@ def follow(
     along = ((apex - start) @ normal) / (aim @ normal)
     foot = start + along[:, None] * aim
     beside = foot - apex
-    lean = 8 * flaws.sag[k] / flaws.sag_over**2  # a dome leans outward by so much a mm
+    lean = 8 * flaws.sag[k] / flaws.sag_over**2  # a dome's outward slope for each mm
     face = normal + lean * (beside - np.outer(beside @ normal, normal))
     if tilt is not None:
         face = face + tilt
@@ -330,11 +326,11 @@ def follow(
 
 @dataclass(frozen=True)
 class EdgeScatter:
-    """The light that an edge spreads: rows of lines across it.
+    """The light that an edge spreads, as lines across the edge.
 
-    amount: a, of the a / s^2 mW for each step at s steps across, of each line (n,), mW.  spots:
-    where the lines begin (n, 2), mm.  way: a step (2,), mm.  step: the same on the facet's side,
-    in the world.  width: the lines' standard deviation from their middle, mm.
+    amount: a of each line (n,), mW; a / s^2 is the light for each step at s steps across.  spots:
+    the lines' starting places (n, 2), mm.  way: a step (2,), mm.  step: the same on the facet's
+    side, in the world.  width: the lines' standard deviation from their middle, mm.
     """
 
     amount: Floats
@@ -357,7 +353,7 @@ def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: FacetEdge) ->
     )
     light = light * reflecting
     step = np.cross(direction, edge.along)
-    step /= np.linalg.norm(step)  # one mm across the edge, square to the light
+    step /= np.linalg.norm(step)  # one mm across the edge, perpendicular to the light
     sweeps = origin(fixed, at, flaws, apex + step) - start
     swept = abs(sweeps @ edge.seen_inward)
     side = project_on_detector(fixed, at, k, np.cross(step, direction))
@@ -375,7 +371,7 @@ def scatter(fixed: Geometry, at: Scene, k: int, flaws: Flaws) -> float:
 
 
 def project_on_detector(fixed: Geometry, at: Scene, k: int, step: Floats) -> Floats:
-    """What a step across the beam, in the world, is on detector k: (2,)."""
+    """The projection of a step across the beam, in the world, on detector k: (2,)."""
     axes, normal, direction = (np.array(v) for v in (fixed.axes[k], at.normals[k], fixed.direction))
     step = step - 2 * (step @ normal) * normal
     ray = direction - 2 * (direction @ normal) * normal
@@ -387,10 +383,10 @@ def project_on_detector(fixed: Geometry, at: Scene, k: int, step: Floats) -> Flo
 def wave_spread(
     fixed: Geometry, flaws: Flaws, start: Floats, places: Floats, light: Floats, edge: FacetEdge
 ) -> float:
-    """How far waves of the light along an edge spread along it, over wavelength x path / 4 pi: the
-    root of the mean square of twice the amplitude's relative slope, less what its end does; 1/mm.
+    """Spread of the light's waves along an edge, over wavelength x path / 4 pi: the root mean
+    square of twice the amplitude's relative slope, corrected for the edge's end; 1/mm.
 
-    light: of the places along the edge, which add up to their integral.
+    light: of the places along the edge, with their sum as its integral.
     """
     inverse = flaws.axes @ np.array(fixed.whitening).T
     inverse = inverse @ inverse.T
@@ -409,7 +405,7 @@ def diffract(
     spot: Floats,
     half: Floats,
 ) -> Floats:
-    """What detector k reads (3,) of a spot (3,) less the diffracted light that misses it."""
+    """The reading (3,) of detector k: a spot (3,) without the diffracted light that misses it."""
     lost, moment = 0.0, np.zeros(2)
     streaks = [streak(fixed, at, k, flaws, edge) for edge in edges]
     for light in streaks:
@@ -434,9 +430,9 @@ def diffract(
 
 
 def point_light(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[float, Floats]:
-    """Of 1 / s^2 t^2 beyond a detector, s and t steps of two streaks from `own`: Hadamard's finite
-    part of its integral over ds dt and of its first moments, mm; by Green's theorem around the
-    detector, where the integral is the negative of that over the detector."""
+    """Integral of 1 / s^2 t^2 over ds dt beyond a detector and its first moments, mm, with s and t
+    steps of two streaks from `own`: Hadamard's finite part, by Green's theorem around the detector,
+    where the integral is the negative of that over the detector."""
     basis = np.column_stack([light.way for light in streaks])
     turn = 1 if np.linalg.det(basis) > 0 else -1
     corners = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) * half - own
@@ -455,14 +451,14 @@ def point_light(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[
     return -turn * mass, -turn * first
 
 
-#: Lines nearer to the edge of a detector, mm, count as at this distance: they hold no light to
-#: speak of unless the whole spot is there.
+#: Least distance of a line from a detector's edge, mm; nearer lines have hardly any light unless
+#: the whole spot is there.
 MIN_EDGE_DISTANCE_MM = 0.1
 
 
 def reaches(light: EdgeScatter, sign: int, half: Floats) -> Floats:
-    """From a streak's lines (n,) to the edge of a detector, in steps; NaN where its middle lies
-    beside the detector."""
+    """Distances of a streak's lines (n,) from the edge of a detector, in steps; NaN if the streak's
+    middle lies beside the detector."""
     way = light.way * sign
     with np.errstate(divide="ignore"):
         steps = np.maximum(half - np.sign(way) * light.spots, MIN_EDGE_DISTANCE_MM) / np.abs(way)
@@ -471,7 +467,7 @@ def reaches(light: EdgeScatter, sign: int, half: Floats) -> Floats:
 
 
 def reflected_share(flaws: Flaws, aim: Floats, face: Floats, cosine: Floats) -> Floats:
-    """How much of each ray is reflected, over what is of unpolarised light at 45 degrees."""
+    """Reflected share of each ray, relative to unpolarised light at 45 degrees."""
     if flaws.index is None:
         return np.ones(len(aim))
     s, p = reflectances(complex(*flaws.index), cosine)
@@ -486,7 +482,7 @@ def reflected_share(flaws: Flaws, aim: Floats, face: Floats, cosine: Floats) -> 
 
 
 def reflectances(index: complex, cosine: Floats | float) -> tuple[Floats, Floats]:
-    """Of light across and along the plane of incidence (s, p), by Fresnel."""
+    """Reflectances across and along the plane of incidence (s, p), by Fresnel."""
     inside = np.sqrt(index**2 - 1 + np.asarray(cosine) ** 2 + 0j)
     s = (cosine - inside) / (cosine + inside)
     p = (index**2 * cosine - inside) / (index**2 * cosine + inside)

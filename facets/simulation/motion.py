@@ -1,4 +1,4 @@
-"""The states that a configured motion goes through."""
+"""The states of a configured motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..files.tables import read_chunks
 
 
 def find_motion(config: Config, name: str) -> Motion:
-    """The config's motion of that name."""
+    """Find the configuration's motion of a name."""
     if name not in config.motions:
         has = ", ".join(config.motions) or "none"
         raise InputError(f"{config.path}: no motion {name}; its motions: {has}")
@@ -47,7 +47,7 @@ def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:
-    """States from a table with any of the columns tx_mm ... by_mm; those left out are zero."""
+    """Read states from a table with some columns of tx_mm ... by_mm; the others are zero."""
     times, parts, rows = [], [], 0
     for chunk in read_chunks(file, optional=(*STATE_COLUMNS, "time_s")):
         if not any(name in chunk.columns for name in STATE_COLUMNS):
@@ -73,7 +73,7 @@ def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:
 
 
 def refuse_times(motion: Table) -> None:
-    """Raises `InputError` where the file says itself when each row is taken."""
+    """Raise `InputError` if the file has a column of times."""
     if any("time_s" in chunk.columns for chunk in read_chunks(motion.file, optional=("time_s",))):
         raise InputError(
             f"{motion.file}: has a column time_s, which says when each row is taken; remove that "

@@ -1,4 +1,4 @@
-"""What a reference beside the sensor says of the mirror's poses."""
+"""Simulate a reference instrument that measures the mirror's poses."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..core.units import Floats
 def reference_poses(poses: Floats, sigma: Sequence[float], rng: np.random.Generator) -> Floats:
     """The poses (n, 6) with the reference's errors; NaN on an axis that it does not measure.
 
-    sigma: (6,) its standard uncertainties, mm and rad, infinite where it does not measure.  An
-    error stays the same while the mirror stands still, as an encoder's does.
+    sigma: (6,) its standard uncertainties, mm and rad, infinite for an axis without measurement.
+    An error stays constant while the mirror stands still, as an encoder's does.
     """
     error = rng.standard_normal(poses.shape)
     moved = np.append(True, (np.diff(poses, axis=0) != 0).any(axis=1))
@@ -26,7 +26,7 @@ def reference_poses(poses: Floats, sigma: Sequence[float], rng: np.random.Genera
 
 
 def reference_columns(poses: Floats) -> dict[str, Floats]:
-    """Columns `ref_tx_mm` ... of `reference_poses` (n, 6), those of the axes that are measured."""
+    """Columns `ref_tx_mm` ... of `reference_poses` (n, 6), only for the measured axes."""
     return {
         f"ref_{STATE_COLUMNS[n]}": poses[:, n] / STATE_UNITS[n]
         for n in range(6)

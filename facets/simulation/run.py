@@ -1,4 +1,4 @@
-"""A configured sensor put through its motions: true states, readings, poses and their errors."""
+"""Move a configured sensor: true states, readings, poses and their errors."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from .reference import reference_columns, reference_poses
 
 @dataclass(frozen=True)
 class Segment:
-    """One motion, simulated.
+    """One simulated motion.
 
-    time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as the solver saw them: a detector
-    beside which its spot fell is NaN.  place: (n, 2) where the beam was said to be, mm.
-    reached: (n, 3) which spots lay on their detector.
+    time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as solved, NaN for a detector that its
+    spot misses.  place: (n, 2) the reported place of the beam, mm.  reached: (n, 3) whether the
+    spots lie on their detectors.
     """
 
     name: str
@@ -45,17 +45,17 @@ class Segment:
 
     @property
     def error(self) -> Floats:
-        """Estimate less truth, (n, 8), NaN where not solved."""
+        """Estimate minus truth, (n, 8), NaN if not solved."""
         error: Floats = self.solution.state - self.truth
         return error
 
 
 @dataclass(frozen=True)
 class AxisErrors:
-    """How well one axis of the pose was measured in a segment; mm or rad.
+    """The errors of one axis of the pose in a segment; mm or rad.
 
-    low, high: of the true motion.  largest: error.  rms: error.  uncertainty: the solver's own
-    standard uncertainty, root mean square.
+    low, high: of the true motion.  largest: error.  rms: error.  uncertainty: root mean square of
+    the solver's standard uncertainty.
     """
 
     name: str
@@ -73,7 +73,7 @@ class AxisErrors:
 def read_detectors(
     sensor: Sensor, time: Floats, truth: Floats, noise: bool, rng: np.random.Generator
 ) -> tuple[Any, Any]:
-    """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
+    """Readings (n, 9) of a simulated bench, and whether spots reach their detectors (n, 3)."""
     state = add_pointing_jitter(sensor, truth, rng) if noise else truth
     exact = delayed_readings(sensor, time, truth, state)
     reached = is_on_detector(sensor, exact)
@@ -85,7 +85,7 @@ def read_detectors(
 
 
 def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
-    """The true states with the beam's pointing jitter."""
+    """Add the beam's pointing jitter to the true states."""
     if sensor.electronics is None or sensor.electronics.pointing == 0:
         return truth
     state = truth.copy()
@@ -96,8 +96,8 @@ def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator)
 def reported_beam_place(
     options: Solve, truth: Floats, noise: bool, rng: np.random.Generator
 ) -> Floats:
-    """Where the beam is said to be (n, 2), mm: as by a stage with the prior's uncertainty; the beam
-    is beside that by its offset."""
+    """The reported place of the beam (n, 2), mm, with the prior's uncertainty and without the
+    beam's offset."""
     place: Floats = truth[:, 6:] - np.array(options.beam_offset)
     if noise and options.beam == "prior":
         place += options.beam_sigma * rng.standard_normal(place.shape)
@@ -107,7 +107,7 @@ def reported_beam_place(
 def simulate_motion(
     config: Config, name: str, noise: bool, rng: np.random.Generator, track: bool = False
 ) -> Segment:
-    """One motion, read and solved."""
+    """Simulate and solve one motion."""
     time, truth = states(config.motions[name], rng)
     if track:
         truth = simulate_following(config.sensor, config.stage, time, truth)
@@ -125,7 +125,7 @@ def simulate(
     seed: int | None = None,
     track: bool = False,
 ) -> list[Segment]:
-    """Move the mirror as a configuration says, read it, and solve the readings.
+    """Simulate a configuration's motions of the mirror, their readings and the solutions.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def simulate(
     motions
         Names of its motions, which follow each other; all by default.
     noise
-        Whether the readings are noisy; as the configuration says by default.
+        Whether the readings are noisy; the configuration's setting by default.
     seed
         Seed of the noise; the configuration's by default. Each motion draws from a stream of its
         own, so that leaving one out changes no other.
@@ -177,7 +177,7 @@ def simulate(
 
 
 def axes(segment: Segment) -> list[AxisErrors]:
-    """The six axes' errors over the samples that were solved; NaN where none was."""
+    """Compute the six axes' errors over the solved samples; NaN if there are none."""
     ok = segment.solution.converged
     rows = []
     for i, name in enumerate(POSE):
@@ -198,13 +198,13 @@ def axes(segment: Segment) -> list[AxisErrors]:
 
 
 def statuses(segment: Segment) -> dict[str, int]:
-    """How many samples ended how, those that occur."""
+    """Count the samples of each status that occurs."""
     counts = np.bincount(segment.solution.status, minlength=len(Status))
     return {status.label: int(counts[status]) for status in Status if counts[status]}
 
 
 def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
-    """The readings of all segments as columns; `facets solve` takes such a table."""
+    """The readings of all segments as columns, for `facets solve`."""
     columns: dict[str, Any] = time_columns(segments)
     rows = np.concatenate([segment.readings for segment in segments])
     place = np.concatenate([segment.place for segment in segments])
@@ -215,7 +215,7 @@ def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
 def reference_table(
     segments: Sequence[Segment], sigma: Sequence[float], seed: int
 ) -> dict[str, Any]:
-    """Columns of what a reference says of the poses, for `facets calibrate`; sigma: (6,)."""
+    """The poses measured by a reference as columns, for `facets calibrate`.  sigma: (6,)."""
     truth = np.concatenate([segment.truth[:, :6] for segment in segments])
     rng = np.random.default_rng([seed, 6])
     return reference_columns(reference_poses(truth, sigma, rng))

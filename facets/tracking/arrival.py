@@ -1,9 +1,9 @@
-"""Whether a stage goes where it is sent, by its own word and by the readings.
+"""Detect a stage that does not go where it is sent, from its encoders and from the readings.
 
-A stage that answers every command may still not move, move elsewhere, or be moved by somebody else.
-Within `settling_time` it must be near the places it was sent to since, or on its way there; where
-it is outside the box of these places and of where it came from, it is not on its way. A second
-witness is the light: the place of the beam that the readings tell must move as the encoder does.
+A stage that answers every command may still not move, move elsewhere, or be moved by another
+program. Within `settling_time` it must be near the places to which it was sent since, or on its way
+there, that is inside the box of these places and its start. The second check is the light: the
+beam's place from the readings must move as the encoder does.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from ..core.units import Floats
 from .encoder import Encoder
 from .limits import Limits
 
-#: A position of the stage that is older than this is no start of a prediction, s.
+#: A prediction does not start from a position of the stage that is older than this, s.
 MAX_PLACE_AGE_S = 0.03
 #: A stage that is nearer than this to its goal is at rest, mm.
 REST_DISTANCE_MM = 1e-4
 #: Maximum distance of a stage that works well from where it should stand, mm.
 POSITION_SLACK_MM = 0.05
-#: A stage is given so much longer than it needs, s: its place may be told late.
+#: Time that a stage may need beyond its settling time, s: its position may arrive late.
 SPARE_S = 0.1
-#: How far the beam that the readings show may part from the encoder, mm, and for a moving stage the
-#: time by which the two may be apart, s.
+#: Largest difference between the motions of the beam by the readings and by the encoder, mm, and
+#: for a moving stage the largest difference of their times, s.
 BEAM_SLACK_MM, BEAM_TIMING_S = 0.1, 0.02
 
 
 def settling_time(settings: Settings) -> float:
-    """How long after a command a stage can move at most, s, where nothing is wrong with it.
+    """The longest time after a command for which a sound stage moves, s.
 
-    Its move begins after the latency, has `reach` to go at the largest speed, from where the stage
-    was up to MAX_PLACE_AGE_S ago, and ends by the stage's lag and acceleration.
+    The move begins after the latency, covers `reach` at the largest speed from the stage's place up
+    to MAX_PLACE_AGE_S ago, and ends by the stage's lag and acceleration.
     """
     s = settings
     reach = Limits.from_settings(s).reach
@@ -46,13 +46,13 @@ def settling_time(settings: Settings) -> float:
 
 
 def distance_to_box(place: Floats, corners: Floats) -> float:
-    """From a place (2,) to the smallest box that holds places (n, 2)."""
+    """Distance of a place (2,) from the smallest box that holds places (n, 2)."""
     outside = np.maximum(corners.min(axis=0) - place, place - corners.max(axis=0))
     return float(np.hypot(*np.maximum(outside, 0.0)))
 
 
 class Arrival:
-    """patience: within which a command must have been executed, s."""
+    """The check that a stage arrives.  patience: time within which it must execute a command, s."""
 
     def __init__(self, settings: Settings) -> None:
         self.patience = settling_time(settings) + SPARE_S
@@ -63,19 +63,19 @@ class Arrival:
         self.apart = math.inf
 
     def begin(self, place: Floats) -> None:
-        """From now on the stage is at a place, and is sent elsewhere by `send` alone."""
+        """Start with a stage at a place; from now on only `send` moves it."""
         self.goals = deque([(-math.inf, place)])
         self.places = deque([(-math.inf, place)])
         self.offset, self.apart = None, math.inf
 
     def send(self, place: Floats, now: float) -> None:
-        """The stage has accepted a command."""
+        """Note a command that the stage has accepted."""
         self.goals.append((now, place))
 
     def complaint(self, now: float, place: Floats) -> str:
-        """What is wrong with a stage that is now at a place (2,), or nothing."""
+        """The fault of a stage that is now at a place (2,); empty if there is none."""
         self.places.append((now, place))
-        for kept in (self.goals, self.places):  # the first is what held when the time began
+        for kept in (self.goals, self.places):  # the first entry held when the time began
             while len(kept) > 1 and kept[1][0] <= now - self.patience:
                 kept.popleft()
         start, goals = self.places[0][1], np.array([goal for _, goal in self.goals])
@@ -98,7 +98,7 @@ class Arrival:
         )
 
     def compare(self, now: float, beam: Floats, encoder: Encoder, time: float) -> str:
-        """What is wrong where the readings of a time place the beam at (2,) mm, or nothing."""
+        """The fault if the readings at a time place the beam at (2,) mm; empty if there is none."""
         there = encoder.places(np.array([time]))[0]
         if self.offset is None:
             self.offset = beam - there
@@ -117,5 +117,5 @@ class Arrival:
 
 
 def words(place: Floats) -> str:
-    """A place as text, to a micrometre."""
+    """Format a place to a micrometre."""
     return "({:.3f}, {:.3f})".format(*place)

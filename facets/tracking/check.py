@@ -1,8 +1,8 @@
-"""The first use of a stage: small slow moves, and what the readings say that they did.
+"""The check of a stage before its first use: small slow moves, measured by the readings.
 
-The mirror stands still. The stage moves the beam by STEP_MM along each axis and back, through the
-same envelope as always, and the readings alone, without the encoder, say where the beam went. From
-that follow the sign, the scale and the delay of each axis, and whether x and y are exchanged.
+The mirror stands still. The stage moves the beam by STEP_MM along each axis and back, within the
+same envelope as in a run, and the readings alone, without the encoder, measure the beam's place.
+The result is the sign, the scale and the delay of each axis, and whether x and y are exchanged.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from .envelope import STALLED
 from .limits import Limits
 from .tracker import Sample, Tracker
 
-#: How far the beam is moved along each axis, mm: a quarter of the paper's head's range.
+#: The beam's distance along each axis, mm (a quarter of the paper's head's range), and speed.
 STEP_MM, SPEED_MM_S = 0.05, 0.5
-#: The stage stands for so long after each move, s; the beam's place is the mean over the last part.
+#: The stage stands for DWELL_S after each move; the beam's place is the mean over the last MEAN_S.
 DWELL_S, MEAN_S = 0.5, 0.25
-#: A gap between good samples is waited for so long, s: nothing is sent, so the stage stands.
+#: Longest gap between good samples, s; the stage gets no command in a gap, so it stands.
 WAIT_S = 2.0
-#: So many stalls of the loop do not end a check.
+#: A check ends after more than this number of stalls of the loop.
 STALLS = 10
-#: The scale of an axis may be off by this share, and the beam may leave its axis by this one.
+#: Largest error of an axis's scale, and largest share of a move across its axis.
 SCALE, ACROSS = 0.05, 0.1
-#: A beam that moves by less than this share hardly moves at all.
+#: A beam that moves by less than this share of the command counts as not moved.
 HARDLY = 0.1
 #: A mirror that moves by more than this during the check is not at rest, mm.
 MIRROR_MM = 0.01
@@ -37,8 +37,8 @@ RAMP = (0.3, 0.9)
 
 
 class Axis(NamedTuple):
-    """What a command does to the beam. scale: of the commanded way.  across: along the other axis,
-    of the same.  delay: from the command to the light, s."""
+    """The beam's response to a command along one axis.  scale: move along the axis over the
+    command. across: the same for the other axis.  delay: from the command to the light, s."""
 
     name: str
     scale: float
@@ -54,7 +54,7 @@ class Axis(NamedTuple):
 
     @property
     def fault(self) -> str:
-        """What is wrong with the axis, or nothing."""
+        """The fault of the axis; empty if there is none."""
         if max(abs(self.scale), abs(self.across)) < HARDLY:
             what = f"hardly moves the beam: check that {self.name} is connected, and stage.step_um"
         elif abs(self.across) > abs(self.scale):
@@ -72,7 +72,7 @@ class Axis(NamedTuple):
 
 
 def stage_identity(settings: Settings, port: str) -> str:
-    """The stage that `stage.checked` is about, in words: another one needs a check of its own."""
+    """The text that identifies a stage in `stage.checked`; every stage needs its own check."""
     return f"{settings.driver} {port} {1e3 * settings.step:g} um"
 
 
@@ -82,12 +82,12 @@ def checked_today(settings: Settings, port: str) -> str:
 
 
 class StageCheck(Tracker):
-    """Moves the stage along x and back, along y and back, and notes where the beam goes.
+    """Move the stage along x and back, along y and back, and record the beam's places.
 
-    Needs samples that were solved with a free beam. outcome: the axes, once all is seen.
+    The samples must be solved with a free beam.
     """
 
-    #: Where the beam goes, in steps from where it was, after a first look there.
+    #: Places to which the beam is moved, in steps from its first place.
     LEGS = ((0, 0), (1, 0), (0, 0), (0, 1), (0, 0))
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
@@ -102,13 +102,13 @@ class StageCheck(Tracker):
 
     @property
     def is_over(self) -> bool:
-        """Whether all was seen, or the stage was stopped before."""
+        """Whether the check is complete, or the stage was stopped before."""
         latched = self.envelope.latched
         goes_on = latched == STALLED and self.envelope.stops <= STALLS
         return self.leg == len(self.LEGS) or bool(self.error or (latched and not goes_on))
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
-        """The next small part of the move that is going on."""
+        """Continue the current move by a small part."""
         if self.is_over or good.apex is None:
             return
         if good.time > self.last:
@@ -126,19 +126,19 @@ class StageCheck(Tracker):
             self.leg, self.arrived = self.leg + 1, np.inf
 
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
-        """After a loop that stalled, on a busy machine, the check goes on by itself: the person who
-        began it is there, and no move is longer than STEP_MM."""
+        """Resume a check by itself after a stall of the loop on a busy machine: the person who
+        began the check is there, and no move is longer than STEP_MM."""
         stood = now - self.envelope.latched_at > self.envelope.arrival.patience
         if self.envelope.latched == STALLED and stood and self.envelope.stops <= STALLS:
             self.request = "the check"
         return super().is_resumed(doubt, newest, now)
 
     def bridge(self, now: float) -> bool:
-        """Stands and waits for the next good sample, for a while."""
+        """Stand for up to WAIT_S and wait for the next good sample."""
         return now - self.good.time < WAIT_S
 
     def axes(self) -> list[Axis]:
-        """What was found."""
+        """Compute the response of both axes."""
         means = [self.mean(leg) for leg in range(len(self.LEGS))]
         x = (2 * means[1] - means[0] - means[2]) / (2 * STEP_MM)
         y = (2 * means[3] - means[2] - means[4]) / (2 * STEP_MM)
@@ -148,18 +148,18 @@ class StageCheck(Tracker):
         ]
 
     def mean(self, leg: int) -> Floats:
-        """Where the beam stood at the end of a leg (2,), mm."""
+        """The mean place of the beam at the end of a leg (2,), mm."""
         last = self.beams[leg][-1][0]
         places: Floats = np.mean([b for t, b in self.beams[leg] if t > last - MEAN_S], axis=0)
         return places
 
     def delay(self, leg: int, axis: int, scale: float) -> float:
-        """From a command to the light, s: how far the beam is behind in the midst of a move."""
+        """Time from a command to the light, s, by the beam's lag in the middle of a move."""
         times = np.array([time for time, _ in self.commands[leg]])
         commanded = np.array([place[axis] for _, place in self.commands[leg]]) - self.origin[axis]
         taken = np.array([time for time, _ in self.beams[leg]])
         beam = np.array([place[axis] for _, place in self.beams[leg]]) - self.mean(leg - 1)[axis]
-        half = 0.5 / self.settings.rate  # a command holds for a period
+        half = 0.5 / self.settings.rate  # a command lasts for one period
         here = np.interp(taken - half, times, commanded, left=0.0)
         midst = (here > RAMP[0] * STEP_MM) & (here < RAMP[1] * STEP_MM)
         if not midst.any() or not scale:
@@ -167,7 +167,7 @@ class StageCheck(Tracker):
         return float((here - beam / scale)[midst].mean() / self.narrow.speed)
 
     def faults(self) -> list[str]:
-        """Why the stage must not be used, in sentences; none where it is as configured."""
+        """The reasons why the stage must not be used, in sentences; empty if there are none."""
         if self.leg < len(self.LEGS):
             why = self.error or self.envelope.latched or "the samples ended too soon"
             moved = "xxyy"[self.leg - 1] if self.leg else ""

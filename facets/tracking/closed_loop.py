@@ -13,9 +13,9 @@ from .stage import StageModel
 
 
 def simulate_following(sensor: Sensor, settings: Settings, time: Floats, truth: Floats) -> Floats:
-    """True states (n, 8) at times (n,), s, with the beam where the stage carries it.
+    """True states (n, 8) at times (n,), s, with the beam carried by the stage.
 
-    The beam begins on the mirror. Where a facet has no light the stage stands still.
+    The beam begins at the apex. The stage stands still while a facet has no light.
     """
     states = truth.copy()
     law, model = Law.from_sensor(sensor, settings), StageModel(settings)

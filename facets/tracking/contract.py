@@ -1,11 +1,11 @@
-"""What every driver of a stage must do, as checks that any package's tests can call.
+"""Checks of what every driver of a stage must do, for the tests of any package.
 
     from facets.tracking.contract import check_driver
 
     def test_my_driver(my_simulator):
         check_driver(lambda: MyDriver(my_simulator), settings, my_simulator.wait, my_simulator.now)
 
-The stage is one that may move: a simulator, or hardware with room around it.
+The stage must be free to move: a simulator, or hardware with space around it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ..core.units import Floats
 from .drivers import PARTS, Driver
 from .limits import Limits
 
-#: Length of the moves with which the checks try a stage, mm.
+#: Length of the moves in the checks, mm.
 MOVE_MM = 0.2
-#: Two positions nearer than this are the same to the checks, mm.
+#: Two positions nearer than this are equal in the checks, mm.
 SAME_PLACE_MM = 2e-3
-#: Time between two looks at a stage that moves, s.
+#: Time between two readings of the position of a moving stage, s.
 LOOK_INTERVAL_S = 5e-3
 #: A move that takes longer than this has failed, s.
 MAX_MOVE_S = 20.0
@@ -37,10 +37,10 @@ def check_driver(
     wait: Callable[[float], None] = time.sleep,
     now: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Raises `AssertionError`, in words, where a driver does not keep `drivers.Driver`.
+    """Raise `AssertionError` with a sentence if a driver breaks the contract of `drivers.Driver`.
 
-    opened: a driver of a stage at rest, with a reference.  wait: lets so many seconds pass for the
-    stage.  now: its clock, s.
+    opened: opens a driver of a referenced stage at rest.  wait: lets a time, s, pass for the stage.
+    now: the stage's clock, s.
     """
     driver = opened()
     try:
@@ -55,7 +55,7 @@ def check_driver(
         driver.stop()
     finally:
         driver.close()
-    driver.close()  # again does nothing
+    driver.close()  # the second call must do nothing
     check_close(driver, home)
 
 
@@ -65,7 +65,7 @@ def check_parts(driver: Driver) -> None:
 
 
 def check_place(driver: Driver, settings: Settings) -> Floats:
-    """Two finite numbers, the same again while nothing moves."""
+    """Check that a place is two finite numbers, which are the same again while nothing moves."""
     first, second = driver.place(), driver.place()
     for place in (first, second):
         assert isinstance(place, np.ndarray), "place() gives no array"
@@ -87,7 +87,7 @@ def check_move(
     wait: Callable[[float], None],
     now: Callable[[], float],
 ) -> None:
-    """Gets there, no faster than allowed, and stays there by itself."""
+    """Check that the stage reaches its goal, no faster than allowed, and then stays there."""
     before, at = driver.place(), now()
     begin = at
     driver.move(goal)
@@ -112,10 +112,10 @@ def check_stop(
     name: str,
     wait: Callable[[float], None],
 ) -> None:
-    """A move that is stopped ends before its goal, and nothing moves any more."""
+    """Check that a stopped move ends before its goal, and that the stage then stands."""
     driver.move(goal)
     stop()
-    for _ in range(100):  # it may take a while to stand
+    for _ in range(100):  # the stage may need a while to stand
         before = driver.place()
         wait(0.02)
         if np.abs(driver.place() - before).max() < SAME_PLACE_MM / 10:
@@ -126,7 +126,7 @@ def check_stop(
 
 
 def check_threads(driver: Driver) -> None:
-    """A cry from another thread spoils no answer."""
+    """Check that a `cry` from another thread damages no answer."""
     failed: list[BaseException] = []
 
     def cry() -> None:
@@ -147,7 +147,7 @@ def check_threads(driver: Driver) -> None:
 
 
 def check_close(driver: Driver, goal: Floats) -> None:
-    """What is closed moves nothing, and says so."""
+    """Check that a closed driver moves nothing, and raises an error."""
     try:
         driver.move(goal)
     except Exception:

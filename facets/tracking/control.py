@@ -1,9 +1,9 @@
-"""How the beam follows the mirror: laws, their limits and their stability. One for all commands.
+"""Control laws by which the beam follows the mirror, their limits and their stability.
 
-Eq. (14) of the paper makes an index of the three powers that is zero where the beam meets the apex
-of an untilted mirror; proportional control takes it away bit by bit. `pi` adds an integral, so that
-a mirror in steady motion is met without a lag. `feedforward` aims where the solved apex will be
-when the stage gets there: exact where Eq. (14) is not, and without a loop to become unstable.
+Eq. (14) of the paper makes an index of the three powers that is zero if the beam meets the apex of
+an untilted mirror; proportional control reduces it step by step. `pi` adds an integral, which
+removes the lag behind a mirror in steady motion. `feedforward` aims at the predicted place of the
+solved apex: it is exact where Eq. (14) is not, and has no feedback that could be unstable.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from .limits import Limits
 
 @dataclass(frozen=True)
 class Seen:
-    """What a command is made from.
+    """The input of a control law.
 
     time: of the sample, now: of the command, s.  powers: (3,) mW.  apex: (2,) solved, mm, or None.
-    beam: (2,) where the stage says that the beam is, mm.
+    beam: (2,) the beam's place by the stage, mm.
     """
 
     time: float
@@ -36,7 +36,8 @@ class Seen:
 
 
 def tracking_error(powers: Floats) -> Floats:
-    """chi_x, chi_y of Eq. (14): (..., 3) powers -> (..., 2), where the beam is off."""
+    """chi_x, chi_y of Eq. (14), (..., 2), from powers (..., 3): the beam's offset,
+    dimensionless."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = powers / powers.sum(axis=-1, keepdims=True)
     x = share[..., 0] - (share[..., 1] + share[..., 2]) / 2
@@ -45,7 +46,7 @@ def tracking_error(powers: Floats) -> Floats:
 
 
 def slope_of_error(sensor: Sensor) -> Floats:
-    """How Eq. (14) answers to the beam's place at rest: (2, 2), 1/mm."""
+    """Derivative of Eq. (14) by the beam's place at rest: (2, 2), 1/mm."""
     step = 1e-5
     columns = []
     for axis in range(2):
@@ -58,11 +59,11 @@ def slope_of_error(sensor: Sensor) -> Floats:
 
 @dataclass
 class Law:
-    """Where the beam is to go next. Kept within speed, step and soft limits.
+    """The control law that computes the beam's next place, within speed, step and soft limits.
 
-    inverse: of `slope_of_error`, mm.  power: of the beam, mW.  clearance: further off than this,
-    mm, the beam does not light all three facets.  goal: the last command.  summed: of the errors.
-    limited: how often a limit held one back.
+    inverse: of `slope_of_error`, mm.  power: of the beam, mW.  clearance: largest distance from the
+    apex, mm, at which the beam lights all three facets.  goal: the last command.  summed: sum of
+    the errors.  limited: number of commands that a limit shortened.
     """
 
     settings: Settings
@@ -101,10 +102,10 @@ class Law:
         return self.hold(target, seen.beam)
 
     def locate_apex(self, powers: Floats, beam: Floats, lit: float) -> Floats | None:
-        """Where Eq. (14) says that the apex is (2,), mm, however far: its direction is right also
-        where a facet is dark, and it never shows more than there is. beam: where the beam was then.
-        A power that is infinite, of a saturated detector, is what the others leave of the beam's.
-        None where there is less light than a share `lit` of the beam's."""
+        """The apex by Eq. (14) (2,), mm, however far it is: the direction is also right if a facet
+        is dark, and the distance is never too large. beam: the beam's place then. The infinite
+        power of a saturated detector is replaced by the rest of the beam's power. None if the light
+        is less than a share `lit` of the beam's."""
         full = np.isposinf(powers)
         light = np.maximum(np.where(full, 0.0, powers), 0.0)
         if full.any():
@@ -115,46 +116,46 @@ class Law:
         return place
 
     def observe(self, time: float, apex: Floats) -> None:
-        """Takes the mirror's speed from its places at one time after the other, s."""
+        """Update the mirror's speed from its place at a time, s."""
         if self.last is not None and time > self.last[0]:
             passed = time - self.last[0]
             share = min(1.0, passed / SPEED_AVERAGING_S)
             self.speed += share * ((apex - self.last[1]) / passed - self.speed)
-            most = self.settings.max_speed  # of a faster one the sample is in doubt, or it is lost
+            most = self.settings.max_speed  # a higher speed means a doubtful sample or a loss
             self.speed = np.clip(self.speed, -most, most)
         self.last = time, apex.copy()
 
     def ahead(self, now: float) -> Floats:
-        """Where the apex will be when the stage has answered to a command at a time, s."""
+        """The predicted place of the apex when the stage has executed a command of a time, s."""
         assert self.last is not None
         time, apex = self.last
-        s = self.settings  # the command holds for a period, so on average half of one longer
+        s = self.settings  # a command lasts for one period, on average half of one more
         horizon = now - time + s.latency + s.lag + 0.5 / s.rate
         place: Floats = apex + horizon * self.speed
         return place
 
     def hold(self, target: Floats, beam: Floats) -> Floats:
-        """A command within step, speed and soft limits."""
+        """Limit a command by step, speed and soft limits."""
         held = Limits.from_settings(self.settings).hold(target, beam)
         self.limited += not np.allclose(held, target, rtol=0, atol=1e-12)
         return held
 
     def forget(self) -> None:
-        """After a loss: what was summed up no longer holds, nor the motion that was seen."""
+        """Reset the sum of errors and the motion after a loss of the mirror."""
         self.goal, self.summed = None, np.zeros(2)
         self.last, self.speed = None, np.zeros(2)
 
 
-#: Time constant of the mean of the mirror's speed, s.
+#: Time constant of the average of the mirror's speed, s.
 SPEED_AVERAGING_S = 0.02
 
 
 @dataclass(frozen=True)
 class Margin:
-    """What is known of a loop before it starts.
+    """The stability of a loop before its start.
 
-    delay: from light to half the stage's answer, s.  most: largest gain that is stable.
-    times: by how much the gain can grow.  speed: of the mirror, mm/s, at which the beam is lost.
+    delay: from light to half the stage's response, s.  most: largest stable gain.  times: largest
+    stable gain over the gain.  speed: of the mirror, mm/s, at which the beam is lost.
     """
 
     delay: float
@@ -176,9 +177,9 @@ class Margin:
 
 
 def pull_of(sensor: Sensor, clearance: float) -> float:
-    """The largest offset that Eq. (14) shows, mm, while the true one is within `clearance` in x.
+    """The largest offset by Eq. (14), mm, for true offsets within `clearance` in x.
 
-    It shows less and less of a larger one, since no share can be more than all.
+    Eq. (14) saturates with a growing offset, since no share of the power exceeds one.
     """
     states = np.zeros((200, 8))
     states[:, 6] = np.linspace(-clearance, clearance, 200)
@@ -190,11 +191,11 @@ def pull_of(sensor: Sensor, clearance: float) -> float:
 
 
 def margin_of(settings: Settings, pull: float) -> Margin:
-    """pull: see `pull_of`, mm.
+    """The stability of a loop.  pull: the offset of `pull_of`, mm.
 
     The loop is an integrator with a delay of d commands: error(n+1) = error(n) - g error(n-d). It
-    is stable for g < 2 sin(pi / (4 d + 2)). A mirror at speed v is met late by v / (g rate) under
-    proportional control; under the others by little, until the stage's greatest speed.
+    is stable for g < 2 sin(pi / (4 d + 2)). Proportional control lags behind a mirror at speed v by
+    v / (g rate); the other laws lag little up to the stage's largest speed.
     """
     delay = settings.latency + settings.lag
     commands = delay * settings.rate

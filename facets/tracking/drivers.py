@@ -1,9 +1,9 @@
-"""What a stage's driver must do, and where drivers come from.
+"""The contract of a stage's driver, and the drivers that exist.
 
-Two are built in for serial lines, Zaber and PI. Others come by entry points of the group
-`facets.stages`: with `stage.driver: other`, one named `kinesis` drives the stages whose port is
-named `kinesis:...`. It is called with that name and the block `stage` of the configuration, and
-returns a `Driver`. Nobody but the safety envelope opens one.
+Drivers of two serial lines are built in, Zaber and PI. Others come by entry points of the group
+`facets.stages`: with `stage.driver: other`, the entry point `kinesis` drives the stages whose port
+is named `kinesis:...`. It is called with that name and the block `stage` of the configuration, and
+returns a `Driver`. Only the safety envelope opens drivers.
 """
 
 from __future__ import annotations
@@ -19,54 +19,54 @@ from .pi import Pi
 from .stage import StageError
 from .zaber import Zaber
 
-#: Of the entry points by which other packages bring drivers.
+#: Group of the entry points by which other packages provide drivers.
 GROUP = "facets.stages"
-#: What is shipped, and needs an extra.
+#: Drivers of this package that need an extra.
 SHIPPED = (EntryPoint("kinesis", "facets.tracking.kinesis:open_kinesis", GROUP),)
 PARTS = ("prepare", "place", "move", "stop", "cry", "close")
 
 
 class Driver(Protocol):
-    """Two axes, x and y, and the places of the beam that they carry, mm: six methods.
+    """Two axes, x and y, that carry the beam, and the beam's places, mm: six methods.
 
-    One thread calls `prepare`, `place`, `move` and `stop`, another may call `cry` meanwhile, and
-    both may meet `close`. What goes wrong is raised, as `StageError` or any other exception: then
-    the envelope stops the stage. Soft limits, steps and freshness are the envelope's.
+    One thread calls `prepare`, `place`, `move` and `stop`; another may call `cry` at the same time,
+    and any thread `close`. A fault is raised as `StageError` or any other exception: then the
+    envelope stops the stage. The envelope keeps soft limits, steps and freshness.
     """
 
     def prepare(self) -> None:
-        """Stops what goes on, and sees that no move can be faster than `max_speed` and
-        `acceleration` of the settings. Raises where the stage has no reference."""
+        """Stop the stage, and bound every move by `max_speed` and `acceleration` of the settings.
+        Raise an exception if the stage has no reference."""
         ...
 
     def place(self) -> Floats:
-        """Where the encoders say that the beam is: (2,) mm."""
+        """The beam's place by the encoders: (2,) mm."""
         ...
 
     def move(self, place: Floats) -> None:
-        """Starts both axes towards a place (2,), mm, and does not wait until they are there. A
-        stage that is told nothing more stops there by itself."""
+        """Start both axes towards a place (2,), mm, and return before they arrive. Without another
+        command the stage stops there by itself."""
         ...
 
     def stop(self, patience: float = 5.0) -> None:
-        """Stops both axes, and returns when the stage says that it does; raises where it does not
-        answer for so many seconds."""
+        """Stop both axes, and return when the stage confirms it; raise an exception if the stage
+        does not answer within `patience`, s."""
         ...
 
     def cry(self) -> None:
-        """Tells both axes to stop without waiting for an answer; from any thread."""
+        """Tell both axes to stop, from any thread, without waiting for an answer."""
         ...
 
     def close(self) -> None:
-        """Lets go of the line; again does nothing."""
+        """Close the line; a second call does nothing."""
         ...
 
 
 def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Driver:
-    """The driver of a stage.
+    """Open the driver of a stage.
 
-    port: open, as pyserial's; for `stage.driver: other` its name. Raises `StageError` where nobody
-    drives a stage of that name.
+    port: an open port like pyserial's; for `stage.driver: other` its name. Raises `StageError` if
+    no driver has that name.
     """
     if settings.driver == "zaber":
         return Zaber(Line(port, clock), settings)
@@ -92,7 +92,7 @@ def driver_of(name: str) -> EntryPoint:
 
 
 def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver:
-    """The driver that another package opens; what it raises besides `StageError` names it."""
+    """Open the driver of another package; errors other than `StageError` name the driver."""
     try:
         found: Driver = driver.load()(name, settings)
     except StageError:

@@ -1,16 +1,15 @@
-"""The one place through which anything reaches a stage.
+"""The safety envelope, through which every command to a stage goes.
 
-Each command is a short move to a place: no further than `Limits.reach` from where the stage is,
-within the soft limits, made from a sample and a place of the stage that are fresh, on a stage whose
-own speed and acceleration are bounded. A stage that hears nothing more stands still by itself, no
-later than `stopping_time` after the last sample that was good; that holds with the cable pulled and
-the process dead. What is in doubt stops it sooner. A short gap between samples may be bridged by
-predicted places: for no longer than `stage.bridge_ms` after the last good sample, and no further
-than `stage.bridge_mm` from where the mirror was then; the end of either is a stop.
+Each command is a short move to a place: at most `Limits.reach` from the stage's place, within the
+soft limits, made from a fresh sample and a fresh place, on a stage whose own speed and acceleration
+are bounded. Without commands a stage stands still by itself, at most `stopping_time` after the last
+good sample, even with the cable pulled or the process dead. Any doubt stops it sooner. A short gap
+between samples may be bridged by predicted places: for at most `stage.bridge_ms` after the last
+good sample, and at most `stage.bridge_mm` from the mirror's place then; either limit is a stop.
 
-Every stop latches: nothing is sent any more until somebody resumes, whatever becomes good
-meanwhile. Nothing is sent without the external permit and the heartbeat, where there are such, and
-a stage that does not go where it is sent is stopped (`arrival`).
+Every stop latches: nothing is sent until somebody resumes, even if all becomes good again. The
+external permit and the heartbeat, if configured, are needed for every command, and a stage that
+does not go where it is sent is stopped (`arrival`).
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ from .interlock import Always, Heartbeat, Permit, close_line, open_permit
 from .limits import Limits
 from .stage import StageError
 
-#: A loop that has not come round for this time is stalled, s: its stage is told to stop.
+#: The watchdog stops the stage if its loop makes no step for this time, s.
 STALL_S = 0.1
-#: A slow loop is stalled only after this number of its periods.
+#: A slow loop counts as stalled only after this number of its periods.
 STALL_PERIODS = 5
-#: Time between two commands to stop that the stage of a stalled loop gets, s.
+#: Time between two commands to stop a stage whose loop is stalled, s.
 STOP_REPEAT_INTERVAL_S = 0.1
 #: A sample whose time is later than the clock's by more than this is not used, s.
 MAX_AHEAD_S = 2e-3
@@ -45,26 +44,26 @@ MAX_AHEAD_S = 2e-3
 STOP_ATTEMPTS = 3
 #: Each attempt to stop waits up to this time for the stage's answer, s.
 STOP_WAIT_S = 0.5
-#: How long the stage stands before `stage.resume: auto` ends a stop, s.
+#: Time for which the stage stands before `stage.resume: auto` ends a stop, s.
 AUTO_RESUME_AFTER_S = 1.0
 HOUR_S = 3600.0
 STALLED = "the loop has stalled"
 
 
 def stopping_time(settings: Settings) -> float:
-    """How long after the last good sample a stage can move at most, s, whatever happens.
+    """The longest time after the last good sample for which a stage can move, s.
 
-    A command comes no later than `stale` after its sample, a predicted one than `bridge`.
+    A command comes at most `stale` after its sample, a predicted one at most `bridge`.
     """
     return max(settings.stale, settings.bridge) + settling_time(settings)
 
 
 class Envelope:
-    """Holds a stage's driver, and lets nobody else at it.
+    """The only user of a stage's driver, which it opens, limits and closes.
 
-    port: open; of `stage.driver: other` its name.  say: takes an event's name and what belongs to
-    it.  open_again: gives the port once more, after a fault.  failed: the line is closed.
-    latched: why the stage is stopped until somebody resumes, '' where it is not.  stops: so far.
+    port: open; for `stage.driver: other` its name.  say: called with an event's name and its
+    values.  open_again: returns the port again after a fault.  failed: whether the line is closed.
+    latched: the reason of a stop until somebody resumes, otherwise ''.  stops: their number.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class Envelope:
         clock: Callable[[], float],
         open_again: Callable[[], Any] | None = None,
     ) -> None:
-        """Stops the stage, bounds its speed, and asks where it is; else closes the port."""
+        """Stop the stage, bound its speed and read its place; close the port if that fails."""
         self.settings, self.say, self.clock = settings, say, clock
         self.limits, self.arrival = Limits.from_settings(settings), Arrival(settings)
         self.open_again = open_again
@@ -107,10 +106,10 @@ class Envelope:
             raise
 
     def look(self, forget_place: bool = False) -> Encoder:
-        """Ask the stage where it is, and stop it where that, the permit or the heartbeat demands.
+        """Read the stage's place; stop the stage if the place, the permit or the heartbeat
+        requires.
 
-        forget_place: whatever it said before no longer holds. Raises `StageError` where it cannot
-        be there.
+        forget_place: the earlier place is not valid. Raises `StageError` for an impossible place.
         """
         self.beat = before = self.clock()
         place = self._driver.place()
@@ -128,7 +127,7 @@ class Envelope:
         return self.encoder
 
     def _refuse_place(self, place: Floats) -> None:
-        """Raise `StageError` for a place that is none, or lies outside the soft limits."""
+        """Raise `StageError` for a place that is not finite or lies outside the soft limits."""
         if np.shape(place) != (2,) or not np.isfinite(place).all():
             raise StageError(f"the stage's driver gives an invalid position: {place}")
         low = np.array(self.limits.low) - POSITION_SLACK_MM
@@ -141,7 +140,7 @@ class Envelope:
             )
 
     def _speed(self, earlier: Encoder, now: float, after: float, place: Floats) -> Floats:
-        """The stage's speed since an earlier look (2,), mm/s; raises `StageError` for a jump."""
+        """The stage's speed since an earlier place (2,), mm/s; raises `StageError` for a jump."""
         s = self.settings
         most = 1.5 * s.max_speed * (after - earlier.time) + POSITION_SLACK_MM + s.step
         if np.abs(place - earlier.place).max() > most:
@@ -154,7 +153,7 @@ class Envelope:
         return np.clip(speed, -s.max_speed, s.max_speed)
 
     def _require_permits(self, now: float) -> None:
-        """Stop the stage without the external permit, or where no heartbeat can be sent."""
+        """Stop the stage without the external permit, or if no heartbeat can be sent."""
         if self.permit.allows_motion(now) is False:
             self._require("the external permit is not given")
         if self.heartbeat:
@@ -167,15 +166,15 @@ class Envelope:
             self.latch(complaint)
 
     def compare(self, time: float, beam: Floats) -> None:
-        """Stops a stage whose encoder parts from where the readings of a time place the beam."""
+        """Stop a stage whose encoder disagrees with the beam's place by the readings of a time."""
         if self.encoder and not self.latched and np.isfinite(beam).all():
             self._require(self.arrival.compare(self.clock(), beam, self.encoder, time))
 
     def go(self, target: Floats, sampled: float, limits: Limits | None = None) -> Floats | None:
-        """Sends the stage towards a place (2,), as far as is allowed; returns where to, or None.
+        """Send the stage towards a place (2,) within the limits; return the commanded place.
 
-        sampled: when the sample was taken from which that place was found, on the clock, s.
-        limits: narrower ones.  None: nothing was sent, since something is not fresh.
+        sampled: time of the sample that gave the place, s.  limits: narrower ones. Returns None,
+        without a command, if the sample or the stage's place is not fresh.
         """
         self.beat = now = self.clock()
         held = self._allow(target, now, limits or self.limits)
@@ -184,10 +183,10 @@ class Envelope:
         return self._send(held, now)
 
     def bridge(self, target: Floats, sampled: float, origin: Floats) -> Floats | None:
-        """Sends the stage towards a predicted place (2,), as `go`; returns where to, or None.
+        """Send the stage towards a predicted place (2,), as `go` does; return the place or None.
 
-        sampled: when the last good sample was taken, on the clock, s.  origin: where the mirror was
-        then (2,), mm; the stage is sent no further from there than the settings allow.
+        sampled: time of the last good sample, s.  origin: the mirror's place then (2,), mm;
+        commands stay within the configured distance of that place.
         """
         self.beat = now = self.clock()
         most = self.settings.bridge_distance
@@ -201,7 +200,7 @@ class Envelope:
         return self._send(held, now)
 
     def _allow(self, target: Floats, now: float, narrow: Limits) -> Floats | None:
-        """The place nearest to `target` that may be commanded now; None where none may be."""
+        """The allowed place nearest to `target`; None if no command is allowed now."""
         at = self.encoder
         if not np.isfinite(target).all():
             raise StageError("the stage was to be sent to a position that is not a number")
@@ -222,7 +221,7 @@ class Envelope:
         return held
 
     def _limit_speed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
-        """No further from the last command, or from where the stage is, than its speed allows."""
+        """Limit a command to the distance from the last one that the allowed speed covers."""
         period = 1 / self.settings.rate
         last, passed = (at.place, period) if self.sent is None else (self.sent[1], period)
         if self.sent is not None:
@@ -232,7 +231,7 @@ class Envelope:
         return self.limits.hold(slow, at.place)
 
     def latch(self, reason: str, is_for_auto: bool = False) -> None:
-        """Stops the stage, waits for its word, and keeps it stopped until somebody resumes.
+        """Stop the stage, wait for its answer, and keep it stopped until somebody resumes.
 
         is_for_auto: whether `stage.resume: auto` may end this stop.
         """
@@ -243,7 +242,7 @@ class Envelope:
         self.beat = self.clock()
 
     def _note_stop(self, reason: str, is_for_auto: bool) -> None:
-        """The first reason stays; a later one that needs a person makes the stop need one."""
+        """Note the first reason of a stop; a later one may require a person to resume."""
         self.is_for_auto = is_for_auto and (self.is_for_auto or not self.latched)
         if not self.latched:
             self.latched, self.latched_at = reason, self.clock()
@@ -251,10 +250,7 @@ class Envelope:
             self.tell("stop", reason=reason)
 
     def resume(self, by: str) -> str:
-        """Lets the stage move again; why not, or nothing.
-
-        by: who says so, in words.
-        """
+        """Let the stage move again; return the reason of a refusal, or ''.  by: who resumes."""
         now = self.clock()
         if self.failed:
             return "its line is closed"
@@ -270,7 +266,7 @@ class Envelope:
         return ""
 
     def resume_by_itself(self) -> bool:
-        """Ends a stop where `stage.resume: auto` may, and not too often; whether it did."""
+        """End a stop if `stage.resume: auto` allows it; return whether the stop ended."""
         s, now = self.settings, self.clock()
         while self.resumed and now - self.resumed[0] > HOUR_S:
             self.resumed.popleft()
@@ -282,7 +278,7 @@ class Envelope:
         return True
 
     def reopen(self) -> None:
-        """Opens the line again after a fault; the stage stays stopped. Raises where it cannot."""
+        """Open the line again after a fault, the stage stopped. Raises an error if that fails."""
         assert self.open_again is not None
         driver = open_driver(self.open_again(), self.settings, self.clock)
         with self.ending:
@@ -293,7 +289,7 @@ class Envelope:
         self._prepare()
 
     def watch(self) -> None:
-        """Stops a stage whose loop has stalled; to be called by another thread, again and again."""
+        """Stop a stage whose loop has stalled; another thread calls this function repeatedly."""
         patience = max(STALL_S, STALL_PERIODS / self.settings.rate)
         if self.failed or not self.moving or self.clock() - self.beat < patience:
             return
@@ -303,11 +299,11 @@ class Envelope:
         if not self.stalled:
             self.stalled = True
             self._note_stop(STALLED, is_for_auto=True)
-        with suppress(Exception):  # what is wrong with the line, the loop will meet, too
+        with suppress(Exception):  # the loop will meet a fault of the line, too
             self._driver.cry()
 
     def fail(self, reason: str) -> None:
-        """Stops the stage by every means that is left, and closes its line. Never raises."""
+        """Stop the stage by every remaining means, and close its line. Never raises."""
         with self.ending:
             if not self.failed:
                 self._note_stop(reason, is_for_auto=False)
@@ -315,8 +311,8 @@ class Envelope:
                 self._stop_by_every_means()
 
     def close(self, reason: str = "end") -> bool:
-        """Stops the stage for good, and closes its port. Never raises. False: nobody knows whether
-        it stopped, since it did not answer."""
+        """Stop the stage finally, and close its port. Never raises. Returns False if the stage did
+        not answer, so that it may still move."""
         with self.ending:
             was_closed, self.closed = self.closed or self.failed, True
             close_line(self.permit)
@@ -327,12 +323,12 @@ class Envelope:
             return self._stop_by_every_means()
 
     def cry(self) -> None:
-        """Stops at once, without a word from the stage; from any thread. Never raises."""
+        """Stop at once, without waiting for an answer; from any thread. Never raises."""
         with suppress(Exception):
             self._driver.cry()
 
     def _stop_by_every_means(self) -> bool:
-        """The command until it is answered; closes the port. Never raises. False: no answer."""
+        """Repeat the stop until it is answered; close the port. Never raises. False: no answer."""
         self.failed, answered = True, False
         for _ in range(STOP_ATTEMPTS):
             try:
@@ -347,6 +343,6 @@ class Envelope:
         return answered
 
     def tell(self, name: str, **more: Any) -> None:
-        """An event, for whoever keeps it; one that cannot be kept must not keep a stop back."""
+        """Report an event; a failure to record the event must not delay a stop."""
         with suppress(Exception):
             self.say(name, **more)

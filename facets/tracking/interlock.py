@@ -1,8 +1,8 @@
-"""The permit without which nothing moves, and the heartbeat by which others see that we live.
+"""The external permit for every motion, and the heartbeat that shows others that the loop runs.
 
-A permit comes in by the flag 8 of the detector board's frames, by an input of a card of National
-Instruments, or by a file. A heartbeat goes out by the board's port, by an output of such a card, or
-to a file: only while the loop goes round, and only while the stage may move.
+A permit comes by the flag 8 of the detector board's frames, by an input of a card of National
+Instruments, or by a file. A heartbeat goes to the board's port, to an output of such a card, or to
+a file: only while the loop runs, and only while the stage may move.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from ..core.errors import InputError
 from ..core.extras import require_extra
 from .stage import StageError
 
-#: Between two heartbeats, s; a board should wait for five of them before it stops the stage.
+#: Time between two heartbeats, s; a board should stop the stage after five missing heartbeats.
 HEARTBEAT_INTERVAL_S = 0.02
-#: How long heartbeats must have said that the stage may move before it is sent anywhere, s: a relay
-#: and a controller take a while to let it.
+#: Time for which heartbeats must have allowed motion before the first command, s: a relay and a
+#: controller need a while to enable the stage.
 ENABLE_S = 0.1
-#: A frame of a heartbeat: sign, kind, flags, count; then the CRC-32 of these 8 bytes.
+#: Format of a heartbeat: sign, kind, flags, count; then the CRC-32 of these 8 bytes.
 HEARTBEAT = struct.Struct("<2sBBII")
 SIGN, KIND, MAY_MOVE = b"\xa5\x5a", 4, 1
 
@@ -40,9 +40,9 @@ def heartbeat_frame(count: int, may_move: bool) -> bytes:
 
 
 class Permit(Protocol):
-    """Whether the stage may move: None where that is not known now.
+    """Permission for the stage to move; None while it is unknown.
 
-    was_lost: whether it was not given at some time since somebody resumed.
+    was_lost: whether the permit was missing at any time since somebody resumed.
     """
 
     was_lost: bool
@@ -60,13 +60,13 @@ class Always:
 
 
 class BoardPermit:
-    """The flag of the newest samples, for as long as they are fresh; no loss is too short."""
+    """The flag of the newest samples, while they are fresh; even the shortest loss counts."""
 
     def __init__(self, stale: float) -> None:
         self.stale, self.time, self.on, self.was_lost = stale, -math.inf, False, False
 
     def take(self, time: float, on: bool) -> None:
-        """Samples, of which the last is of the time `time`, s; on: the flag of all of them."""
+        """Take the flag `on` of samples, the last of which has the time `time`, s."""
         self.was_lost |= not on
         self.time, self.on = time, on
 
@@ -77,7 +77,7 @@ class BoardPermit:
 
 
 class FilePermit:
-    """A file that holds 1; any other content, or no file, is no permit."""
+    """A file that contains 1; any other content and a missing file forbid motion."""
 
     was_lost = False
 
@@ -92,7 +92,7 @@ class FilePermit:
 
 
 class CardLine:
-    """A digital line of a card. Not tried on a card: written by the maker's documentation."""
+    """A digital line of a card. Not tested on a card: written from the maker's documentation."""
 
     was_lost = False
 
@@ -104,19 +104,19 @@ class CardLine:
             add(name.partition(":")[2])
         except InputError as error:
             raise StageError(str(error)) from None
-        except Exception as error:  # the maker's own, also where its driver is not installed
+        except Exception as error:  # also if the maker's driver is not installed
             raise StageError(f"{name}: cannot be opened: {error}") from None
         self.name, self.high = name, False
 
     def allows_motion(self, now: float) -> bool | None:
-        """An input that is high."""
+        """Whether the input is high."""
         try:
             return bool(self.task.read())
         except Exception as error:
             raise StageError(f"{self.name}: cannot be read: {error}") from None
 
     def toggle(self) -> bool:
-        """An output goes from one level to the other."""
+        """Switch the output to its other level."""
         self.high = not self.high
         self.task.write(self.high)
         return True
@@ -127,7 +127,7 @@ class CardLine:
 
 
 def open_permit(name: str, stale: float) -> Permit:
-    """The permit of a name. Raises `StageError` where a card cannot be had."""
+    """Open the permit of a name. Raises `StageError` if a card is not available."""
     kind, _, place = name.partition(":")
     if kind == "board":
         return BoardPermit(stale)
@@ -135,9 +135,9 @@ def open_permit(name: str, stale: float) -> Permit:
 
 
 class Heartbeat:
-    """Sends a sign of life again and again, for as long as it is asked to.
+    """Send heartbeats repeatedly.
 
-    to_board: sends bytes to the board, and gives whether that was possible.
+    to_board: sends bytes to the board, and returns whether that was possible.
     """
 
     def __init__(self, name: str) -> None:
@@ -149,7 +149,7 @@ class Heartbeat:
         self.is_sent = False
 
     def beat(self, now: float, may_move: bool) -> None:
-        """Where it is due. A line or a file is left as it is while the stage may not move."""
+        """Send a heartbeat if due. A line or a file stays unchanged while motion is forbidden."""
         if not may_move:
             self.since = math.inf
         elif self.since > now:
@@ -160,13 +160,13 @@ class Heartbeat:
         self.count += 1
         try:
             self.is_sent = self.send(may_move)
-        except Exception:  # whatever is wrong with it: nothing may move without it
+        except Exception:  # after any failure the stage may not move
             self.is_sent = False
         if not self.is_sent:
             self.since = math.inf
 
     def is_heard(self, now: float) -> bool:
-        """Whether whoever watches has had the time to let the stage move."""
+        """Whether the receiver has had the time to enable the stage."""
         return self.is_sent and now - self.since >= ENABLE_S
 
     def send(self, may_move: bool) -> bool:
@@ -181,7 +181,7 @@ class Heartbeat:
 
 
 def close_line(line: Any) -> None:
-    """Lets go of a permit's or a heartbeat's card, if it has one."""
+    """Close the card of a permit or a heartbeat, if it has one."""
     card = getattr(line, "card", line)
     if isinstance(card, CardLine):
         card.close()

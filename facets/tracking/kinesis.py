@@ -1,9 +1,9 @@
 """Thorlabs' Kinesis stages, by pylablib: two controllers of one axis, or one of several.
 
-`kinesis:27000001,27000002` are the serial numbers of the controllers of x and y;
-`kinesis:70000001` is one controller whose channels 1 and 2 are x and y. `stage.step_um` is what one
-step of the encoder is. pylablib speaks Thorlabs' APT protocol through the controller's USB chip.
-Not tried on hardware: written by pylablib's documentation and source (1.4).
+`kinesis:27000001,27000002` are the serial numbers of the controllers of x and y; `kinesis:70000001`
+is one controller whose channels 1 and 2 are x and y. `stage.step_um` is one step of the encoder.
+pylablib speaks Thorlabs' APT protocol through the controller's USB chip. Not tested on hardware:
+written from pylablib's documentation and source (1.4).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from ..core.units import Floats
 from .line import PATIENCE_S
 from .stage import StageError
 
-#: A controller counts speeds in whole units: what it says may be above what it was told, a share.
+#: Largest excess of a reported speed, as a share: controllers round speeds to whole units.
 ROUNDED = 0.01
-#: A cry waits no longer than this for another thread's question to be answered, s.
+#: Longest time for which `cry` waits for the end of another thread's question, s.
 CRY_WAIT_S = 0.5
 
 
 def open_kinesis(name: str, settings: Settings) -> Kinesis:
-    """The stages of `kinesis:X,Y` or `kinesis:XY`. Raises `StageError` where there are none."""
+    """Open the stages of `kinesis:X,Y` or `kinesis:XY`. Raises `StageError` if there are none."""
     numbers = name.partition(":")[2].split(",")
     if not 1 <= len(numbers) <= 2 or not all(number.isdigit() for number in numbers):
         raise StageError(
@@ -54,9 +54,9 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
 
 
 class Kinesis:
-    """Drives two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
+    """Drive two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
 
-    A motor's questions and answers belong together: `turn` lets one thread at a time ask.
+    A motor's question and answer must not be interrupted: `turn` lets one thread at a time ask.
     """
 
     def __init__(self, axes: list[tuple[Any, int]], settings: Settings) -> None:
@@ -65,7 +65,7 @@ class Kinesis:
         self.turn = threading.RLock()
 
     def prepare(self) -> None:
-        """Stops what goes on, and bounds speed and acceleration of each axis."""
+        """Stop the stage, and bound speed and acceleration of each axis."""
         self.stop()
         s = self.settings
         with self.turn:
@@ -92,20 +92,20 @@ class Kinesis:
                     )
 
     def place(self) -> Floats:
-        """Where the encoders say that the beam is."""
+        """The beam's place by the encoders."""
         with self.turn:
             place = [motor.get_position(channel=channel) for motor, channel in self.axes]
         there: Floats = self.zero + np.array(place, dtype=float)
         return there
 
     def move(self, place: Floats) -> None:
-        """Starts towards a place; does not wait until it is there."""
+        """Start towards a place, and return before the stage arrives."""
         with self.turn:
             for (motor, channel), goal in zip(self.axes, place - self.zero, strict=True):
                 motor.move_to(float(goal), channel=channel)
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stops both axes, and waits until they stand."""
+        """Stop both axes, and wait until they stand."""
         with self.turn:
             for motor, channel in self.axes:
                 motor.stop(immediate=True, sync=False, channel=channel)
@@ -113,12 +113,11 @@ class Kinesis:
                 motor.wait_for_stop(channel=channel, timeout=patience)
 
     def cry(self) -> None:
-        """Stops without waiting for a word. Where another thread does not end its question, the
-        command goes out all the same."""
+        """Stop without waiting for an answer, even during another thread's long question."""
         held = self.turn.acquire(timeout=CRY_WAIT_S)
         try:
             for motor, channel in self.axes:
-                with suppress(Exception):  # the other axis is to hear it, too
+                with suppress(Exception):  # the other axis must get the command, too
                     motor.stop(immediate=True, sync=False, channel=channel)
         finally:
             if held:

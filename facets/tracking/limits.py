@@ -1,4 +1,4 @@
-"""How far, how fast and within which borders a stage may be sent: pure arithmetic."""
+"""Limits of the place, speed and distance of a stage's commands: pure arithmetic."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..core.units import Floats
 
 @dataclass(frozen=True)
 class Limits:
-    """low, high: borders of the beam's place, mm.  speed: of each axis, mm/s.  reach: how far from
-    where the stage is a command may lie, mm."""
+    """Limits of commands.  low, high: of the beam's place, mm.  speed: of each axis, mm/s.  reach:
+    largest distance of a command from the stage's place, mm."""
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -22,9 +22,9 @@ class Limits:
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Limits:
-        """Of tracking: no further ahead than the stage can come until the next command acts.
+        """Limits of following: a command covers at most the stage's motion until the next one acts.
 
-        The soft limits are the stage's own, so that an offset of the beam moves them with it.
+        The soft limits are the stage's own, so that an offset of the beam moves them, too.
         """
         s = settings
         ahead = s.max_speed * (s.lag + s.latency + 1 / s.rate)
@@ -33,7 +33,7 @@ class Limits:
         return cls(low, high, s.max_speed, min(s.max_step, ahead))
 
     def hold(self, target: Floats, place: Floats) -> Floats:
-        """The place nearest to `target` (2,), on the way from `place`, that may be commanded."""
+        """The allowed place nearest to `target` (2,) on the way from `place`."""
         step = target - place
         length = float(np.hypot(*step))
         kept = place + step * min(1.0, self.reach / length) if length > 0 else target

@@ -1,7 +1,6 @@
-"""A serial line of a stage: whole lines, which may come in pieces and late, from one that answers.
+"""A serial line of a stage, read as whole lines, which may arrive late and in pieces.
 
-A stage that answers late on a busy machine is slow; one that has not answered for
-PATIENCE_S is dead.
+A late answer on a busy machine is accepted; a stage that has not answered for PATIENCE_S is dead.
 """
 
 from __future__ import annotations
@@ -13,31 +12,31 @@ from typing import Any
 
 from .stage import StageError
 
-#: A stage that has not answered completely within this time is taken for dead, s.
+#: A stage that has not answered completely within this time counts as dead, s.
 PATIENCE_S = 5.0
-#: One read waits up to this time for bytes, s.
+#: Longest time for which one read waits for bytes, s.
 POLL_S = 0.02
-#: One write waits up to this time for room in the port, or for another thread's write, s.
+#: Longest time for which one write waits for space in the port, or for another thread's write, s.
 WRITE_TIMEOUT_S = 1.0
-#: A stage's answer that is longer than this is no answer.
+#: Largest length of a stage's answer; longer ones are refused.
 MAX_ANSWER_BYTES = 1000
 
 
 class Line:
-    """port: open, as pyserial's, with `read`, `write` and `close`. clock: monotonic, s.
+    """A serial line.  port: open, with `read`, `write` and `close` like pyserial's.  clock: s.
 
-    Writing is safe from every thread, reading belongs to one.
+    Every thread may write; only one may read.
     """
 
     def __init__(self, port: Any, clock: Callable[[], float]) -> None:
         self.port, self.clock = port, clock
         self.rest = b""
         self.writing = threading.Lock()
-        with suppress(Exception):  # a port of another kind keeps its own
+        with suppress(Exception):  # a port of another kind keeps its own timeouts
             port.timeout, port.write_timeout = POLL_S, WRITE_TIMEOUT_S
 
     def write(self, data: bytes) -> None:
-        """Sends all of it; waits for another thread's writing no longer than a write may take."""
+        """Send all data, after waiting at most WRITE_TIMEOUT_S for another thread's write."""
         held = self.writing.acquire(timeout=WRITE_TIMEOUT_S)
         try:
             self.port.write(data)
@@ -46,7 +45,7 @@ class Line:
                 self.writing.release()
 
     def read_line(self, patience: float = PATIENCE_S) -> str:
-        """The next line without its end; raises where the stage is dead, or sends no lines."""
+        """The next line without its end; raises an error if the stage is dead or sends no lines."""
         deadline = self.clock() + patience
         while b"\n" not in self.rest:
             if self.clock() > deadline:
@@ -61,7 +60,7 @@ class Line:
         return line.decode("ascii", "replace").rstrip("\r")
 
     def drain(self) -> None:
-        """Passes over what a stage sent before anyone asked."""
+        """Discard what a stage sent before the first question."""
         self.rest = b""
         deadline = self.clock() + 10 * POLL_S
         while self.clock() < deadline and self.port.read(MAX_ANSWER_BYTES):

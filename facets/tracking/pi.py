@@ -1,8 +1,8 @@
 """PI's General Command Set, GCS 2.0: a driver for axes 1 and 2.
 
-Places are in mm. `MOV 1 0.5 2 0.25` is not answered; `POS? 1 2` is, with a line an axis, all but
-the last of which end in a space. `ERR?` tells and clears the last error; 0 is none. The single
-character 24 stops all axes. Source: PI, GCS 2.0 commands manual.
+Places are in mm. `MOV 1 0.5 2 0.25` has no answer; `POS? 1 2` is answered with one line for each
+axis, all but the last of which end in a space. `ERR?` returns and clears the last error; 0 is none.
+The single character 24 stops all axes. Source: PI, GCS 2.0 commands manual.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ STOP_ALL = b"\x18"
 
 
 class Pi:
-    """Drives axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
+    """Drive axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings
         self.zero = np.array(settings.zero)
-        self.cries = self.forgiven = 0  # a cry leaves an error that is no refusal
+        self.cries = self.forgiven = 0  # a cry leaves an error code that is no refusal
 
     def answers(self, patience: float = PATIENCE_S) -> list[str]:
         lines: list[str] = []
@@ -35,7 +35,7 @@ class Pi:
         raise StageError(f"the stage's answer has no end: {lines}")
 
     def tell(self, command: str, *allowed: str, patience: float = PATIENCE_S) -> str:
-        """Sends a command, and asks whether it was taken: the error code, 0 or one of `allowed`."""
+        """Send a command, and require the error code 0 or one of `allowed`."""
         self.line.write(f"{command}\nERR?\n".encode())
         lines = self.answers(patience)
         code = lines[-1].strip()
@@ -48,17 +48,17 @@ class Pi:
         return code
 
     def prepare(self) -> None:
-        """Stops what goes on, and sees that no move can be faster than the settings say."""
+        """Stop the stage, and bound its speed and acceleration by the settings."""
         self.cry()
         self.line.drain()
         self.stop()
         speed, change = self.settings.max_speed, self.settings.acceleration
         self.tell(f"VEL 1 {speed:.6f} 2 {speed:.6f}")
-        for word in ("ACC", "DEC"):  # not every controller has them; then its own hold
+        for word in ("ACC", "DEC"):  # not every controller has these commands
             self.tell(f"{word} 1 {change:.6f} 2 {change:.6f}", UNKNOWN_COMMAND)
 
     def place(self) -> Floats:
-        """Where the encoders say that the beam is."""
+        """The beam's place by the encoders."""
         self.line.write(b"POS? 1 2\n")
         lines = self.answers()
         try:
@@ -72,16 +72,16 @@ class Pi:
         return there
 
     def move(self, place: Floats) -> None:
-        """Starts towards a place; does not wait until it is there."""
+        """Start towards a place, and return before the stage arrives."""
         x, y = place - self.zero
         self.tell(f"MOV 1 {x:.6f} 2 {y:.6f}")
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stops both axes, and waits for the stage's word that it did."""
+        """Stop both axes, and wait until the stage confirms it."""
         self.tell("STP", STOPPED, patience=patience)
 
     def cry(self) -> None:
-        """Stops without waiting for a word, whatever was half said before."""
+        """Stop without waiting for an answer, even within a half-sent command."""
         self.cries += 1
         self.line.write(STOP_ALL + b"?\n" + STOP_ALL)
 

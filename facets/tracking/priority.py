@@ -1,8 +1,8 @@
 """A real-time priority for the threads that a stage or a detector board waits for.
 
-Beside other programs each thread of a run waits for the processor, one after the other: on a busy
-machine a pose then is too old to follow. Linux lets a program before all ordinary ones where the
-user may ask for that (root, or a limit `rtprio` as for audio); elsewhere nothing changes.
+On a busy machine each thread of a run waits for the processor, so that a pose becomes too old to
+follow. Linux runs a program before all ordinary ones if the user has the right (root, or a limit
+`rtprio` as for audio); on other systems nothing changes.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-#: The lowest of Linux's real-time priorities, which goes before every ordinary program.
+#: The lowest of Linux's real-time priorities; it precedes every ordinary program.
 PRIORITY = 1
 
 
 @contextmanager
 def urgent() -> Iterator[bool]:
-    """Within it the calling thread goes before ordinary programs; gives whether that is allowed.
+    """Run the calling thread before ordinary programs; yields whether the system allows it.
 
-    Not on a machine with one processor, which it could take for itself. Threads and processes that
-    it starts are ordinary ones.
+    A machine with one processor refuses, since the thread could occupy it. Threads and processes
+    that the thread starts are ordinary ones.
     """
     allowed = False
     if sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1:

@@ -1,10 +1,9 @@
-"""How a mirror that was lost is looked for: towards the light while there is any, else in a spiral.
+"""The search for a lost mirror: towards the light while there is any, otherwise in a spiral.
 
-Light shows the way to the mirror over several millimetres, so the stage goes there within the
-limits of tracking, for MAX_CHASE_S at most. In the dark it goes back to the last good place, or to
-where the light went out, and from there in a spiral with limits of its own, slower and shorter than
-tracking. It ends at MAX_RADIUS_MM, and after so many commands that a stage which does not follow
-ends it, too.
+Light shows the direction of the mirror over several millimetres, so the stage goes there within the
+limits of following, for at most MAX_CHASE_S. In the dark it goes back to the last good place, or to
+where the light went out, and from there in a spiral that is slower and has shorter steps. The
+spiral ends at MAX_RADIUS_MM, or after a number of commands if the stage does not follow.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ MAX_CHASE_S = 10.0
 
 
 class Search:
-    """One search after the other.
+    """Searches for the mirror, one after the other.
 
-    outcome: how the last one ended, '' while one goes on.  limits: of the place that `next` gave.
+    outcome: how the last search ended, '' during one.  limits: for the last place of `next`.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -48,7 +47,7 @@ class Search:
         self.forget()
 
     def forget(self) -> None:
-        """The next call of `next` begins anew."""
+        """Prepare a new search."""
         self.limits = self.narrow
         self.centre: Floats | None = None
         self.goal: Floats | None = None
@@ -57,10 +56,10 @@ class Search:
         self.outcome = ""
 
     def next(self, place: Floats, towards: Floats | None, home: Floats) -> Floats | None:
-        """Where to look next (2,), mm; None at the end, of which `outcome` tells.
+        """The next place of the search (2,), mm; None at its end, which `outcome` describes.
 
-        place: where the stage is.  towards: where the light says that the mirror is, or None in
-        the dark.  home: the last good place, to which a search that begins in the dark goes back.
+        place: of the stage.  towards: the mirror's place by the light, or None in the dark.  home:
+        the last good place, at which a search in the dark begins.
         """
         if self.outcome:
             return None
@@ -78,7 +77,7 @@ class Search:
         if self.centre is None or self.goal is None:
             self.centre = (place if self.chases else home).copy()
             self.goal = self.centre
-        elif hypot(*(place - self.goal)) < 2 * self.step:  # else the stage is still on its way
+        elif hypot(*(place - self.goal)) < 2 * self.step:  # otherwise the stage is still on its way
             self.goal = self.turn()
         if self.radius <= MAX_RADIUS_MM and self.spirals <= self.most_spiral:
             return self.goal

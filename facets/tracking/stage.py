@@ -1,4 +1,4 @@
-"""The stage that carries the beam: its errors, and a model of how one moves."""
+"""The error of a stage, and a model of a stage's motion."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ..core.units import Floats
 
 
 class StageError(FacetsError):
-    """The stage refused a command, does not answer, or says what cannot be understood."""
+    """A stage refuses a command, does not answer, or sends an invalid answer."""
 
 
 class StageModel:
     """Two axes that follow commands: latency, then a first-order lag within speed and acceleration.
 
     place, speed: (2,) mm, mm/s, at the time of the last `advance`.  max_speed, acceleration: of
-    each axis; they begin as the settings say, and its controller may change them.
+    each axis; they start with the settings' values, and the axis's controller may change them.
     """
 
-    #: No longer step of the model, s.
+    #: Longest step of the model, s.
     STEP = 5e-4
 
     def __init__(self, settings: Settings) -> None:
@@ -37,23 +37,23 @@ class StageModel:
         self.jammed = self.braking = False
 
     def command(self, place: Floats) -> None:
-        """A move that begins after the latency."""
+        """Start a move after the latency."""
         self.waiting.append((self.now + self.settings.latency, np.array(place, dtype=float)))
 
     @property
     def is_settled(self) -> bool:
-        """Whether it stands where it was last told to go, to 0.1 um."""
+        """Whether the stage stands at its last goal, to 0.1 um."""
         there = bool(np.abs(self.target - self.place).max() < 1e-4)
         return not self.waiting and not self.braking and there
 
     def halt(self) -> None:
-        """Forgets where it was to go, and brakes."""
+        """Cancel the commands, and brake."""
         self.waiting.clear()
         self.target = self.place.copy()
         self.braking = True
 
     def advance(self, now: float) -> None:
-        """To the time `now`, s."""
+        """Continue the motion to the time `now`, s."""
         while now - self.now > 1e-12:
             step = min(self.STEP, now - self.now)
             self.now += step
@@ -66,10 +66,10 @@ class StageModel:
                 self.follow(step)
 
     def follow(self, step: float) -> None:
-        """One step, s, towards the target, or to a stand."""
+        """Move by one step, s, towards the target, or brake."""
         for axis in range(2):  # plain numbers: arrays of two are slow, and there are many steps
             speed, off = float(self.speed[axis]), float(self.target[axis] - self.place[axis])
-            # no faster than it can brake from after this step: else it would pass its target
+            # At a higher speed the axis could not brake after this step and would pass its target.
             most = self.acceleration * (sqrt(step**2 + 2 * abs(off) / self.acceleration) - step)
             most = min(self.max_speed, most)
             wanted = 0.0 if self.braking else off / max(self.settings.lag, step)

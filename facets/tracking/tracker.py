@@ -1,4 +1,4 @@
-"""The loop that makes the beam follow, and the thread that watches over it."""
+"""The loop that makes the beam follow the mirror, and the thread that watches the loop."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from .search import Search
 
 #: Time between two checks whether the loop is stalled, s.
 WATCH_INTERVAL_S = 0.02
-#: Between these shares of the beam's power light is taken for the beam's.
+#: Smallest and largest power of light that comes from the beam, as shares of the beam's power.
 LIT, BRIGHT = 0.02, 3.0
 
 
 class Sample(NamedTuple):
-    """What the tracker needs of one. time: on the host's clock; came: when it was told, s.
-    powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  beam: where
-    the readings place it (2,) mm, or NaN.  doubt: why nothing may follow it, or nothing."""
+    """One sample for the tracker.  time: of the sample, came: of its arrival, on the host's clock,
+    s. powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  beam: its
+    place by the readings (2,) mm, or NaN.  doubt: why not to follow it, or ''."""
 
     time: float
     came: float
@@ -43,29 +43,28 @@ class Sample(NamedTuple):
 NO_BEAM = np.full(2, np.nan)
 NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, NO_BEAM, "waiting for light")
 STALE = "no fresh sample"
-#: A first good sample that comes later than this after the start needs a person, s.
+#: If the first good sample comes later than this after the start, a person must resume, s.
 START_WITHIN_S = 10.0
 
 
 def join(thread: threading.Thread) -> None:
-    """Waits for a thread's end, a while, where there is something to wait for."""
+    """Wait a limited time for a thread's end; do nothing if the thread is not alive."""
     if thread.is_alive() and thread is not threading.current_thread():
         thread.join(timeout=PATIENCE_S + 1)
 
 
 class Tracker:
-    """Sends the stage after the newest good sample, for as long as that is fresh.
+    """Send the stage after the newest good sample, while this sample is fresh.
 
-    A short gap is bridged: the stage follows the predicted motion, within the bounds of the
-    envelope. Where the mirror is not met again by then, the stage stops and stays stopped until
-    `resume` is called; then it follows, or looks for the mirror. It begins stopped where the first
-    fresh sample is not good.
+    In a short gap the stage follows the predicted motion, within the bounds of the envelope. If no
+    good sample ends the gap, the stage stops and stays stopped until `resume` is called; then it
+    follows, or searches for the mirror. It begins stopped if the first fresh sample is not good.
 
     A context: the threads run within it, and at its end the stage stands and its port is closed.
-    It never raises in between: whatever goes wrong stops the stage, and is told in `error`.
+    Faults within it raise nothing: they stop the stage, and `error` describes them.
 
-    bridging: whether what is followed is a prediction.  bridges: gaps that were bridged, so far.
-    moves: commands sent.  begun: when the first was, s.  note: what a person should be told.
+    bridging: whether the followed motion is a prediction.  bridges: number of bridged gaps.  moves:
+    number of commands.  begun: time of the first, s.  note: a message for the user.
     """
 
     def __init__(
@@ -78,8 +77,7 @@ class Tracker:
         clock: Callable[[], float] = time.monotonic,
         open_again: Callable[[], Any] | None = None,
     ) -> None:
-        """port: of the stage, open, or its name; open_again: gives it once more; see `Envelope`.
-        Raises StageError where the stage cannot be used."""
+        """port, open_again: as in `Envelope`. Raises StageError if the stage cannot be used."""
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock, open_again)
         self.tell = self.envelope.tell
@@ -98,18 +96,18 @@ class Tracker:
 
     @property
     def encoder(self) -> Encoder:
-        """Where the stage last said that it was."""
+        """The last position of the stage."""
         assert self.envelope.encoder is not None
         return self.envelope.encoder
 
     @property
     def stop_reason(self) -> str:
-        """Why nothing is followed, '' while something is."""
+        """The reason why the stage does not follow; '' while it follows."""
         return self.envelope.latched or ("" if self.started else NOTHING.doubt)
 
     @property
     def state(self) -> str:
-        """What the stage does, in words."""
+        """The state of the stage, in words."""
         if self.envelope.latched:
             return f"stopped: {self.envelope.latched}"
         if self.searching:
@@ -117,10 +115,7 @@ class Tracker:
         return self.stop_reason or ("bridging a gap" if self.bridging else "following")
 
     def resume(self, by: str) -> None:
-        """Asks the loop to let a stopped stage move again; from any thread.
-
-        by: who says so, in words.
-        """
+        """Ask the loop, from any thread, to let a stopped stage move again.  by: who resumes."""
         self.request = by
 
     def __enter__(self) -> Tracker:
@@ -137,11 +132,11 @@ class Tracker:
         self.close()
 
     def close(self) -> None:
-        """Stops the stage, ends the threads and closes the port; again if need be. Never raises."""
+        """Stop the stage, end the threads and close the port; may be called again. Never raises."""
         self.ending.set()
         loop, watchdog = self.threads
         if loop.is_alive():
-            self.envelope.cry()  # the loop may be waiting for the stage's word
+            self.envelope.cry()  # the loop may be waiting for the stage's answer
             join(loop)
         if not self.envelope.close() and not self.error:
             self.error = "the stage did not answer when it was to stop at the end"
@@ -155,8 +150,8 @@ class Tracker:
         beams: Floats | None = None,
         permit: bool = False,
     ) -> None:
-        """Takes samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
-        saturated, apexes and beams (n, 2) mm or NaN; permit: whether all of them have it."""
+        """Take samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
+        saturated, apexes and beams (n, 2) mm or NaN.  permit: whether all of them have it."""
         came = self.clock()
         if not len(times):
             return
@@ -168,7 +163,7 @@ class Tracker:
             if row == len(times) - 1:
                 self.newest = sample
             if not sample.doubt:
-                old = self.good  # times go back only where the board has begun anew
+                old = self.good  # an earlier time means that the board has restarted
                 if sample.time > old.time or came - old.came > self.settings.stale:
                     self.good = sample
                 break
@@ -191,7 +186,7 @@ class Tracker:
         return Sample(taken, came, powers.copy(), place, beam.copy(), doubt)
 
     def loop(self) -> None:
-        """Goes round at the rate of the settings until told to end, or until the first error."""
+        """Run at the rate of the settings until the end is requested, or until the first error."""
         period = 1 / self.settings.rate
         due = self.clock()
         with urgent():
@@ -205,14 +200,13 @@ class Tracker:
                 self.envelope.watch()
 
     def step(self) -> bool:
-        """Once round; False after an error that nobody can resume from. By then the stage was
-        stopped, whatever the error."""
+        """Run one cycle; every error stops the stage. Returns False if nobody can resume."""
         try:
             if not self.error:
                 self.cycle()
             elif self.request and self.envelope.open_again:
                 self.envelope.reopen()
-                self.error = ""  # the stage stays stopped until the readings were looked at
+                self.error = ""  # the stage stays stopped until the readings have been checked
         except Exception as error:
             self.error, self.request = words(error), ""
             self.envelope.fail(self.error)
@@ -243,18 +237,18 @@ class Tracker:
             self.stop(doubt)
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
-        """Sends the stage after a good sample."""
+        """Send the stage after a good sample."""
         seen = Seen(good.time, now, good.powers, good.apex, place)
         self.go(self.law.command(seen), good.time)
 
     def stop(self, reason: str) -> None:
-        """For want of good samples."""
+        """Stop the stage for lack of good samples."""
         self.bridging = False
         self.end_search(reason)
         self.envelope.latch(reason, is_for_auto=True)
 
     def wait(self, doubt: str, newest: Sample, now: float) -> None:
-        """For the first sample: one that is fresh and not good stops the stage before it moves."""
+        """Wait for the first good sample; a fresh sample that is not good stops the stage."""
         if self.is_fresh(newest, now):
             self.stop(doubt)
         elif now - self.first > START_WITHIN_S:
@@ -265,12 +259,12 @@ class Tracker:
         return fresh and now - newest.came <= self.settings.stale
 
     def can_search(self, newest: Sample, now: float) -> bool:
-        """Whether a search may go on: it needs to know where there is light."""
+        """Whether a search may continue, for which the light must be known."""
         known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
         return known and self.search is not None
 
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
-        """Whether a stopped stage may go on from now, since a person or `stage.resume` says so."""
+        """Whether a stopped stage may move again, by a person's request or by `stage.resume`."""
         by, self.request = self.request, ""
         refusal = doubt if doubt and not self.can_search(newest, now) else ""
         if not refusal:
@@ -293,7 +287,7 @@ class Tracker:
         return True
 
     def bridge(self, now: float) -> bool:
-        """Follows the predicted motion in a gap; whether that is possible."""
+        """Follow the predicted motion in a gap; return whether that is possible."""
         if self.law.last is None:
             return False
         time, apex = self.law.last
@@ -307,7 +301,7 @@ class Tracker:
         return True
 
     def doubt(self, good: Sample, newest: Sample, place: Floats, now: float) -> str:
-        """Why nothing may move, or nothing."""
+        """The reason why the stage may not move; empty if there is none."""
         stale = self.settings.stale
         if now - good.time <= stale and now - good.came <= stale:
             clearance = self.law.clearance + self.settings.max_speed * (now - good.time)
@@ -320,7 +314,7 @@ class Tracker:
 
     def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
         sent = self.envelope.go(place, sampled, search.limits if search else None)
-        if sent is not None:  # else it took too long: the next round asks again, and may stop
+        if sent is not None:  # otherwise the cycle took too long, and the next one decides again
             self.count(sent)
 
     def count(self, sent: Floats, **more: Any) -> None:
@@ -329,7 +323,7 @@ class Tracker:
         self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6), **more)
 
     def look_for(self, newest: Sample, place: Floats) -> None:
-        """Looks for the mirror."""
+        """Search for the mirror."""
         assert self.search is not None
         beam = self.encoder.places(np.array([newest.time]))[0]
         goal = self.search.next(place, self.law.locate_apex(newest.powers, beam, LIT), self.home)
@@ -339,16 +333,16 @@ class Tracker:
             self.go(goal, newest.time, self.search)
 
     def end_search(self, outcome: str) -> None:
-        """Tells how a search ended, if there was one."""
+        """Report how a search ended, if there was one."""
         if self.searching:
             self.tell("search ended", outcome=outcome)
         self.searching = False
 
 
 def words(error: Exception) -> str:
-    """What a person is told of an error of any kind."""
+    """Describe an error of any kind for the user."""
     if isinstance(error, FacetsError):
         return str(error)
-    if isinstance(error, OSError):  # pyserial's errors are of this kind, too
+    if isinstance(error, OSError):  # this includes pyserial's errors
         return f"the stage's line went away: {error}"
     return f"tracking failed with an internal error, {type(error).__name__}: {error}"

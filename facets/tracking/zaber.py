@@ -1,9 +1,9 @@
 """Zaber's ASCII protocol, version 3: a driver for two axes of one device.
 
-`/1 1 07 move abs 1000:C5` is answered `@01 1 07 OK IDLE -- 0` (or `RJ` and a reason);
-`/1 0 08 get pos` gives both axes at once. 07 is the message's number, by which a late answer is
-told from the one that is waited for; C5 its checksum, without which a spoilt command would be
-obeyed. Source: Zaber ASCII Protocol Manual.
+`/1 1 07 move abs 1000:C5` is answered `@01 1 07 OK IDLE -- 0` (or `RJ` and a reason); `/1 0 08 get
+pos` returns both axes at once. 07 is the message's number, which distinguishes late answers; C5 is
+its checksum, without which a damaged command would be executed. Source: Zaber ASCII Protocol
+Manual.
 """
 
 from __future__ import annotations
@@ -19,37 +19,37 @@ from .stage import StageError
 SPEED_UNIT_STEPS_PER_S = 1 / 1.6384
 #: One native unit of acceleration, microsteps/s².
 ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
-#: The first firmware whose moves take a speed and an acceleration of their own.
+#: The first firmware whose moves have a speed and an acceleration of their own.
 FIRMWARE = 7.25
-#: A message's numbers go round below this.
+#: The numbers of messages are below this, and repeat.
 NUMBERS = 90
-#: So many lines are passed over before the one that is waited for, and no more.
+#: Largest number of other lines before an expected answer.
 MANY = 500
 
 
 def checksum(message: str) -> str:
-    """Of a message without its first character: two hexadecimal digits that make its sum zero."""
+    """Checksum of a message without its first character: two hexadecimal digits, total sum zero."""
     return f"{-sum(message.encode()) & 0xFF:02X}"
 
 
 class Zaber:
-    """Drives axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
+    """Drive axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings
         self.zero = np.array(settings.zero)
         self.number = 0
-        self.bounds = ""  # what a move says of its speed
+        self.bounds = ""  # the part of a move's command that bounds its speed
 
     def send(self, command: str, axis: int = 0) -> str:
-        """Writes a command; returns its number."""
+        """Write a command; return its number."""
         self.number = (self.number + 1) % NUMBERS
         text = f"1 {axis} {self.number:02d} {command}"
         self.line.write(f"/{text}:{checksum(text)}\n".encode())
         return f"{self.number:02d}"
 
     def receive(self, number: str, command: str, patience: float = PATIENCE_S) -> list[str]:
-        """The data of the answer to a command; alerts and late answers are passed over."""
+        """The data of the answer to a command; alerts and late answers are discarded."""
         until = self.line.clock() + patience
         for _ in range(MANY):
             reply = self.line.read_line(patience)
@@ -67,7 +67,7 @@ class Zaber:
         raise StageError(f"the stage sends data, but does not answer {command!r}")
 
     def data(self, words: list[str], command: str) -> list[str]:
-        """What an answer says, or what is wrong."""
+        """The data of an answer; raises an error for a refusal."""
         if words[3] != "OK":
             raise StageError(f"the stage refused {command!r}: {' '.join(words[6:])}")
         if words[5].startswith("F"):
@@ -82,7 +82,7 @@ class Zaber:
         return self.receive(self.send(command), command, patience)
 
     def numbers(self, command: str) -> Floats:
-        """Two numbers, one an axis."""
+        """Query one number for each of the two axes."""
         data = self.ask(command)
         try:
             found = np.array([float(word) for word in data])
@@ -93,7 +93,7 @@ class Zaber:
         return found
 
     def prepare(self) -> None:
-        """Stops what goes on, and sees that no move can be faster than the settings say."""
+        """Stop the stage, and bound its speed and acceleration by the settings."""
         self.cry()
         self.line.drain()
         self.stop()
@@ -103,7 +103,7 @@ class Zaber:
             round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2),
         )
         own = self.numbers("get maxspeed").max(), self.numbers("get accel").max()
-        if own[0] <= most[0] and 0 < own[1] <= most[1]:  # an acceleration of 0 is none at all
+        if own[0] <= most[0] and 0 < own[1] <= most[1]:  # an acceleration of 0 sets no limit
             return
         version = self.ask("get version")
         try:
@@ -119,11 +119,11 @@ class Zaber:
         self.bounds = f" {max(1, most[0])} {max(1, most[1])}"
 
     def place(self) -> Floats:
-        """Where the encoders say that the beam is."""
+        """The beam's place by the encoders."""
         return self.zero + self.settings.step * self.numbers("get pos")
 
     def move(self, place: Floats) -> None:
-        """Starts towards a place; does not wait until it is there."""
+        """Start towards a place, and return before the stage arrives."""
         units = np.round((place - self.zero) / self.settings.step).astype(int).tolist()
         sent = []
         for axis, unit in enumerate(units, start=1):
@@ -133,11 +133,11 @@ class Zaber:
             self.receive(number, command)
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stops both axes, and waits for the stage's word that it does."""
+        """Stop both axes, and wait until the stage confirms it."""
         self.ask("stop", patience)
 
     def cry(self) -> None:
-        """Stops without waiting for a word, whatever was half said before."""
+        """Stop without waiting for an answer, even within a half-sent command."""
         self.line.write(b"?\n/1 0 99 stop\n")
 
     def close(self) -> None:
