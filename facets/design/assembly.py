@@ -1,9 +1,9 @@
-"""Heads as they are built: parts and assembly as loose as `calibrate.before` says.
+"""Heads with manufacturing and assembly errors, whose tolerances `calibrate.before` states.
 
 Each head's parameters are drawn about those of the design, normally and independently, with the
-standard uncertainties that a calibration takes as known before: one statement of the tolerances
-serves both. Where the mirror sits on the reference belongs to the calibration's rig, not to a head,
-and is found by the calibration only.
+standard uncertainties that a calibration takes as its prior: one statement of the tolerances serves
+both. Where the mirror sits on the reference belongs to the calibration's rig, not to a head, and
+only the calibration estimates it.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
     from ..core.layout import Layout
 
-#: How far a calibration's motion goes in x and y, over the beam's diameter: only powers that bend
-#: tell gains and the beam's size from the apex's place. What it keeps clear of a detector's edge,
-#: over half a detector; and its seed.
+#: The motion's amplitude in x and y over the beam's diameter, since only powers that change
+#: nonlinearly separate the gains and the beam's size from the apex's place; its clearance from a
+#: detector's edge over half a detector; and its seed.
 REACH, EDGE, SEED = 0.3, 0.2, 1
-#: Steps of a head's calibration, at most, and the fall of chi-square that is not worth another.
+#: Largest number of steps of a head's calibration, and the fall of chi-square below which it ends.
 STEPS, ENOUGH = 25, 0.1
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A design, how loosely its heads are built, and how they are calibrated.
+    """A design, the tolerances of its heads, and their calibration.
 
-    choice: the parameters that differ from head to head and are found by the calibration, with
+    choice: the parameters that differ from head to head or that the calibration estimates, with
     their standard uncertainties.  loose: which of them differ.  poses: (n, 6) of the calibration's
     motion.  reference: (6,) its standard uncertainty, mm and rad.
     """
@@ -60,18 +60,20 @@ class Assembly:
         return values_of(self.sensor)
 
     def values(self, z: Floats) -> Floats:
-        """Of all unknowns of a calibration, at `z` (p,) standard uncertainties of the choice."""
+        """Return all unknowns of a calibration at `z` (p,), in standard uncertainties of the
+        choice."""
         found = self.nominal.copy()
         found[self.choice.places] += self.choice.sigma * z
         return found
 
     def head(self, z: Floats) -> Sensor:
-        """The head there.  Raises `InputError` where that is none."""
+        """Return the head at `z`. Raises `InputError` if no sensor has these parameters."""
         return assign_values(self.sensor, fold_mount(self.values(z)))
 
 
 def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) -> Assembly:
-    """Raises `InputError` where nothing is loose."""
+    """Assemble a design with its tolerances. Raises `InputError` if no parameter has a
+    tolerance."""
     plain = replace(sensor, calibration=None)
     found = choice(plain, known)
     loose = np.array([name not in MOUNTING for name in found.names])
@@ -87,7 +89,7 @@ def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) 
 
 
 def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Floats:
-    """Random poses (count, 6) within half the ranges, with spots clear of the edges, mm and rad."""
+    """Draw poses (count, 6) within half the ranges, with spots clear of the edges, mm and rad."""
     reach = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
     beam = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     reach[:2] = np.maximum(reach[:2], REACH * beam)
@@ -106,7 +108,7 @@ def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Float
 
 
 def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
-    """What a calibration of a head sees: noisy readings beside a reference with its errors."""
+    """Simulate a head's calibration data: noisy readings and a reference with its errors."""
     states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
     raw = invert_correction(head, add_noise(head, readings(head, states), rng))
     told = np.isfinite(built.reference)
@@ -115,6 +117,6 @@ def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data
 
 
 def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
-    """A head's calibration, from the design on."""
+    """Calibrate a head, beginning from the design."""
     data = measure_rig(built, head, rng)
     return fit(built.sensor, data, built.choice, None, most=STEPS, enough=ENOUGH)

@@ -1,11 +1,11 @@
-"""The best parts of a large catalogue by branch and bound, without trying all.
+"""The best parts of a large catalogue by branch and bound, without solving every choice.
 
 A branch is a set of parts of each kind. Its bound is the best layout with parts that are as good as
 any of them in everything at once: the largest detector with the least noise, the strongest laser
 with any of the diameters, the lowest price. No choice of the branch can be better than that, so a
-branch whose bound is worse than a choice that is known already, or that keeps not even so what is
-asked for, is left as it is; others are parted in two. The bound is as sure as one search is to find
-the best layout.
+branch is dropped if its bound is worse than a known choice, or if even the bound's layout breaks a
+requirement; every other branch is split in two. The bound is only as reliable as one search is at
+finding the best layout.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
     from .problem import StartResult
 
-#: By how much a bound must be worse than what is known, over that, before a branch is left.
+#: A branch is dropped when its bound is worse than the best known objective by more than this
+#: share.
 WORSE = 1e-6
 #: The name of a part that stands for several.
 MERGED = "merged"
@@ -34,7 +35,7 @@ Search = Callable[[Sensor, "Layout"], "StartResult"]
 
 @dataclass(frozen=True)
 class Branch:
-    """Names of the parts that it holds, sorted, so that halves are alike."""
+    """The names of a branch's parts, sorted, so that equal branches compare equal."""
 
     psds: tuple[str, ...]
     lasers: tuple[str, ...]
@@ -45,7 +46,7 @@ class Branch:
         return len(self.psds) * len(self.lasers) * len(self.amplifiers)
 
     def halves(self) -> tuple[Branch, Branch]:
-        """Parted by the kind of which it has most."""
+        """Split the branch by the kind of which it has most parts."""
         kinds = {"psds": self.psds, "lasers": self.lasers, "amplifiers": self.amplifiers}
         kind = max(kinds, key=lambda name: len(kinds[name]))
         middle = len(kinds[kind]) // 2
@@ -57,8 +58,11 @@ class Branch:
 
 @dataclass
 class Found:
-    """tried: single choices that were looked at and where they ended, the best first.
-    bounds: branches of several that were.  choices: how many there are in all."""
+    """The result of the search over a catalogue.
+
+    tried: the choices that were solved and their results, the best first.  bounds: number of
+    branches of several choices that were solved.  choices: number of all choices.
+    """
 
     tried: list[tuple[PartsChoice, StartResult]] = field(default_factory=list)
     bounds: int = 0
@@ -66,7 +70,7 @@ class Found:
 
 
 def whole(layout: Layout) -> Branch:
-    """All parts of the catalogue."""
+    """Return the branch with all parts of the catalogue."""
     psds = sorted(layout.psds, key=lambda n: (layout.psds[n].size, layout.psds[n].position or 0))
     lasers = sorted(
         layout.lasers, key=lambda n: (layout.lasers[n].diameter, layout.lasers[n].power)
@@ -76,7 +80,7 @@ def whole(layout: Layout) -> Branch:
 
 
 def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
-    """The sensor with parts as good as any of the branch, and what may vary of it."""
+    """Return the sensor with parts as good as any of the branch, and its layout."""
     variables, names, merged = layout.variables, ["", "", ""], layout
     if branch.psds[0]:
         psds = [layout.psds[name] for name in branch.psds]
@@ -103,7 +107,7 @@ def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor,
 
 
 def lowest_price(layout: Layout, branch: Branch) -> float:
-    """Of any choice of the branch; what has no price counts as none."""
+    """The lowest price of a choice in the branch; a part without a price counts as zero."""
     total = 0.0
     for names, parts, times in (
         (branch.psds, layout.psds, 3), (branch.lasers, layout.lasers, 1),
@@ -116,7 +120,7 @@ def lowest_price(layout: Layout, branch: Branch) -> float:
 
 
 def price_term(layout: Layout, price: float | None) -> float:
-    """What a price adds to the objective."""
+    """Return the term that a price adds to the objective."""
     weight = layout.weights.get("price", 0.0) if layout.aim == "weighted" else 0.0
     return weight * (price or 0.0) / THOUSAND
 
@@ -127,10 +131,10 @@ def best_parts(
     search: Search,
     tell: Callable[[int, int], None] = lambda done, whole: None,
 ) -> Found:
-    """The best choice of parts, and those that were looked at on the way.
+    """Find the best choice of parts.
 
-    search: the best layout of a sensor from where it is.  tell: is called with how many choices are
-    settled, of how many.
+    search: finds the best layout of a sensor from where it is.  tell: is called with the number of
+    choices that are decided and the number of all choices.
     """
     root = whole(layout)
     found = Found(choices=root.choices)
@@ -139,7 +143,7 @@ def best_parts(
     while queue:
         bound, _, branch = heapq.heappop(queue)
         if bound > best + WORSE * abs(best):
-            break  # and so are all that are left
+            break  # the bounds of all remaining branches are worse, too
         tell(settled, found.choices)
         if branch.choices == 1:
             settled += 1

@@ -1,4 +1,4 @@
-"""Parts that can be bought: every choice of them, and the sensor with each."""
+"""Parts that can be bought: every choice of them, and the sensor with each choice."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PartsChoice:
-    """Parts from the catalogue, "" where it has none of the kind.  price: of three detectors, the
-    laser and the amplifiers, None where one is not known.  delivery: weeks until all are there,
-    None where one is not known."""
+    """Parts from the catalogue, "" where the catalogue has none of the kind.
+
+    price: of three detectors, the laser and the amplifiers, None where a price is not known.
+    delivery: weeks until all parts are there, None where a time is not known.
+    """
 
     psd: str
     laser: str
@@ -31,13 +33,13 @@ class PartsChoice:
 
 
 def total(prices: Iterable[float | None]) -> float | None:
-    """The sum; None where one is not known, or there is none."""
+    """Return the sum; None if a price is not known or there is no price."""
     known = list(prices)
     return None if not known or None in known else sum(price for price in known if price)
 
 
 def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[PartsChoice, Sensor]]:
-    """Every choice of parts and the sensor with it."""
+    """Yield every choice of parts and the sensor with it."""
     kinds = (layout.psds or [""], layout.lasers or [""], layout.amplifiers or [""])
     for psd, laser, amplifier in product(*kinds):
         yield (
@@ -63,7 +65,7 @@ def choice_of(layout: Layout, psd: str, laser: str, amplifier: str) -> PartsChoi
 
 
 def replace_parts(sensor: Sensor, layout: Layout, psd: str, laser: str, amplifier: str) -> Sensor:
-    """The sensor with the named parts, "" for what it has."""
+    """Return the sensor with the named parts; "" keeps the sensor's own part."""
     made = sensor
     if psd:
         part = layout.psds[psd]

@@ -1,4 +1,4 @@
-"""A design as a configuration that extends the one it came from, with only what changed."""
+"""A design as a configuration that extends its original and states only the keys that changed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..files.whole import Whole, hidden_name, readable_path
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-#: Decimals of what follows from the variables, such as a detector's height.
+#: Decimals of values that follow from the variables, such as a detector's height.
 DECIMALS = 3
 
 
@@ -38,7 +38,7 @@ def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
 
 
 def differences(old: Any, new: Any) -> Any:
-    """What of nested keys is not the same; numbers as they are written."""
+    """Return the nested keys whose values differ, compared as they are written."""
     found = {}
     for key, value in new.items():
         before = old.get(key)
@@ -51,7 +51,7 @@ def differences(old: Any, new: Any) -> Any:
 
 
 def tidy(value: Any) -> Any:
-    """Without what the way from one unit to another has left in the last digits."""
+    """Round off the digits that a conversion of units has added."""
     if isinstance(value, float):
         return float(f"{round(value, 9):.12g}")
     if isinstance(value, list):
@@ -60,7 +60,7 @@ def tidy(value: Any) -> Any:
 
 
 def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
-    """Keys that a, b and c all change to the same, said once for all three."""
+    """Move keys that a, b and c all change to the same value into one common key."""
     singles = [block.get(letter, {}) for letter in DETECTORS]
     shared = {
         key: value
@@ -75,7 +75,8 @@ def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
 
 
 def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
-    """Every key that changed, by its path: (key, before, after); the same of three told once."""
+    """List every changed key as (path, before, after); a change common to a, b and c appears
+    once."""
     return list(paths(said_once(changed_keys(settings, sensor)), settings.resolved["sensor"]))
 
 
@@ -90,7 +91,7 @@ def paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
 
 
 def plain_value(value: Any) -> Any:
-    """A value as a configuration says it."""
+    """Convert a value to the form that a configuration has."""
     value = tidy(value)
     same = isinstance(value, list) and len(value) == 2 and value[0] == value[1]
     return value[0] if same else value
@@ -105,7 +106,7 @@ def said_once(keys: dict[str, Any]) -> dict[str, Any]:
 
 
 def base_of(settings: Config, folder: Path) -> str:
-    """What `extends` has to say in a file of that folder."""
+    """Return the value of `extends` for a file in that folder."""
     if shipped().get(settings.name) == settings.path:
         return settings.name
     try:
@@ -115,8 +116,10 @@ def base_of(settings: Config, folder: Path) -> str:
 
 
 def is_said_once(settings: Config, sensor: Sensor, folder: Path) -> bool:
-    """Whether what is said once for all three detectors or facets holds for each of them: it does
-    not where the configuration says something else of a single one."""
+    """Return whether the values common to all three detectors or facets hold for each of them.
+
+    They do not where the configuration sets a different value for a single detector or facet.
+    """
     keys = changed_keys(settings, sensor)
     text = document(base_of(settings, folder), said_once(keys), {})
     return loads_to(text, folder, keys, settings)
@@ -129,9 +132,10 @@ def as_extension(
     about: dict[str, str],
     beside: dict[str, str] | None = None,
 ) -> str:
-    """YAML of a configuration in `folder` that loads to the design.
+    """Return the YAML of a configuration in `folder` that loads to the design.
 
-    beside: remarks by variable, such as radius_mm, put beside the keys of that name.
+    beside: remarks by variable, such as radius_mm, which become comments beside the keys of that
+    name.
     """
     head = [f"# {key}: {' '.join(value.split())}" for key, value in about.items()]
     keys = changed_keys(settings, sensor)
@@ -144,8 +148,10 @@ def write_design(
     settings: Config, sensor: Sensor, path: Path, about: dict[str, str],
     beside: dict[str, str] | None = None,
 ) -> Config | str:  # fmt: skip
-    """Writes a design as a configuration that extends the one it came from, and loads it again;
-    why, where it does not load.  beside: see `as_extension`."""
+    """Write a design as a configuration that extends its original, and load it again.
+
+    Returns the reason if the file does not load.  beside: see `as_extension`.
+    """
     with Whole(path) as temporary:
         temporary.write_text(as_extension(settings, sensor, path.parent, about, beside), "utf-8")
     file = readable_path(path)
@@ -171,7 +177,7 @@ def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
 
 
 def plainly(value: Any) -> Any:
-    """Pairs of the same number as one, other lists in one line."""
+    """Write pairs of equal numbers as one number, and other lists in one line."""
     from ruamel.yaml.comments import CommentedSeq
 
     if isinstance(value, dict):

@@ -1,16 +1,16 @@
-"""A design space searched: many layouts with their ranges and resolutions, on one machine or many.
+"""Exploration of a design space: ranges and resolutions of many layouts, on one machine or many.
 
-Designs are drawn by a number, so that any part of them can be made again anywhere: a part is some
-hundred designs, goes to a worker as a number, and comes back as a table that is written at once.
-A run that was cut off goes on with the parts that are missing. Several processes may share the
-parts of one search in one folder, each with its own, without knowing of one another.
+Designs are numbered, so that any part of them can be made again anywhere: a part is some hundred
+designs, goes to a worker as a number, and comes back as a table that is written at once. A run that
+was interrupted continues with the missing parts. Several processes may share the parts of one
+search in one folder, each with its own, without communicating.
 
 Designs of a sensor with ideal light and simple noise are measured many at once, all of them in full
-(`survey`). Of others ranges take nine tenths of the time, so a design that cannot be on the front
-is not asked for them: where the range of a rival, already known, is no smaller, and the rival is as
-good in all else. That takes two poses an axis. The first parts, the pilot, are looked at in full:
-they give the rivals, the same for all other parts wherever those are made, and the indices of
-sensitivity.
+(`survey`). For other sensors nine tenths of the time goes into ranges, so the ranges of a design
+that cannot be on the front are not measured: a design is skipped if a rival whose ranges are known
+has no smaller range and is as good in all other objectives. This test takes two poses for each
+axis. The first parts, the pilot, are measured in full: they supply the rivals, which are the same
+for all other parts wherever those are made, and the indices of sensitivity.
 """
 
 from __future__ import annotations
@@ -64,28 +64,29 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
     from ..core.settings import Config
 
-#: Designs that a worker measures at a time, unless they are plain.
+#: Number of designs that a worker measures at a time, unless they are plain.
 DESIGNS_PER_TASK = 200
 #: Tasks whose designs are all measured in full, as rivals of the others.
 PILOT_TASKS = 5
-#: A task of plain designs has up to this many times as many designs, where there remain at least
-#: this many tasks.
+#: A task of plain designs has up to this many times as many designs, if at least this many tasks
+#: remain.
 LARGEST_FACTOR, LEAST_TASKS = 50, 100
-#: The file that says which search a folder is of.
+#: The file that identifies the search whose parts a folder holds.
 MARK = "search.txt"
-#: What a part says of the share that it was made in.
+#: The key of a part's share in the part's file.
 SHARE = "share"
-#: How often a worker looks whether its parent is still there, s.
+#: Interval at which a worker checks that its parent still runs, s.
 PARENT_CHECK_INTERVAL_S = 1.0
-#: Rivals that a design is held against, at most.
+#: Largest number of rivals that a design is compared with.
 RIVALS = 32
-#: To what share of its length a range is followed.
+#: Tolerance of a range, as a share of its length.
 FINE_ENOUGH = 1e-5
-#: Of the pose's axes as they are told: mm and mrad, um and urad.
+#: Factors from mm and rad to the units of the tables, by axis of the pose: mm and mrad, um and
+#: urad.
 FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
-#: What is told of a design; ranges are symmetric and in all, uncertainties and the condition number
-#: at rest; regular: 1 where the determinant of Eq. (11) has one sign over the volume's corners,
-#: faces and centre, else 0.
+#: The measures of a design. Ranges are symmetric, both sides together; uncertainties and the
+#: condition number are at rest; regular is 1 where the determinant of Eq. (11) has one sign over
+#: the volume's corners, faces and centre, else 0.
 MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition", "regular")
 AT_RANGES = slice(1, 7)
 NO_RIVALS = np.empty((0, len(MEASURES)))
@@ -103,7 +104,7 @@ class Share:
 
 
 def share_of(text: str | None) -> Share | None:
-    """'3/16' as the third of sixteen shares; None of None."""
+    """Parse '3/16' as the third of sixteen shares; None gives None."""
     if text is None:
         return None
     number, slash, count = text.partition("/")
@@ -116,11 +117,11 @@ def share_of(text: str | None) -> Share | None:
 
 @dataclass(frozen=True)
 class Space:
-    """What is searched.
+    """The design space and how it is sampled.
 
     sampling: "sobol", "lhs" or "grid".  count: of designs, at least.  part: designs a task.
-    objectives: whose front is wanted.  every: whether the beaten are looked at in full, too.
-    required: whether designs must keep what the layout asks for over its volume.
+    objectives: of the front.  every: whether dominated designs are measured in full, too. required:
+    whether designs must keep the layout's requirements over its volume.
     """
 
     sensor: Sensor
@@ -145,12 +146,12 @@ class Space:
 
     @property
     def pilot(self) -> int:
-        """How many designs are looked at in full, at least."""
+        """The least number of designs that are measured in full."""
         return self.count if self.every else PILOT_TASKS * self.part
 
     @property
     def has_rivals(self) -> bool:
-        """Whether designs are held against those of the pilot, which must be known before them."""
+        """Whether designs are compared with the pilot's, which must then be measured first."""
         return not self.plain and not self.every
 
     @property
@@ -163,7 +164,7 @@ def space_of(
     settings: Config, objectives: Sequence[str], sampling: str, count: int, seed: int,
     every: bool = False, required: bool = False,
 ) -> Space:  # fmt: skip
-    """The space of a configuration, with as many designs a task as make about a second of work.
+    """The space of a configuration; a task has as many designs as take about a second.
 
     Raises `InputError` for an unknown objective.
     """
@@ -179,14 +180,14 @@ def space_of(
 
 
 def designs(space: Space) -> Floats:
-    """All designs (n, variables), in the units of the variables' names."""
+    """Return all designs (n, variables), in the units of the variables' names."""
     require_variables(space)
     bounds = tuple(space.layout.variables[name] for name in space.names)
     return draw(space.sampling, bounds, space.count, space.seed)
 
 
 def require_variables(space: Space) -> None:
-    """Raises `InputError` where nothing may vary."""
+    """Raise `InputError` if no variable may vary."""
     if not space.names:
         raise InputError(
             "optimize.variables is empty: name what may vary, as radius_mm: [150, 260]"
@@ -202,7 +203,7 @@ def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, see
         side = int(np.ceil(count ** (1 / dimension)))
         axes = [np.linspace(low, high, side) for low, high in bounds]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
-        return rng.permutation(places)  # so that the pilot is of all of them
+        return rng.permutation(places)  # so that the pilot samples all of them
     if sampling == "lhs":
         shares = qmc.LatinHypercube(dimension, rng=rng).random(count)
     else:
@@ -214,7 +215,10 @@ def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, see
 
 
 def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
-    """All but the ranges: why a design is skipped, its measures, and the sensor if it is not."""
+    """Measure all but the ranges: the reason to skip the design, its measures, and the sensor.
+
+    The sensor is None if the design is skipped.
+    """
     values = np.full(len(MEASURES), np.nan)
     try:
         sensor = sensor_of(space.sensor, space.names, x)
@@ -236,8 +240,8 @@ def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
 
 
 def saturates(sensor: Sensor, states: Floats) -> bool:
-    """Whether an electrode's current passes the amplifier's full scale, less what the optimiser
-    leaves of it; never without electronics."""
+    """Whether an electrode's current exceeds the share of the amplifier's full scale that the
+    optimiser allows; never without electronics."""
     electronics = sensor.electronics
     if electronics is None:
         return False
@@ -247,7 +251,8 @@ def saturates(sensor: Sensor, states: Floats) -> bool:
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
-    """Whether all that the layout asks for holds over the volume, of which these are states."""
+    """Return whether the design keeps all requirements of the layout at these states of the
+    volume."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
         return False
     if saturates(sensor, states):
@@ -262,10 +267,11 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
 def measure_design(
     space: Space, x: Floats, rivals: Floats = NO_RIVALS, tolerance: float = FINE_ENOUGH
 ) -> tuple[int, Floats]:
-    """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is.
+    """Measure a design: why it is skipped, by the place in SKIPPED, and its measures.
 
-    rivals: measures (n, MEASURES) of designs that it is held against; none to look at it in full.
-    tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
+    Measures are NaN if it is skipped.  rivals: measures (n, MEASURES) of designs that it is
+    compared with; none to measure it in full.  tolerance: of its ranges, in units of
+    `ranges.FARTHEST_MM_RAD`.
     """
     why, values, sensor = measure_rest(space, x)
     if sensor is None:
@@ -282,9 +288,9 @@ def measure_design(
 
 
 def is_beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: Floats) -> bool:
-    """Whether a rival is as good in all objectives, and better in one that is known.
+    """Return whether a rival is as good in all objectives and better in a known one.
 
-    Its range is as large as this one's where this one has left its own at the rival's end.
+    A rival's range is no smaller if this design has left its own range at the rival's end.
     """
     places = [MEASURES.index(name) for name in space.objectives]
     known = [place for place in places if place not in range(7)[AT_RANGES]]
@@ -305,9 +311,9 @@ def is_beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals
 
 
 def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
-    """A table of some designs, from number `first` on.
+    """Return the table of the part that begins with design number `first`.
 
-    rivals: measures of those that they are held against, beside one another; none in the pilot.
+    rivals: measures of the designs that these are compared with, in rows; none in the pilot.
     """
     some = designs(space)[first : first + space.part]
     if space.plain:
@@ -329,7 +335,7 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
 def part_table(
     space: Space, first: int, some: Floats, why: NDArray[Any], values: Floats, seconds: Floats
 ) -> dict[str, Any]:
-    """The designs (n, variables) from number `first` on, and what was found of them."""
+    """The table of the designs (n, variables) from number `first` on, with their measures."""
     columns: dict[str, Any] = {"design": first + np.arange(len(some))}
     columns |= {name: some[:, i] for i, name in enumerate(space.names)}
     columns["skipped"] = np.array(SKIPPED)[why]
@@ -338,9 +344,9 @@ def part_table(
 
 
 def measure_designs(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
-    """Plain designs (n, variables): why each is skipped, its measures, and its seconds.
+    """Measure plain designs (n, variables): why each is skipped, its measures, and its seconds.
 
-    What is no sensor is looked at by itself.
+    A design that is not a valid sensor is measured individually.
     """
     begin = time.perf_counter()
     designs, heads, possible = designs_of(space.sensor, space.rules, space.names, some)
@@ -360,21 +366,21 @@ def measure_designs(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, F
 
 
 def identity(space: Space, about: dict[str, str]) -> str:
-    """What must be the same for a run to go on in a folder."""
+    """The text that must be the same for a run to continue in a folder."""
     asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
     asked += f" parts of {space.part}" if space.part != DESIGNS_PER_TASK else ""
     return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
 def forget(folder: Path) -> None:
-    """Takes the designs of an older search away."""
+    """Delete the designs of an older search."""
     shutil.rmtree(folder / "parts", ignore_errors=True)
     (folder / MARK).unlink(missing_ok=True)
 
 
 def require_same(settings: Config, folder: Path, force: bool) -> None:
-    """Raises `InputError` where a folder has designs of another configuration, which `force` takes
-    away."""
+    """Raise `InputError` if a folder has designs of another configuration, unless `force`, which
+    deletes them."""
     tabled = [folder / name for name in ("front.csv", "pareto.csv")]
     remedy = "use --force to start again, or --folder to name another folder"
     for file in [
@@ -390,9 +396,9 @@ def require_same(settings: Config, folder: Path, force: bool) -> None:
 
 
 def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
-    """Looks whether a search can go on in a folder; `force` takes an older search away.
+    """Check whether a search can continue in a folder; `force` deletes an older search.
 
-    Raises `OutputError` where the folder holds another search.
+    Raises `OutputError` if the folder holds another search.
     """
     mark, mine = folder / MARK, identity(space, about)
     if force and mark.exists():
@@ -407,7 +413,7 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
 def write_part(
     space: Space, folder: Path, first: int, table: dict[str, Any], about: dict[str, str]
 ) -> None:
-    """A part, and before the first of them which search the folder is of."""
+    """Write a part, and before the first part the file that identifies the search."""
     if not (folder / MARK).exists():
         with Whole(folder / MARK) as temporary:
             temporary.write_text(identity(space, about))
@@ -423,10 +429,10 @@ def explore(
     tell: Callable[[int, int], None] = lambda done, whole: None,
     share: Share | None = None,
 ) -> None:
-    """Writes a Parquet file for each part that is not there yet.
+    """Write a Parquet file for each missing part.
 
-    scheduler: address of a Dask cluster; else all cores of this machine.  share: which parts, if
-    not all; other processes may make the others in the same folder, at the same time.
+    scheduler: address of a Dask cluster; by default all cores of this machine compute.  share: the
+    parts of this process; other processes may make the others in the same folder, at the same time.
     """
     if share is None:
         for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
@@ -454,15 +460,15 @@ def parts(space: Space) -> range:
 
 
 def parts_of(space: Space, share: Share) -> list[int]:
-    """The first design of each part that a process makes: of its share, and the pilot's where the
-    others are held against it."""
+    """List the first designs of a process's parts: its share, and the pilot's parts if they give
+    rivals."""
     firsts = parts(space)
     own = firsts[share.number - 1 :: share.count]
     return [n for n in firsts if n in own or (space.has_rivals and n < space.pilot)]
 
 
 def require_whole(space: Space, folder: Path) -> None:
-    """Raises `InputError` where parts are missing; names the shares that they belong to."""
+    """Raise `InputError` if parts are missing, and name their shares."""
     present, firsts = set(parts_in(folder)), parts(space)
     missing = [n for n, first in enumerate(firsts) if part_path(folder, first) not in present]
     if not missing:
@@ -477,7 +483,7 @@ def require_whole(space: Space, folder: Path) -> None:
 
 
 def rivals_in(space: Space, folder: Path) -> Floats:
-    """The front of the pilot: measures (n, MEASURES)."""
+    """Return the measures (n, MEASURES) of the pilot's front."""
     table = collect(folder, range(0, space.pilot, space.part))
     best = front(table, list(space.objectives))
     return np.stack([table[name][best] for name in MEASURES], axis=1)
@@ -490,7 +496,7 @@ def part_path(folder: Path, first: int) -> Path:
 def run_in_processes(
     space: Space, firsts: list[int], rivals: Floats, _: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Parts as they come, from a process on each core."""
+    """Yield parts as they are finished, from a process on each core."""
     if not firsts:
         return
     measure_design(space, designs(space)[0], rivals)  # compiled once, before the processes begin
@@ -506,14 +512,14 @@ def run_in_processes(
             for job in as_completed(jobs):
                 yield jobs[job], job.result()
         except BaseException:
-            for worker in active_children():  # what they have begun is made again in the next run
+            for worker in active_children():  # the next run makes their unfinished parts again
                 worker.terminate()
             pool.shutdown(cancel_futures=True)
             raise
 
 
 def serve(parent: int) -> None:
-    """Makes a worker leave signals to its parent, and end where that has ended."""
+    """Make a worker ignore signals, which its parent handles, and end when the parent has ended."""
     for name in ("SIGINT", "SIGHUP"):  # a terminal sends them to all; the parent ends its workers
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -529,8 +535,8 @@ def serve(parent: int) -> None:
 def run_on_cluster(
     space: Space, firsts: list[int], rivals: Floats, address: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Parts as they come, from a cluster; those of a worker that is lost are made again, and a
-    worker that is added takes part."""
+    """Yield parts as a cluster finishes them; parts of a lost worker are made again, and a new
+    worker takes part."""
     with client_of(address) as client:
         from dask.distributed import as_completed as completed
 
@@ -543,7 +549,7 @@ def run_on_cluster(
 
 
 def client_of(address: str) -> Any:
-    """Of a Dask cluster.  Raises `InputError` where none answers."""
+    """Connect to a Dask cluster. Raises `InputError` if none answers."""
     distributed = require_extra("distributed", "--scheduler")
     try:
         return distributed.Client(address, timeout="10s")
@@ -552,7 +558,7 @@ def client_of(address: str) -> Any:
 
 
 def cluster_words(address: str) -> str:
-    """How many workers a cluster has, and where its dashboard is."""
+    """Describe a cluster: its number of workers and its dashboard's address."""
     with client_of(address) as client:
         known = client.scheduler_info(n_workers=-1)
         place = f"{len(known['workers'])} workers at {address}"
@@ -562,13 +568,13 @@ def cluster_words(address: str) -> str:
 
 
 def parts_in(folder: Path) -> list[Path]:
-    """The parts that are there, and whole: one that is being written, or was when a run was killed,
-    has a name that begins with a dot."""
+    """List the complete parts; the name of an incomplete one begins with a dot."""
     return sorted(p for p in (folder / "parts").glob("*.parquet") if not p.name.startswith("."))
 
 
 def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
-    """The parts that are there, or those of them named, as one table in the designs' order."""
+    """Join the existing parts, or those of the given numbers, to one table in the designs'
+    order."""
     import pyarrow.parquet as pq
 
     files = parts_in(folder)
@@ -585,8 +591,10 @@ def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDAr
 
 
 def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:
-    """The designs that an earlier run has left in a folder; None where there are none of them with
-    the space's variables and objectives."""
+    """Read the designs that an earlier run has left in a folder.
+
+    None if no design there has the space's variables and objectives.
+    """
     if not parts_in(folder):
         return None
     table = collect(folder)
@@ -594,7 +602,7 @@ def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:
 
 
 def require_measures(names: Sequence[str]) -> None:
-    """What can be an objective: all that may be small or large, by degrees."""
+    """Raise `InputError` for a name that cannot be an objective."""
     able = MEASURES[:-1]
     unknown = [name for name in names if name not in able]
     if unknown:
@@ -602,7 +610,8 @@ def require_measures(names: Sequence[str]) -> None:
 
 
 def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> Booleans:
-    """Which designs are not beaten in all objectives; ranges are to be large, all else small."""
+    """Which designs no other one beats in all objectives; ranges are maximised, all else is
+    minimised."""
     signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
     costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)
     best = np.zeros(len(costs), dtype=bool)
@@ -620,10 +629,10 @@ def summary(
     table: dict[str, NDArray[Any]], best: Booleans, objectives: Sequence[str],
     indices: dict[str, dict[str, Index]], seconds: float,
 ) -> list[str]:  # fmt: skip
-    """Lines on a table of designs: how many were skipped and why, how many are on the front, and
-    which variable moves which objective.
+    """Summarise a table of designs: how many were skipped and why, how many are on the front, and
+    which variable affects which objective.
 
-    seconds: of the run that has ended.
+    seconds: duration of the run.
     """
     skipped, spent = table["skipped"], table["seconds"]
     lines = [f"{len(skipped)} designs, {seconds:.1f} s in this run"]

@@ -1,12 +1,12 @@
-"""The Pareto front itself, point by point, instead of what a cloud of designs leaves of it.
+"""The Pareto front, point by point, by the epsilon-constraint method.
 
-One objective is made small while the others are held to bounds (the epsilon-constraint method). The
-bounds walk along the front, there and back, and each point begins where its neighbour ended; now
-and then a point is looked for from somewhere else as well, so that a front of several pieces is
-found, and what is found so is carried on to its neighbours. At a point the multiplier of a bound is
-what that objective costs in the first: so many urad for a millimetre of head.
+One objective is minimised while the others are held to bounds. The bounds step along the front,
+forward and back, and each point begins where its neighbour ended; some points are also searched
+from random designs, so that a front of several pieces is found, and what such a search finds is
+passed on to the neighbours. The multiplier of a bound at a point is the price of that objective in
+the first one: for example urad for each mm of the head.
 
-What is found is measured again by `exploration.measure_design`, as the designs of a cloud are.
+Every point is measured again by `exploration.measure_design`, as the designs of a cloud are.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from .exploration import MEASURES, NO_RIVALS, Space, front, measure_design
 from .search import active_constraints, active_rows, solve
 from .trade import Trade, trade_of
 
-#: Starts for the least of each objective; and every which point is looked for from elsewhere, too.
+#: Starts for the least of each objective; and every how many points a random start is tried, too.
 STARTS, ELSEWHERE_EVERY = 6, 10
-#: By how much of an objective's scale one end must be better than another to take its place.
+#: By how much of an objective's scale one end must be better than another to replace it.
 BETTER = 1e-7
-#: Sweeps along the front, at most; and steps of IPOPT, since what takes more is mostly not there.
+#: Largest number of sweeps along the front; and of IPOPT's steps, since a search that takes more
+#: mostly finds no design.
 SWEEPS, STEPS = 6, 60
-#: To what a range is measured, over `ranges.FARTHEST_MM_RAD`; and how far a measure may be from
-#: what was found, over its scale, before the point is left out.
+#: Tolerance of a measured range, over `ranges.FARTHEST_MM_RAD`; and the difference between a
+#: measure and the search's value, over its scale, above which a point is left out.
 RANGE_TOLERANCE, MEASURE_TOLERANCE = 1e-10, 1e-5
 Tell = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class End:
-    """Where a search ended: unknowns, costs, multipliers of the costs' bounds, the constraints that
-    it was given, and what holds it back."""
+    """The end of a search: unknowns, costs, multipliers of the costs' bounds, the search's
+    constraints, and the active ones."""
 
     unknowns: Floats
     costs: Floats
@@ -52,12 +53,11 @@ class End:
 class Front:
     """Points on the front, the first objective from its best on.
 
-    designs (n, variables), in the units of the variables' names.  measures (n, MEASURES).
-    prices (n, objectives): by how many of its units the first objective gets better where the
-    bound of each other one is eased by one of its units; NaN for the first.
-    active: of each point what holds it back, over the strongest.
-    left_out: points whose measures are not what was found.
-    walk, ends: how it was found, and what can be gone on from.
+    designs (n, variables), in the units of the variables' names.  measures (n, MEASURES). prices
+    (n, objectives): by how many of its units the first objective improves when the bound of another
+    one is relaxed by one of its units; NaN for the first. active: the active constraints of each
+    point, over the strongest. left_out: points whose measures differ from the search's values.
+    walk, ends: the search and its ends, from which it can continue.
     """
 
     walk: Walk
@@ -71,16 +71,17 @@ class Front:
 
 
 class Walk:
-    """A search along the front of a `Trade`.  first: which objective is made small."""
+    """A search along the front of a `Trade`.  first: the number of the minimised objective."""
 
     def __init__(self, trade: Trade, first: int, seed: int) -> None:
         self.trade, self.first = trade, first
         self.rng = np.random.default_rng(seed)
-        #: Which point was looked for from which neighbour's end, so that it is not done twice.
+        #: Pairs of a point and a neighbour's end from which it was searched, so that no search is
+        #: repeated.
         self.asked: set[tuple[int, bytes]] = set()
 
     def least(self, objective: int, most: Floats, start: Floats | End) -> End | None:
-        """The least of one objective where no cost is above `most`; None where there is none."""
+        """Minimise one objective where no cost is above `most`; None if no design is found."""
         trade = self.trade
         problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
         low, high = trade.bounds(most)
@@ -95,13 +96,13 @@ class Walk:
                    active_constraints(problem, problem.rows.subset(rows), found))  # fmt: skip
 
     def anywhere(self) -> Floats:
-        """Unknowns at a design drawn within the bounds."""
+        """Return the unknowns of a random design within the bounds."""
         problem = self.trade.problem
         share = self.rng.random(len(problem.names))
         return self.trade.guess(problem.low + share * (problem.high - problem.low))
 
     def end_of(self, objective: int) -> End | None:
-        """The best of one objective, and of those that have it, the best of the others."""
+        """Minimise one objective and then, at its best value, the others."""
         count = len(self.trade.objectives)
         free = np.full(count, np.inf)
         found = [self.least(objective, free, self.anywhere()) for _ in range(STARTS)]
@@ -116,9 +117,10 @@ class Walk:
         return best
 
     def follow(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
-        """The best of the first objective for each row of bounds.
+        """Minimise the first objective for each row of bounds.
 
-        What has no design has none with tighter bounds either, unless a neighbour's leads there.
+        A row without a design is taken to have none with tighter bounds, unless a neighbour's leads
+        there.
         """
         found: list[End | None] = [None] * len(bounds)
         empty: list[Floats] = []
@@ -136,9 +138,11 @@ class Walk:
         return found
 
     def sweep(self, found: list[End | None], bounds: Floats, number: int, tell: Tell) -> bool:
-        """Looks for each point from its neighbour's end, from the last to the first, or back if the
-        number is odd; whether any got better. The first sweep, 0, looks for some from elsewhere,
-        too."""
+        """Search each point from its neighbour's end, and return whether a point improved.
+
+        The points run from the last to the first, or in reverse if the number is odd. The first
+        sweep, 0, searches some points from random designs, too.
+        """
         count, step = len(bounds), -1 if number % 2 else 1
         better = False
         for done, n in enumerate(range(count)[::-step]):
@@ -154,7 +158,8 @@ class Walk:
     def improve(
         self, known: End | None, n: int, most: Floats, starts: Sequence[Floats | End]
     ) -> End | None:
-        """The best end for point n that is known, or that new ones of the starts lead to."""
+        """Return the best of the known end for point n and the ends that are found from the
+        starts."""
         tried = [known]
         for start in starts:
             key = n, (start.unknowns if isinstance(start, End) else start).tobytes()
@@ -165,7 +170,7 @@ class Walk:
 
 
 def best_of(ends: list[End | None], objective: int) -> End | None:
-    """The end with the least of an objective; of those alike, the first."""
+    """The end with the least of an objective; among equal ones, the first."""
     best = None
     for end in ends:
         if end is not None and (
@@ -178,9 +183,9 @@ def best_of(ends: list[End | None], objective: int) -> End | None:
 def pareto_front(
     space: Space, count: int, seed: int, tell: Tell = lambda done, whole: None
 ) -> Front:
-    """About `count` points of the front of a space's two or three objectives.
+    """Find about `count` points on the front of a space's two or three objectives.
 
-    Raises `InputError` where an objective has no slopes.
+    Raises `InputError` if an objective has no slopes.
     """
     trade = trade_of(space)
     first = trade.objectives.index(space.objectives[0])
@@ -195,8 +200,8 @@ def pareto_front(
 
 
 def bounds_between(ends: list[End], first: int, count: int) -> Floats:
-    """Rows of bounds, even over the front's extent in all objectives but the first, whose bound is
-    infinite; neighbours follow one another."""
+    """Return rows of bounds, spaced evenly over the front's extent in all objectives but the first,
+    whose bound is infinite; consecutive rows are neighbours."""
     costs = np.array([end.costs for end in ends])
     others = [n for n in range(costs.shape[1]) if n != first]
     side = round(count ** (1 / len(others)))
@@ -211,7 +216,7 @@ def bounds_between(ends: list[End], first: int, count: int) -> Floats:
 
 
 def measure_ends(walk: Walk, ends: list[End]) -> Front:
-    """The ends that are on the front by their measures."""
+    """Return the ends that are on the front by their measures."""
     trade, first = walk.trade, walk.first
     names = trade.objectives
     designs, measures, prices, ends_kept, left_out = [], [], [], [], 0
@@ -248,7 +253,7 @@ def measure_ends(walk: Walk, ends: list[End]) -> Front:
 
 
 def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
-    """Which designs are no better than, and not the same as, one before them."""
+    """Which designs no other design beats and no earlier design equals."""
     costs = trade.costs_of_measures(measures)
     keep = np.ones(len(costs), dtype=bool)
     for n in range(len(costs)):
@@ -262,12 +267,12 @@ def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class FrontComparison:
-    """A front beside the designs of a cloud.
+    """Comparison of a front with the designs of a cloud.
 
-    beaten: points that a design of the cloud beats, by more than what its ranges are measured to.
-    gains: by how many hundredths the front's first objective is better than that of designs that
-    none of the cloud beats, at what these have in the others.  count: of the cloud's designs.
-    first: the front's first objective.
+    beaten: points that a design of the cloud beats, by more than the tolerance of its ranges.
+    gains: by what percentage the front's first objective is better than that of the cloud's own
+    front, at equal values of the other objectives.  count: of the cloud's designs. first: the
+    front's first objective.
     """
 
     beaten: int
@@ -276,7 +281,7 @@ class FrontComparison:
     first: str
 
     def lines(self) -> list[str]:
-        """In words."""
+        """Describe the comparison."""
         who = f"they beat {self.beaten} points of" if self.beaten else "none of them beats"
         told = [f"beside the {self.count} designs in the folder: {who} the front"]
         if len(self.gains):
@@ -288,12 +293,12 @@ class FrontComparison:
         return told
 
 
-#: How many designs of a cloud are compared; to what share their ranges are known.
+#: Number of compared designs of a cloud; and the tolerance of their ranges as a share.
 COMPARED, CLOUD_TOLERANCE = 40, 1e-3
 
 
 def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
-    """The front beside a table of designs, `exploration.collect`."""
+    """Compare the front with a table of designs from `exploration.collect`."""
     trade, first = found.walk.trade, found.walk.first
     costs = trade.costs_of_measures(np.stack([table[name] for name in MEASURES], axis=1))
     costs = costs[np.isfinite(costs).all(axis=1)]
@@ -316,10 +321,11 @@ def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontC
 
 
 def columns(found: Front) -> dict[str, NDArray[Any]]:
-    """The front as a table: variables, measures, what the others cost in the first, what presses.
+    """The front as a table: variables, measures, prices and active constraints.
 
     A price is in the units of the first objective for one unit of the other: the column
-    u_roll_urad_per_head_mm says how many urad a millimetre more of head takes away.
+    u_roll_urad_per_head_mm states by how many urad another millimetre of head reduces the
+    uncertainty.
     """
     names, first = found.objectives, found.walk.first
     table: dict[str, NDArray[Any]] = {"point": np.arange(len(found.designs))}
@@ -347,7 +353,8 @@ SHOWN = 11
 
 
 def some_rows(found: Front) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of some points: variables, measures, prices, and what holds each back."""
+    """Headings and rows of some points: variables, measures, prices, and the strongest active
+    constraint."""
     first = found.objectives[found.walk.first]
     others = [name for name in found.objectives if name != first]
     headings = [*found.walk.trade.problem.names, first, *others,

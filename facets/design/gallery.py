@@ -1,4 +1,4 @@
-"""The designs that a page or a choice shows: the sensor as it is, the front, and some others."""
+"""The designs on a page or in a choice: the sensor as it is, the front, and some others."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .variables import present_values, sensor_of
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-#: Designs of the front, and others, that a page has.
+#: Largest numbers of designs of the front, and of other designs, on a page.
 FRONT, OTHERS = 200, 400
 Table = dict[str, NDArray[Any]]
 
 
 def own_design(space: Space) -> tuple[Floats, Floats, str]:
-    """The sensor as it is: its variables, its measures, and why it has not all of them."""
+    """Return the present sensor's variables, its measures, and why some measures are missing."""
     fixed = replace(space, layout=replace(space.layout, variables={}))
     why, values = measure_design(fixed, np.empty(0), NO_RIVALS)
     now = present_values(space.sensor)
@@ -36,16 +36,16 @@ def own_design(space: Space) -> tuple[Floats, Floats, str]:
 
 
 def spread_numbers(count: int, most: int) -> NDArray[np.int64]:
-    """Numbers of at most so many of some designs, spread evenly."""
+    """Return at most `most` numbers below `count`, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
 def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, list[Sensor]]:
-    """A table of the design as it is, the front's and some others, and the sensors of all, in
-    numbers that can be made.
+    """Return a table of the present design, the front's and some others, and the sensors of all, in
+    manufacturable values.
 
-    front, others: tables with the variables and measures; the front may say in `holds_it_back`
-    what does.
+    front, others: tables with the variables and measures; the front's `holds_it_back` may name
+    active constraints.
     """
     names = [*space.names, *MEASURES]
     x, values, _ = own_design(space)
@@ -80,9 +80,9 @@ def choose_others(space: Space, front: Table, others: Table) -> NDArray[np.int64
 
 
 def round_designs(space: Space, rows: Floats) -> Floats:
-    """Variables and measures of designs (n, all) in numbers that can be made, measured again.
+    """Round designs (n, all) to manufacturable values and measure them again.
 
-    A design that would not have all measures then stays as it was found.
+    A design that would then lack a measure stays unrounded.
     """
     count = len(space.names)
     x = np.array([round_to_steps(space, row[:count]) for row in rows]).reshape(-1, count)
@@ -97,13 +97,13 @@ def round_designs(space: Space, rows: Floats) -> Floats:
 
 
 def round_to_steps(space: Space, x: Floats) -> Floats:
-    """A design in numbers that can be made."""
+    """Round a design to manufacturable values."""
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     return nearest_steps(space.names, x, low, high)
 
 
 def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
-    """The YAML of each, as an extension of the configuration, in numbers that can be made."""
+    """The YAML of each sensor, as an extension of the configuration, in manufacturable values."""
     from .changes import base_of, changed_keys, document, is_said_once, said_once
 
     base = base_of(settings, folder)
@@ -113,15 +113,15 @@ def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
 
 
 def best_of(table: Table, objectives: list[str], mask: Booleans) -> Table:
-    """The designs of a table that a mask names, by their first objective."""
+    """The designs of a table that a mask selects, sorted by the first objective."""
     some = {name: column[mask] for name, column in table.items()}
     order = np.argsort(some[objectives[0]], kind="stable")
     return {name: column[order] for name, column in some.items()}
 
 
 def choose_design(settings: Config, space: Space, file: Path, number: int) -> Floats:
-    """The variables of one design of front.csv, or point of pareto.csv, that an earlier run of the
-    configuration wrote.  Raises `InputError`."""
+    """Read the variables of one design of front.csv, or point of pareto.csv, that an earlier run of
+    the configuration wrote. Raises `InputError`."""
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
                          "by --folder")  # fmt: skip
@@ -138,8 +138,8 @@ def choose_design(settings: Config, space: Space, file: Path, number: int) -> Fl
 
 
 def make_buildable(space: Space, x: Floats) -> tuple[Floats, list[str]]:
-    """The design in numbers that can be made, where it is still one; and in words what that costs,
-    or why it stays as it was found."""
+    """Round a design to manufacturable values if it remains valid; also return the loss, or the
+    reason for not rounding, as sentences."""
     made = round_to_steps(space, x)
     (_, exact), (why, values) = measure_design(space, x), measure_design(space, made)
     if why:

@@ -1,7 +1,7 @@
-"""Signals that come while a solver computes: it swallows what their handlers raise.
+"""Signals during a solver's computation, whose handlers' exceptions casadi swallows.
 
-casadi asks Python for signals now and then, ends the solver where a handler raises, and returns
-where that left it, as if it had found nothing. Here the handler is asked again when it has.
+casadi checks Python's signals now and then, ends the solver where a handler raises, and returns the
+solver's last point, as if it had found nothing. Here the handler is then called again.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def run_solver(solver: Any, **problem: Any) -> Any:
-    """`solver(**problem)`, whose interruption is one: the signal's own handler then has its way.
+    """Call `solver(**problem)` and, after an interruption, call the signal's own handler.
 
-    A signal that would end the program at once still does.
+    A signal that ends the program at once still ends it.
     """
     if threading.current_thread() is not threading.main_thread():
         return solver(**problem)

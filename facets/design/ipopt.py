@@ -1,6 +1,6 @@
-"""IPOPT, as casadi brings it, for problems whose values and derivatives are computed here.
+"""IPOPT, as casadi ships it, for problems whose values and derivatives are computed here.
 
-Importing this imports casadi.
+This module imports casadi.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from .problem import RestrictedProblem
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8
-#: What its barrier begins with where the start is nearly the end.
+#: The barrier parameter at the beginning of a search that starts near its end.
 NEAR = 1e-5
-#: How many steps it may take.
+#: Largest number of steps.
 STEPS = 300
 
 
 @dataclass(frozen=True)
 class SolverResult:
-    """Where IPOPT ended.  limits, bounds: the multipliers of the constraints and of the bounds."""
+    """IPOPT's result.  limits, bounds: the multipliers of the constraints and of the bounds."""
 
     x: Floats
     objective: float
@@ -38,10 +38,10 @@ class SolverResult:
 
 
 class ArrayFunction(ca.Callback):
-    """A function for casadi from one for arrays.
+    """A casadi function made from a function of arrays.
 
-    rows: how many numbers each input has.  shapes: the sparsity of each output.
-    compute: from the inputs to each output's numbers, by columns.
+    rows: length of each input.  shapes: the sparsity of each output. compute: from the inputs to
+    each output's numbers, by columns.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class ArrayFunction(ca.Callback):
 
 
 class Pieces:
-    """A problem's functions as IPOPT asks for them, each computed once for one place."""
+    """A problem's functions as IPOPT calls them, each computed once for one place."""
 
     def __init__(self, problem: RestrictedProblem) -> None:
         self.problem = problem
@@ -107,7 +107,7 @@ class Pieces:
         return [self.limits.values, self.limits.slopes.T.ravel()]
 
     def hessian(self, x: Floats, _: Floats, weight: Floats, multipliers: Floats) -> list[Any]:
-        """Of the Lagrangian: its upper triangle by columns."""
+        """Return the Lagrangian's Hessian: its upper triangle by columns."""
         self.compute(x)
         found = self.cost.curvature(weight) + self.limits.curvature(multipliers)
         return [found[np.tril_indices(len(x))]]  # by rows of a symmetric matrix's lower triangle
@@ -121,9 +121,9 @@ def minimise(
     near: bool = False,
     steps: int = STEPS,
 ) -> SolverResult:
-    """The least objective that IPOPT finds from a start, within bounds.
+    """Minimise the objective with IPOPT from a start, within bounds.
 
-    near: whether the start is nearly where it will end.  steps: that it may take.
+    near: whether the start is near the end.  steps: largest number of steps.
     """
     pieces = Pieces(problem)
     x = ca.MX.sym("x", problem.unknowns)

@@ -1,11 +1,11 @@
-"""A layout problem: variables, constraints with names, and what is made small.
+"""A layout problem: variables, named constraints, and an objective to minimise.
 
-The largest of what is asked for over the volume is pushed down by a slack variable (minimax). What
-a layout must keep are constraints with names, so that the search can say in words what holds the
-best layout back, or what cannot be met.
+The largest of the limited quantities over the volume is pushed down by a slack variable (minimax).
+The requirements on a layout are named constraints, so that the search can report which of them
+limit the best layout, or which cannot be met.
 
 All of it is the float model on arrays, of many layouts at once (`formula`). A constraint is one
-output at one state; the search holds only those that matter (`search`).
+output at one state; the search only holds those that matter (`search`).
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 
-#: What the slack of an aim, or the scale of the volume, starts from; for an aim that needs one.
+#: Starting values of an aim's slack and of the volume's scale, for aims that need one.
 GUESS = {"resolution": 100.0, "condition": 10.0, "size": 100.0, "range": 0.3}
 Integers = NDArray[np.int64]
-#: By how much a constraint may be broken between the states that are asked.
+#: Largest violation of a constraint between the problem's states.
 BROKEN = 1e-8
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Constraints, one a row: which output of the formula at which state, in which group, and which
-    unknown is added to it, -1 for none; what it must keep above zero, None for nothing."""
+    """Constraints, one a row: the number of the output, of the state and of the group, the unknown
+    that is added (-1 for none), and the least value (None for zero)."""
 
     state: Integers
     output: Integers
@@ -63,12 +63,12 @@ class Rows:
         return len(self.state)
 
     def subset(self, which: Any) -> Rows:
-        """Some of them."""
+        """Return some of the rows."""
         some: list[Any] = [None if each is None else each[which] for each in vars(self).values()]
         return Rows(*some)
 
     def join(self, more: Rows) -> Rows:
-        """These and others; both have a spare or neither has."""
+        """Return these rows followed by others; both have a spare or neither has."""
         pairs = zip(vars(self).values(), vars(more).values(), strict=True)
         every: list[Any] = [None if a is None else np.concatenate([a, b]) for a, b in pairs]
         return Rows(*every)
@@ -85,19 +85,18 @@ class QuadraticModel(NamedTuple):
 
 @dataclass(frozen=True)
 class LayoutProblem:
-    """What is to be found; from `problem_of`.
+    """A layout problem, made by `problem_of`.
 
-    names: of the variables.  low, high: their bounds, in the units of their names.
-    extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
-    unknowns are the variables as shares of their bounds, then these.
-    formula: of some of the unknowns, those at `places`, and a state.  states (m, ...).
-    groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
-    states is an aim.  aims: how much each counts; `weighted` where they are added up.
-    constant: what the parts' price adds to the objective.
-    half: length over which clearances are told, mm.
-    span: (8, ...) a state of the volume is the shares of it times this; None where nothing is asked
-    over a volume.  inside: outputs that are asked all over it.  stated: how many of the states are
-    as stated, over which `averaged` is; others were added by `with_worst_places`.
+    names: of the variables.  low, high: their bounds, in the units of their names. extras: the aims
+    that have an unknown of their own, a slack or the scale of the volume. The unknowns are the
+    variables as shares of their bounds, then these. formula: of some of the unknowns, those at
+    `places`, and a state.  states (m, ...). groups: names of the constraints.  rows: all of them.
+    averaged: outputs whose mean over the states is an aim.  aims: the weight of each; `weighted` if
+    they are added up. constant: the term of the parts' price in the objective. half: unit of length
+    of the clearances, mm. span: (8, ...) turns shares of the volume into a state; None if nothing
+    is required over a volume. inside: outputs that are required all over the volume.  stated:
+    number of the stated states, over which `averaged` is the mean; `add_worst_places` added the
+    others.
     """
 
     sensor: Sensor
@@ -121,16 +120,17 @@ class LayoutProblem:
 
     @property
     def count(self) -> int:
-        """Of the unknowns."""
+        """The number of unknowns."""
         return len(self.names) + len(self.extras)
 
     def first_guess(self, start: Floats) -> Floats:
-        """The unknowns at a start: each slack just above what it has to be, the scale small."""
+        """Return the unknowns at a start: each slack just above its least value, and a small
+        scale."""
         shares = (start - self.low) / (self.high - self.low)
         return self.fill_slacks(np.append(shares, [GUESS[aim] for aim in self.extras]))
 
     def fill_slacks(self, unknowns: Floats, spare: float = 1.1) -> Floats:
-        """The unknowns with slacks that keep what they are for, `spare` times what they have to."""
+        """Return the unknowns with slacks that are `spare` times their least values."""
         found = unknowns.copy()
         values = self.values(unknowns)
         for n, aim in enumerate(self.extras):
@@ -144,17 +144,18 @@ class LayoutProblem:
         return found
 
     def values_at(self, unknowns: Floats) -> Floats:
-        """The variables, in the units of their names."""
+        """Return the variables, in the units of their names."""
         return self.low + (self.high - self.low) * unknowns[: len(self.names)]
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """Of the unknowns."""
+        """Return the bounds of the unknowns."""
         low, high = np.zeros(self.count), np.ones(self.count)
         high[len(self.names) :] = np.inf
         return low, high
 
     def values(self, unknowns: Floats) -> Floats:
-        """What all constraints are; those that are kept are not below zero."""
+        """Return the values of all constraints; a constraint is met where its value is not
+        negative."""
         found = self.formula.outputs(unknowns[None, self.places], self.states)[
             0, self.rows.state, self.rows.output
         ]
@@ -162,8 +163,8 @@ class LayoutProblem:
         return values if self.rows.spare is None else values - self.rows.spare
 
     def add_worst_places(self, unknowns: Floats) -> LayoutProblem:
-        """The problem asked at more places of the volume: those between its states at which the
-        layout breaks a constraint by more than at these. Itself where there are none."""
+        """Add the places between the states at which the layout violates a constraint by more than
+        at the states. Returns the problem itself if there are none."""
         span = self.span
         if span is None or not span.any():
             return self
@@ -197,14 +198,14 @@ class LayoutProblem:
         )
 
     def most_spare(self) -> Floats:
-        """The most that each output that is asked over the volume must keep above zero."""
+        """The largest spare of each output that is required over the volume."""
         if self.rows.spare is None:
             return np.zeros(len(self.inside))
         spare = self.rows.spare
         return np.array([spare[self.rows.output == output].max() for output in self.inside])
 
     def spare_near(self, places: Floats, shares: Floats, outputs: Integers) -> Floats:
-        """What an output must keep above zero at a place: as at the nearest of the states."""
+        """Return an output's spare at a place: that of the nearest state."""
         if self.rows.spare is None:
             return np.zeros(len(places))
         found = np.empty(len(places))
@@ -215,7 +216,7 @@ class LayoutProblem:
         return found
 
     def expand(self, unknowns: Floats, rows: Rows) -> QuadraticModel:
-        """Some rows, with their slopes and curvatures."""
+        """Return values, slopes and curvatures of some rows."""
         which, place = np.unique(rows.state, return_inverse=True)
         around = self.formula.expand(unknowns[self.places], self.states[which])
         some = Differences(around.steps, around.values[:, place, rows.output])
@@ -228,7 +229,7 @@ class LayoutProblem:
         return found._replace(values=values)
 
     def quadratic_model(self, found: Differences) -> QuadraticModel:
-        """Differences by the formula's unknowns as an expansion by all of the unknowns."""
+        """Expand the formula's differences by all of the unknowns."""
         slopes = np.zeros((found.values.shape[1], self.count))
         slopes[:, self.places] = found.slopes()
 
@@ -241,17 +242,17 @@ class LayoutProblem:
         return QuadraticModel(found.values[0], slopes, curvature)
 
     def objective(self, unknowns: Floats) -> float:
-        """What is made small."""
+        """Return the objective."""
         return float(self.expand_objective(unknowns).values[0])
 
     def expand_objective(self, unknowns: Floats) -> QuadraticModel:
-        """What is made small, with its slopes and curvatures."""
+        """Return the objective with its slopes and curvatures."""
         value, slopes = self.constant, np.zeros(self.count)
         hessian = np.zeros((self.count, self.count))
         for aim, weight in self.aims.items():
             cost, slope, curvature = self.cost(aim, unknowns)
             if self.weighted and aim in ("resolution", "mean-resolution"):
-                # what is added up is uncertainty, not variance
+                # the sum is over uncertainties, not variances
                 cost = np.sqrt(max(cost, 1e-300))
                 slope = slope / (2 * cost)
                 curvature = (curvature / 2 - np.outer(slope, slope)) / cost
@@ -261,7 +262,7 @@ class LayoutProblem:
         return QuadraticModel(np.array([value]), slopes[None], lambda weights: weights[0] * hessian)
 
     def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
-        """What one aim makes small, its slopes and its Hessian."""
+        """Return the value of one aim, its slopes and its Hessian."""
         if aim == "mean-resolution":
             around = self.formula.expand(unknowns[self.places], self.states[: self.stated])
             means = around.values[:, :, self.averaged].mean(axis=(1, 2))
@@ -276,10 +277,10 @@ class LayoutProblem:
 
 @dataclass(frozen=True)
 class RestrictedProblem:
-    """A problem with some of its constraints, as IPOPT takes it.
+    """A problem with some of its constraints, in IPOPT's form.
 
-    elastic: whether each group may be broken by an unknown of its own, whose sum is made small
-    instead.
+    elastic: whether each group may be violated by an unknown of its own, and the sum of these
+    unknowns is minimised instead.
     """
 
     problem: LayoutProblem
@@ -314,19 +315,18 @@ class RestrictedProblem:
         )
 
     def values(self, x: Floats) -> Floats:
-        """Of all constraints of the problem."""
+        """Return the values of all constraints of the problem."""
         found = self.problem.values(x[: self.problem.count])
         return found + x[self.problem.count :][self.problem.rows.group] if self.elastic else found
 
 
 @dataclass
 class StartResult:
-    """Where a start ended.
+    """The result of one start.
 
     x: the variables, in the units of their names.  objective: see `report.objective_text`.
-    active_constraints: the multiplier of each group that holds the result back, over the largest.
-    shortfalls: by what share of its limit a group cannot be met, where the requirement is
-    infeasible.
+    active_constraints: the multiplier of each active group, over the largest. shortfalls: the share
+    of its limit by which each group is violated, if the requirements are infeasible.
     """
 
     start: Floats
@@ -339,12 +339,12 @@ class StartResult:
     shortfalls: dict[str, float] = field(default_factory=dict)
 
 
-#: A catalogue of no more choices is tried whole.
+#: Largest number of choices of a catalogue that is tried in full.
 TRIED = 24
 
 
 def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optimize") -> None:
-    """Raises `InputError` where the problem would leave out something that the sensor has."""
+    """Raise `InputError` if the sensor has an effect that the problem would leave out."""
     opening = sensor.apertures
     unknown = {
         "beam_ratio": np.isfinite(opening.beam),
@@ -377,7 +377,7 @@ def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optim
 
 
 def require_unit(layout: Layout) -> None:
-    """Raises `InputError` where uncertainties are to be small and no axis has a unit."""
+    """Raise `InputError` if uncertainties are to be minimised and no axis has a unit."""
     if (
         layout.aims.keys() & {"resolution", "mean-resolution"}
         and not np.isfinite(layout.unit).any()
@@ -386,7 +386,7 @@ def require_unit(layout: Layout) -> None:
 
 
 def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
-    """Raises `InputError` where the noise of electronics does not go with what is asked."""
+    """Raise `InputError` if the noise of the electronics does not go with the requirements."""
     if sensor.electronics is None:
         if GAIN in layout.variables:
             raise InputError(
@@ -421,9 +421,9 @@ def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
 
 
 def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutProblem:
-    """The problem that a configuration's block `optimize` states; raises `InputError`.
+    """Make the problem of a configuration's block `optimize`; raises `InputError`.
 
-    constant: what the parts' price adds to the objective.
+    constant: the term of the parts' price in the objective.
     """
     require_extra("casadi", "the search for a layout")
     refuse_unknown_effects(sensor, layout)
@@ -473,13 +473,14 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutP
 
 
 def origin_of(low: Floats, high: Floats) -> Floats:
-    """The shares of their bounds at which variables are zero, where they are positive; else NaN."""
+    """Return the shares of their bounds at which positive variables are zero; NaN for the
+    others."""
     origin: Floats = np.where(low > 0, -low / (high - low), np.nan)
     return origin
 
 
 def outputs_at(constraints: list[Constraint], state: int) -> Integers:
-    """Outputs that are asked at a state."""
+    """List the outputs that are constrained at a state."""
     return np.array([
         output for output, each in enumerate(constraints)
         if each.states is None or state in each.states
@@ -487,7 +488,7 @@ def outputs_at(constraints: list[Constraint], state: int) -> Integers:
 
 
 def formula_places(names: list[str], extras: list[str]) -> Integers:
-    """The places of the variables, and of the scale of the volume."""
+    """Return the places of the variables and of the volume's scale among the unknowns."""
     scale = [len(names) + n for n, aim in enumerate(extras) if aim == "range"]
     return np.array([*range(len(names)), *scale])
 
@@ -495,7 +496,8 @@ def formula_places(names: list[str], extras: list[str]) -> Integers:
 def rows_of(
     constraints: list[Constraint], groups: list[str], extras: list[str], variables: int, states: int
 ) -> Rows:
-    """A row for each output and state; for an output that is the same at every state, one."""
+    """Make a row for each output and state; an output that is the same at every state has one
+    row."""
     rows = [
         (state, output, groups.index(each.group),
          variables + extras.index(each.slack) if each.slack else -1)
@@ -506,8 +508,8 @@ def rows_of(
 
 
 def head_limits(layout: Layout, heads: list[Any]) -> list[Constraint]:
-    """The largest head, of detectors whose radius varies or is too large: a head that keeps its
-    size, whatever is sought, holds nothing back."""
+    """Limit the head's size, for detectors whose radius varies or is too large. A head of constant
+    size cannot limit the search."""
     if np.isinf(layout.head):
         return []
     wide = [head for head in heads if not isinstance(head, float) or head > layout.head]
@@ -515,7 +517,7 @@ def head_limits(layout: Layout, heads: list[Any]) -> list[Constraint]:
 
 
 def headrooms(found: Outcome) -> list[Constraint]:
-    """Of the amplifiers, where the noise follows from electronics."""
+    """Constrain the amplifiers' headrooms, if the noise follows from electronics."""
     return [
         Constraint(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
         for n, each in enumerate(found.headrooms)
@@ -523,12 +525,12 @@ def headrooms(found: Outcome) -> list[Constraint]:
 
 
 def half_of(sizes: list[Any]) -> float:
-    """The length over which clearances are told, mm: half of a detector whose size is given."""
+    """The unit of length of the clearances, mm: half of a detector whose size is given."""
     return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
 def objective_constraints(layout: Layout, found: Outcome, heads: list[Any]) -> list[Constraint]:
-    """What must stay below the slack of each aim."""
+    """Constrain the quantities that must stay below the slack of each aim."""
     below = []
     if "resolution" in layout.aims:
         for i, part in variances_over_units(layout, found).items():
@@ -544,6 +546,6 @@ def objective_constraints(layout: Layout, found: Outcome, heads: list[Any]) -> l
 
 
 def variances_over_units(layout: Layout, found: Outcome) -> dict[int, Any]:
-    """By axis of the pose, its variance over the square of the unit asked for."""
+    """By axis of the pose, the variance over the square of the axis's unit."""
     axes = [i for i in range(6) if np.isfinite(layout.unit[i])]
     return {i: found.variances[i] / layout.unit[i] ** 2 for i in axes}

@@ -1,8 +1,8 @@
-"""Heads built by simulation: what `tolerancing` predicts, by the model itself.
+"""Heads built by simulation, with the model itself, to check the predictions of `tolerancing`.
 
-Each head is drawn, asked for its margins, its poses are solved as if it were the design, and, where
-heads are calibrated, it is calibrated from noisy readings as `facets calibrate` does and solved
-again. Nothing is expanded.
+Each head is drawn, its margins are computed, and its poses are solved with the design's parameters.
+If heads are calibrated, the head is calibrated from noisy readings as `facets calibrate` does, and
+its poses are solved again. Nothing is expanded.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ COVERAGE = 1.959963984540054
 
 @dataclass(frozen=True)
 class SimulatedHeads:
-    """What became of simulated heads.
+    """The results of simulated heads.
 
     kept: (n,) the least margin of spots, light and limits.  built, known: (n,) the least margin of
-    accuracy as built and calibrated, NaN where it is not asked for or no head was calibrated.
-    errors: (n, 2, 6) the largest errors in the volume, likewise; um and urad.  unsettled: heads
-    whose calibration did not come to an end; they count as failed.
+    accuracy as built and calibrated, NaN without an accuracy limit or without a calibration.
+    errors: (n, 2, 6) the largest errors in the volume, likewise; um and urad.  unsettled: number of
+    heads whose calibration did not converge; they count as failed.
     """
 
     kept: Floats
@@ -44,7 +44,7 @@ class SimulatedHeads:
 def simulate_heads(
     built: Assembly, count: int, seed: int, tell: Tell = lambda done, whole: None
 ) -> SimulatedHeads:
-    """Builds `count` heads; the same seed builds the same ones."""
+    """Simulate `count` heads; the same seed gives the same heads."""
     rng = np.random.default_rng(seed)
     rows, errors, unsettled = np.full((count, 3), np.nan), np.full((count, 2, 6), np.nan), 0
     for n in range(count):
@@ -52,7 +52,7 @@ def simulate_heads(
         z = rng.normal(size=len(built.choice.names)) * built.loose
         try:
             head = built.head(z)
-        except InputError:  # so loose that what was drawn is no pyramid, or no beam
+        except InputError:  # the drawn parameters give no pyramid or no beam
             rows[n] = -1.0
             continue
         rows[n, 0] = margins_of(built.asked, head).min()
@@ -72,7 +72,8 @@ def simulate_heads(
 
 
 def count_passes(heads: SimulatedHeads) -> dict[str, int]:
-    """How many heads keep spots, light and limits; and accuracy as built, and calibrated."""
+    """Count the heads that keep spots, light and limits; and those that keep accuracy as built, and
+    calibrated."""
     kept = heads.kept >= 0
     return {
         "kept": int(kept.sum()),
@@ -82,7 +83,7 @@ def count_passes(heads: SimulatedHeads) -> dict[str, int]:
 
 
 def interval(passed: int, count: int) -> tuple[float, float]:
-    """The 95 % interval of a share of which `passed` out of `count` were seen (Wilson)."""
+    """The 95 % interval of a share, after `passed` of `count` heads (Wilson)."""
     share, square = passed / count, COVERAGE**2
     middle = (share + square / (2 * count)) / (1 + square / count)
     half = COVERAGE / (1 + square / count)

@@ -1,4 +1,4 @@
-"""What a layout that was found means, and what more of what is fixed would give."""
+"""What a layout's objective means, and how it would change with the fixed quantities."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def objective_text(aim: str, objective: float) -> str:
-    """What an objective means."""
+    """Describe an objective in words."""
     if aim in ("resolution", "mean-resolution"):
         kind = "worst" if aim == "resolution" else "root mean square"
         return f"{kind} uncertainty {np.sqrt(max(objective, 0.0)):.4g} of the requested units"
@@ -37,9 +37,9 @@ def gains(
     constant: float = 0.0,
     spare: Floats | None = None,
 ) -> dict[str, float]:
-    """The objective if what may not vary were a little more, solved again from the optimum.
+    """Return the objective with each fixed quantity slightly larger, solved again from the optimum.
 
-    constant: what the parts' price adds to it.  spare: what the constraints keep above zero.
+    constant: the term of the parts' price in it.  spare: the least values of the constraints.
     """
     tried: dict[str, tuple[Sensor, Layout]] = {}
     if "size_mm" not in layout.variables and not layout.psds:

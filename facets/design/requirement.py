@@ -1,8 +1,8 @@
-"""What a layout must keep over the volume, as margins by the float model: each at least zero.
+"""A layout's requirements over the volume, as margins by the float model, each at least zero.
 
-The search asks it of layouts (`problem`, `trade`). Here it is asked of a head as it was built,
-whose detectors and facets each stand a little elsewhere, and besides, how far its poses are off
-because the solver thinks of another head than this one.
+The search applies them to layouts (`problem`, `trade`). Here they are applied to a head as built,
+whose detectors and facets are each slightly displaced. Besides, they include the errors of poses
+that are solved with the parameters of another head.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 FREE = Knowledge()
-#: The margin of what cannot be told, since a spot or its light is not there.
+#: The margin of a requirement that cannot be evaluated, since a spot or its light is missing.
 LOST = -1.0
 UNITS = np.array(FINE_UNITS[:6])
 EDGES = ("-y", "+y", "-z", "+z")
 
 
 class Constraint(NamedTuple):
-    """A value that must not fall below zero, or below that less a slack.
+    """A value that must not fall below zero, or below minus a slack.
 
-    group: what it is about.  value: an array as wide as (layouts, states) or less.  slack: the aim
-    whose unknown is added, "" for none.  states: at which of the states that are asked, by their
-    numbers; None for all.
+    group: the name of the requirement.  value: an array as wide as (layouts, states) or less.
+    slack: the aim whose unknown is added, "" for none.  states: numbers of the constrained states;
+    None for all.
     """
 
     group: str
@@ -50,7 +50,7 @@ class Constraint(NamedTuple):
 def limits_of(
     layout: Layout, powers: Any, spots: Any, sigmas: Any, rims: Any = ()
 ) -> list[Constraint]:
-    """What a layout asks for at every state of its volume, all of order one.
+    """List a layout's requirements at every state of its volume, scaled to order one.
 
     powers: 3, mW.  spots: from each detector's edges, 12, over half a detector.  sigmas: standard
     uncertainties of the pose, 6, um and urad.  rims: from the mirror's rim, 3, over it, if any.
@@ -75,10 +75,10 @@ def limits_of(
 
 @dataclass(frozen=True)
 class Requirement:
-    """What is asked for over the volume.
+    """The requirements over the volume.
 
-    states: (m, 8), the last at rest.  power: of the laser, as `solve` takes it.  rim: whether the
-    mirror's light must stay within its rim.
+    states: (m, 8), the last at rest.  power: knowledge of the laser's power, as in `solve`.  rim:
+    whether the mirror's light must stay within its rim.
     """
 
     layout: Layout
@@ -104,7 +104,7 @@ class Requirement:
 
 
 def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
-    """Asked at the volume's states, and where between them the sensor is nearest to a limit.
+    """Make the requirement at the volume's states and at the sensor's worst places between them.
 
     drifts: whether the laser's power is unknown in each sample.
     """
@@ -116,7 +116,7 @@ def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
 
 
 def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
-    """States (k, 8) of the volume between those that are asked at which a margin is less."""
+    """Find states (k, 8) between the requirement's states at which a margin is smaller."""
     span, wide = span_of(requirement.layout), wide_axes(requirement.layout)
 
     def values(shares: Floats) -> Floats:
@@ -128,7 +128,7 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
 
 
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
-    """(m, groups): powers and spots over what they need, uncertainties over their limits."""
+    """(m, groups): powers and spots over their least values, uncertainties over their limits."""
     states, limited = requirement.states, np.isfinite(requirement.layout.limit).any()
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
     room = margins(sensor, states)
@@ -143,10 +143,10 @@ def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
 
 
 def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Floats:
-    """(m, 6) by how much poses are off, from what they are off at rest; um and urad.
+    """(m, 6) errors of the poses, less the error at rest; um and urad.
 
-    built: the head as it is.  thought: the head that the solver takes it for.  NaN where it finds
-    no pose.
+    built: the head as it is.  thought: the head whose parameters the solver uses.  NaN where it
+    finds no pose.
     """
     raw = invert_correction(built, readings(built, requirement.states).copy())
     found = solve(
@@ -159,7 +159,7 @@ def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Float
 
 
 def accuracy_margins(requirement: Requirement, errors: Floats) -> Floats:
-    """(..., axes with a limit): what is left of it."""
+    """(..., axes with a limit): how far the errors are below their limits."""
     axes = requirement.accuracy_axes
     limits = np.array(requirement.layout.accuracy)[axes]
     found: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)

@@ -1,9 +1,9 @@
-"""A layout that still keeps what is asked for when its heads are as loose as they are built.
+"""A layout that meets its requirements although its heads have manufacturing tolerances.
 
-Every limit of the search is moved in by k times the spread that the tolerances give to its margin,
-and k is as large as the yield asks for. Both change with the layout: the spreads by its geometry, k
-by how many limits are near at once. So the search, the expansion and k are found in turn until k
-no longer changes; each search begins where the last one ended.
+Every limit of the search is tightened by k times the spread that the tolerances give to its margin,
+and k is as large as the required yield needs. Both change with the layout: the spreads by its
+geometry, k by how many limits are near at once. So the search, the expansion and k are computed in
+turn until k no longer changes; each search begins where the last one ended.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
     from ..core.layout import Layout
 
-#: Rounds at most; and how near to the yield that is asked for the prediction must come.
+#: Largest number of rounds, and the tolerance of the predicted yield.
 ROUNDS, NEAR = 8, 0.002
-#: Margins are told in spreads, of which one of nothing is taken as this.
+#: The least spread in whose units a margin is counted.
 LEAST_SPREAD = 1e-12
 
 
@@ -36,9 +36,9 @@ LEAST_SPREAD = 1e-12
 class Robust:
     """A layout with margins.
 
-    problem: with the margins, which rounding and what comes after it must keep as well.
-    result: where its search ended.  factor: k.  expansion: of the layout found.  kept: its share of
-    heads that keep spots, light and limits, predicted.  rounds: that it took.
+    problem: with the margins, which rounding and later steps must keep as well. result: of its
+    search.  factor: k.  expansion: of the layout.  kept: the predicted share of heads that keep
+    spots, light and limits.  rounds: their number.
     """
 
     problem: LayoutProblem
@@ -50,7 +50,7 @@ class Robust:
 
 
 def require_fixed_volume(layout: Layout) -> None:
-    """Raises `InputError` where the volume, over which heads are asked, is itself an unknown."""
+    """Raise `InputError` if the volume's scale is itself an unknown."""
     if "range" in layout.aims:
         raise InputError(
             "optimize.production.yield_percent with an aim of range: heads are asked over the "
@@ -62,9 +62,9 @@ def require_fixed_volume(layout: Layout) -> None:
 def robust_layout(
     problem: LayoutProblem, layout: Layout, rules: Rules, known: Calibrate, best: StartResult
 ) -> Robust:
-    """The layout whose heads keep what is asked for with `layout.production`, from the best one.
+    """Find the layout whose heads have the yield of `layout.production`, from the best layout.
 
-    Where none does, the result's `found` is false and its `shortfalls` say what stands in the way.
+    If no layout has, the result's `found` is false and its `shortfalls` name the obstacles.
     """
     refuse_unknown_effects(problem.sensor, layout)
     require_fixed_volume(layout)
@@ -93,12 +93,13 @@ def robust_layout(
 
 
 def replace_spare(problem: LayoutProblem, spare: Floats | None) -> LayoutProblem:
-    """The problem whose constraints keep that (rows,) above zero."""
+    """Return the problem with other least values (rows,) of its constraints."""
     return replace(problem, rows=replace(problem.rows, spare=spare))
 
 
 def missing(found: Expansion, draws: Draws, target: float) -> float:
-    """By how many spreads the margins must grow, all alike, for a share of the heads to keep all.
+    """Return the increase of all margins, in spreads, with which the target share of heads keeps
+    all.
 
     A head keeps all where its worst margin, in spreads, is no more below zero than that.
     """
@@ -114,7 +115,7 @@ def missing(found: Expansion, draws: Draws, target: float) -> float:
 
 
 def spare_of(problem: LayoutProblem, found: Expansion, factor: float) -> Floats:
-    """What each constraint of a problem must keep above zero (rows,), in its own unit."""
+    """Return the least value of each constraint of a problem (rows,), in its own unit."""
     built = found.built
     names = built.asked.groups
     spread = factor * found.spread.reshape(-1, len(names))
@@ -126,8 +127,8 @@ def spare_of(problem: LayoutProblem, found: Expansion, factor: float) -> Floats:
 
 
 def own_units(problem: LayoutProblem, built: Assembly, spread: Floats) -> Floats:
-    """Spreads of `requirement.margins_of` in the units of the problem's constraints, which keep
-    clearances over another length."""
+    """Convert spreads of `requirement.margins_of` to the units of the problem's constraints, whose
+    clearances have another unit of length."""
     own = spread.copy()
     psds = built.sensor.psds
     for k, psd in enumerate(psds):

@@ -1,7 +1,7 @@
-"""A design in numbers that a workshop can make, which still keeps what is asked for.
+"""A design in manufacturable values that still meets its requirements.
 
-One variable after the other goes to the nearest step, and the rest is searched again with it held;
-where that leaves nothing that keeps all, the other neighbour is tried, then a finer step.
+One variable after the other is rounded to the nearest step, and the others are searched again; if
+no layout then meets the requirements, the other neighbour is tried, then a finer step.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from ..core.units import Floats
 from .problem import LayoutProblem
 from .search import SLACK, objective_at, settle, solve
 
-#: What can be set or made without effort, by the ending of a name, and of some names by itself.
+#: Steps that are easy to set or make, by the ending of a variable's name; some names have their
+#: own.
 STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
 OWN = {"diameter_mm": 0.01}
-#: How many times a step is made ten times finer before a number stays as it was found.
+#: How many times a step is made ten times finer before a variable stays unrounded.
 FINER = 3
 
 
 @dataclass(frozen=True)
 class Rounded:
-    """x: the variables.  steps: what each is a multiple of, 0 where it is none.
-    costs: by how many hundredths the objective gets worse where one is off by half its step, or
-    infinite where what is asked for is then no longer kept by more than a thousandth."""
+    """x: the variables.  steps: the step of each, 0 where it was not rounded. costs: by what
+    percentage the objective gets worse for an error of half a step, or infinite where the layout
+    then breaks a requirement by more than a thousandth."""
 
     x: Floats
     objective: float
@@ -38,7 +39,7 @@ def step_of(name: str) -> float:
 
 
 def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
-    """The design rounded; None where not even the design itself keeps all."""
+    """Round the design; None if the unrounded design does not meet its requirements."""
     low, high = problem.bounds()
     width = problem.high - problem.low
     here, steps = x.copy(), np.zeros(len(x))
@@ -73,7 +74,8 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
 
 
 def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Floats:
-    """The nearest multiples of the steps that are within the bounds; what has none stays."""
+    """The nearest multiples of the steps within the bounds; a variable without a step is
+    unchanged."""
     found = x.copy()
     for n, name in enumerate(names):
         step = step_of(name)
@@ -86,7 +88,7 @@ def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Flo
 def solve_with_value(
     problem: LayoutProblem, guess: Floats, low: Floats, high: Floats, n: int, share: float
 ) -> Floats | None:
-    """Where the search ends with one variable held; None where nothing keeps all."""
+    """Search with one variable held; None if no layout meets the requirements."""
     low, high, guess = low.copy(), high.copy(), guess.copy()
     low[n] = high[n] = guess[n] = share
     free = low[: len(problem.names)] < high[: len(problem.names)]

@@ -1,8 +1,8 @@
-"""The best layout over a volume, by casadi's IPOPT from several starts, and why it is no better.
+"""The best layout over a volume, by casadi's IPOPT from several starts, and its active constraints.
 
-Of some thousand constraints a handful hold the best layout back. So IPOPT is given those that are
-nearest to being broken, all are asked where it ends, and those that are broken there join the
-others until none is: the end is the same, as no constraint that was left out would press on it.
+Of some thousand constraints only a few are active at the best layout. So IPOPT gets those that are
+nearest to being violated, all are evaluated at its result, and the violated ones join the others
+until there is none. The result is the same, as no omitted constraint would be active there.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
     from .ipopt import SolverResult
 
 
-#: A multiplier smaller than this, over the largest, holds nothing back.
+#: A constraint with a smaller multiplier than this, over the largest, is not active.
 ACTIVE = 1e-4
-#: How far below zero a constraint may be: IPOPT's tolerance, with a margin for its scaling.
+#: Largest violation of a constraint: IPOPT's tolerance, with a margin for its scaling.
 SLACK = 1e-6
-#: By how much a constraint that IPOPT does not know may be broken before it is told.
+#: Violation above which a constraint is added to IPOPT's problem.
 UNNOTICED = 1e-9
-#: IPOPT's word for bounds that exclude one another.
+#: IPOPT's status for bounds that exclude one another.
 INFEASIBLE = "infeasible problem detected"
-#: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
+#: Number of constraints of a group that IPOPT gets at first and in each round, and of rounds.
 NEAREST, ROUNDS = 1, 40
 
 
@@ -51,10 +51,10 @@ NEAREST, ROUNDS = 1, 40
 class Optimum:
     """The results of all starts, the best first.
 
-    names: of the variables.  before: the objective as it was, or NaN where the sensor did not keep
-    the constraints.  sensor: with the best of the parts.  tried: each choice of parts and where it
-    ended, the best first; empty without a catalogue.  choices: how many there are.  problem: that
-    was solved, with the best of the parts.
+    names: of the variables.  before: the present sensor's objective, or NaN if it violates
+    constraints.  sensor: with the best of the parts.  tried: each choice of parts and its result,
+    the best first; empty without a catalogue.  choices: number of all choices.  problem: with the
+    best of the parts.
     """
 
     names: list[str]
@@ -131,17 +131,18 @@ def optimize(
 def choose(
     sensor: Sensor, layout: Layout, tell: Callable[[int, int], None]
 ) -> tuple[list[tuple[PartsChoice, StartResult]], int]:
-    """The choices of parts that were tried, the best first, and how many there are in all.
+    """Try choices of parts; return their results, the best first, and the number of all choices.
 
-    A small catalogue is tried whole, so that all of it can be seen; of a large one those are left
-    out that cannot be the best.
+    All choices of a small catalogue are tried, so that the user can see them; in a large one,
+    choices that cannot be the best are skipped.
     """
     made = dict(choices(sensor, layout))
     if len(made) > TRIED:
         found = best_parts(sensor, layout, solve_from_present, tell)
         if found.tried:
             return found.tried, len(made)
-        # nothing keeps all that is asked for, not even parts as good as any: the best of them tell
+        # no choice meets the requirements, not even with parts as good as any: use the best of
+        # those tried
         largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
         return [(largest, solve_from_present(made[largest], layout))], len(made)
     tried: list[tuple[PartsChoice, StartResult]] = []
@@ -155,7 +156,7 @@ def choose(
 
 
 def starts_of(problem: LayoutProblem, layout: Layout) -> Floats:
-    """The sensor as it is, and others drawn within the bounds."""
+    """Return the present sensor's variables, and others drawn within the bounds."""
     now = present_values(problem.sensor)
     first = np.clip([now[name] for name in problem.names], problem.low, problem.high)
     rng = np.random.default_rng(layout.seed)
@@ -164,13 +165,13 @@ def starts_of(problem: LayoutProblem, layout: Layout) -> Floats:
 
 
 def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
-    """Where the sensor as it is ends."""
+    """Search from the present sensor."""
     problem = problem_of(sensor, layout)
     return solve_from(problem, starts_of(problem, layout)[0])
 
 
 def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
-    """Of each group and slack the rows with the least values, NaN first."""
+    """The rows with the least values of each group and slack, NaN first."""
     least = np.where(np.isnan(values), -np.inf, values)
     found = []
     for group in range(len(problem.groups)):
@@ -180,10 +181,10 @@ def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int
 
 
 class SolverEnd(NamedTuple):
-    """Where IPOPT ended.
+    """The result of IPOPT.
 
-    problem: that was solved, with the places of the volume that were added.  rows: numbers of the
-    constraints that IPOPT was given.  unknowns: with slacks as small as they can be.
+    problem: with the places that were added to the volume's states.  rows: numbers of the
+    constraints that IPOPT got.  unknowns: with slacks as small as possible.
     """
 
     problem: LayoutProblem
@@ -201,10 +202,10 @@ def solve(
     known: NDArray[np.int64] | None = None,
     steps: int = 300,
 ) -> SolverEnd:
-    """Where IPOPT ends from a guess with all constraints.
+    """Solve with all constraints from a guess.
 
-    known: numbers of rows that a neighbour's problem was solved with, whose end the guess is.
-    steps: that IPOPT may take each time.
+    known: numbers of the rows of a neighbour's problem, whose result is the guess. steps: IPOPT's
+    largest number of steps in each round.
     """
     from .ipopt import minimise
 
@@ -224,7 +225,7 @@ def solve(
         values = held.values(found.x)
         broken = np.flatnonzero(~(values > -UNNOTICED))
         new = np.setdiff1d(np.intersect1d(nearest(problem, values, NEAREST), broken), rows)
-        if not len(new):  # is any broken between the states that are asked?
+        if not len(new):  # is any violated between the states?
             wider = problem.add_worst_places(found.x[:n])
             new = np.arange(len(problem.rows), len(wider.rows))
             problem = wider
@@ -237,8 +238,8 @@ def solve(
 
 
 def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Floats]:
-    """The problem asked at the worst places of the volume, and the unknowns with the slacks that
-    these ask for."""
+    """Return the problem with the volume's worst places added, and the unknowns with slacks for
+    them."""
     exact = problem.fill_slacks(unknowns, spare=1.0)
     wider = problem.add_worst_places(exact)
     return wider, exact if wider is problem else wider.fill_slacks(exact, spare=1.0)
@@ -247,14 +248,14 @@ def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Flo
 def active_rows(
     problem: LayoutProblem, rows: NDArray[np.int64], found: SolverResult
 ) -> NDArray[np.int64]:
-    """Numbers of the constraints that hold a result back, of those that it was found with."""
+    """Return the numbers of the active constraints among IPOPT's."""
     top = found.limits.max(initial=0.0)
     held: NDArray[np.int64] = rows[found.limits > ACTIVE * top]
     return held
 
 
 def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
-    """Where a start (in the units of the variables' names) ends."""
+    """Search from a start, in the units of the variables' names."""
     begin = time.perf_counter()
     guess, (low, high) = problem.first_guess(start), problem.bounds()
     problem, rows, found, exact = solve(problem, guess, low, high)
@@ -271,8 +272,8 @@ def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
 
 
 def active_constraints(problem: LayoutProblem, rows: Rows, found: SolverResult) -> dict[str, float]:
-    """The multipliers, summed by group of constraints and by end of a variable, over the largest;
-    those that hold the result back, the strongest first."""
+    """The multipliers of active constraints over the largest, summed by group and by bound of a
+    variable, the strongest first."""
     of_groups = np.bincount(rows.group, found.limits, len(problem.groups))
     sums = dict(zip(problem.groups, of_groups.tolist(), strict=True))
     for i, name in enumerate(problem.names):
@@ -284,7 +285,7 @@ def active_constraints(problem: LayoutProblem, rows: Rows, found: SolverResult) 
 
 
 def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
-    """Groups that cannot all be kept, and by what share of its limit each would have to give."""
+    """Return the groups that cannot all be met, and by what share of its limit each is violated."""
     low, high = problem.bounds()
     count = len(problem.groups)
     guess = np.append(problem.first_guess(start), np.ones(count))
@@ -300,7 +301,7 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
 
 
 def objective_at(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> float:
-    """The objective at a layout; NaN where it breaks a limit by more than `slack`."""
+    """The objective at a layout; NaN if it violates a limit by more than `slack`."""
     low, high = problem.bounds()
     guess = problem.first_guess(x)
     low[: len(x)] = high[: len(x)] = guess[: len(x)]

@@ -1,4 +1,4 @@
-"""Tables of a design as a person puts them into a document: LaTeX, or a workbook."""
+"""Tables of a design for documents: LaTeX, or a workbook."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ..files.tables import Whole
 #: Headings and rows of a table.
 Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 KINDS = (".tex", ".xlsx")
-#: What a workbook takes as a sheet's name: 31 characters, and none of these.
+#: The largest length of a sheet's name in a workbook, and the characters that it excludes.
 LONGEST, FORBIDDEN = 31, re.compile(r"[\[\]:*?/\\]")
 
 
 def require_writable(path: Path) -> None:
-    """Raises `InputError` where tables of that kind cannot be written."""
+    """Raise `InputError` if tables of that kind cannot be written."""
     if path.suffix.lower() not in KINDS:
         raise InputError(f"{path}: tables are written as {' or '.join(KINDS)}")
     if path.suffix.lower() == ".xlsx":
@@ -28,10 +28,10 @@ def require_writable(path: Path) -> None:
 
 
 def write_sheets(path: Path, tables: dict[str, Rows], origin: str) -> None:
-    """Writes tables by their titles.  origin: how they were made, in one line.
+    """Write tables by their titles.  origin: one line that states how they were made.
 
-    LaTeX: one `table` after the other, for the package booktabs.  A workbook: a sheet each, numbers
-    as numbers, and a last one that says how they were made.
+    LaTeX: one `table` after the other, for the package booktabs.  A workbook: a sheet each, with
+    numbers as numbers, and a last sheet with the origin.
     """
     with Whole(path) as temporary:
         if path.suffix.lower() == ".tex":
@@ -44,7 +44,7 @@ def write_sheets(path: Path, tables: dict[str, Rows], origin: str) -> None:
 
 
 def as_latex(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table with a caption; the first column is words, as are those without a number."""
+    """Format a table with a caption; the first column is text, as are columns without a number."""
     columns = "".join("l" if is_text(column) else "r" for column in zip(*rows, strict=True))
     lines = [" & ".join(map(escape_text, row)) + r" \\" for row in (headings, *rows)]
     return "\n".join(
@@ -65,7 +65,7 @@ def as_latex(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]])
 
 
 def is_text(column: Sequence[str]) -> bool:
-    """Whether a column has words: anything that is no number, but for a unit behind one."""
+    """Return whether a column has text: a cell that is not a number, with or without a unit."""
     return any(cell and number(cell.removesuffix(" %")) is None for cell in column)
 
 
@@ -75,7 +75,7 @@ def number(cell: str) -> float | None:
     return None
 
 
-#: What LaTeX would take for something else.
+#: Characters with a special meaning in LaTeX.
 SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
     "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",

@@ -1,4 +1,4 @@
-"""How near spots come to the edges of their detectors, and light to the mirror's rim, on arrays.
+"""Clearances of spots from their detectors' edges, and of light from the mirror's rim, on arrays.
 
 A landing coordinate is linear over a facet, so that the light inside the beam's 1/e^2 ellipse lands
 farthest out on the ellipse itself, or, as only a piece of it lies on the facet, at a corner of that
@@ -18,13 +18,13 @@ from ..optics.rays import flight, hit, land, reflect, slant
 from ..optics.vectors import Plane, dot, dot2, subtract
 from ..scalars.dispatch import select, sqrt
 
-#: Of the light that is to stay on the detectors and on the mirror.
+#: Radius, in sigmas, of the light that has to stay on the detectors and on the mirror.
 RADIUS = FOOTPRINT_RADIUS_SIGMAS
 
 
 def landings(fixed: Geometry, at: Scene) -> Iterator[tuple[int, int, Any, Plane]]:
-    """Of each detector (0 to 2) and axis (y, z): where the beam's central ray lands, mm, and how
-    that changes a sigma across the beam."""
+    """Yield each detector (0 to 2) and axis (y, z) with the place where the beam's central ray
+    lands, mm, and its change with a sigma across the beam."""
     for k in range(3):
         start = hit(at.place, fixed.direction, at.apex, at.normals[k])
         leaving = reflect(fixed.direction, at.normals[k])
@@ -35,7 +35,7 @@ def landings(fixed: Geometry, at: Scene) -> Iterator[tuple[int, int, Any, Plane]
 
 
 def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
-    """From the image of the whole ellipse to each detector's edges at -y, +y, -z, +z, mm: 12.
+    """Clearances of the whole ellipse's image from each detector's edges at -y, +y, -z, +z, mm: 12.
 
     sizes: of the detectors, square, mm.
     """
@@ -47,8 +47,9 @@ def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
 
 
 def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int, int], list[Any]]:
-    """By detector and edge (-y, +y, -z, +z), from the farthest light on a facet to the edge, mm: at
-    the mirror's tip, where each of the facet's edges leaves the ellipse, and along its arc.
+    """Clearances by detector and edge (-y, +y, -z, +z) of the points on a facet that can be
+    farthest out, mm: the mirror's tip, the points where the facet's edges leave the ellipse, and
+    the arc between.
 
     sizes: of each detector along y and z, mm.  The tip is inside the ellipse; see `tip_clearance`.
     """
@@ -61,7 +62,7 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
             farthest, before, after = arc_reach(
                 facing, at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS
             )
-            # where the arc's place has left the facet by an edge, it is that edge's end
+            # if the arc's farthest place is off the facet, use the end of that edge
             arc = select(before < 0, sign * first, select(after < 0, sign * second, farthest))
             found[k, 2 * axis + side] = [
                 sizes[k][axis] / 2 - sign * centre - reach
@@ -71,18 +72,20 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
 
 
 def corner_points(at: Scene, k: int) -> list[Plane]:
-    """Of the light on facet k inside the ellipse: the tip and the far ends of both edges."""
+    """The corners of the light on facet k inside the ellipse: the tip and the far ends of both
+    edges."""
     every = corners(at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS)
     return [every[n][1] for n in (0, 2, 4)]
 
 
 def tip_clearance(at: Scene) -> Any:
-    """Positive where the mirror's tip is inside the ellipse."""
+    """A value that is positive where the mirror's tip is inside the ellipse."""
     return 1 - dot2(at.q, at.q) / (RADIUS * RADIUS)
 
 
 def rim_clearances(fixed: Geometry, at: Scene, rim: float) -> list[Any]:
-    """From the light inside the ellipse to the mirror's rim on each facet, over the rim."""
+    """Clearances of the light inside the ellipse from the mirror's rim on each facet, over the
+    rim."""
     found = []
     for k in range(3):
         along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])

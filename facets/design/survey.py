@@ -1,8 +1,8 @@
-"""Many designs at once: what `exploration.measure_design` measures of each, for plain sensors.
+"""Measures of many designs at once, as `exploration.measure_design` measures each plain sensor.
 
-A design is a row of its sensor's 30 parameters and of its detectors' sizes; the model is asked for
-all of them in one call (`model.many`). Their ranges are followed as `characterization.ranges`
-follows those of one sensor.
+A design is a row of its sensor's 30 parameters and of its detectors' sizes; the model computes all
+designs in one call (`model.many`). Their ranges are found as `characterization.ranges` finds those
+of one sensor.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from ..model.kinds import kind_of
 from ..model.many import evaluate, vectors_of
 from .variables import FACETS, PSDS, layout_parameters
 
-#: Why a design was not measured further; "" for those that were.
+#: Reasons to skip a design; "" for a measured one.
 SKIPPED = (
     "",
     "spot beside the PSD at rest",
@@ -50,9 +50,9 @@ SKIPPED = (
     "too coarse at rest",
     "amplifier past its full scale at rest",
 )
-#: Which of them it is where a design is outside its own range at rest, by the range's limit.
+#: The reason for a design that is outside its own range at rest, by the range's limit.
 OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
-#: Designs whose states are in memory at a time.
+#: Largest number of designs whose states are in memory at a time.
 CHUNK = 128
 #: The reading that Eq. (11) leaves out: the last power.
 LEFT_OUT = 8
@@ -62,7 +62,7 @@ class Designs(NamedTuple):
     """Plain sensors side by side.
 
     vectors (n, m): from `many.vectors_of`.  limits (n, 3, 5): from `arrays.edge_limits`, mm.
-    sensor, rules: what all of them share, the noise and the light that a range needs.
+    sensor, rules: the noise and the least light that all designs share.
     """
 
     vectors: Floats
@@ -74,7 +74,7 @@ class Designs(NamedTuple):
         return self._replace(vectors=self.vectors[which], limits=self.limits[which])
 
     def evaluate_rest(self, name: str) -> Floats:
-        """Readings, derivatives or footprints of each at rest."""
+        """Compute each design's readings, derivatives or footprints at rest."""
         owner = np.arange(len(self.vectors))
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
@@ -90,7 +90,7 @@ class Designs(NamedTuple):
 
 
 def is_plain(sensor: Sensor, rules: Rules) -> bool:
-    """Whether a sensor's ranges and uncertainties depend on nothing but what `Designs` knows."""
+    """Return whether a sensor's ranges and uncertainties depend only on what `Designs` holds."""
     return (
         kind_of(sensor) == "plain"
         and sensor.electronics is None
@@ -103,8 +103,8 @@ def is_plain(sensor: Sensor, rules: Rules) -> bool:
 def designs_of(
     sensor: Sensor, rules: Rules, names: Sequence[str], rows: Floats
 ) -> tuple[Designs, Floats, Booleans]:
-    """Designs from values (n, variables) of the named variables; the diameters of their heads (n,),
-    mm; and which of them are sensors (n,), the only ones among the designs."""
+    """Make designs from values (n, variables) of the named variables; also return the heads'
+    diameters (n,), mm, and which rows (n,) are valid sensors: the designs hold only these."""
     count = len(rows)
     p, sizes = layout_parameters(sensor, names, list(rows.T))
     values = np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in p], axis=1)
@@ -119,7 +119,7 @@ def designs_of(
 
 
 def is_sensor(p: Floats) -> Booleans:
-    """Which rows of 30 parameters make a sensor (n,), as `core.sensor` checks them."""
+    """Which rows of 30 parameters make a valid sensor (n,), by the rules of `core.sensor`."""
     tilts = p[:, list(FACETS)]
     turns = p[:, [k + 1 for k in FACETS]]
     gaps = (np.roll(turns, -1, axis=1) - turns) % (2 * np.pi)
@@ -130,8 +130,8 @@ def is_sensor(p: Floats) -> Booleans:
 
 
 def rest_reasons(distances: Floats, reading: Floats, least: float) -> Integers:
-    """Numbers (n,) of SKIPPED by what designs give at rest: 1 where a spot is not whole on its
-    detector, 2 where a power is not above `least`, else 0.
+    """Numbers (n,) of SKIPPED for designs at rest: 1 where a spot is not whole on its detector, 2
+    where a power is not above `least`, else 0.
 
     distances (n, 3, 5): of the spots from their limits, as of `margins`.  reading: (n, 9).
     """
@@ -141,8 +141,8 @@ def rest_reasons(distances: Floats, reading: Floats, least: float) -> Integers:
 
 
 def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
-    """At rest: standard uncertainties of the pose (n, 6), um and urad, and the condition number
-    (n,) of the Jacobian."""
+    """Standard uncertainties of the pose (n, 6), um and urad, and the Jacobian's condition number
+    (n,), at rest."""
     sigma = standard_deviations(some.sensor, reading)
     matrices = some.evaluate_rest("derivatives") * FINE_UNITS / sigma[:, :, None]
     return standard_uncertainties(matrices), extremes(matrices)[:, 1]
@@ -178,10 +178,10 @@ def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
 def measure(
     some: Designs, volume: Floats, least_power: float, tolerance: float
 ) -> tuple[Integers, Floats]:
-    """Why each design is skipped, by its number in SKIPPED, and its measures but for
-    the head (n, 14): ranges, mm and rad, uncertainties, um and urad, condition number, regular.
+    """Measure designs: why each is skipped, by its number in SKIPPED, and its measures (n, 14):
+    ranges, mm and rad, uncertainties, um and urad, condition number, regular; without the head.
 
-    NaN in what was not reached.
+    NaN where a measure was not reached.
     """
     reading = some.evaluate_rest("readings")
     distances = edge_distances(some.evaluate_rest("footprints"), some.limits)

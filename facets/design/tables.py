@@ -1,4 +1,4 @@
-"""Results of a search as tables, in the words of the commands: headings and rows."""
+"""Results of a search as tables of the commands: headings and rows."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from .rounding import Rounded
     from .search import Optimum
 
-#: What an error of the size that a number is made to can do.
+#: The effect of an error as large as the rounding step.
 BREAKS = "breaks a limit"
-#: Variables whose key has another name.
+#: Keys of variables whose key has another name.
 KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
     f"{kind}_{letter}_{key}": key
     for kind, keys in (
@@ -28,7 +28,7 @@ KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
 
 
 def part_rows(found: Optimum) -> Rows:
-    """Headings and rows of the choices that were tried."""
+    """Headings and rows of the choices of parts."""
     headings = ["detectors", "laser", "amplifiers", "price", "weeks", *found.names, "objective",
                 "end"]  # fmt: skip
     rows = []
@@ -53,7 +53,7 @@ def start_rows(found: Optimum) -> Rows:
 
 
 def change_rows(settings: Config, sensor: Sensor, made: Rounded | None, names: list[str]) -> Rows:
-    """Headings and rows of all keys that changed, with what each may be off by."""
+    """Headings and rows of all changed keys, with the effect of an error in each."""
     allowed = roundings(made, names)
     rows = []
     for key, before, after in changes_of(settings, sensor):
@@ -68,7 +68,7 @@ def value_text(value: Any) -> str:
 
 
 def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
-    """By the last part of a key: to what it is made, and what an error of that costs."""
+    """By the last part of a key: the rounding step, and the effect of an error of that size."""
     if made is None:
         return {}
     found = {}

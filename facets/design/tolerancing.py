@@ -1,12 +1,12 @@
-"""The yield of a design, predicted: which share of its heads keeps what is asked for.
+"""Prediction of a design's yield: the share of its heads that meets the requirements.
 
 Every margin is expanded in the tolerances about the design, to second order in each by itself; the
-errors of poses to first order in what a head is and in what the solver takes it for. A calibration
-of information M, in units of the tolerances, finds of a head z the values
+errors of poses to first order in the head's parameters and in those that the solver uses. A
+calibration of information M, in units of the tolerances, estimates for a head z the values
 
     C (M z + M^1/2 w),   C = (M + P)^-1,
 
-where P is what was known before and w is the noise of readings and reference. So some ten thousand
+where P is the prior information and w is the noise of readings and reference. So some ten thousand
 heads cost one product of matrices, and `production` builds some hundred to check them.
 """
 
@@ -29,14 +29,15 @@ from .requirement import errors_of, margins_of
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
 
-#: Heads of a prediction, and the seed of their numbers, the same for every question.
+#: Number of heads of a prediction, and their seed, the same for every design.
 HEADS, SEED = 20_000, 7
-#: Step of the errors' slopes, in tolerances: what is left of them after a calibration is a
-#: difference of two, so that these must be slopes and not secants.
+#: Step of the errors' slopes, in tolerances: the residual errors after a calibration are
+#: differences of two slopes, which must be derivatives and not secants.
 SMALL = 1e-3
-#: A margin so many spreads above zero is not looked at.
+#: Margins more spreads than this above zero are ignored.
 SAFE = 6.0
-#: By parameter, to which key of `calibrate.before` it belongs; else it is a bend of a detector.
+#: The key of `calibrate.before` of each parameter; every other parameter is a detector's
+#: distortion.
 KEYS = {
     "radius": "psd_place_mm", "height": "psd_place_mm", "roll": "psd_turn_mrad",
     "pitch": "psd_turn_mrad", "yaw": "psd_turn_mrad", "inclination": "facet_mrad",
@@ -47,7 +48,7 @@ KEYS = {
 
 
 def key_of(name: str) -> str:
-    """The tolerance that a parameter is drawn by, as a key of `calibrate.before`."""
+    """The key of `calibrate.before` that holds a parameter's tolerance."""
     head, _, part = name.rpartition(".")
     if part == "azimuth":
         return "facet_mrad" if head.startswith("facet") else "psd_place_mm"
@@ -60,9 +61,9 @@ def key_of(name: str) -> str:
 class Expansion:
     """A design's margins and errors by its tolerances, in units of their standard uncertainties.
 
-    margins (r,), slopes (r, p), bends (r, p): of `requirement.margins_of`, state by state.
-    by_head, by_solver: (e, p) of `requirement.errors_of` for the axes with an accuracy, state by
-    state, by what the head is and by what the solver takes it for; um and urad.  limits: (e,).
+    margins (r,), slopes (r, p), bends (r, p): of `requirement.margins_of`, state by state. by_head,
+    by_solver: (e, p) slopes of `requirement.errors_of` for the axes with an accuracy, state by
+    state, by the head's parameters and by those that the solver uses; um and urad.  limits: (e,).
     gain, root: (p, p) C and M^1/2.
     """
 
@@ -90,7 +91,8 @@ class Expansion:
 
 @one_thread
 def expand_margins(built: Assembly) -> Expansion:
-    """Raises `InputError` where the design itself cannot be asked, or a head is none."""
+    """Expand margins and errors. Raises `InputError` if the design itself or a head cannot be
+    evaluated."""
     count = len(built.choice.names)
     middle = margins_of(built.asked, built.sensor)
     slopes, bends = np.zeros((2, middle.size, count))
@@ -150,8 +152,8 @@ def draw_heads(built: Assembly, count: int = HEADS, seed: int = SEED) -> Draws:
 
 @dataclass(frozen=True)
 class Shares:
-    """Of heads: that keep spots, light and limits; and besides their accuracy, as they are built
-    and after a calibration. The last two are NaN where no accuracy is asked for."""
+    """Yields: the share of heads that keep spots, light and limits; and of those that also keep the
+    accuracy, as built and after a calibration. The last two are NaN without an accuracy limit."""
 
     kept: float
     built: float
@@ -172,7 +174,7 @@ def least_margins(found: Expansion, heads: Floats) -> Floats:
 
 
 def calibration_results(found: Expansion, draws: Draws) -> Floats:
-    """What calibrations find of the heads (n, p), in tolerances."""
+    """Return the calibrated values of the heads (n, p), in tolerances."""
     told = draws.heads @ found.root @ found.root.T + draws.noise @ found.root.T
     values: Floats = told @ found.gain.T
     return values
@@ -193,7 +195,7 @@ def errors_over_limits(found: Expansion, draws: Draws) -> tuple[Floats, Floats]:
 
 @one_thread
 def shares(found: Expansion, draws: Draws) -> Shares:
-    """The yields of some heads."""
+    """Compute the yields of the drawn heads."""
     kept = least_margins(found, draws.heads) >= 0
     if not len(found.limits):
         return Shares(float(kept.mean()), float("nan"), float("nan"))
@@ -205,10 +207,10 @@ def shares(found: Expansion, draws: Draws) -> Shares:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one tolerance costs.
+    """The effect of one tolerance on the yields.
 
-    key: of `calibrate.before`.  alone: the yields where nothing else is loose.  halved: where it is
-    half as large, and all others as they are.  worst: the margin that it eats most of.
+    key: of `calibrate.before`.  alone: the yields where all other parameters are exact.  halved:
+    where only this tolerance is half as large.  worst: the margin that it reduces most.
     """
 
     key: str
@@ -218,7 +220,8 @@ class Sensitivity:
 
 
 def sensitivities(found: Expansion, draws: Draws) -> list[Sensitivity]:
-    """By tolerance, the one whose halving gives most first."""
+    """Compute the effect of each tolerance; the one whose halving increases the yield most comes
+    first."""
     keys = np.array([key_of(name) for name in found.built.choice.names])
     rows = []
     for key in dict.fromkeys(keys[found.built.loose].tolist()):
@@ -233,14 +236,14 @@ def sensitivities(found: Expansion, draws: Draws) -> list[Sensitivity]:
 
 
 def worst_of(found: Expansion, mine: Booleans) -> str:
-    """The margin, or the error, of which some tolerances eat most at two standard uncertainties."""
+    """The margin, or the error, that some tolerances reduce most at two standard uncertainties."""
     eaten = 2 * np.sqrt((found.slopes[:, mine] ** 2).sum(axis=1))
     left = found.margins - eaten
     name = found.group(int(left.argmin()))
     axes = found.built.asked.error_groups
     if axes:
         matrix = found.by_head
-        if found.built.asked.layout.calibrated:  # what the calibration leaves of them
+        if found.built.asked.layout.calibrated:  # residual errors after the calibration
             told = found.root @ found.root.T
             matrix = found.by_head + found.by_solver @ found.gain @ told
         error = 1 - 2 * np.sqrt((matrix[:, mine] ** 2).sum(axis=1)) / found.limits

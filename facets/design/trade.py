@@ -1,8 +1,8 @@
 """The problem of designs that trade one objective of `exploration` against another.
 
-Its unknowns are the variables and the objectives themselves. Ranges are as far as the spots stay on
-their detectors and enough light falls on these, at both ends and at a few places before them;
-uncertainties and the head are slacks above what they have to be.
+Its unknowns are the variables and the objectives themselves. A range extends as far as the spots
+stay on their detectors with enough light, at both ends and at a few places before them;
+uncertainties and the head are slacks above their least values.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from .spots import corner_clearances, rim_clearances, tip_clearance
 from .variables import Outcome, heads_of, layout_parameters, outcome_of, present_values
 from .volume import span_of
 
-#: What can be traded: what has slopes.
+#: The measures that can be objectives here, since they have slopes.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
-#: Where between rest and the end of a range its limits are asked for.
+#: Shares of the way from rest to the end of a range at which its limits are constraints.
 SHARES = (0.25, 0.5, 0.75, 1.0)
-#: The scale of an objective, in its own unit, where the present sensor gives none.
+#: The scale of an objective, in its own unit, if the present sensor has no value.
 USUAL_SCALE = 10.0
 
 
@@ -46,7 +46,7 @@ USUAL_SCALE = 10.0
 class Trade:
     """The problem, whose last unknowns are the objectives over their `scales`.
 
-    objectives: in the order of the unknowns.  signs: -1 for those that are to be large.
+    objectives: in the order of the unknowns.  signs: -1 for objectives to maximise.
     """
 
     space: Space
@@ -56,18 +56,19 @@ class Trade:
     signs: Floats
 
     def costs(self, unknowns: Floats) -> Floats:
-        """The objectives, all to be small, over their scales."""
+        """Return the objectives, all to minimise, over their scales."""
         found: Floats = self.signs * unknowns[len(self.problem.names) :]
         return found
 
     def costs_of_measures(self, values: Floats) -> Floats:
-        """The same of a design's measures."""
+        """Return the costs of a design's measures."""
         places = [MEASURES.index(name) for name in self.objectives]
         found: Floats = self.signs * values[..., places] / self.scales
         return found
 
     def bounds(self, most: Floats) -> tuple[Floats, Floats]:
-        """Of the unknowns where no cost may be above `most`, infinite for any."""
+        """Return the bounds of the unknowns where no cost may exceed `most`, which may be
+        infinite."""
         low, high = self.problem.bounds()
         n = len(self.problem.names)
         high[n:] = np.where(self.signs > 0, most, np.inf)
@@ -75,7 +76,7 @@ class Trade:
         return low, high
 
     def guess(self, x: Floats) -> Floats:
-        """The unknowns at a design, in the units of the variables' names."""
+        """Return the unknowns at a design, given in the units of the variables' names."""
         _, values = measure_design(self.space, x, NO_RIVALS)
         known = np.abs(self.costs_of_measures(values))
         shares = (x - self.problem.low) / (self.problem.high - self.problem.low)
@@ -84,7 +85,7 @@ class Trade:
 
 
 def require_smooth(space: Space) -> None:
-    """Raises `InputError` where an objective has no slope that a front could follow."""
+    """Raise `InputError` if an objective has no slope that a front could follow."""
     unable = [name for name in space.objectives if name not in OBJECTIVES]
     if unable:
         raise InputError(
@@ -98,7 +99,7 @@ def require_smooth(space: Space) -> None:
 
 
 def trade_of(space: Space) -> Trade:
-    """The problem of a space's objectives; raises `InputError`."""
+    """Make the problem of a space's objectives; raises `InputError`."""
     require_extra("casadi", "the search for a front")
     require_smooth(space)
     names, count = space.names, len(space.names)
@@ -134,7 +135,7 @@ def trade_of(space: Space) -> Trade:
 
 
 def scales_of(space: Space, objectives: list[str]) -> list[float]:
-    """What each objective is counted in: what it is of the sensor as it is, within the bounds."""
+    """The scale of each objective: its value for the present sensor, within the bounds."""
     now = present_values(space.sensor)
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     x = np.clip([now[name] for name in space.names], low, high)
@@ -144,10 +145,10 @@ def scales_of(space: Space, objectives: list[str]) -> list[float]:
 
 
 def states_of(space: Space, ranges: list[str]) -> Floats:
-    """(m, 16): of each state what is of the volume (8), and what goes with the ranges (8).
+    """(m, 16): each state's place in the volume (8), and its shares of the ranges (8).
 
-    The first is rest; then those on the way to both ends of each range; then the volume's, where it
-    is required.
+    The first is rest; then those on the way to both ends of each range; then the volume's, if
+    required.
     """
     rows = [np.zeros(16)]
     for name in ranges:
@@ -164,8 +165,8 @@ def states_of(space: Space, ranges: list[str]) -> Floats:
 
 
 def ray_states(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
-    """States (m, 16), of the volume or at a share of the ranges' halves (k, 1), mm and mrad, as
-    `outcome_of` takes them."""
+    """Convert states (m, 16), of the volume or at shares of the ranges' halves (k, 1), mm and mrad,
+    to the arguments of `outcome_of`."""
     ends: list[Any] = [0.0] * 8
     for name, half in halves.items():
         axis = RANGE_COLUMNS.index(name)
@@ -178,7 +179,7 @@ def ray_states(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
 def trade_constraints(
     space: Space, x: list[Any], state: Any, scales: dict[str, float], states: Floats
 ) -> list[Constraint]:
-    """All that a design must keep, and what must stay below the objectives."""
+    """List a design's requirements, and the quantities that must stay below the objectives."""
     parameters, square = layout_parameters(space.sensor, space.names, x)
     own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
     sizes = [(d, d) for d in square] if "size_mm" in space.names else own
@@ -203,7 +204,7 @@ def trade_constraints(
 
 
 def reach_limits(space: Space, found: Outcome, states: Floats) -> list[Constraint]:
-    """Power and resolution where the ranges reach, by the rules of ranges."""
+    """Constrain power and resolution at the ends of the ranges, by the rules of ranges."""
     rules, reached = space.rules, np.flatnonzero(~states[:, :8].any(axis=1)).tolist()
     weakest = rules.snr * power_floor(space.sensor)
     coarsest = np.array(rules.coarsest) / FINE_UNITS[:6]
@@ -223,8 +224,8 @@ def reach_limits(space: Space, found: Outcome, states: Floats) -> list[Constrain
 def volume_limits(
     space: Space, found: Outcome, heads: list[Any], states: Floats
 ) -> list[Constraint]:
-    """What is asked for over the volume, where that is required, and the light at rest, which every
-    design must have."""
+    """List the requirements over the volume, if required, and those on the light at rest, which
+    every design must meet."""
     asked = limits_of(space.layout, found.powers, [], np.sqrt(found.variances))
     if not space.required:
         return [each._replace(states=[0]) for each in asked[: len(found.powers)]]
@@ -240,7 +241,7 @@ def volume_limits(
 def objective_limits(
     found: Outcome, heads: list[Any], scales: dict[str, float]
 ) -> list[Constraint]:
-    """What must stay below the objectives, at rest."""
+    """List the quantities that must stay below the objectives, at rest."""
     below = []
     for name, scale in scales.items():
         if name in FINE_COLUMNS:

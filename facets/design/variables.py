@@ -1,4 +1,4 @@
-"""A layout: what may be varied of it, and what layouts give at states, by the float model."""
+"""A layout's variables, and the outcome of layouts at states, by the float model."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ FACETS, PSDS = (6, 8, 10), (12, 18, 24)
 
 
 class Outcome(NamedTuple):
-    """What states of layouts give, each as wide as (k, m).
+    """The model's results for layouts at states, each as wide as (k, m).
 
     variances: 6, um^2 and urad^2.  powers: 3, mW.  condition: square of the weighted Jacobian's
     condition number in the Frobenius norm, which is at least that of the spectral norm and at most
-    8 times it.  headrooms: what is left of the full scale of each of twelve amplifiers, where the
-    noise follows from electronics.
+    8 times it.  headrooms: the remaining share of the full scale of each of twelve amplifiers, if
+    the noise follows from electronics.
     """
 
     variances: list[Floats]
@@ -37,24 +37,25 @@ class Outcome(NamedTuple):
     headrooms: list[Floats]
 
 
-#: Of an amplifier's full scale, what the light of a design may take; the rest is for the laser's
-#: noise, for parts that differ, and for the noise of the reading itself.
+#: The share of an amplifier's full scale that a design's light may use; the rest is for the laser's
+#: noise, for tolerances of the parts, and for the noise of the reading itself.
 FULL = 0.95
 
 
 def columns_of_states(states: Floats) -> tuple[Any, ...]:
-    """The eight numbers of states (m, 8) or (k, m, 8), as `outcome_of` takes them."""
+    """Split the eight numbers of states (m, 8) or (k, m, 8) into the form that `outcome_of`
+    takes."""
     return tuple(np.ascontiguousarray(states[..., i]) for i in range(8))
 
 
 def outcome_of(
     sensor: Sensor, fixed: Geometry, sizes: Sequence[Any], state: Sequence[Any], gain: Any = None
 ) -> Outcome:
-    """What k layouts give at m states.
+    """Compute the results for k layouts at m states.
 
     fixed: vectors of floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
     state: eight numbers, each (m,) or (k, m), of `columns_of_states`.  gain: of the amplifiers,
-    ohm, where it is not the sensor's.
+    ohm, if it is not the sensor's.
     """
     rows = [len(each) for each in state if each.ndim == 2]
     count = max(1, *(getattr(each, "size", 1) for each in (*leaves(fixed), *sizes, gain)), *rows)
@@ -76,7 +77,7 @@ def outcome_of(
 
 
 def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
-    """Of Jacobians (n, 9, 8): the variances of the pose (n, 6), and `Outcome.condition` (n,)."""
+    """The variances of the pose (n, 6) and `Outcome.condition` (n,) of Jacobians (n, 9, 8)."""
     triangle = np.asarray(np.linalg.qr(matrices, mode="r")).transpose(1, 2, 0).copy()
     inverse = np.zeros_like(triangle)  # row by row from the last, of all matrices at once
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -91,8 +92,8 @@ def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
 def noise_of(
     sensor: Sensor, reading: Floats, sizes: Sequence[Any], gain: Any
 ) -> tuple[Floats, list[Any]]:
-    """Standard deviations of readings (k, m, 9), and what is left of the full scale of each of the
-    twelve amplifiers as a share, (k, m) each, if there are any."""
+    """Standard deviations of readings (k, m, 9), and the remaining share of the full scale of each
+    of the twelve amplifiers, (k, m) each, if there are any."""
     if sensor.electronics is None:
         return standard_deviations(sensor, reading), []
     parts = []
@@ -110,7 +111,7 @@ def noise_of(
 def electronics_of(
     sensor: Sensor, sizes: Sequence[Any], gain: Any, count: int
 ) -> Iterator[Sensor]:  # fmt: skip
-    """The sensor with each layout's amplifiers and sizes of detectors."""
+    """Yield the sensor with each layout's amplifiers and detector sizes."""
     is_fixed = all(isinstance(size, float) for size in sizes)
     for n in range(count):
         built = sensor
@@ -132,7 +133,7 @@ def electronics_of(
 UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "kohm": 1e3}
 #: The amplifiers' gain, which is no parameter of the optics.
 GAIN = "transimpedance_kohm"
-#: What may be varied for all facets or detectors alike; see `core.layout`.
+#: The variables that all facets or detectors share; see `core.layout`.
 COMMON = (
     "radius_mm", "inclination_deg", "roll_mrad", "pitch_mrad", "yaw_mrad", "azimuth_b_deg",
     "size_mm", "diameter_mm", "power_mw", GAIN,
@@ -144,11 +145,11 @@ OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,
 
 
 def unit_of(name: str) -> float:
-    """Of a variable, in mm, mW or rad: its name ends in it."""
+    """The unit of a variable, in which its name ends, in mm, mW or rad."""
     return UNITS[name.rpartition("_")[2]]
 
 
-#: What may be varied of one facet or detector alone, by its place in the 30 parameters.
+#: The variables of one facet or detector alone, by their places in the 30 parameters.
 SINGLES = {
     f"{kind}_{letter}_{key}": first[k] + i
     for kind, first, keys in (("facet", FACETS, OF_A_FACET), ("psd", PSDS, OF_A_PSD))
@@ -158,7 +159,7 @@ SINGLES = {
 
 
 def present_values(sensor: Sensor) -> dict[str, float]:
-    """The variables' values as the sensor is, in the units of their names."""
+    """The present sensor's values of the variables, in the units of their names."""
     psd, p = sensor.psds[0], parameters(sensor)
     values = {
         "radius_mm": psd.radius,
@@ -178,8 +179,8 @@ def present_values(sensor: Sensor) -> dict[str, float]:
 def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
     """The 30 parameters and the 3 sizes when the named variables take the values x.
 
-    x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams
-    where an inclination varies.
+    x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams if
+    an inclination varies.
     """
     value = {name: x[i] * unit_of(name) for i, name in enumerate(names)}
     moved = common_parameters(value) | {i: value[n] for n, i in SINGLES.items() if n in value}
@@ -192,8 +193,8 @@ def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[lis
 
 
 def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
-    """By their places, the parameters that variables of all facets or detectors set; value: of the
-    variables by name, in mm, mW and rad."""
+    """The parameters that the shared variables set, by their places; value: of the variables by
+    name, in mm, mW and rad."""
     places = {
         "power_mw": (0,),
         "diameter_mm": (1, 2),
@@ -208,7 +209,8 @@ def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
 
 
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
-    """The sensor with the named variables at x. Raises `InputError` where that is none."""
+    """The sensor with the named variables at x. Raises `InputError` if no sensor has these
+    values."""
     p, sizes = layout_parameters(sensor, names, x.tolist())
     made = sensor_with(sensor, p)
     if GAIN in names and made.electronics is not None:
@@ -221,8 +223,8 @@ def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
 
 
 def gain_of(sensor: Sensor, names: Sequence[str], x: Any) -> Any:
-    """The amplifiers' gain, ohm, when the named variables take the values x; None where the noise
-    does not follow from electronics."""
+    """The amplifiers' gain, ohm, when the named variables take the values x; None if the noise does
+    not follow from electronics."""
     if sensor.electronics is None:
         return None
     if GAIN not in names:

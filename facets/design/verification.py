@@ -1,7 +1,7 @@
 """A layout before and after, by the float model, the measurement range and simulated readings.
 
-None of it comes from the optimiser: what it has found is asked again of the functions that every
-other command uses.
+None of it comes from the optimiser: its result is verified with the functions that every other
+command uses.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 
-#: Noisy readings at the worst state of each axis, and random states of the volume.
+#: Number of noisy readings at the worst state of each axis, and of random states of the volume.
 DRAWS, RANDOM = 5000, 4000
 FREE = Knowledge()
-#: An uncertainty, or how far past an edge, of what cannot be told.
+#: The value of an uncertainty, or of the distance past an edge, that cannot be computed.
 LOST = 1e9
 
 
 def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Floats:
-    """States (n, 8): those that the optimiser knows, random ones between them, and where a search
-    from the worst of all these ends."""
+    """States (n, 8): those of the optimiser, random ones between them, and the ends of searches
+    from the worst of these."""
 
     def values(states: Floats) -> Floats:
         room = np.nan_to_num(margins(sensor, states)[:, :, :4].reshape(-1, 12), nan=-LOST)
@@ -63,7 +63,8 @@ def simulate_spread(sensor: Sensor, states: Floats, rng: np.random.Generator) ->
 def performance(
     sensor: Sensor, layout: Layout, rules: Rules, rng: np.random.Generator
 ) -> tuple[dict[str, float], Floats]:
-    """What a sensor does, by name and unit, NaN where it cannot; and its worst states (6, 8)."""
+    """A sensor's performance, by name and unit, NaN where a value cannot be computed; and its worst
+    states (6, 8)."""
     states = worst_states(sensor, layout, rng)
     sigma = uncertainties(sensor, states, FREE)
     found: dict[str, float] = {}
@@ -90,8 +91,8 @@ def compare(
 ) -> dict[str, NDArray[Any]]:
     """A table: quantity, before, after, simulated (the spread of solves at the worst state, after).
 
-    Uncertainties, condition, room and power are the worst over the volume; ranges are symmetric and
-    in all.
+    Uncertainties, condition, room and power are the worst over the volume; ranges are symmetric,
+    both sides together.
     """
     rng = np.random.default_rng(seed)
     old, _ = performance(before, layout, rules, rng)

@@ -1,13 +1,12 @@
-"""The volume that a layout has to measure, as the states at which it is asked for.
+"""The states that stand for the volume over which a layout has to meet its requirements.
 
-What is asked over the volume (uncertainties, clearances of spots, powers, the condition number) is
-worst at a corner nearly always, since each of them changes with the state nearly linearly. So all
-corners are states that are asked, 256 where the beam's place has a width too, and the middles of
-the faces and the centre besides. That is no theorem: a spot's height falls with the square of a
-roll, and an uncertainty has a least where the powers balance, so that the worst can lie between the
-corners, by thousandths of what changes over the volume. So where something is said of the whole
-volume, the places between are searched as well, from the worst states that were asked
-(`worst_places`).
+The quantities that are limited over the volume (uncertainties, clearances of spots, powers, the
+condition number) are nearly always worst at a corner, since each of them changes with the state
+nearly linearly. So the states are all corners, 256 if the beam's place has a width too, and the
+middles of the faces and the centre besides. That is no theorem: a spot's height falls with the
+square of a roll, and an uncertainty has a least where the powers balance, so that the worst can lie
+between the corners, by thousandths of the change over the volume. So a statement about the whole
+volume also takes a search between the states, from the worst of them (`worst_places`).
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 #: A search between the corners begins with steps of this share of the volume's half width, and ends
-#: with the last of these; what is worst is flat there, so that it is found to a millionth.
+#: with the last of these; the worst value is flat there, so that it is found to a millionth.
 FIRST_STEP, LAST_STEP = 0.5, 1e-3
-#: From so many of the worst states of each value it begins.
+#: Number of the worst states of each value from which the search begins.
 STARTS = 2
-#: A value whose least is further from zero than this share of its change over the states is not
+#: A value whose minimum is further from zero than this share of its change over the states is not
 #: searched: it changes far less between the corners.
 NEAR = 0.2
-#: A value between the corners counts as worse where it is less by this share of that change.
+#: A value between the corners counts as worse if it is less by this share of that change.
 WORSE = 1e-9
 
 
@@ -52,7 +51,7 @@ def wide_axes(layout: Layout) -> Booleans:
 
 
 def span_of(layout: Layout) -> Floats:
-    """(8, 8): a state is the shares of the volume times this."""
+    """(8, 8): the matrix that turns shares of the volume into a state."""
     span = np.diag(np.array(layout.volume, dtype=float))
     if layout.following:  # the last two are the beam's offset from the apex
         span[0, 6], span[1, 7] = span[0, 0], span[1, 1]
@@ -68,11 +67,11 @@ def states_of(layout: Layout, scale: Any) -> list[Any]:
 def worst_places(
     values: Callable[[Floats], Floats], shares: Floats, wide: Booleans, near: float = NEAR
 ) -> tuple[Floats, Any]:
-    """Shares (k, 8) of the volume at which a value is less than at all those that are known, and
-    the numbers (k,) of these values.
+    """Find shares (k, 8) of the volume at which a value is less than at all known places, and the
+    numbers (k,) of these values.
 
-    values: of shares (n, 8), their margins (n, m), each of which should be large.  shares: those
-    that are known.  near: see `NEAR`; infinite to search all values.
+    values: of shares (n, 8), their margins (n, m), each of which should be large.  shares: the
+    known places.  near: see `NEAR`; infinite to search all values.
     """
     known = values(shares)
     sound = np.isfinite(known).all(axis=0)
@@ -93,8 +92,8 @@ def worst_places(
 def add_worst_states(
     layout: Layout, values: Callable[[Floats], Floats], drawn: Floats | None = None
 ) -> Floats:
-    """States (n, 8): those of `states_of`, some at drawn shares, and where between them any value
-    is least.
+    """States (n, 8): those of `states_of`, some at drawn shares, and the places between them where
+    a value is least.
 
     values: of states (n, 8), their margins (n, m), each of which should be large.
     """
@@ -110,14 +109,15 @@ def add_worst_states(
 def descend(
     values: Callable[[Floats], Floats], places: Floats, which: Any, lowest: Floats, wide: Booleans
 ) -> tuple[Floats, Floats]:
-    """The least of values `which` (k,) near places (k, 8), and where: along one axis at a time."""
+    """Minimise values `which` (k,) near places (k, 8), along one axis at a time; return them and
+    where."""
     places, lowest = places.copy(), lowest.copy()
     sides = np.concatenate([np.eye(8)[wide], -np.eye(8)[wide]])
     step = np.full(len(places), FIRST_STEP)
     while (going := np.flatnonzero(step >= LAST_STEP)).size:
         tried = np.clip(places[going, None] + step[going, None, None] * sides, -1.0, 1.0)
         own = np.full(tried.shape[:2], np.inf)
-        within = (tried != places[going, None]).any(axis=2)  # the others are clipped to no step
+        within = (tried != places[going, None]).any(axis=2)  # clipping removes other steps
         found = values(tried[within])
         own[within] = found[np.arange(len(found)), which[going[np.nonzero(within)[0]]]]
         own[np.isnan(own)] = np.inf

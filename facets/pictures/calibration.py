@@ -1,4 +1,4 @@
-"""What a calibration leaves: residuals over each detector, and errors before and after."""
+"""Residuals of a calibration over each detector, and errors before and after."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ ROWS = (("before", "o", False), ("after", "o", True), ("stated", "|", True))
 
 
 def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> Figure:
-    """Residuals over each detector's face, a row a reading; below, errors of poses held back.
+    """Draw residuals over each detector's face, a row for each reading, and errors of the poses
+    held back.
 
-    A cell's hue is the mean residual of the samples whose spots fell there: what a calibration has
-    missed shows as patches, noise as none.
+    A cell's hue is the mean residual of the samples whose spots fell there: an unmodelled effect
+    shows as patches, noise does not.
     """
     with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 8.0)
@@ -53,7 +54,8 @@ def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> 
 
 
 def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:
-    """The mean of the residuals (n,) at spots (n, 2), in cells; what has no light is left out."""
+    """Draw the mean of the residuals (n,) at spots (n, 2), in cells; cells without light stay
+    empty."""
     from matplotlib.colors import TwoSlopeNorm
 
     there = np.isfinite(spots).all(axis=1) & np.isfinite(left)
@@ -72,7 +74,7 @@ def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> An
 
 
 def diverging() -> Any:
-    """Blue below, red above; nothing between, whatever the ground."""
+    """A colour map from blue over the ground's colour to red."""
     from matplotlib.colors import LinearSegmentedColormap
 
     middle = chosen_hues().rule

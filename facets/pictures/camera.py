@@ -1,4 +1,4 @@
-"""A camera: where a point of the world is seen, and along which ray a pixel looks."""
+"""A camera: the projection of points of the world to pixels, and the rays of pixels."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def normalize(vector: Any) -> Floats:
 class Camera:
     """Lengths mm, world frame.
 
-    place, focus: where it stands and what it looks at.  upward: what is up in its picture.
-    angle: of view from the lower to the upper edge, rad; where it is 0, the projection is parallel
-    and `extent` mm high.  size: width and height, pixels.  shift: of the picture's middle from the
+    place, focus: the camera's place and the point in its middle.  upward: the upward direction.
+    angle: of view from the lower to the upper edge, rad; 0 stands for a parallel projection
+    `extent` mm high.  size: width and height, pixels.  shift: of the picture's middle from the
     focus, in heights of the picture, to the right and up.
     """
 
@@ -39,7 +39,7 @@ class Camera:
 
     @cached_property
     def axes(self) -> Floats:
-        """To the right, upward and forward, by rows."""
+        """The directions to the right, upward and forward, by rows."""
         forward = normalize(np.subtract(self.focus, self.place))
         right = normalize(np.cross(forward, self.upward))
         return np.array([right, np.cross(right, forward), forward])
@@ -54,7 +54,7 @@ class Camera:
 
     @property
     def height(self) -> float:
-        """Of what is seen at the focus, mm."""
+        """The height of the picture at the focus, mm."""
         return self.extent if self.parallel else 2 * self.distance * float(np.tan(self.angle / 2))
 
     @property
@@ -78,7 +78,7 @@ class Camera:
         return np.stack([x, y, depth], axis=-1)
 
     def aside(self, x: Any, y: Any) -> tuple[Floats, Floats]:
-        """How far to the right and upward of the focus pixels look, mm at the focus."""
+        """Distances of pixels from the focus to the right and upward, mm at the focus."""
         width, height = self.size
         across = (x - width / 2 + self.shift[0] * height) * self.pixel
         return across, (height / 2 + self.shift[1] * height - y) * self.pixel
@@ -86,7 +86,7 @@ class Camera:
     def rays(self, x: Any, y: Any) -> tuple[Floats, Floats]:
         """Origins and directions (n, 3) of the rays through pixels.
 
-        A direction is as long as takes one mm of depth, so that a depth is a place along it.
+        A direction advances the depth by one mm, so that a depth is a coordinate along the ray.
         """
         across, up = self.aside(x, y)
         right, upward, forward = self.axes
@@ -100,7 +100,7 @@ class Camera:
         return replace(self, size=size)
 
     def apply(self, camera: Any) -> None:
-        """Makes a `vtkCamera` see the same."""
+        """Set a `vtkCamera` to the same view."""
         camera.SetPosition(*self.place)
         camera.SetFocalPoint(*self.focus)
         camera.SetViewUp(*self.axes[1])

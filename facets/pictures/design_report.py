@@ -1,6 +1,6 @@
-"""One page on a layout that was found: what was asked, what was found, and how far to believe it.
+"""A report of a found layout on one page: the requirements, the result, and its limits.
 
-The page is one file that asks nothing of a network and prints on a sheet or two.
+The page is one file that needs no network and prints on a sheet or two.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A part of the page: sentences, a table, a drawing (SVG or HTML), and text as it is.
+    """A part of the page: sentences, a table, a drawing (SVG or HTML), and unchanged text.
 
-    wide: over both columns.
+    wide: whether it spans both columns.
     """
 
     title: str
@@ -35,7 +35,6 @@ class ReportSection:
 
 
 def report(name: str, summary: str, sections: Sequence[ReportSection], origin: str) -> str:
-    """The page as HTML."""
     from jinja2 import Environment
 
     text = files("facets.pictures").joinpath("design_report.html").read_text("utf-8")
@@ -52,7 +51,7 @@ def report(name: str, summary: str, sections: Sequence[ReportSection], origin: s
 
 
 def inline(picture: Figure, words: str) -> str:
-    """A picture as an element of a page: SVG, whose text can be searched and read aloud."""
+    """Convert a picture to an SVG element of a page, whose text can be searched and read aloud."""
     from html import escape
 
     text = svg_text(picture)

@@ -1,4 +1,4 @@
-"""The Pareto front of a design space, and what moves it."""
+"""Pictures of a design space's Pareto front, and of its sensitivity indices."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Table = dict[str, NDArray[Any]]
 #: Marks of objectives, in their order, and inches of a lane of a variable.
 MARKS, LANE = ("o", "D", "s", "^", "v"), 0.3
-#: From so many designs on each stands for itself only as a dot.
+#: Number of designs above which each is drawn as a dot only.
 MANY = 400
 
 
@@ -31,12 +31,13 @@ def front_picture(
     indices: dict[str, dict[str, Index]],
     own: dict[str, float] | None = None,
 ) -> Figure | None:
-    """Objectives against one another, the front marked; below, first-order Sobol indices.
+    """Draw objectives against one another with the front marked, and first-order Sobol indices
+    below.
 
     A third objective is the hue. Designs without all objectives are left out.  own: the measures of
-    the design as it is, which is marked as well.
+    the present design, which is marked as well.
 
-    None where there is nothing to draw: fewer than two designs with all objectives, or one
+    Returns None if there is nothing to draw: fewer than two designs with all objectives, or one
     objective and no indices.
     """
     known = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
@@ -57,7 +58,7 @@ def front_picture(
 
 
 def views_of(objectives: list[str]) -> list[tuple[str, str, str]]:
-    """What is drawn against what, and in which hue: (x, y, hue), hue "" for none."""
+    """List the panels as (x, y, hue), with hue "" for none."""
     if len(objectives) == 3:
         return [(objectives[0], objectives[1], objectives[2])]
     return [(one, other, "") for one, other in pairwise(objectives)]
@@ -67,7 +68,7 @@ def designs(
     part: Any, table: Table, views: list[tuple[str, str, str]], known: Booleans, best: Booleans,
     own: dict[str, float] | None,
 ) -> None:  # fmt: skip
-    """Designs, and on them the front and the design as it is."""
+    """Draw the designs of each panel, the front and the present design."""
     panels = part.subplots(-(-len(views) // 2), min(len(views), 2), squeeze=False).ravel()
     for panel, (x, y, hue) in zip(panels, views, strict=False):
         cloud(part, panel, table, (x, y, hue), known, best)
@@ -84,7 +85,8 @@ def cloud(
     part: Any, panel: Axes, table: Table, view: tuple[str, str, str], known: Booleans,
     best: Booleans,
 ) -> None:  # fmt: skip
-    """All designs small, those on the front large and rimmed; a third objective as their hue."""
+    """Draw all designs small, those on the front large and rimmed; a third objective is their
+    hue."""
     from matplotlib.colors import Normalize
 
     hues, (x, y, hue) = chosen_hues(), view
@@ -107,14 +109,14 @@ def cloud(
 
 
 def star(panel: Axes, x: float, y: float) -> None:
-    """The design as it is."""
+    """Mark the present design."""
     hues = chosen_hues()
     panel.plot(x, y, "*", ms=13, color=hues.series[1], mec=hues.ground, mew=0.8, ls="",
                label="as it is")  # fmt: skip
 
 
 def effects(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
-    """Indices by variable, a hue and a mark for each objective, with their intervals."""
+    """Draw indices by variable, a hue and a mark for each objective, with their intervals."""
     hues = chosen_hues()
     variables = list(next(iter(indices.values())))
     step = 0.7 / len(indices)
@@ -145,8 +147,8 @@ def objective_words(objective: str) -> str:
 def pareto_picture(
     table: Table, objectives: list[str], cloud: Table | None, own: dict[str, float]
 ) -> Figure:
-    """The front's objectives against one another, with what the first costs below; a cloud of
-    designs behind it, where there is one; and the design as it is."""
+    """Draw the front's objectives against one another and the first one's prices below, with a
+    cloud of designs if there is one, and the present design."""
     others = [name for name in objectives if name != objectives[0]]
     with style.style_context():
         picture = style.figure(style.FULL, 5.9 + 0.4 * (len(objectives) > 2))
@@ -184,7 +186,7 @@ def draw_front(
 
 
 def price(panel: Axes, table: Table, first: str, other: str, line: bool) -> None:
-    """How much of the first objective a unit of another costs; at its ends the front is upright."""
+    """Draw the price of another objective in the first one; at its ends the front is upright."""
     hues = chosen_hues()
     prices = table[f"{first}_per_{other}"][1:-1]
     paid = np.where(prices > 1e-9, prices, np.nan)

@@ -1,6 +1,6 @@
-"""Designs on a page of their own: scatter matrix, parallel coordinates, and each design's drawing.
+"""A page of designs: scatter matrix, parallel coordinates, and each design's drawing.
 
-The page is one file that asks nothing of a network; plotly draws in it.
+The page is one file that needs no network; plotly draws in it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..core.sensor import Sensor
 from .head_drawing import drawing
 from .wording import label, limit_in_words, lines_of
 
-#: Columns that the plots have room for.
+#: Number of columns for which the plots have room.
 MOST = 9
 
 
@@ -66,7 +66,7 @@ def page(
     }
     goals = [label(key).partition(", ")[0] for key in objectives]
     text = files("facets.pictures").joinpath("exploration_page.html").read_text("utf-8")
-    # what ends a script must not stand in one
+    # a script must not contain its own end tag
     content = json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
     for mark, value in (
         ("NAME", html.escape(name)), ("OBJECTIVES", html.escape(", ".join(goals))),
@@ -79,7 +79,7 @@ def page(
 
 
 def remark_in_words(remark: str) -> str:
-    """What holds a design back: "radius_mm at its most (1); spot on ..." in words."""
+    """Describe in words what holds a design back: "radius_mm at its most (1); spot on ..."."""
     parts = [part.rpartition(" (") for part in remark.split("; ")] if remark else []
     return ", ".join(f"{limit_in_words(group)} ({size}" for group, _, size in parts)
 
@@ -89,5 +89,5 @@ def order(key: str, plotted: list[str]) -> int:
 
 
 def round_digits(values: NDArray[Any]) -> list[float | None]:
-    """To seven digits; None where there is none."""
+    """Round to seven digits; None for a missing number."""
     return [float(f"{v:.7g}") if np.isfinite(v) else None for v in values.tolist()]

@@ -1,4 +1,4 @@
-"""A picture of the rig from parts, floor, shade and light: what a camera's film would show."""
+"""A picture of the rig from parts, floor, shade and light, as a camera's film records it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def expose(
     stand: Stand, shot: Shot, theme: Theme, floor: Ground | None, laser: float, haze: float = 1.0,
     dark: Collection[int] = (), bloom: float = 1.0,
 ) -> Floats:  # fmt: skip
-    """(h, w, 3), 0 to 1. haze: how much light the air scatters out of the beams.  dark: sub-beams
-    that are left out.  bloom: how much light the lens spreads about."""
+    """Render the picture (h, w, 3), 0 to 1. haze: the light that the air scatters out of the beams.
+    dark: sub-beams to omit.  bloom: the light that the lens spreads."""
     picture = assemble(shot, theme, floor)
     light = glow(stand, shot, laser, dark)
     return (
@@ -33,7 +33,7 @@ def expose(
 
 
 def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
-    """Parts, their shade, and what is behind them; without light."""
+    """Render the parts, their shade and the background, without light."""
     behind = backdrop(shot.camera, theme, floor)
     shade = occlusion(shot, 0.016 * shot.camera.height)[..., None]
     picture: Floats = shot.colour * shade + behind * (1 - shot.cover[..., None])
@@ -41,7 +41,7 @@ def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
 
 
 def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]]:
-    """How much light there is, and its colour: beams, then surfaces."""
+    """Return the amounts of light and their colours: beams, then surfaces."""
     found = [(haze * 1.1 * light.beam, np.array(rgb(theme.beam)))]
     for k, hue in enumerate(theme.hues):
         found.append((haze * 1.1 * light.sub_beams[k], np.array(rgb(hue))))
@@ -49,7 +49,7 @@ def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]
 
 
 def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0) -> Floats:
-    """Light added to a dark picture: hues at its rim, white where there is most, and a halo."""
+    """Add light to a dark picture: hues at its rim, white at its brightest, and a halo."""
     total: Floats = np.zeros(picture.shape, np.float32)
     for amount, hue in layers(light, theme, haze):
         core = np.maximum(amount - 0.75, 0)
@@ -66,13 +66,13 @@ def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float 
 
 
 def deep(hue: Floats) -> Floats:
-    """A hue as light has it that is not yet on a screen: its lesser parts are less."""
+    """Deepen a hue, as light has it: its lesser parts are reduced."""
     light: Floats = hue**1.9
     return light
 
 
 def add(total: Floats, amount: Floats, colour: Floats) -> None:
-    """Adds light of a colour to a picture, where there is any."""
+    """Add an amount of light of a colour to a picture."""
     rows = np.flatnonzero(amount.any(axis=1))
     if len(rows):
         part = slice(rows[0], rows[-1] + 1)
@@ -80,7 +80,7 @@ def add(total: Floats, amount: Floats, colour: Floats) -> None:
 
 
 def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
-    """Light as ink on a bright picture."""
+    """Blend light as ink into a bright picture."""
     for amount, hue in layers(light, theme, haze):
         wide = np.clip(1.15 * amount + 0.5 * halo(amount, 0.003, 1.2), 0, None)
         cover = (0.92 * (1 - np.exp(-1.5 * wide)))[..., None]
@@ -94,14 +94,14 @@ def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
     return mixed
 
 
-#: Of a detector's face, square on: silicon, its contact ring, and what it is carried by.
+#: Colours of a detector's face, square on: silicon, its contact ring, and its carrier.
 SILICON, RING, CARRIER = "#0B1026", "#B08D3C", "#1A1D22"
 
 
 def expose_face(stand: Stand, camera: Camera, k: int) -> Floats:
-    """A detector's face and the light on it, seen square on from between window and silicon.
+    """Render a detector's face and the light on it, square on from between window and silicon.
 
-    It shines on either theme, as it does in the dark behind its bezel.
+    It glows in either theme, as behind its dark bezel.
     """
     width, height = camera.size
     psd = stand.sensor.psds[k]

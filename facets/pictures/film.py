@@ -1,4 +1,4 @@
-"""Films: a motion under a camera that moves with ease, as H.264 or as GIF."""
+"""Films of a motion under a camera that moves gently, as H.264 or as GIF."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .render import Picture
 
 #: How far the camera swings to either side, rad.
 SWING_RAD = 0.20
-#: By which share of its distance the camera comes nearer in the middle.
+#: The share of its distance by which the camera approaches in the middle.
 NEARER_SHARE = 0.04
 #: Colours of a GIF.
 COLOURS = 64
 
 
 def ease_camera(camera: Camera, share: float) -> Camera:
-    """The camera at a share of a film: to one side and the other, and nearer in the middle.
+    """Return the camera at a share of a film: it swings to both sides, and is nearer in the middle.
 
-    It is where it began at the end, and as fast, so that a film can be repeated.
+    At the end it has its first place and speed, so that a film can be repeated.
     """
     angle = SWING_RAD * np.sin(2 * np.pi * share)
     near = 1 - NEARER_SHARE * (1 - np.cos(2 * np.pi * share)) / 2
@@ -39,9 +39,10 @@ def ease_camera(camera: Camera, share: float) -> Camera:
 
 
 def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0) -> Iterator[Any]:
-    """A frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger.
+    """Yield a frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger.
 
-    turning: by how much more the head is turned in the large picture; light is as `factor` has it.
+    turning: the further enlargement of the head's rotation in the large picture; the light has
+    `factor`.
     """
     view = picture.view
     still = view.camera()
@@ -62,7 +63,8 @@ def write(
     tell: Callable[[], None],
     turning: float = 1.0,
 ) -> None:
-    """A film of states (n, 8) at `rate` frames a second; whole or not at all."""
+    """Write a film of states (n, 8) at `rate` frames a second; an interrupted film leaves no
+    file."""
     with Whole(path) as temporary:
         shown = report_frames(frames(picture, states, factor, turning), tell)
         if path.suffix.lower() == ".gif":
@@ -88,8 +90,8 @@ def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
 
 
 def write_gif(shown: Iterator[Any], path: Path, rate: float) -> None:
-    """All frames in the colours of the first and in the detectors' hues, since a GIF has few; shown
-    again and again."""
+    """Write all frames in the colours of the first and in the detectors' hues, since a GIF has few
+    colours; the film repeats."""
     from PIL import Image
 
     first = Image.fromarray(next(shown))
@@ -108,7 +110,7 @@ def write_gif(shown: Iterator[Any], path: Path, rate: float) -> None:
 
 
 def hue_ramps() -> list[int]:
-    """The detectors' hues from dark to bright, which few pixels have and all should tell apart."""
+    """The detectors' hues from dark to bright, which few pixels have and which must be distinct."""
     levels: list[int] = []
     for theme in THEMES.values():
         for hue in (*theme.hues, "#FFFFFF"):

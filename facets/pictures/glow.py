@@ -1,10 +1,11 @@
-"""Beams and spots as light: how much each pixel gets from the model's own beam and sub-beams.
+"""Beams and spots as light: the amount in each pixel from the model's own beam and sub-beams.
 
 In the beam's cross-section, in sigmas, the light is exp(-|u|^2 / 2), and a facet takes the part of
-it that lies in its wedge. A ray of the camera is a straight line in that plane, too; folded at the
-facet, also where it passes through a sub-beam. What a haze scatters towards the pixel is then the
-integral of a Gaussian along a piece of a line, a difference of two error functions, and what a
-detector or a facet shows is the irradiance at one point: no mesh is needed. Collimated light.
+it that lies in its wedge. A ray of the camera is a straight line in that plane, too, folded at the
+facet; this also holds where it passes through a sub-beam. The light that haze scatters towards the
+pixel is then the integral of a Gaussian along a piece of a line, a difference of two error
+functions, and the light of a detector or a facet is the irradiance at one point: no mesh is needed.
+The light is collimated.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from .raster import enlarge
 from .scene import RIM_MM, Stand, is_in_wedge, reflect_points
 from .studio import Shot
 
-#: Two coordinates across the beam of many rays, sigmas.
+#: Two coordinates of many rays across the beam, sigmas.
 Across = tuple[Any, Any]
-#: Standard deviations of the Gaussian that are drawn.
+#: Radius of the drawn light, standard deviations of the Gaussian.
 FAR = 3.2
-#: A beam is drawn at least so wide: its standard deviation, pixels.
+#: The least standard deviation of a drawn beam, pixels.
 THIN = 1.2
 
 
@@ -34,8 +35,8 @@ THIN = 1.2
 class Glow:
     """Light in a picture: (h, w) by detector, and that of the beam before the mirror.
 
-    A surface's irradiance over the beam's largest, and what a haze scatters out of it, in units of
-    what the middle of the beam scatters.
+    A surface's irradiance over the beam's largest, and the light that haze scatters, over that of
+    the middle of the beam.
     """
 
     sub_beams: tuple[Floats, Floats, Floats]
@@ -44,7 +45,8 @@ class Glow:
 
 
 def glow(stand: Stand, shot: Shot, laser: float, dark: Collection[int] = ()) -> Glow:
-    """laser: how far above the mirror's point the beam begins, mm.  dark: sub-beams left out."""
+    """Compute a picture's light. laser: height of the beam's start above the apex, mm.  dark:
+    sub-beams to omit."""
 
     def light_of(k: int) -> Floats:
         if k in dark:
@@ -58,7 +60,8 @@ def glow(stand: Stand, shot: Shot, laser: float, dark: Collection[int] = ()) -> 
 
 
 def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
-    """Light from every other pixel a side, where the beam is so wide that it has nothing finer."""
+    """Compute light for every other pixel a side if the beam is so wide that it has nothing
+    finer."""
     if width_of(stand) < 10 * shot.camera.pixel:
         return light(shot)
     width, height = shot.camera.size
@@ -71,13 +74,13 @@ def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
 
 
 def centroid(stand: Stand, k: int) -> tuple[Floats, float]:
-    """Of the light on facet k: where across the beam, sigmas, and its share of the power."""
+    """The centroid of the light on facet k across the beam, sigmas, and its share of the power."""
     mass, middle = illuminate(stand.at).moments[k][:2]
     return np.nan_to_num(np.array(middle, float)), float(mass)
 
 
 def segment_pixels(camera: Camera, ends: Floats, width: float) -> tuple[Booleans, float]:
-    """Pixels (h, w) within a width (mm) of a segment (2, 3), and how much of a mm a pixel is."""
+    """The pixels (h, w) within a width (mm) of a segment (2, 3), and the size of a pixel, mm."""
     size = camera.size
     seen = camera.project(clip_segment(camera, ends))
     per_mm = 1 / camera.pixel
@@ -98,7 +101,7 @@ def segment_pixels(camera: Camera, ends: Floats, width: float) -> tuple[Booleans
 
 
 def clip_segment(camera: Camera, ends: Floats) -> Floats:
-    """The part of a segment that is before the camera."""
+    """The part of a segment in front of the camera."""
     depth = (ends - np.array(camera.place)) @ camera.axes[2]
     least = 1e-3 * camera.distance
     if camera.parallel or (depth > least).all():
@@ -115,8 +118,8 @@ def clip_segment(camera: Camera, ends: Floats) -> Floats:
 class PixelRays:
     """Rays of some pixels, and the piece of each on which there is light.
 
-    A ray is place + t ray, both linear in where its pixel is, so that every product with a vector
-    is a sum of three numbers times that: no array of vectors is made.
+    A ray is place + t ray, both linear in the pixel's coordinates, so that every product with a
+    vector is the sum of three numbers times these: no array of vectors is made.
     """
 
     def __init__(self, shot: Shot, where: Booleans) -> None:
@@ -128,7 +131,7 @@ class PixelRays:
         self.high = np.where(np.isfinite(depth), depth, 1e9)
 
     def origins(self, vector: Floats, point: Floats) -> Any:
-        """(origin - point) . vector of each ray."""
+        """Return (origin - point) . vector of each ray."""
         right, upward, _ = self.camera.axes
         start = float((np.array(self.camera.place) - point) @ vector)
         if not self.camera.parallel:
@@ -136,7 +139,7 @@ class PixelRays:
         return start + self.x * float(right @ vector) + self.y * float(upward @ vector)
 
     def rays(self, vector: Floats) -> Any:
-        """ray . vector of each."""
+        """Return ray . vector of each ray."""
         right, upward, forward = self.camera.axes
         start = float(forward @ vector)
         if self.camera.parallel:
@@ -145,7 +148,7 @@ class PixelRays:
         return start + self.x * float(right @ vector) / far + self.y * float(upward @ vector) / far
 
     def keep(self, start: Any, rate: Any) -> None:
-        """Only where start + rate t is positive."""
+        """Restrict the pieces to where start + rate t is positive."""
         start, rate = np.broadcast_arrays(start, rate, self.low)[:2]
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = -start / rate
@@ -155,7 +158,7 @@ class PixelRays:
         self.high[dark] = self.low[dark]
 
     def side(self, point: Floats, normal: Floats) -> None:
-        """Only in front of a plane."""
+        """Restrict the pieces to one side of a plane."""
         self.keep(self.origins(normal, point), self.rays(normal))
 
     def gaussian(self, u: Across, w: Across) -> Any:
@@ -179,9 +182,10 @@ class PixelRays:
 def beam_coordinates(
     stand: Stand, line: PixelRays, k: int | None = None, about: Any = (0, 0), wide: float = 1.0
 ) -> tuple[Across, Across]:
-    """Where rays are across the beam, in sigmas, folded at facet k if given: at t = 0, and per t.
+    """Coordinates of rays across the beam, in sigmas, folded at facet k if given: at t = 0, and per
+    t.
 
-    about, wide: from where and in what unit, sigmas.
+    about, wide: origin and unit of the coordinates, sigmas.
     """
     whitening = np.array(stand.geometry.whitening, float)
     place = np.array(stand.at.place, float)
@@ -195,7 +199,7 @@ def beam_coordinates(
 
 
 def sigma_coordinates(stand: Stand, points: Floats) -> Floats:
-    """Points (n, 3) of the world across the beam, (n, 2)."""
+    """Return coordinates (n, 2) across the beam of points (n, 3) of the world."""
     apart = points - np.array(stand.at.place, float)
     whitening = np.array(stand.geometry.whitening, float)
     return np.stack([(apart * v).sum(axis=-1) for v in whitening], axis=-1)
@@ -207,7 +211,7 @@ def width_of(stand: Stand) -> float:
 
 
 def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
-    """What a haze scatters out of the sub-beam from facet k to its detector."""
+    """Compute the light that haze scatters out of the sub-beam from facet k to its detector."""
     middle, share = centroid(stand, k)
     if share < 1e-6:
         return np.zeros(shot.depth.shape)
@@ -231,7 +235,7 @@ def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
 
 
 def keep_wedge(line: PixelRays, stand: Stand, k: int, u: Across, w: Across) -> None:
-    """Only what facet k takes of the beam."""
+    """Restrict the pieces to the part of the beam on facet k."""
     q = np.array(stand.at.q, float)
     first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
     x, y = u[0] - q[0], u[1] - q[1]
@@ -240,7 +244,7 @@ def keep_wedge(line: PixelRays, stand: Stand, k: int, u: Across, w: Across) -> N
 
 
 def incoming(stand: Stand, shot: Shot, laser: float) -> Floats:
-    """What a haze scatters out of the beam between the laser and the facets."""
+    """Compute the light that haze scatters out of the beam between the laser and the facets."""
     back = -np.array(stand.geometry.direction, float)
     place, apex = np.array(stand.at.place, float), np.array(stand.at.apex, float)
     start = place + ((apex - place) @ back) * back
@@ -261,15 +265,15 @@ def incoming(stand: Stand, shot: Shot, laser: float) -> Floats:
     return total
 
 
-#: What a facet reflects.
+#: A facet's reflectance.
 REFLECTS = 0.8
 
 
 def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
-    """What facet k shows of its light: the images of the beam that falls on it and of its sub-beam.
+    """Compute the light that facet k reflects: the images of the beam on it and of its sub-beam.
 
-    An image lies behind the facet: that of the beam where the sub-beam would come from, and that of
-    the sub-beam where the beam would go on.
+    An image lies behind the facet: that of the beam on the sub-beam's backward extension, and that
+    of the sub-beam on the beam's forward extension.
     """
     apex, normal = np.array(stand.at.apex, float), np.array(stand.at.normals[k], float)
     where, pixel = segment_pixels(shot.camera, np.array([apex, apex]), 4 * RIM_MM)
@@ -292,7 +296,8 @@ def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
 
 
 def surface(stand: Stand, shot: Shot, k: int) -> Floats:
-    """The irradiance of facet k's light on that facet, and on its detector; over the largest."""
+    """Compute the irradiance of facet k's light on the facet and on its detector, over the
+    largest."""
     normal = np.array(stand.at.normals[k], float)
     apex = np.array(stand.at.apex, float)
     centre = np.array(stand.geometry.centres[k], float)
@@ -304,7 +309,7 @@ def surface(stand: Stand, shot: Shot, k: int) -> Floats:
 
 
 def fill_mask(where: Booleans, values: Any) -> Booleans:
-    """Values of the pixels that are true in `where`, as a picture."""
+    """Return a picture with values at the pixels that are true in `where`."""
     picture = np.zeros(where.shape, bool)
     picture[where] = values
     return picture
@@ -314,7 +319,8 @@ def plane(
     stand: Stand, shot: Shot, k: int, point: Floats, normal: Floats, about: Floats, reach: float,
     folded: bool,
 ) -> Floats:  # fmt: skip
-    """The irradiance on a plane where a part's surface lies in it, within `reach` of a point."""
+    """Compute the irradiance on a plane within `reach` of a point, where a part's surface lies in
+    it."""
     around = 2 * FAR * width_of(stand) if not np.isfinite(reach) else reach
     where, pixel = segment_pixels(shot.camera, np.array([about, about]), around)
     where = where & shot.is_covered

@@ -1,4 +1,4 @@
-"""What the rig stands on: a floor that fades into what is behind, and soft shadows on it."""
+"""The floor under the rig, which fades into the background, and soft shadows on it."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from .materials import Theme, rgb
 from .raster import enlarge
 from .rig import RigPart
 
-#: Where the shadow-giving light comes from.
+#: Direction of the light that casts shadows.
 KEY = (-0.45, -0.55, 1.6)
-#: Pixels of the map of shadows, a side.
+#: Side of the map of shadows, pixels.
 MAP = 256
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A floor at z with a map of how much light it gets, over x and y from -reach to reach."""
+    """A floor at z with a map of its illumination, over x and y from -reach to reach."""
 
     z: float
     reach: float
     shade: Floats
 
     def darkness(self, x: Floats, y: Floats) -> Floats:
-        """How much darker it is there, 0 to 1."""
+        """Return the darkness of the shadows at places, 0 to 1."""
         from scipy.ndimage import map_coordinates
 
         scale = (MAP - 1) / (2 * self.reach)
@@ -38,7 +38,7 @@ class Ground:
 
 
 def ground(parts: Sequence[RigPart], z: float) -> Ground:
-    """Shadows of parts: the higher a part is, the softer its own."""
+    """Make the floor with the shadows of parts: the higher a part is, the softer its shadow."""
     from scipy.ndimage import gaussian_filter
 
     points = np.concatenate([part.solid.points for part in parts])
@@ -47,7 +47,7 @@ def ground(parts: Sequence[RigPart], z: float) -> Ground:
     levels: dict[int, list[RigPart]] = {}
     for part in parts:
         if np.ptp(part.solid.points, axis=0).max() < 4 * pixel or part.material in ("gold", "hole"):
-            continue  # too fine to be seen in a soft shadow
+            continue  # too fine to be visible in a soft shadow
         height = float(part.solid.points[:, 2].mean()) - z
         levels.setdefault(int(np.clip(np.log2(1 + height / 12), 0, 5)), []).append(part)
     shade = np.zeros((MAP, MAP))
@@ -66,7 +66,7 @@ def ground(parts: Sequence[RigPart], z: float) -> Ground:
 def silhouettes(
     parts: Sequence[RigPart], z: float, reach: float, light: tuple[float, float, float]
 ) -> Floats:
-    """What parts hide from a light on the floor, (MAP, MAP), rows along y."""
+    """The shadows of parts on the floor in parallel light, (MAP, MAP), rows along y."""
     from PIL import Image, ImageDraw
 
     sheet = Image.new("L", (MAP, MAP))
@@ -82,7 +82,7 @@ def silhouettes(
 
 
 def backdrop(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
-    """What is behind the parts, (h, w, 3); found for every other pixel a side, as it is soft."""
+    """Render the background, (h, w, 3), from every other pixel a side, as it is soft."""
     width, height = camera.size
     half = camera.resize(((width + 1) // 2, (height + 1) // 2))
     whole = (2 * half.size[0], 2 * half.size[1])

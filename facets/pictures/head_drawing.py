@@ -1,4 +1,4 @@
-"""A head drawn as SVG: from above and from the side, with its dimensions."""
+"""A drawing of a head as SVG: plan and section, with its dimensions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..model.arrays import readings
 from ..optics.forward import psd_axes, psd_centre
 from .wording import typeset
 
-#: Of each of the two views, in units of the picture, and the space around it.
+#: Size of each of the two views, in units of the picture, and the margin around it.
 SIZE, EDGE = 300.0, 46.0
 FONT = "font-family='sans-serif' font-size='11'"
 
@@ -35,7 +35,7 @@ def drawing(sensor: Sensor) -> str:
 
 
 def places(sensor: Sensor) -> tuple[Floats, Floats, Floats]:
-    """Of each detector its middle (3, 3), axes y and z (3, 2, 3), and spot at rest (3, 3)."""
+    """Return each detector's middle (3, 3), axes y and z (3, 2, 3), and spot at rest (3, 3)."""
     centres, sides = [], []
     for psd in sensor.psds:
         axes = psd_axes(psd.azimuth, psd.roll, psd.pitch, psd.yaw)
@@ -69,7 +69,7 @@ def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "
 
 
 def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: float) -> list[str]:
-    """From above, x to the right and y up."""
+    """Draw the plan, x to the right and y up."""
     middle = SIZE / 2
 
     def pixel_of(place: Floats) -> tuple[float, float]:
@@ -99,7 +99,7 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
 
 
 def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
-    """Each detector's own half plane through the axis, outward to the right and z up."""
+    """Draw each detector's own half plane through the axis, outward to the right and z up."""
     left, middle, hues = SIZE + EDGE, SIZE / 2, chosen_hues()
     found = [line((left, 14), (left, middle), hues.ink, 1.4)]
     found.append(text(left + 6, 22, "beam", "start"))

@@ -1,4 +1,4 @@
-"""Magnified insets: where they stand in a picture, their frames and their leader lines."""
+"""Magnified insets: their places in a picture, their frames and their leader lines."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .lettering import FINE, Box, DrawingSheet
 
 @dataclass(frozen=True)
 class Inset:
-    """What is magnified.
+    """A magnified part of the picture.
 
-    title: written under it.  target: what it shows, in the world.  camera: that takes it.
-    hue: of its frame.  round: whether it is a circle.  note: a second line of its title.
-    cross: whether lines mark its middle.
+    title: written under it.  target: its place in the world.  camera: that takes it. hue: of its
+    frame.  round: whether it is a circle.  note: a second line of its title. cross: whether lines
+    mark its middle.
     """
 
     title: str
@@ -33,7 +33,8 @@ class Inset:
 
 
 def assign(targets: Sequence[Floats], slots: Sequence[Floats]) -> list[int]:
-    """The slot of each target, pixels: leader lines that do not cross, and are short in all."""
+    """Return the slot of each target, pixels, so that leader lines do not cross and are short in
+    total."""
     best: tuple[float, Sequence[int]] = (np.inf, ())
     for order in permutations(range(len(slots)), len(targets)):
         lines = [(target, slots[n]) for target, n in zip(targets, order, strict=True)]
@@ -56,7 +57,7 @@ def crossing(a: Floats, b: Floats, c: Floats, d: Floats) -> bool:
 
 
 def paste(picture: Floats, shown: Floats, corner: tuple[int, int], circle: bool) -> None:
-    """Puts a small picture into a larger one, in place, its corners rounded or as a circle."""
+    """Paste a small picture into a larger one, in place, with rounded corners or as a circle."""
     from PIL import Image, ImageDraw
 
     height, width = shown.shape[:2]
@@ -67,12 +68,12 @@ def paste(picture: Floats, shown: Floats, corner: tuple[int, int], circle: bool)
     cover = np.asarray(mask.reduce(4), float)[..., None] / 255
     left, top = corner
     part = picture[top : top + height, left : left + width]
-    inside = np.s_[: part.shape[0], : part.shape[1]]  # a small picture may not hold all of it
+    inside = np.s_[: part.shape[0], : part.shape[1]]  # a small picture may crop it
     part[:] = part * (1 - cover[inside]) + shown[inside] * cover[inside]
 
 
 def frame(sheet: DrawingSheet, inset: Inset, corner: tuple[int, int], size: tuple[int, int]) -> Box:
-    """The rim of an inset, its title below, and the space that they take; the title's."""
+    """Draw the rim of an inset and its title below; return the title's box."""
     left, top = corner
     width, height = size
     radius = min(width, height) * (0.5 if inset.round else 0.055) * FINE
@@ -99,7 +100,7 @@ def leader(
     size: Any,
     title: Box | None = None,
 ) -> None:
-    """A line from what an inset shows to its rim, or to its title where that is in between."""
+    """Draw a line from an inset's target to its rim, or to its title if that is in between."""
     middle = np.array(corner, float) + np.array(size) / 2
     aim = target[:2] - middle
     length = float(np.hypot(*aim))

@@ -1,4 +1,4 @@
-"""What a layout has become: uncertainties and ranges, before and after."""
+"""A picture of a layout's uncertainties and ranges, before and after."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 
 def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
-    """The comparison of `verification.compare`: each axis after over before, and both in numbers.
+    """Draw the comparison of `verification.compare`: each axis after over before, and both as
+    numbers.
 
-    A step to the left is finer, or a shorter range; the line at 1 is what it was.
+    A step to the left is finer, or a shorter range; the line at 1 is the value before.
     """
     with style.style_context():
         picture = style.figure(style.FULL, 4.9)
@@ -33,7 +34,7 @@ def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
 
 
 def steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: str) -> None:
-    """From before to after of six axes, each over what it was, with its numbers beside it."""
+    """Draw the steps from before to after of six axes, relative to before, and their numbers."""
     hues = chosen_hues()
     rows = [n for n, name in enumerate(table["quantity"]) if str(name).startswith(kind)]
     names = [axis_of(str(table["quantity"][n])) for n in rows]
@@ -54,7 +55,7 @@ def steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: str) ->
 
 
 def step(panel: Axes, place: int, share: float, hue: str) -> None:
-    """From what it was, 1, to what it is."""
+    """Draw a step from 1 to the value after."""
     hues = chosen_hues()
     if not np.isfinite(share):
         panel.annotate("no number", (0.03, place), xycoords=("axes fraction", "data"),
@@ -65,7 +66,7 @@ def step(panel: Axes, place: int, share: float, hue: str) -> None:
 
 
 def legend(picture: Figure, simulated: bool) -> None:
-    """Marks in no axis's hue, since they are those of all."""
+    """Draw a legend whose marks have no axis's hue, since they apply to all axes."""
     from matplotlib.lines import Line2D
 
     ink = chosen_hues().ink
@@ -79,7 +80,7 @@ def legend(picture: Figure, simulated: bool) -> None:
 
 
 def scale(panel: Axes) -> None:
-    """Logarithmic, so that half and twice are as far."""
+    """Set a logarithmic scale, on which half and twice are equally far."""
     panel.set_xscale("log")
     low, high = panel.get_xlim()
     panel.set_xlim(min(low, 0.8) / 1.06, max(high, 1.25) * 1.06)
@@ -89,7 +90,7 @@ def scale(panel: Axes) -> None:
 
 
 def axis_of(quantity: str) -> str:
-    """Whose a quantity is: "u_roll_urad" is roll's."""
+    """Return the axis of a quantity: "roll" for "u_roll_urad"."""
     return next(name for name in POSE if name in quantity.split("_"))
 
 

@@ -1,7 +1,6 @@
 """Letters and lines over a picture: dimension lines, leader lines, a scale bar, captions.
 
-What is written keeps off what was written before: every label asks for several places and takes
-the first that is free.
+Labels do not overlap: each has several candidate places and takes the first free one.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from ..core.units import Floats
 from .materials import Theme, rgb
 
-#: Letters and lines are drawn so many times larger, then averaged.
+#: Letters and lines are drawn this many times larger, then averaged.
 FINE = 2
 Box = tuple[float, float, float, float]
 Point = Sequence[float] | Floats
@@ -25,7 +24,7 @@ Points = Sequence[Point] | Floats
 
 @lru_cache(maxsize=64)
 def font(size: int, bold: bool = False) -> Any:
-    """The letters of the plots."""
+    """Return the font of the plots."""
     import matplotlib
     from PIL import ImageFont
 
@@ -38,9 +37,9 @@ def overlap(a: Box, b: Box) -> bool:
 
 
 class DrawingSheet:
-    """A clear sheet over a picture; pixels from the left and from the top.
+    """A transparent sheet over a picture; pixels from the left and from the top.
 
-    taken: what is written on it, as boxes (left, top, right, bottom).
+    taken: the boxes (left, top, right, bottom) of its labels.
     """
 
     def __init__(self, size: tuple[int, int], theme: Theme) -> None:
@@ -82,7 +81,7 @@ class DrawingSheet:
         self.draw.ellipse([x - r, y - r, x + r, y + r], fill=self.colour(colour or self.theme.ink))
 
     def arrow(self, tip: Point, along: Floats, colour: str = "") -> None:
-        """A head of an arrow that points along a unit vector."""
+        """Draw the head of an arrow that points along a unit vector."""
         size = 9.0 * self.unit
         aside = np.array([-along[1], along[0]])
         end = np.array(tip[:2], float)
@@ -102,7 +101,7 @@ class DrawingSheet:
         self, at: Point, words: str, size: float = 14, colour: str = "", bold: bool = False,
         anchor: Point = (0.5, 0.5), halo: bool = True, angle: float = 0.0, take: bool = True,
     ) -> Box:  # fmt: skip
-        """Words with the point `anchor` of their box (0 to 1) at a place; what they take."""
+        """Write words with the point `anchor` of their box (0 to 1) at a place; return the box."""
         from PIL import Image, ImageDraw
 
         letters = font(max(6, round(size * self.unit * FINE)), bold)
@@ -135,7 +134,7 @@ class DrawingSheet:
         return box
 
     def free(self, box: Box) -> bool:
-        """Whether a box is inside the picture, and nothing is written there."""
+        """Return whether a box is inside the picture and overlaps no label."""
         inside = (
             box[0] >= 2
             and box[1] >= 2
@@ -147,10 +146,10 @@ class DrawingSheet:
     def dimension(
         self, a: Point, b: Point, words: str, aside: Floats, size: float = 14, colour: str = ""
     ) -> None:
-        """A dimension line between two points, moved aside by a vector, with extension lines.
+        """Draw a dimension line between two points, moved aside by a vector, with extension lines.
 
-        It is moved further where its label would stand on another, and its arrows point from
-        outside where there is no room between them.
+        It is moved further if its label would overlap another, and its arrows point from outside if
+        there is no room between them.
         """
         start, end = np.array(a[:2], float), np.array(b[:2], float)
         length = float(np.hypot(*(end - start)))
@@ -173,7 +172,7 @@ class DrawingSheet:
                 if self.free(box):
                     self.dimension_at(start, end, off, along, middle, words, size, colour, angle)
                     return
-        # where no place is free: rather no label than one upon another
+        # if no place is free, omit the label rather than write over another
 
     def dimension_at(
         self, start: Floats, end: Floats, off: Floats, along: Floats, middle: Floats, words: str,
@@ -202,7 +201,7 @@ class DrawingSheet:
         self.write(aside, words, size, ink)
 
     def scale_bar(self, pixel: float, at: Point, words: str = "", share: float = 0.16) -> None:
-        """A bar of a round length, for what is at the focus. pixel: mm."""
+        """Draw a bar of a round length, for the scale at the focus. pixel: mm."""
         wanted = share * self.size[0] * pixel
         power = 10 ** np.floor(np.log10(wanted))
         length = max(n * power for n in (1, 2, 5) if n * power <= wanted)
@@ -220,12 +219,12 @@ class DrawingSheet:
         )
 
     def draw_over(self, picture: Floats) -> Floats:
-        """The picture (h, w, 3) with the sheet on it."""
+        """Return the picture (h, w, 3) with the sheet over it."""
         ink = np.asarray(self.image.convert("RGBa").reduce(FINE), np.float32) / 255
         mixed: Floats = picture * (1 - ink[..., 3:]) + ink[..., :3]
         return mixed
 
 
 def length_in_words(length: float) -> str:
-    """A length in mm as one writes it: "100 mm", "200 µm"."""
+    """Format a length in mm: "100 mm", "200 µm"."""
     return f"{length:g} mm" if length >= 1 else f"{1e3 * length:.4g} µm"

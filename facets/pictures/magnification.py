@@ -1,4 +1,4 @@
-"""By how much a motion or a range is drawn larger than it is, so that it can be seen."""
+"""The magnification of a motion or a range in a picture, so that it is visible."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import half_sizes, readings
 
-#: A spot's centroid stays so far inside its detector, shares of the half size, and a detector gets
-#: at least such a share of the light, in a motion that is drawn larger.
+#: Least distance of a spot's centroid from its detector's edge, over half the detector's size, and
+#: least share of the light on a detector, in a magnified motion.
 INSIDE, LEAST = 0.80, 0.06
-#: How far a head is turned in a picture at most, rad.
+#: The largest rotation of a head in a picture, rad.
 MAX_TURN_RAD = 0.3
 
 
@@ -24,7 +24,7 @@ def round_down(factor: float) -> float:
 
 def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> float:
     """The largest round factor, 1 or more, by which states (n, 8) may be multiplied with all three
-    spots on their detectors and light on each; so a larger motion is one that could be."""
+    spots on their detectors and light on each; the larger motion is then possible."""
     some = states[:: max(1, len(states) // 100)]
     factor = 1.0
     for more in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
@@ -35,7 +35,7 @@ def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> fl
 
 
 def stays_on_detectors(sensor: Sensor, states: Floats) -> bool:
-    """Whether all spots are well on their detectors in all states."""
+    """Return whether all spots are well on their detectors in all states."""
     reading = readings(sensor, states)
     power = reading[:, 2::3]
     if not (power > LEAST * sensor.beam.power).all():
@@ -45,8 +45,8 @@ def stays_on_detectors(sensor: Sensor, states: Floats) -> bool:
 
 
 def turning_factor(states: Floats) -> float:
-    """By how much the head's own turning may be drawn larger still, a round factor: up to a tenth
-    of a turn to either side or so, about its point, which stays where it is."""
+    """The round factor by which the head's own rotation may be magnified further, up to about a
+    tenth of a turn to either side, about its apex, which does not move."""
     largest = float(np.abs(states[:, 3:6]).max())
     return max(1.0, round_down(MAX_TURN_RAD / largest)) if largest > 0 else 1.0
 

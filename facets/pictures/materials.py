@@ -1,4 +1,4 @@
-"""What parts are made of, and the two themes of a picture."""
+"""Materials of the parts, and the two themes of a picture."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ ThemeName = Literal["dark", "light"]
 
 
 class Material(NamedTuple):
-    """Of a surface for physically based shading: colour, and 0 to 1.
+    """A surface's parameters for physically based shading: colour, and shares from 0 to 1.
 
-    clear: how much of what is behind shows.  smooth: whether curved surfaces are shaded as such.
+    clear: transparency.  smooth: whether curved surfaces are shaded as smooth.
     """
 
     colour: str
@@ -40,7 +40,7 @@ MATERIALS: dict[str, Material] = {
 }
 
 
-#: Of the faces where a part is cut open.
+#: Colours of cut faces.
 CUTS = {"steel": "#9AA7B8", "aluminium": "#AEB8C4", "plate": "#6F7B8B", "anodised": "#56606D",
         "brass": "#D8B068", "gold": "#E8BE55", "glass": "#A9D3E8", "silicon": "#4A58A8",
         "ceramic": "#E3D9C6", "board": "#2E8B5C", "plastic": "#3B4048"}  # fmt: skip
@@ -50,10 +50,10 @@ CUTS = {"steel": "#9AA7B8", "aluminium": "#AEB8C4", "plate": "#6F7B8B", "anodise
 class Theme:
     """Colours of a picture.
 
-    top, bottom: of what is behind.  ground: of the floor near the rig.  ink: of letters and lines,
+    top, bottom: of the background.  ground: of the floor near the rig.  ink: of letters and lines,
     faint: of lesser ones.  hues: of facets, sub-beams and detectors A, B, C.  beam: of the light
-    before it is shared.  shines: whether light is added to what is behind it, as in the dark; else
-    it is laid over it as ink.  shadow: how dark one is, 0 to 1.
+    before it is shared.  shines: whether light is added to the background, as in the dark; else it
+    is blended as ink.  shadow: darkness of shadows, 0 to 1.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Theme:
     exposure: float
 
     def cut(self, material: str) -> str:
-        """The colour of the face where a material is cut."""
+        """Return the colour of a material's cut face."""
         return CUTS.get(material, "#8C96A3")
 
 
@@ -87,11 +87,11 @@ THEMES: dict[str, Theme] = {
 
 
 def theme_of(style: str) -> ThemeName:
-    """The theme that goes with a style of the plots: paper, screen or dark."""
+    """Return the theme for a style of the plots: paper, screen or dark."""
     return "dark" if style == "dark" else "light"
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
-    """A colour "#RRGGBB" as shares."""
+    """Convert a colour "#RRGGBB" to shares."""
     red, green, blue = (int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5))
     return red, green, blue

@@ -1,4 +1,4 @@
-"""The picture of a simulated motion: truth under the estimate, and the error in a strip below."""
+"""The picture of a simulated motion: true and estimated poses, and the error in a strip below."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
     from ..simulation.run import Segment
 
-#: Inches: the picture's height; left, right, above, below; between columns, between axes.
+#: Inches: the picture's height; margins left, right, above, below; gaps between columns and rows.
 HEIGHT, MARGINS, BETWEEN = 7.8, (0.78, 0.08, 0.12, 1.12), (0.84, 0.26)
-#: Of a panel and of the strip of its error below.
+#: Heights of a panel and of the strip of its error below.
 SHARES = (1.45, 1.0)
 #: Where labels stand, inches left of a panel.
 LABEL = 0.58
-#: Of the line at twice the standard uncertainty: dash and gap, points.
+#: Dash and gap of the line at twice the standard uncertainty, points.
 DASHES = (0, (4, 2))
-#: Columns of a panel that many samples are gathered in.
+#: Number of columns of a panel into which many samples are gathered.
 COLUMNS = 160
 
 
 def motion_picture(segments: Sequence[Segment]) -> Figure:
-    """Six axes: shifts left, angles right; one motion after the other, each as wide as the next."""
+    """Draw six axes: shifts left, angles right; one motion after the other, all equally wide."""
     with style.style_context():
         picture, panels = panels_of_axes()
         clock = Clock(segments)
@@ -47,10 +47,9 @@ def motion_picture(segments: Sequence[Segment]) -> Figure:
 
 
 def panels_of_axes() -> tuple[Figure, NDArray[Any]]:
-    """The picture, and its panels (3, 2, 2): row, column, and place or error.
+    """Make the picture and its panels (3, 2, 2): row, column, and place or error.
 
-    They stand at fixed places, so that nothing has to be measured: measuring all their labels takes
-    as long as drawing them.
+    They have fixed places, because measuring all their labels takes as long as drawing them.
     """
     left, right, above, below = MARGINS
     picture = style.figure(style.FULL, HEIGHT, layout="none")
@@ -76,7 +75,8 @@ def panels_of_axes() -> tuple[Figure, NDArray[Any]]:
 
 
 class Clock:
-    """Where the samples of each motion stand: by time for one, else each motion as wide as one."""
+    """The samples' places on the time axis: the time of a single motion; of several, each has
+    length one."""
 
     def __init__(self, segments: Sequence[Segment]) -> None:
         self.names = [segment.name for segment in segments]
@@ -108,7 +108,7 @@ class Clock:
 
     @property
     def words(self) -> str:
-        """What the motions are, for below the panels."""
+        """Name the motions for the label below the panels."""
         named = [
             f"{n} {name} ({seconds:.3g} s)"
             for n, (name, seconds) in enumerate(zip(self.names, self.seconds, strict=True), start=1)
@@ -129,7 +129,7 @@ def columns_for(segments: Sequence[Any]) -> int:
 
 
 def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) -> None:
-    """Truth as a broad line, and the estimate thin upon it, so that both are seen."""
+    """Draw the truth as a broad line, and the estimate thin upon it, so that both are visible."""
     hues, name = chosen_hues(), POSE[n]
     moved = any(np.ptp(segment.truth[:, n]) > 0 for segment in segments)
     unit = style.unit_of(name)
@@ -145,7 +145,7 @@ def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
 
 
 def samples(panel: Axes, time: Floats, values: Floats, name: str, columns: int) -> None:
-    """Few of them each as a mark; many as the band from least to largest, with their median."""
+    """Draw few samples as marks; many as the band from least to largest, with their median."""
     hue = chosen_hues().axes[name]
     if len(time) <= columns:
         panel.plot(time, values, ".", ms=6 if len(time) < 10 else 3, color=hue, mew=0)
@@ -156,13 +156,13 @@ def samples(panel: Axes, time: Floats, values: Floats, name: str, columns: int) 
 
 
 def mark_failures(panel: Axes, time: Floats) -> None:
-    """Marks along the foot of a panel, where a sample could not be solved."""
+    """Mark samples that could not be solved, along the foot of a panel."""
     panel.plot(time, np.full(len(time), 0.03), "|", ms=5, color=chosen_hues().alarm,
                transform=panel.get_xaxis_transform(), clip_on=False)  # fmt: skip
 
 
 def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) -> None:
-    """The error within twice its standard uncertainty."""
+    """Draw the error and the band of twice its standard uncertainty."""
     hues, name = chosen_hues(), POSE[n]
     unit = style.unit_of(name)
     for segment, time in zip(segments, clock.times, strict=True):
@@ -181,7 +181,7 @@ def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
 
 
 def legend(picture: Figure, clock: Clock, with_unsolved: bool) -> None:
-    """What lines and bands are, and below which motion is which."""
+    """Explain lines and bands, and name the motions."""
     from textwrap import fill
 
     from matplotlib.legend_handler import HandlerTuple

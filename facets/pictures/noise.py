@@ -1,4 +1,4 @@
-"""The page of a recording's noise: spectra, Allan deviations, and what they are made of."""
+"""The page of a recording's noise: spectra, Allan deviations, and their components."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ p{max-width:50rem}section{overflow-x:auto}"""
 
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
-    """One page of HTML with everything in it."""
+    """Return the page as one HTML file."""
     readings, poses = report.channels[:9], report.channels[9:]
     head = "".join(
         f"<tr><th>{escape(key)}</th><td>{escape(value)}</td></tr>" for key, value in about.items()
@@ -62,7 +62,7 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
 
 
 def faults(sentences: list[str]) -> str:
-    """What speaks against a mirror at rest, if anything does."""
+    """List the findings that contradict a mirror at rest."""
     if not sentences:
         return ""
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
@@ -114,7 +114,7 @@ def correlations(report: NoiseReport) -> str:
 
 
 def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
-    """Welch's spectra, a panel for each group of channels that share a unit."""
+    """Draw Welch's spectra, a panel for each group of channels that share a unit."""
     with style.style_context():
         picture, panels = page_of(len(groups))
         for panel, (name, channels) in zip(panels, groups.items(), strict=False):
@@ -130,7 +130,8 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
 
 
 def spectrum(panel: Axes, one: Channel) -> None:
-    """What was measured, as a band in columns; the fitted noise; and what is configured, dashed."""
+    """Draw the measured spectrum as a band in columns; the fitted noise; and the configured one,
+    dashed."""
     from scipy.signal import welch
 
     rate, hue = one.model.rate, hue_of(one.name)
@@ -147,7 +148,7 @@ def spectrum(panel: Axes, one: Channel) -> None:
 
 
 def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
-    """Least, largest and median in columns that are as wide on a logarithmic axis."""
+    """Return least, largest and median in columns that are equally wide on a logarithmic axis."""
     edges = np.geomspace(frequency[0], frequency[-1] * (1 + 1e-9), count + 1)
     which = np.digitize(frequency, edges)
     rows = [(np.sqrt(edges[n - 1] * edges[n]), *style.ends(density[which == n]))
@@ -156,7 +157,7 @@ def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
 
 
 def deviations(groups: dict[str, list[Channel]]) -> str:
-    """Allan deviations of readings and poses, with their 95 % intervals."""
+    """Draw Allan deviations of readings and poses, with their 95 % intervals."""
     with style.style_context():
         picture, panels = page_of(len(groups))
         for panel, (name, channels) in zip(panels, groups.items(), strict=False):
@@ -172,7 +173,7 @@ def deviations(groups: dict[str, list[Channel]]) -> str:
 
 
 def page_of(count: int) -> tuple[Figure, Any]:
-    """A picture of panels, two beside one another."""
+    """Make a picture of panels in two columns."""
     rows = -(-count // 2)
     picture = style.figure(style.FULL, 2.6 * rows + 0.4)
     panels = picture.subplots(rows, 2, squeeze=False).ravel()
@@ -182,7 +183,7 @@ def page_of(count: int) -> tuple[Figure, Any]:
 
 
 def legend(picture: Figure, panels: Any, groups: dict[str, list[Channel]]) -> None:
-    """What hues and dashes are: detectors by letter, axes by name."""
+    """Explain hues and dashes: detectors by letter, axes by name."""
     from matplotlib.lines import Line2D
 
     names = list(dict.fromkeys(one.name.rpartition("_")[0] for g in groups.values() for one in g))
@@ -197,7 +198,7 @@ def legend(picture: Figure, panels: Any, groups: dict[str, list[Channel]]) -> No
 
 
 def hue_of(column: str) -> str:
-    """A detector's or an axis's: "psi_a_mm", "roll_mrad"."""
+    """Return the hue of a column's detector or axis: "psi_a_mm", "roll_mrad"."""
     name = column.rpartition("_")[0]
     hues = chosen_hues()
     return hues.axes[name] if name in hues.axes else hues.detectors[name[-1]]
@@ -208,7 +209,7 @@ def dash_of(column: str) -> str:
 
 
 def group_channels(channels: list[Channel]) -> dict[str, list[Channel]]:
-    """Channels that share a panel: by reading, and the shifts and the angles of poses."""
+    """Group channels by panel: readings, shifts of poses, and angles of poses."""
     words = {"psi": "place psi", "zeta": "place zeta", "power": "power"}
     found: dict[str, list[Channel]] = {}
     for one in channels:

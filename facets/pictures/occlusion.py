@@ -1,4 +1,4 @@
-"""Ambient occlusion: corners and gaps get less of the light that comes from all around."""
+"""Ambient occlusion: corners and gaps get less ambient light."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import numpy as np
 from ..core.units import Floats
 from .studio import Shot
 
-#: Directions across a pixel, and how far along each, in radii.
+#: Directions across a pixel, and the distances along each, in radii.
 DIRECTIONS, STEPS = 6, (0.25, 0.6, 1.0)
 
 
 def occlusion(shot: Shot, radius: float) -> Floats:
-    """How much of the light from all around reaches each pixel, (h, w), 0 to 1.
+    """Return the share of ambient light that reaches each pixel, (h, w), 0 to 1.
 
-    radius: how far away a part still takes light, mm. Where two opposite neighbours are on average
-    nearer than the pixel between them, it lies in a hollow; a flat face does not, however slanted.
+    radius: distance within which a part blocks light, mm. A pixel lies in a hollow if two opposite
+    neighbours are on average nearer; a flat face does not, however slanted.
     """
     from scipy.ndimage import gaussian_filter
 

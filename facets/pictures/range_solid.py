@@ -1,4 +1,5 @@
-"""The range of the mirror's place as a solid about its point, with what ends it on every side."""
+"""The range of the mirror's place as a solid about its apex, with the limiting cause on every
+side."""
 
 from __future__ import annotations
 
@@ -12,15 +13,15 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 
-#: Rays around, and from pole to pole: over the upper side, the sides, and the lower side.
+#: Number of rays around, and from pole to pole: over the upper side, the sides, and the lower side.
 LONGITUDES, ROWS = 64, (10, 16, 10)
-#: By how many halvings it is found where one side meets the next.
+#: Number of halvings with which the border between two sides is located.
 HALVINGS = 12
-#: How far is looked, mm.
+#: Largest distance of the search, mm.
 FARTHEST_MM = 30.0
-#: A colour for each of `CAUSES`, and for a side on which nothing ends the range.
+#: A colour for each of `CAUSES`, and for a side without a limit.
 COLOURS = ("#FFC247", "#D884C6", "#5FB7E5", "#C9CF5A", "#8C96A3")
-#: Why a range ends, and where nothing ends it.
+#: Reasons for the range's end, and a text for no limit.
 REASONS = (*CAUSES, "further than is looked")
 
 
@@ -35,15 +36,14 @@ class RangeSolid:
 
     @property
     def extent(self) -> Floats:
-        """Lowest and highest x, y and z, (2, 3), mm."""
+        """Return the lowest and highest x, y and z, (2, 3), mm."""
         return np.array([self.points.min(axis=0), self.points.max(axis=0)])
 
 
 def range_solid(sensor: Sensor, rules: Rules) -> RangeSolid:
-    """Where the mirror may go without turning, as seen from rest; mm.
+    """Find the places that the mirror can reach from rest without turning; mm.
 
-    Its points stand along the lines where what ends the range changes, so that each face has one
-    cause.
+    The solid has points along the lines where the cause changes, so that each face has one cause.
     """
     reach = follow(sensor, rules, np.concatenate([-np.eye(3), np.eye(3)]))[0]
     size = np.maximum(reach[:3], reach[3:])
@@ -71,7 +71,7 @@ def range_solid(sensor: Sensor, rules: Rules) -> RangeSolid:
 def changes(cause: Callable[[Floats], Integers], pole: Floats) -> Floats:
     """The polar angles, on each longitude, at which the cause is no longer that at the pole.
 
-    Looked for up to the equator; where it is the same all the way, a third of a right angle.
+    The search ends at the equator; for a constant cause the result is a third of a right angle.
     """
     own = cause(pole)
     near, far = pole.copy(), np.full(len(pole), np.pi / 2)
@@ -85,7 +85,7 @@ def changes(cause: Callable[[Floats], Integers], pole: Floats) -> Floats:
 
 
 def between(upper: Floats, lower: Floats) -> Floats:
-    """Polar angles (rows, longitudes) of all points: a row on either side of each change."""
+    """Return polar angles (rows, longitudes) of all points: a row on either side of each change."""
     above, sides, below = ROWS
     parts = [
         np.linspace(0, 1, above + 1)[:, None] * upper,
@@ -96,7 +96,8 @@ def between(upper: Floats, lower: Floats) -> Floats:
 
 
 def follow(sensor: Sensor, rules: Rules, ways: Floats) -> tuple[Floats, Integers]:
-    """How far the range goes in directions (n, 3) of the mirror's place, mm, and why it ends."""
+    """Return the range in directions (n, 3) of the mirror's place, mm, and the causes of its
+    end."""
     found = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
     return found.distance * FARTHEST_MM, np.where(found.cause < 0, len(CAUSES), found.cause)
 

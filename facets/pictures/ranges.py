@@ -1,4 +1,4 @@
-"""Pictures of measurement ranges, and of what is inside them."""
+"""Pictures of measurement ranges and of values inside them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 #: Dashes by cause, in the order of `ranges.CAUSES`, beside their hues.
 DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
-#: Height of a panel in its widths, by how many stand beside each other.
+#: Height of a panel in its widths, by the number of panels in a row.
 PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
 
 
 def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -> Figure:
-    """Outlines coloured by cause, a panel each.
+    """Draw outlines coloured by cause, a panel each.
 
-    inside: for each, (x, y, values, label) of what is drawn within, mm or rad; or nothing at all.
+    inside: for each, (x, y, values, label) of the map within, mm or rad; or nothing at all.
     """
     columns = min(len(boundaries), 2 if inside else 3)
     rows = -(-len(boundaries) // columns)
@@ -56,7 +56,7 @@ def add_legend(picture: Figure, boundaries: Sequence[Boundary], columns: int) ->
 
 
 def line_of(cause: int) -> dict[str, Any]:
-    """Hue and dash of a range's end, by what ends it; -1 where nothing does."""
+    """Return hue and dash of a range's end, by its cause; -1 for no limit."""
     hues = chosen_hues()
     if cause < 0:
         return {"color": hues.grey, "ls": "-", "lw": 1.8}
@@ -65,7 +65,7 @@ def line_of(cause: int) -> dict[str, Any]:
 
 
 def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
-    """The range: filled, its rim drawn by what ends it there; a cross at rest."""
+    """Draw the range: filled, with its rim by cause; a cross at rest."""
     factors = np.array([style.unit_of(name).factor for name in boundary.axes])
     points = boundary.points * factors
     hues = chosen_hues()
@@ -87,7 +87,7 @@ def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
 
 
 def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
-    """The rim in pieces of one cause each: (cause, points); it closes on itself."""
+    """Yield pieces of the closed rim with one cause each: (cause, points)."""
     if not len(points):
         return
     closed = np.concatenate([points, points[:1]])
@@ -99,7 +99,7 @@ def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
 def values(
     picture: Figure, panel: Axes, boundary: Boundary, x: Floats, y: Floats, z: Floats, label: str
 ) -> None:
-    """A map of values inside the range; NaN outside."""
+    """Draw a map of values inside the range; NaN outside."""
     factors = [style.unit_of(name).factor for name in boundary.axes]
     image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
     panel.grid(visible=False)

@@ -1,4 +1,4 @@
-"""Arrays of pixels, made smaller, larger and softer."""
+"""Functions that shrink, enlarge and blur arrays of pixels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..core.units import Floats
 
 
 def enlarge(picture: Any, size: tuple[int, int]) -> Any:
-    """A picture (h, w) or (h, w, c) at another width and height, straight in between."""
+    """Resize a picture (h, w) or (h, w, c) to another width and height by linear interpolation."""
     from PIL import Image
 
     def one(channel: Any) -> Any:
@@ -23,17 +23,16 @@ def enlarge(picture: Any, size: tuple[int, int]) -> Any:
 
 
 def reduce_size(picture: Any, step: int) -> Any:
-    """The mean of step x step pixels; what is over at the right and below is left out."""
+    """Average step x step pixels; excess pixels at the right and below are dropped."""
     height, width = (n // step * step for n in picture.shape[:2])
     rows = sum(picture[n:height:step] for n in range(step))
     return sum(rows[:, n:width:step] for n in range(step)) / step**2
 
 
 def halo(light: Any, share: float, least: float = 0.0) -> Any:
-    """Light that a lens spreads about where it falls; share: of the picture's height, at least so
-    many pixels.
+    """Blur light as a lens does; share: of the picture's height, with a least number of pixels.
 
-    Spread on a part of the pixels: what is so soft has nothing finer.
+    The blur is computed on a part of the pixels, since its result has no finer detail.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -47,5 +46,5 @@ def halo(light: Any, share: float, least: float = 0.0) -> Any:
 
 
 def as_bytes(picture: Floats) -> Any:
-    """Shares to 0 to 255."""
+    """Convert shares to bytes, 0 to 255."""
     return (255 * np.clip(picture, 0, 1) + 0.5).astype(np.uint8)

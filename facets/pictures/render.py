@@ -21,7 +21,7 @@ from .solids import Solid
 from .studio import Studio, library, mesh_of
 
 ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "exploded", "range", "trail"]
-#: How a file's name ends: pictures, scenes that can be turned, films.
+#: File name endings: pictures, scenes that can be turned, films.
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 
 VIEWS: dict[str, Callable[..., views.SceneView]] = {
@@ -37,10 +37,10 @@ VIEWS: dict[str, Callable[..., views.SceneView]] = {
 
 
 class Picture(ClosedAtExit):
-    """The sensor as a view has it, at a state that can be changed.
+    """A view of the sensor at a state that can be changed.
 
-    size: pixels.  title: begins the caption.  sharpness: samples a side of each pixel.  more: what
-    a view needs beside: `rules` of a range, `motion` (n, 8) of a trail.
+    size: pixels.  title: begins the caption.  sharpness: samples a side of each pixel.  more:
+    further inputs of a view: `rules` of a range, `motion` (n, 8) of a trail.
     """
 
     def __init__(
@@ -58,15 +58,15 @@ class Picture(ClosedAtExit):
         self.move(state)
 
     def move(self, state: Floats) -> None:
-        """To another state (8,), mm and rad."""
+        """Move to another state (8,), mm and rad."""
         self.view.move(np.asarray(state, float))
 
     def image(self) -> Any:
-        """(h, w, 3), 0 to 255."""
+        """Return the picture (h, w, 3), 0 to 255."""
         return as_bytes(self.view.image())
 
     def save(self, path: Path) -> None:
-        """Writes PNG, whole or not at all."""
+        """Write a PNG; a failure leaves no partial file."""
         from PIL import Image
 
         with Whole(path) as temporary:
@@ -82,7 +82,7 @@ class Picture(ClosedAtExit):
 def turnable(
     sensor: Sensor, state: Floats, theme: ThemeName = "light", interactive: bool = False
 ) -> Studio:
-    """Parts and light as bodies: for a window, and for other programs."""
+    """Build parts and light as bodies: for a window, and for other programs."""
     stand = Stand.from_state(sensor, state)
     studio = Studio(parts(stand), THEMES[theme], interactive)
     studio.plotter.set_background(THEMES[theme].bottom)
@@ -94,7 +94,7 @@ def turnable(
 
 
 def add_light(studio: Studio, body: scene.Body) -> None:
-    """A beam or a spot as a surface in its hue."""
+    """Add a beam or a spot as a surface in its hue."""
     if body.kind not in ("beam", "sub-beam", "spot"):
         return
     theme = studio.theme
@@ -107,7 +107,7 @@ def add_light(studio: Studio, body: scene.Body) -> None:
 
 
 def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
-    """glTF: the rig's parts with their materials, and the light as bodies."""
+    """Write a glTF file: the rig's parts with their materials, and the light as bodies."""
     studio = turnable(sensor, state)
     with Whole(path) as temporary:
         studio.plotter.export_gltf(str(temporary))
@@ -115,7 +115,7 @@ def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
 
 
 def show(sensor: Sensor, state: Floats) -> None:
-    """The rig in a window, to be turned."""
+    """Show the rig in a window, where the user can turn it."""
     turnable(sensor, state, "dark", interactive=True).plotter.show()
 
 

@@ -1,4 +1,4 @@
-"""How fine the sensor is: standard uncertainties by axis and way of solving; what limits them."""
+"""A picture of standard uncertainties by axis and way of solving, and their main sources."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ if TYPE_CHECKING:
 
 #: Marks of sources, in their order.
 MARKS = ("o", "D", "s", "^", "v")
-#: Another source is named from this share of the variance.
+#: The least share of the variance for which a second source is named.
 NAMED_SHARE = 0.01
 
 
 def budget_picture(found: Sequence[Resolution]) -> Figure:
-    """Uncertainties at rest and at worst, on a logarithmic scale, shifts left and angles right.
+    """Draw uncertainties at rest and at worst, on a logarithmic scale, shifts left and angles
+    right.
 
-    A lane for each way of solving; the mark at rest tells the source of most of the variance.
+    Each way of solving has a lane; the mark at rest denotes the source of most of the variance.
     """
     lanes = len(found) + 1
     with style.style_context():
@@ -46,14 +47,14 @@ def budget_picture(found: Sequence[Resolution]) -> Figure:
 
 
 def heading(panel: Axes, place: float, text: str) -> None:
-    """The axis that the lanes below belong to."""
+    """Name the axis of the lanes below."""
     panel.annotate(text, (0, place), (3, 0), xycoords=("axes fraction", "data"), va="center",
                    textcoords="offset points", fontsize=style.LEAST, fontweight="bold")  # fmt: skip
     panel.axhspan(place - 0.5, place + 0.5, color=chosen_hues().rule, alpha=0.5, lw=0)
 
 
 def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
-    """From the uncertainty at rest to the worst in the axis's range."""
+    """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
     hues, i = chosen_hues(), POSE.index(name)
     factor = style.unit_of(name).fine_factor
     rest, worst = factor * found.nominal[i], factor * found.worst[i]

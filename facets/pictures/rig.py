@@ -1,8 +1,8 @@
-"""The rig as an object: mirror head, detectors, laser, and what carries them, as parts.
+"""The rig as parts: mirror head, detectors, laser, and their supports.
 
-What the optics fixes is where the model has it: the facets' planes, the detectors' faces and the
-beam. Everything else is what such a rig is commonly built of, a one-inch mirror, half-inch posts,
-a detector on a board in a housing, and shrinks where the rig is too small for it. mm, world frame.
+The optics fixes the facets' planes, the detectors' faces and the beam, which are where the model
+has them. Everything else is commonly used hardware: a one-inch mirror, half-inch posts, a detector
+on a board in a housing; it shrinks if the rig is too small for it. mm, world frame.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from .solids import (
 FULL_SIZE_RADIUS_MM = 110.0
 #: Radius of a one-inch mirror, and of a half-inch post, mm.
 HEAD_RADIUS_MM, POST_RADIUS_MM = 12.7, 6.35
-#: How far above the mirror's point the beam leaves the laser, mm.
+#: Height above the apex at which the beam leaves the laser, mm.
 LASER_HEIGHT_MM = 105.0
 
 
@@ -43,8 +43,8 @@ LASER_HEIGHT_MM = 105.0
 class RigPart:
     """A piece of the rig.
 
-    assembly: "head", "laser", "detector a", ..., "frame": what it is part of.  material: a name in
-    `materials`.  apart: where an exploded view moves it, mm.  sharp: whether all edges are.
+    assembly: "head", "laser", "detector a", ..., "frame".  material: a name in `materials`. apart:
+    its displacement in an exploded view, mm.  sharp: whether all edges are.
     """
 
     name: str
@@ -54,18 +54,18 @@ class RigPart:
     apart: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def shift_apart(self) -> RigPart:
-        """As an exploded view has it."""
+        """Move the part to its place in an exploded view."""
         solid = Solid(self.solid.points + np.array(self.apart), self.solid.faces)
         return replace(self, solid=solid)
 
 
 def scale_of(stand: Stand) -> float:
-    """By how much common parts shrink to find room."""
+    """Return the factor by which common parts shrink to fit."""
     return min(1.0, min(psd.radius for psd in stand.sensor.psds) / FULL_SIZE_RADIUS_MM)
 
 
 def floor_of(stand: Stand) -> float:
-    """The upper side of the base plate, z."""
+    """Return z of the base plate's upper side."""
     fit = scale_of(stand)
     lowest = min(
         float(centre[2]) - housing_size(stand, k)[1] / 2
@@ -75,7 +75,7 @@ def floor_of(stand: Stand) -> float:
 
 
 def parts(stand: Stand) -> list[RigPart]:
-    """The whole rig at a state."""
+    """List the parts of the whole rig at a state."""
     found = [*head(stand), *laser(stand), *base(stand)]
     for k in range(3):
         found += detector(stand, k)
@@ -90,7 +90,7 @@ def head_radius(stand: Stand) -> float:
 
 
 def slopes(stand: Stand, angle: Floats) -> Floats:
-    """How far the mirror's surface falls per mm from its axis in directions (n,); mirror frame."""
+    """The fall of the mirror's surface per mm from its axis in directions (n,); mirror frame."""
     normals = np.array(stand.geometry.normals)
     across = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     falls: Floats = (across @ normals[:, :2].T / normals[:, 2]).max(axis=1)
@@ -98,7 +98,7 @@ def slopes(stand: Stand, angle: Floats) -> Floats:
 
 
 def edge_angles(stand: Stand) -> Floats:
-    """In which directions the edges ca, ab, bc run, ascending from the first; rad."""
+    """The directions of the edges ca, ab, bc, ascending from the first; rad."""
     normals = stand.geometry.normals
     angles = []
     for k in range(3):
@@ -109,7 +109,7 @@ def edge_angles(stand: Stand) -> Floats:
 
 
 def head(stand: Stand) -> Iterator[RigPart]:
-    """The mirror with its facets, ground sides and a broken rim, its mount and its post."""
+    """Yield the mirror with its facets, ground sides and a bevelled rim, its mount and its post."""
     fit, radius = scale_of(stand), head_radius(stand)
     turn: Floats = np.array(stand.at.turn, float).T  # rows: the mirror's axes in the world
     apex = np.array(stand.at.apex)
@@ -151,7 +151,7 @@ def head(stand: Stand) -> Iterator[RigPart]:
 
 
 def facet(stand: Stand, angle: Floats, rim: float) -> tuple[Floats, list[list[int]]]:
-    """The flat side of the mirror between two edges; mirror frame."""
+    """Return the flat side of the mirror between two edges; mirror frame."""
     circle = rim * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     outer = np.column_stack([circle, -rim * slopes(stand, angle)])
     points = np.concatenate([np.zeros((1, 3)), outer])
@@ -167,16 +167,17 @@ def housing_size(stand: Stand, k: int) -> tuple[float, float]:
 
 
 def detector_frame(stand: Stand, k: int) -> tuple[Floats, Floats]:
-    """The middle of a detector's face, and axes for parts: sideways, upward, and out of its back.
+    """Return the middle of a detector's face, and axes for parts: sideways, upward, and out of its
+    back.
 
-    Right-handed: y, z and x of the detector.
+    They are right-handed: y, z and x of the detector.
     """
     axes = np.array(stand.geometry.axes[k])
     return np.array(stand.geometry.centres[k]), axes[[1, 2, 0]]
 
 
 def detector(stand: Stand, k: int) -> Iterator[RigPart]:
-    """A detector as it is bought: window, housing, chip in its carrier, pins, board; on a post."""
+    """Yield a commercial detector: window, housing, chip in its carrier, pins, board; on a post."""
     fit, psd = scale_of(stand), stand.sensor.psds[k]
     centre, axes = detector_frame(stand, k)
     name = f"detector {DETECTORS[k]}"
@@ -222,7 +223,7 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
 
 
 def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
-    """What carries a detector: post, holder and foot."""
+    """Yield a detector's support: post, holder and foot."""
     centre, axes = detector_frame(stand, k)
     outward = normalize([axes[2][0], axes[2][1], 0.0])
     below = centre + 4 * fit * axes[2] - housing_size(stand, k)[1] / 2 * axes[1]
@@ -252,7 +253,8 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
 
 
 def laser_frame(stand: Stand) -> tuple[Floats, Floats]:
-    """Where the beam leaves the laser, and axes for its parts: the last against the beam."""
+    """Return the place where the beam leaves the laser, and axes for its parts: the last against
+    the beam."""
     back = -np.array(stand.geometry.direction)
     up = LASER_HEIGHT_MM * scale_of(stand)
     origin = np.array(stand.at.place) + up / back[2] * back
@@ -261,7 +263,7 @@ def laser_frame(stand: Stand) -> tuple[Floats, Floats]:
 
 
 def column_direction(stand: Stand) -> Floats:
-    """Where the column stands: in the middle of the widest gap between two detectors."""
+    """Return the column's direction: the middle of the widest gap between two detectors."""
     angles = np.sort([np.arctan2(c[1], c[0]) for c in map(np.array, stand.geometry.centres)])
     gaps = np.diff([*angles, angles[0] + 2 * np.pi])
     widest = np.isclose(gaps, gaps.max(), rtol=0, atol=0.02)
@@ -306,7 +308,7 @@ def laser(stand: Stand) -> Iterator[RigPart]:
 
 
 def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
-    """A column beside the beam and an arm that clamps the laser."""
+    """Yield a column beside the beam and an arm that clamps the laser."""
     outward = column_direction(stand)
     far = 96 * fit
     foot = np.array([far * outward[0], far * outward[1], 0.0])
@@ -338,7 +340,7 @@ def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
 
 
 def base(stand: Stand) -> Iterator[RigPart]:
-    """A plate with an arm to each detector and one to the column."""
+    """Yield a plate with an arm to each detector and one to the column."""
     fit, floor = scale_of(stand), floor_of(stand)
     low = floor - 12 * fit
     yield RigPart("hub", "frame", "plate", cylinder(60 * fit, low, floor, 1.2 * fit))
@@ -361,5 +363,5 @@ def base(stand: Stand) -> Iterator[RigPart]:
 
 
 def ground_of(stand: Stand) -> float:
-    """Where the rig stands, z."""
+    """Return z of the surface under the rig."""
     return floor_of(stand) - 14 * scale_of(stand)

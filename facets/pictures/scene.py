@@ -1,8 +1,9 @@
-"""The sensor at a state as bodies in space: what a picture is made of, from the model's own rays.
+"""The sensor at a state as bodies in space, made from the model's own rays.
 
-Light is what lies inside the beam's 1/e^2 circle. A sub-beam begins on its facet as a piece of that
-circle cut out by the facet's edges and ends on its detector as the spot; every point of it is a ray
-of `optics.rays`, so that what is drawn lies where `facets.readings` says. Lengths mm, world frame.
+Light means the light inside the beam's 1/e^2 circle. A sub-beam begins on its facet as a piece of
+that circle cut out by the facet's edges and ends on its detector as the spot; every point of it is
+on a ray of `optics.rays`, so that the drawing agrees with `facets.readings`. Lengths mm, world
+frame.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from ..optics.vectors import combine, rotate
 CIRCLE = 2.0
 #: Points across a facet's angle, and from the apex outward.
 ANGLES, RADII = 49, 25
-#: How far from its axis a mirror without a rim is drawn, mm.
+#: Radius of a drawn mirror that has no rim, mm.
 RIM_MM = 5.0
 
 
@@ -47,7 +48,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Spot:
-    """What is on a detector, in its frame: (psi, zeta), mm.
+    """The light on a detector, in its frame: (psi, zeta), mm.
 
     grid: (RADII, ANGLES, 2) the light's places, light: their irradiance; empty where none of the
     circle's light falls.  apex: Q, beam: S, image of the beam's centre, circle: (n, 2) of its rim.
@@ -61,13 +62,13 @@ class Spot:
 
 
 def array(vector: Any) -> Floats:
-    """A vector of arrays as (..., 3)."""
+    """Convert a vector of arrays to an array (..., 3)."""
     return np.stack(np.broadcast_arrays(*vector), axis=-1).astype(float)
 
 
 @dataclass(frozen=True)
 class Stand:
-    """A sensor and where its mirror stands: what every body needs."""
+    """A sensor and its mirror's place, from which every body is made."""
 
     sensor: Sensor
     geometry: Geometry
@@ -80,7 +81,7 @@ class Stand:
         return cls(sensor, geometry, dark_scene(geometry, tuple(numbers)))
 
     def incoming(self, cross: Floats) -> Any:
-        """Rays' origins at places (..., 2) across the beam, sigmas."""
+        """Return the origins of rays at places (..., 2) across the beam, sigmas."""
         x, y = cross[..., 0], cross[..., 1]
         spread = combine(x, self.geometry.spread[0], y, self.geometry.spread[1])
         return tuple(p + s for p, s in zip(self.at.place, spread, strict=True))
@@ -89,7 +90,7 @@ class Stand:
         return hit(self.incoming(cross), self.geometry.direction, self.at.apex, self.at.normals[k])
 
     def detector_points(self, k: int, cross: Floats) -> Any:
-        """Where rays at places across the beam land on detector k by way of facet k."""
+        """Return where rays at places across the beam land on detector k by way of facet k."""
         start = self.facet_points(k, cross)
         leaving = reflect(self.geometry.direction, self.at.normals[k])
         axes = self.geometry.axes[k]
@@ -97,23 +98,23 @@ class Stand:
         return tuple(s + length * d for s, d in zip(start, leaving, strict=True))
 
     def flat(self, k: int, places: Floats) -> Floats:
-        """Points (..., 3) on detector k as (psi, zeta)."""
+        """Convert points (..., 3) on detector k to (psi, zeta)."""
         apart = places - np.array(self.geometry.centres[k])
         axes = np.array(self.geometry.axes[k])
         return np.stack([apart @ axes[1], apart @ axes[2]], axis=-1)
 
 
 def reflect_points(points: Floats, apex: Floats, normal: Floats) -> Floats:
-    """Points (..., 3) behind the plane of a facet, as many mm as they are before it.
+    """Reflect points (..., 3) in the plane of a facet.
 
-    A point of a sub-beam is folded back so to where its ray would be without the mirror.
+    This folds a point of a sub-beam back to its ray's place without the mirror.
     """
     folded: Floats = points - 2 * ((points - apex) @ normal)[..., None] * normal
     return folded
 
 
 def is_in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
-    """Which places (..., 2) across the beam, sigmas, facet k takes."""
+    """Return which places (..., 2) across the beam, sigmas, are on facet k."""
     first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
     apart = cross - np.array(stand.at.q, float)
     after = first[0] * apart[..., 1] - first[1] * apart[..., 0] > 0
@@ -123,9 +124,9 @@ def is_in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
 
 
 def cut(stand: Stand, k: int) -> Floats:
-    """The light on facet k across the beam, sigmas: (RADII, ANGLES, 2), empty where there is none.
+    """Return the light on facet k across the beam, sigmas: (RADII, ANGLES, 2), or an empty array.
 
-    Along each direction from the apex, what lies inside the circle.
+    Along each direction from the apex the points lie inside the circle.
     """
     q = np.array(stand.at.q)
     first, second = (np.array(stand.at.sides[n]) for n in (k, (k + 1) % 3))
@@ -162,7 +163,7 @@ def grid_of(q: Floats, u: Floats, near: Floats, far: Floats) -> Floats:
 
 
 def irradiance(cross: Floats) -> Floats:
-    """Over the beam's largest, at places across it in sigmas."""
+    """The irradiance over the beam's largest, at places across it in sigmas."""
     light: Floats = np.exp(-(cross**2).sum(axis=-1) / 2)
     return light
 
@@ -177,7 +178,7 @@ def quads(rows: int, columns: int) -> list[list[int]]:
 
 
 def outline(grid: Floats) -> Floats:
-    """The rim of a grid (RADII, ANGLES, ...): out along one edge, across, and back."""
+    """Return the rim of a grid (RADII, ANGLES, ...): out along one edge, across, and back."""
     parts = [grid[:, 0], grid[-1, 1:], grid[::-1, -1][1:], grid[0, ::-1][1:-1]]
     return np.concatenate(parts)
 
@@ -187,7 +188,7 @@ def rim_of(sensor: Sensor) -> float:
 
 
 def mirror(stand: Stand) -> list[Body]:
-    """Three facets, from the apex down their edges to the rim."""
+    """Make the three facets, from the apex down their edges to the rim."""
     turn = stand.at.turn
     body = [rotate(turn, edge) for edge in mirror_edges(stand.geometry.normals)]
     axis = np.array([row[2] for row in turn])
@@ -203,7 +204,7 @@ def mirror(stand: Stand) -> list[Body]:
 
 
 def beam(stand: Stand, length: float) -> Body | None:
-    """The incoming beam's 1/e^2 surface, from `length` above the mirror down to the facets."""
+    """Make the incoming beam's 1/e^2 surface, from `length` above the mirror down to the facets."""
     rims = []
     for k in range(3):
         cross = cut(stand, k)
@@ -223,7 +224,7 @@ def beam(stand: Stand, length: float) -> Body | None:
 
 
 def sub_beam(stand: Stand, k: int, share: float = 1.0) -> Body | None:
-    """From facet k to its detector, or a share of the way: a wedge-shaped body."""
+    """Make the wedge-shaped body from facet k to its detector, or over a share of the way."""
     cross = cut(stand, k)
     if not len(cross):
         return None
@@ -236,7 +237,7 @@ def sub_beam(stand: Stand, k: int, share: float = 1.0) -> Body | None:
 
 
 def detector(stand: Stand, k: int) -> Body:
-    """The sensitive area of detector k."""
+    """Make the sensitive area of detector k."""
     psd = stand.sensor.psds[k]
     centre, axes = np.array(stand.geometry.centres[k]), np.array(stand.geometry.axes[k])
     corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
@@ -246,12 +247,12 @@ def detector(stand: Stand, k: int) -> Body:
     return Body(f"PSD {DETECTORS[k]}", "detector", np.array(points), [[0, 1, 2, 3]])
 
 
-#: A spot is drawn so far in front of its detector, mm: else the two would show through each other.
+#: Distance of a drawn spot in front of its detector, mm, without which the two would intersect.
 SPOT_OFFSET_MM = 0.02
 
 
 def spot_body(stand: Stand, k: int) -> Body | None:
-    """The light on detector k."""
+    """Make the body of the light on detector k."""
     cross = cut(stand, k)
     if not len(cross):
         return None
@@ -262,7 +263,7 @@ def spot_body(stand: Stand, k: int) -> Body | None:
 
 
 def spot(stand: Stand, k: int) -> Spot:
-    """What Fig. 2 of the paper shows on detector k."""
+    """Compute the image on detector k that Fig. 2 of the paper shows."""
     cross = cut(stand, k)
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = CIRCLE * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -277,7 +278,7 @@ def spot(stand: Stand, k: int) -> Spot:
 
 
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
-    """All there is."""
+    """Make all bodies of the rig."""
     stand = Stand.from_state(sensor, state)
     found: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
     for k in range(3):

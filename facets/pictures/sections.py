@@ -1,4 +1,4 @@
-"""Parts cut open by a plane, and parts moved apart."""
+"""Sections of parts by a plane, and exploded parts."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .solids import Solid
 
 
 def explode(parts: Iterable[RigPart]) -> list[RigPart]:
-    """Each part where its assembly comes apart along its own axis."""
+    """Move each part along its assembly's axis to its place in an exploded view."""
     return [part.shift_apart() for part in parts]
 
 
 def cut_parts(
     pyvista: Any, parts: Iterable[RigPart], point: Floats, normal: Floats
 ) -> tuple[list[RigPart], list[RigPart]]:
-    """What of parts lies behind a plane, and the faces of the cut.
+    """Cut parts by a plane; return the parts behind it, and the faces of the cut.
 
-    normal: towards what is taken away. Both lists keep name, assembly and material.
+    normal: towards the removed side. Both lists keep name, assembly and material.
     """
     kept, faces = [], []
     for part in parts:
@@ -39,7 +39,7 @@ def cut_parts(
 
 
 def cut(pyvista: Any, solid: Solid, point: Floats, normal: Floats) -> tuple[Solid, Solid]:
-    """A closed surface cut by a plane: what is left, open, and the face that closes it."""
+    """Cut a closed surface by a plane; return the open remainder, and the face that closes it."""
     faces = np.concatenate([[len(face), *face] for face in solid.faces])
     mesh = pyvista.PolyData(np.asarray(solid.points, float), faces).triangulate()
     rest = mesh.clip(normal=normal, origin=point, invert=True)
@@ -48,7 +48,7 @@ def cut(pyvista: Any, solid: Solid, point: Floats, normal: Floats) -> tuple[Soli
 
 
 def merge_points(pyvista: Any, mesh: Any) -> Any:
-    """The mesh with points nearer than 1e-6 mm made one. `clean` of pyvista does the same, and is a
+    """Merge points of a mesh nearer than 1e-6 mm. `clean` of pyvista does the same, and is a
     hundred times slower on a mesh in a plane."""
     from vtkmodules.vtkFiltersCore import vtkStaticCleanPolyData
 
@@ -61,7 +61,7 @@ def merge_points(pyvista: Any, mesh: Any) -> Any:
 
 
 def fill_outline(pyvista: Any, outline: Any, normal: Floats) -> Solid:
-    """The area within closed lines, holes left open."""
+    """Fill the area within closed lines, except holes."""
     from vtkmodules.vtkFiltersModeling import vtkContourLoopExtraction
 
     if outline.n_points == 0:
@@ -75,7 +75,7 @@ def fill_outline(pyvista: Any, outline: Any, normal: Floats) -> Solid:
 
 
 def as_solid(mesh: Any) -> Solid:
-    """A mesh of VTK as points and faces."""
+    """Convert a mesh of VTK to points and faces."""
     cells = mesh.faces
     faces, at = [], 0
     while at < len(cells):

@@ -1,4 +1,4 @@
-"""Pictures of how regular the Jacobian is: Fig. 4, and where it fails."""
+"""Pictures of the Jacobian's regularity: Fig. 4, and singular states."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ DETERMINANT = "determinant, units of mm, mW, rad"
 
 
 def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = None) -> Figure:
-    """Determinant (as Fig. 4) and smallest singular value against the apex's offset.
+    """Draw the determinant (as Fig. 4) and the smallest singular value against the apex's offset.
 
-    pair: two states with the same readings, where there are any.
+    pair: two states with the same readings, if there are any.
     """
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -51,7 +51,8 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
 
 
 def density(picture: Figure, panel: Axes, x: Floats, y: Floats, counts: Floats) -> Any:
-    """How many states fall where; the ground where none. A line at zero, where it is in reach."""
+    """Draw the number of states in each cell, with empty cells transparent, and a line at zero if
+    it is in reach."""
     from matplotlib.colors import LogNorm
 
     shown = np.ma.masked_equal(counts.T, 0)
@@ -74,7 +75,8 @@ def zero(panel: Axes, text: str) -> None:
 
 
 def draw_path_between_pair(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:
-    """Along the line from one to the other: readings part and meet again where the sign changes."""
+    """Draw the readings' difference along the line between two states: it returns to zero, and the
+    sign changes."""
     hues = chosen_hues()
     first, second = panels
     first.plot(pair.share, pair.apart, color=hues.accent)

@@ -1,6 +1,6 @@
-"""Closed surfaces of machined parts: turned, milled from a plate, and with a window in it.
+"""Closed surfaces of machined parts: turned, milled from a plate, and with a window.
 
-A shape is made in a frame of its own and put in its place by `placed`. Lengths mm.
+A shape is made in a frame of its own and moved to its place by `Solid.move`. Lengths mm.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.units import Floats
 
-#: Points around what is turned.
+#: Number of points around a turned part.
 ROUND = 48
 
 
@@ -23,12 +23,13 @@ class Solid(NamedTuple):
     faces: list[list[int]]
 
     def move(self, origin: Any, axes: Any) -> Solid:
-        """In a frame whose axes x, y, z are the rows of `axes` and whose origin is there."""
+        """Move from a frame whose axes x, y, z are the rows of `axes` and whose origin is
+        `origin`."""
         return Solid(np.asarray(origin, float) + self.points @ np.asarray(axes, float), self.faces)
 
 
 def join(solids: Sequence[Solid]) -> Solid:
-    """Several as one."""
+    """Join several solids to one."""
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])
     faces = [
         [int(start) + n for n in face]
@@ -39,8 +40,8 @@ def join(solids: Sequence[Solid]) -> Solid:
 
 
 def stack(rings: Sequence[Floats], closed: bool = True) -> Solid:
-    """Rings of equally many points (m, 3), counter-clockwise from above and from the lowest to the
-    highest, joined by bands; with a floor, and where it is closed a lid."""
+    """Join rings of equally many points (m, 3), counter-clockwise from above and from the lowest to
+    the highest, by bands; with a floor and, if closed, a lid."""
     count = len(rings[0])
     faces = [list(range(count))[::-1]]
     for level in range(len(rings) - 1):
@@ -58,14 +59,15 @@ def ring_at_height(outline: Floats, z: float) -> Floats:
 
 
 def revolve(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
-    """A profile of (radius, z) going up, turned about z."""
+    """Revolve a profile of (radius, z), ascending, about z."""
     angle = 2 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return stack([ring_at_height(max(radius, 1e-6) * circle, z) for radius, z in profile])
 
 
 def tube(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
-    """A closed profile of (radius, z), counter-clockwise with z up, turned about z: with a bore."""
+    """Revolve a closed profile of (radius, z), counter-clockwise with z up, about z: a part with a
+    bore."""
     angle = 2 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     points = np.concatenate([ring_at_height(radius * circle, z) for radius, z in profile])
@@ -81,7 +83,6 @@ def tube(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
 def hollow_cylinder(
     outer: float, inner: float, low: float, high: float, bevel: float = 0.0
 ) -> Solid:
-    """A cylinder with a bore through it."""
     return tube(
         [(inner, low), (outer - bevel, low), (outer, low + bevel), (outer, high - bevel),
          (outer - bevel, high), (inner, high)]
@@ -89,7 +90,7 @@ def hollow_cylinder(
 
 
 def cylinder(radius: float, low: float, high: float, bevel: float = 0.0) -> Solid:
-    """About z, its edges broken by `bevel`."""
+    """Make a cylinder about z with edges bevelled by `bevel`."""
     if bevel == 0:
         return revolve([(radius, low), (radius, high)])
     return revolve(
@@ -118,7 +119,7 @@ def rectangle(width: float, height: float, corner: float = 0.0, count: int = 5) 
 
 
 def slab(outline: Floats, low: float, high: float, bevel: float = 0.0) -> Solid:
-    """A plate of that convex outline (n, 2) from z = low to high, its edges broken."""
+    """Make a plate with the convex outline (n, 2) from z = low to high, with bevelled edges."""
     if bevel == 0:
         return stack([ring_at_height(outline, low), ring_at_height(outline, high)])
     size = np.abs(outline).max(axis=0)
@@ -134,7 +135,7 @@ def slab(outline: Floats, low: float, high: float, bevel: float = 0.0) -> Solid:
 
 
 def frame(outer: Floats, inner: Floats, low: float, high: float) -> Solid:
-    """A plate with a window: outlines of equally many points (n, 2)."""
+    """Make a plate with a window: outlines of equally many points (n, 2)."""
     count = len(outer)
     rings = [ring_at_height(outer, low), ring_at_height(outer, high), ring_at_height(inner, high),
              ring_at_height(inner, low)]  # fmt: skip
@@ -149,7 +150,6 @@ def frame(outer: Floats, inner: Floats, low: float, high: float) -> Solid:
 
 
 def rod(start: Any, end: Any, radius: float, count: int = 24) -> Solid:
-    """A round bar between two points."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length

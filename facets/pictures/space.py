@@ -1,4 +1,4 @@
-"""Views of where the mirror may go, and where it went."""
+"""Views of the mirror's range and of its path in a motion."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class HeadView(SceneView):
 
 
 class RangeView(HeadView):
-    """The range of the mirror's place as a translucent solid about its point."""
+    """The range of the mirror's place as a translucent solid about its apex."""
 
     def __init__(self, *arguments: Any, rules: Rules) -> None:
         self.rules = rules
@@ -64,7 +64,7 @@ class RangeView(HeadView):
         )  # fmt: skip
 
     def factor(self, ratio: float) -> float:
-        """Drawn as it is where it can be seen so."""
+        """Return 1 if the range is visible at its own size, else a round factor."""
         return 1.0 if 0.4 < ratio < 4 else round_down(ratio)
 
     def camera(self) -> Camera:
@@ -111,7 +111,7 @@ class RangeView(HeadView):
         self.caption(sheet, words)
 
     def edge(self, ends: Floats, axis: int) -> Floats:
-        """The two ends of a dimension, on the outside of the solid."""
+        """Return the two ends of a dimension, on the outside of the solid."""
         points = np.zeros((2, 3))
         points[:, axis] = ends[:, axis]
         if axis == 0:
@@ -123,7 +123,7 @@ class RangeView(HeadView):
         return points
 
     def legend(self, sheet: DrawingSheet) -> None:
-        """What ends the range, and on which share of its faces."""
+        """Name the causes of the range's end, with their shares of its faces."""
         unit = sheet.unit
         x, y = 30 * unit, 36 * unit
         title = sheet.write((x, y), "The range ends where", 15, bold=True, anchor=(0, 0.5))
@@ -143,7 +143,7 @@ class RangeView(HeadView):
 
 
 class TrailView(HeadView):
-    """The way of the mirror's point in a motion, and the spots' ways on the detectors."""
+    """The path of the mirror's apex in a motion, and the spots' paths on the detectors."""
 
     def __init__(self, *arguments: Any, motion: Floats) -> None:
         self.motion = motion[:: max(1, len(motion) // 600)]
@@ -166,7 +166,7 @@ class TrailView(HeadView):
         return self._camera
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        """Ghosts of the head where it turns back, then the head at rest."""
+        """Render ghosts of the head where its path is lowest and highest, then the head at rest."""
         self.move_to(np.zeros(8))
         picture = expose(
             self.rest,
@@ -185,7 +185,7 @@ class TrailView(HeadView):
         return picture
 
     def ghosts(self) -> list[int]:
-        """Where the way is lowest and highest."""
+        """Return the samples at which the path is lowest and highest."""
         return [int(self.path[:, 2].argmin()), int(self.path[:, 2].argmax())]
 
     def move_to(self, state: Floats) -> None:
@@ -195,7 +195,7 @@ class TrailView(HeadView):
         self.studio.carry("head", head)
 
     def move(self, state: Floats) -> None:
-        """A motion has no one state."""
+        """Do nothing, since a motion has no single state."""
 
     def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         seen = camera.project(self.path)[:, :2]
@@ -211,7 +211,7 @@ class TrailView(HeadView):
         self.caption(sheet, "the way of the mirror's point")
 
     def colour(self, share: float) -> str:
-        """From the beginning of the motion to its end."""
+        """Return the colour at a share of the motion's duration."""
         first, last = np.array(rgb("#FFD166")), np.array(rgb("#EF476F"))
         mixed = (255 * (first + share * (last - first))).astype(int)
         return f"#{mixed[0]:02X}{mixed[1]:02X}{mixed[2]:02X}"
@@ -222,7 +222,7 @@ class TrailView(HeadView):
         sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
 
     def faces(self, picture: Floats, sheet: DrawingSheet) -> None:
-        """The spots' ways, true to scale, on the three detectors."""
+        """Draw the spots' paths, true to scale, on the three detectors."""
         height = self.size[1]
         side = int(0.235 * height) // 2 * 2
         left = self.size[0] - side - int(30 * sheet.unit)

@@ -1,4 +1,4 @@
-"""The faces of the detectors as Fig. 2 of the paper, and the plan as Fig. 3."""
+"""Pictures of the detectors' faces as Fig. 2 of the paper, and of the plan as Fig. 3."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def spots_picture(sensor: Sensor, state: Floats) -> Figure:
-    """Each detector's face, and below it what is on it, large."""
+    """Draw each detector's face and, below it, its light enlarged."""
     stand, reading = Stand.from_state(sensor, state), readings(sensor, state)
     image = None
     with style.style_context(axes__grid=False):
@@ -45,7 +45,7 @@ def spots_picture(sensor: Sensor, state: Floats) -> Figure:
 
 
 def light_on(psd: Psd, reading: Floats) -> str:
-    """What a detector's title says of its (psi, zeta, power)."""
+    """Return a detector's title from its (psi, zeta, power)."""
     psi, zeta, power = reading[:3]
     if np.isnan(power):
         return "no light"
@@ -54,7 +54,7 @@ def light_on(psd: Psd, reading: Floats) -> str:
 
 
 def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats, letter: str) -> None:
-    """The whole sensitive area."""
+    """Draw the whole sensitive area."""
     from matplotlib.patches import Rectangle
 
     hues = chosen_hues()
@@ -74,7 +74,7 @@ def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats, letter: str) -> No
 
 
 def shine(panel: Axes, spot: Spot) -> Any:
-    """The spot's irradiance; where there is none the ground is left as it is."""
+    """Draw the spot's irradiance, transparent where there is no light."""
     light = np.ma.masked_less(spot.light, 0.004)
     return panel.pcolormesh(*spot.grid.transpose(2, 0, 1), light, cmap="inferno", vmin=0, vmax=1,
                             shading="gouraud", rasterized=True)  # fmt: skip
@@ -86,7 +86,8 @@ def write(panel: Axes, text: str, place: Floats, degrees: float = 0.0) -> None:
 
 
 def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
-    """The spot with its centroid R, the images of apex Q and beam S, and the circle cut away."""
+    """Draw the spot with its centroid R, the images of apex Q and beam S, and the circle cut
+    away."""
     hues = chosen_hues()
     image = shine(panel, spot) if spot.grid.size else None
     panel.plot(*spot.circle.T, "--", color=hues.grey, lw=1, label="the beam's 1/e² circle")
@@ -104,7 +105,7 @@ def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
 
 
 def plan_picture(sensor: Sensor, state: Floats) -> Figure:
-    """Seen from above, to scale but for the mirror, with dimensions."""
+    """Draw the plan from above, with dimensions, to scale except for the mirror."""
     stand, hues = Stand.from_state(sensor, state), chosen_hues()
     far = max(psd.radius for psd in sensor.psds)
     with style.style_context(axes__grid=False):
@@ -124,7 +125,7 @@ def plan_picture(sensor: Sensor, state: Floats) -> Figure:
 
 
 def detector(panel: Axes, stand: Stand, k: int, psd: Psd, hue: str, letter: str) -> None:
-    """A detector, the sub-beam to it, and its sizes."""
+    """Draw a detector, the sub-beam to it, and its dimensions."""
     ends = scene.detector(stand, k).points[:2, :2]
     panel.plot(*ends.T, color=hue, lw=5, solid_capstyle="butt")
     out = np.array([np.cos(psd.azimuth), np.sin(psd.azimuth)])

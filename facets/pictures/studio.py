@@ -1,7 +1,7 @@
-"""Parts in a studio: three soft lights around them, and what a camera sees of them.
+"""Parts in a studio: three soft lights around them, and a camera.
 
-The picture of the parts and how far each of its pixels is come from VTK, which renders without a
-display and without a graphics card as well. Ground, light and letters are added to that.
+The colours and depths of the parts' pixels come from VTK, which also renders without a display and
+without a graphics card. Ground, light and letters are added to that.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from .solids import Solid, join
 
 
 def library(interactive: bool = False) -> Any:
-    """pyvista, told to work without a display where there is none."""
+    """Import pyvista, set up for the case without a display."""
     if not interactive and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     try:
         import pyvista
-        import pyvista.plotting  # comes late by itself
+        import pyvista.plotting  # pyvista imports it late
     except ModuleNotFoundError:
         require_extra("pyvista", "a picture in 3D")
         raise
@@ -43,7 +43,8 @@ def library(interactive: bool = False) -> Any:
 
 
 def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
-    """A surface, with its normals: shared across what is nearly flat, split at edges."""
+    """Convert a surface to a mesh with normals: shared across nearly flat edges, split at sharp
+    ones."""
     faces = np.concatenate([[len(face), *face] for face in solid.faces])
     mesh = pyvista.PolyData(np.asarray(solid.points, float), faces)
     if not smooth:
@@ -54,7 +55,7 @@ def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
 
 
 def group_solids(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]:
-    """The surfaces of one assembly and one material together: each that is drawn has its price."""
+    """Group surfaces by assembly and material, since each drawn surface takes time."""
     found: dict[tuple[str, str], list[Solid]] = {}
     for part in parts:
         found.setdefault((part.assembly, part.material), []).append(part.solid)
@@ -63,11 +64,10 @@ def group_solids(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]
 
 @dataclass(frozen=True)
 class Shot:
-    """What a camera sees of the parts.
+    """A camera's picture of the parts.
 
-    colour: (h, w, 3), 0 to 1, black where no part is.  cover: (h, w) how much of what is behind the
-    parts they hide.
-    depth: (h, w), mm along the camera's axis, infinite where no part is.
+    colour: (h, w, 3), 0 to 1, black where no part is.  cover: (h, w) opacity of the parts. depth:
+    (h, w), mm along the camera's axis, infinite where no part is.
     """
 
     camera: Camera
@@ -82,8 +82,8 @@ class Shot:
 
 
 def surroundings(theme: Theme) -> Any:
-    """What is mirrored in the parts, (64, 128, 3): a large soft light above, one from the side,
-    a narrow one from behind, and a floor."""
+    """Return the environment that the parts reflect, (64, 128, 3): a large soft light above, one
+    from the side, a narrow one from behind, and a floor."""
     rows, columns = np.linspace(0, 1, 64)[:, None], np.linspace(0, 1, 128)[None, :]
 
     def softbox(row: float, column: float, tall: float, wide: float, power: float) -> Floats:
@@ -106,7 +106,7 @@ def surroundings(theme: Theme) -> Any:
 
 
 class Studio:
-    """Parts that can be taken from anywhere."""
+    """Parts that a camera can render from any place."""
 
     def __init__(self, parts: Iterable[RigPart], theme: Theme, interactive: bool = False) -> None:
         self.pyvista, self.theme = library(interactive), theme
@@ -139,7 +139,7 @@ class Studio:
         table.SetLUTSamples(32)
 
     def light(self) -> None:
-        """Key, fill and rim."""
+        """Add key, fill and rim light."""
         strength = self.theme.exposure
         for place, colour, power in (
             ((-0.6, -1.0, 1.9), "#FFF4E6", 2.0),
@@ -154,7 +154,7 @@ class Studio:
             self.plotter.add_light(light)
 
     def add(self, solid: Solid, name: str, key: str) -> None:
-        """A surface of a material, in place of an older one of that key."""
+        """Add a surface of a material; it replaces an earlier one with the same key."""
         material = MATERIALS[name]
         mesh = mesh_of(self.pyvista, solid, material.smooth)
         actor = self.plotter.add_mesh(
@@ -167,7 +167,7 @@ class Studio:
         self.actors[key] = actor
 
     def add_flat(self, part: RigPart, colour: str, name: str) -> None:
-        """A part in one even colour, as the face of a cut."""
+        """Add a part in one even colour, as the face of a cut."""
         mesh = mesh_of(self.pyvista, part.solid, smooth=False)
         self.actors[name] = self.plotter.add_mesh(
             mesh, color=colour, lighting=False, show_edges=True, edge_color="#10141A",
@@ -175,18 +175,18 @@ class Studio:
         )  # fmt: skip
 
     def carry(self, assembly: str, matrix: Floats) -> None:
-        """Moves an assembly's parts from where they were made by a matrix (4, 4)."""
+        """Move an assembly's parts from their original place by a matrix (4, 4)."""
         for key, actor in self.actors.items():
             if key.startswith(f"{assembly} "):
                 actor.user_matrix = matrix
 
     def only(self, *assemblies: str) -> None:
-        """Shows these alone, or all where none is named."""
+        """Show only these assemblies, or all if none is named."""
         for key, actor in self.actors.items():
             actor.visibility = not assemblies or key.startswith(tuple(f"{a} " for a in assemblies))
 
     def take(self, camera: Camera, sharpness: int = 2) -> Shot:
-        """What the camera sees, from `sharpness` x `sharpness` samples a pixel."""
+        """Render the camera's picture, from `sharpness` x `sharpness` samples a pixel."""
         width, height = (n * sharpness for n in camera.size)
         self.plotter.window_size = [width, height]
         view = self.plotter.renderer.GetActiveCamera()
@@ -201,8 +201,8 @@ class Studio:
 
 
 def buffers(window: Any, view: Any, width: int, height: int) -> tuple[Any, Floats]:
-    """Of each sample colour and cover (h, w, 4), 0 to 255, and depth (h, w), mm along the camera's
-    axis."""
+    """Return colour and cover (h, w, 4) of each sample, 0 to 255, and depth (h, w), mm along the
+    camera's axis."""
     from vtkmodules.util import numpy_support
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
@@ -224,7 +224,7 @@ def buffers(window: Any, view: Any, width: int, height: int) -> tuple[Any, Float
 
 
 def develop(camera: Camera, colour: Any, depth: Floats, sharpness: int) -> Shot:
-    """Samples to pixels: colours and covers are averaged, the nearest depth counts."""
+    """Reduce samples to pixels: colours and covers are averaged, and depths are the nearest."""
     from PIL import Image
 
     image = Image.fromarray(np.ascontiguousarray(colour), "RGBa").reduce(sharpness)
@@ -237,5 +237,5 @@ def develop(camera: Camera, colour: Any, depth: Floats, sharpness: int) -> Shot:
 
 
 def bounds(parts: Sequence[RigPart]) -> Floats:
-    """All points of parts, (n, 3)."""
+    """Return all points of parts, (n, 3)."""
     return np.concatenate([part.solid.points for part in parts])

@@ -1,7 +1,7 @@
-"""How every plot of the project looks: sizes, lines, fonts and hues, and how it is written.
+"""The style of every plot of the project, sizes, lines, fonts and hues, and the writing of files.
 
-A picture is at most `FULL` inches wide and has no text below `LEAST` points, so that at a column's
-width in print, 88 mm, all of it can still be read. Text stays text: in SVG as such, in PDF by an
+A picture is at most `FULL` inches wide and has no text below `LEAST` points, so that all of it
+remains legible at a column's width in print, 88 mm. Text stays text: in SVG as such, in PDF by an
 embedded TrueType font.
 """
 
@@ -29,14 +29,14 @@ SINGLE, FULL = 4.4, 6.2
 #: Sizes of text, points: the least, and that of labels.
 LEAST, LABEL_SIZE = 9.0, 9.5
 ENDINGS = (".png", ".svg", ".pdf")
-#: Dots an inch of PNGs by style, and of what is rastered within SVG and PDF.
+#: Dots an inch of PNGs by style, and of rasterised parts of SVG and PDF.
 DOTS = {"paper": 300, "screen": 160, "dark": 160}
 VECTOR_DOTS = 300
-#: What SVG and PDF count in: points.
+#: The unit of lengths in SVG and PDF: points per inch.
 VECTOR_DPI = 72
 #: Widths of lines by style, points: of data, of axes and grids.
 LINES = {"paper": (1.1, 0.6), "screen": (1.4, 0.7), "dark": (1.4, 0.7)}
-#: No date in a file: the same picture is the same file.
+#: Metadata without a date, so that the same picture gives the same file.
 METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 #: First digits of a logarithmic axis's ticks, from many to few.
@@ -47,7 +47,7 @@ DIGITS = (
     (1, 2, 5),
     (1,),
 )
-#: The most ticks that have a number.
+#: Largest number of ticks with a number.
 TICKS = 6
 
 #: Axes in words.
@@ -55,13 +55,13 @@ WORDS = {
     "tx": "shift in x", "ty": "shift in y", "tz": "shift in z", "roll": "roll", "pitch": "pitch",
     "yaw": "yaw", "bx": "beam in x", "by": "beam in y",
 }  # fmt: skip
-#: What the first word of a measure's column stands for, in words.
+#: The first word of a measure's column, in words.
 MEASURES = {"u": "uncertainty of", "range": "range of"}
 OTHERS = {"head_mm": "diameter of the head, mm", "condition": "condition number"}
 
 
 def rules() -> dict[Any, Any]:
-    """matplotlib's settings for the style that is chosen."""
+    """matplotlib's settings for the chosen style."""
     hues, (line, thin) = chosen_hues(), LINES[chosen_style()]
     return {
         "axes.axisbelow": True,
@@ -106,7 +106,7 @@ def rules() -> dict[Any, Any]:
 
 @contextmanager
 def style_context(**changes: Any) -> Iterator[None]:
-    """Within it pictures are drawn by the rules of the style that is chosen.
+    """Apply the chosen style to the pictures drawn in this context.
 
     changes: further settings of matplotlib, a dot written as two underscores: `axes__grid=False`.
     """
@@ -118,7 +118,7 @@ def style_context(**changes: Any) -> Iterator[None]:
 
 
 def figure(width: float, height: float, **options: Any) -> Figure:
-    """An empty figure in the project's style, inches."""
+    """Make an empty figure in the project's style, inches."""
     from matplotlib.figure import Figure
 
     with style_context():
@@ -126,7 +126,7 @@ def figure(width: float, height: float, **options: Any) -> Figure:
 
 
 def save(picture: Figure, path: Path) -> None:
-    """Writes the picture whole or not at all; PNG, SVG or PDF by its ending."""
+    """Write the picture as PNG, SVG or PDF by its ending; a failure leaves no partial file."""
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
     kind = path.suffix[1:].lower()
@@ -150,9 +150,9 @@ def svg_text(picture: Figure) -> str:
 
 
 def lay_out(picture: Figure, dpi: int) -> None:
-    """Puts the parts of a picture where its layout has them, once.
+    """Arrange the parts of a picture by its layout, once.
 
-    Saving would do so and draw the picture to nowhere first, which takes as long as drawing it.
+    Saving would do so and first draw the picture to nowhere, which takes as long as drawing it.
     """
     picture.set_dpi(dpi)
     layout = picture.get_layout_engine()
@@ -162,7 +162,7 @@ def lay_out(picture: Figure, dpi: int) -> None:
 
 
 def ramp() -> Any:
-    """Hues for a quantity, from small to large; its ends stand off the ground."""
+    """A colour map for a quantity, from small to large; its ends contrast with the ground."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -187,7 +187,7 @@ def fine_label(name: str) -> str:
 
 
 class Band(NamedTuple):
-    """What many samples are drawn as: for each of some columns their ends and their middle."""
+    """Many samples in columns: the least, largest and median of each."""
 
     time: Floats
     low: Floats
@@ -196,10 +196,10 @@ class Band(NamedTuple):
 
 
 def band(time: Floats, values: Floats, columns: int = 120) -> Band:
-    """Least, largest and median of the samples that fall into each column of a panel.
+    """Least, largest and median of the samples in each column of a panel.
 
-    time, values: (n,), time ascending. NaN are passed over; a column without a number is NaN, so
-    that what is drawn has a gap there.
+    time, values: (n,), time ascending. NaN are ignored; a column without a number is NaN, so that
+    the drawing has a gap there.
     """
     parts = np.array_split(np.arange(len(time)), min(columns, len(time)))
     rows = [(time[part].mean(), *ends(values[part])) for part in parts]
@@ -214,13 +214,13 @@ def ends(values: Floats) -> tuple[float, float, float]:
 
 
 def say(panel: Axes, text: str) -> None:
-    """What stands in a panel that has nothing to draw: why that is so."""
+    """Write in an empty panel why it has nothing to draw."""
     panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes,
                color=chosen_hues().soft, fontsize=LEAST, wrap=True)  # fmt: skip
 
 
 def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str], columns: int) -> Any:
-    """One legend for all panels, under them."""
+    """Draw one legend for all panels, below them."""
     return picture.legend(handles, texts, loc="outside lower center", ncols=columns,
                    columnspacing=1.4, handletextpad=0.5)  # fmt: skip
 
@@ -237,7 +237,7 @@ def measure_label(column: str) -> str:
 
 
 def plain_log(axis: Any) -> None:
-    """Ticks of a logarithmic axis in plain numbers, as many as there is room for."""
+    """Set ticks of a logarithmic axis in plain numbers, as many as there is room for."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
     axis.axes.autoscale_view()
@@ -248,9 +248,9 @@ def plain_log(axis: Any) -> None:
 
 
 def log_ticks(low: float, high: float) -> list[float]:
-    """Round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
+    """Return round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
 
-    Where the reach is so short that there are fewer than three, steps of the same size instead.
+    An interval with fewer than three gets steps of equal size instead.
     """
     from matplotlib.ticker import MaxNLocator
 

@@ -1,4 +1,4 @@
-"""What each view of the sensor shows, from where, and what is written on it."""
+"""The views of the sensor: their contents, cameras and labels."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from .sections import cut_parts, explode
 from .solids import Solid, join
 from .studio import Studio, bounds, library
 
-#: From where a rig is seen: to the right, to the front and from above.
+#: Direction from the rig to the camera: to the right, to the front and from above.
 ASPECT = (0.56, -0.66, 0.46)
 
 
 def state_in_words(state: Floats) -> str:
-    """A state as one reads it: "x 80 µm, yaw 10 mrad"; "at rest" for zero."""
+    """Format a state: "x 80 µm, yaw 10 mrad"; "at rest" for zero."""
     names = ("x", "y", "z", "roll", "pitch", "yaw", "beam x", "beam y")
     words = []
     for n, (name, value) in enumerate(zip(names, state, strict=True)):
@@ -46,16 +46,16 @@ def state_in_words(state: Floats) -> str:
 
 
 def power_in_words(power: float) -> str:
-    """mW as one reads it."""
+    """Format a power in mW."""
     return f"{power:.3g} mW" if power >= 1 else f"{UW * power:.3g} {MICRO}W"
 
 
 class SceneView:
-    """Base of the views: parts made at rest, whose head and laser are carried to a state.
+    """Base of the views: parts made at rest, whose head and laser are moved to a state.
 
-    dark: detectors whose sub-beam is left out.  larger: how many times the states that it is moved
-    to are the true ones, which its caption has.  turning: by how much more than the light says the
-    head is turned about its point, where that could not be seen.
+    dark: detectors whose sub-beam is omitted.  larger: the magnification of its states, which the
+    caption states.  turning: the further magnification of the head's rotation about its apex, if
+    that would be invisible otherwise.
     """
 
     dark: tuple[int, ...] = ()
@@ -74,7 +74,6 @@ class SceneView:
         self.build()
 
     def build(self) -> None:
-        """Parts, studio and floor."""
         self.parts = self.own_parts()
         self.studio = Studio(self.parts, self.theme)
         self.floor: Ground | None = ground(self.parts, rig.ground_of(self.rest))
@@ -90,7 +89,7 @@ class SceneView:
         self.studio.carry("laser", beam)
 
     def carry_head(self, turning: float) -> None:
-        """To the mirror's pose, with its angles `turning` times as large."""
+        """Move the head to the mirror's pose, with its angles `turning` times as large."""
         matrix = np.eye(4)
         roll, pitch, yaw = turning * self.state[3:6]
         matrix[:3, :3] = np.array(rotation(roll, pitch, yaw), float)
@@ -98,7 +97,7 @@ class SceneView:
         self.studio.carry("head", matrix)
 
     def image(self) -> Floats:
-        """(h, w, 3), 0 to 1."""
+        """Render the picture, (h, w, 3), 0 to 1."""
         camera = self.camera()
         sheet = DrawingSheet(self.size, self.theme)
         picture = self.expose(camera)
@@ -109,7 +108,7 @@ class SceneView:
         raise NotImplementedError
 
     def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        """What is added to the picture of the parts."""
+        """Draw labels and insets over the picture of the parts."""
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         shot = self.studio.take(camera, self.sharpness)
@@ -117,7 +116,7 @@ class SceneView:
         return expose(self.stand, shot, self.theme, under, self.laser, haze, self.dark)
 
     def caption(self, sheet: DrawingSheet, what: str) -> None:
-        """What the picture shows and the state, at the lower left."""
+        """Write the picture's title and the state at the lower left."""
         left, low = 24 * sheet.unit, sheet.size[1] - 20 * sheet.unit
         state = sheet.write(
             (left, low), state_in_words(self.state / self.larger), 14, self.theme.ink, anchor=(0, 1)
@@ -135,7 +134,7 @@ class RigView(SceneView):
     area = (0.05, 0.05, 0.95, 0.88)
 
     def camera(self) -> Camera:
-        """Where all of the rig at rest is in the picture."""
+        """Place the camera so that all of the rig at rest is in the picture."""
         if not hasattr(self, "_camera"):
             start = Camera(
                 place=tuple(600 * np.array(ASPECT)), focus=(0, 0, 0), angle=0.38, size=self.size
@@ -148,7 +147,7 @@ class RigView(SceneView):
         self.caption(sheet, "the rig")
 
     def annotate(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """Dimensions, the detectors' names, the beam, and a scale."""
+        """Draw dimensions, the detectors' names, the beam, and a scale."""
         width, height = self.size
         sheet.scale_bar(
             camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the mirror"
@@ -169,7 +168,7 @@ class RigView(SceneView):
             sheet.write(at, letter.upper(), 19, self.theme.hues[k], bold=True)
 
     def dimension_radii(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """Of each detector from the axis, once where they are equal."""
+        """Draw each detector's distance from the axis, once if they are equal."""
         psds = self.sensor.psds
         equal = np.ptp([psd.radius for psd in psds]) < 1e-9
         for k in range(1 if equal else 3):
@@ -193,7 +192,7 @@ class RigView(SceneView):
 
 
 class CombinedView(RigView):
-    """The rig with what is small in it magnified: the point, and the three detectors' faces."""
+    """The rig with magnified insets: the apex, and the three detectors' faces."""
 
     area = (0.165, 0.03, 0.835, 0.93)
 
@@ -206,7 +205,7 @@ class CombinedView(RigView):
         self.caption(sheet, "three-facet-mirror sensor")
 
     def slots(self, sheet: DrawingSheet, sizes: Any) -> list[tuple[int, int]]:
-        """Corners of four places for insets, the first for the largest."""
+        """Return corners of four places for insets, the first for the largest."""
         width, height = self.size
         edge = int(26 * sheet.unit)
         small = sizes[1]
@@ -237,7 +236,7 @@ class CombinedView(RigView):
             insets.frame(sheet, inset, corner, inset.camera.size)
 
     def magnify(self, inset: Inset) -> Floats:
-        """The picture in an inset: of the head alone, or of a detector's face."""
+        """Render the picture in an inset: of the head alone, or of a detector's face."""
         if not inset.round:
             return expose_face(self.stand, inset.camera, "ABC".index(inset.title[-1]))
         self.studio.only("head")
@@ -268,14 +267,14 @@ class CombinedView(RigView):
 
 
 def point_camera(focus: Floats, height: float, size: tuple[int, int]) -> Camera:
-    """Close to the mirror's point, from the side of facets A and C."""
+    """Place a camera close to the apex, on the side of facets A and C."""
     direction = normalize([0.62, -0.60, 0.50])
     distance = height / (2 * np.tan(0.15))
     return Camera(tuple(focus + distance * direction), tuple(focus), angle=0.30, size=size)
 
 
 def face_camera(stand: Stand, k: int, size: tuple[int, int]) -> Camera:
-    """Square to a detector's face, from the mirror's side."""
+    """Place a camera square to a detector's face, on the mirror's side."""
     centre, axes = rig.detector_frame(stand, k)
     psd = stand.sensor.psds[k]
     extent = 1.16 * max(psd.size_z, psd.size_y * size[1] / size[0])
@@ -284,7 +283,7 @@ def face_camera(stand: Stand, k: int, size: tuple[int, int]) -> Camera:
 
 
 class MirrorView(SceneView):
-    """The mirror's point, close: the beam is shared by the facets, and what lies on each."""
+    """The mirror's apex, close: how the facets share the beam, and the light on each."""
 
     def own_parts(self) -> list[RigPart]:
         return [part for part in super().own_parts() if part.assembly == "head"]
@@ -311,7 +310,7 @@ class MirrorView(SceneView):
         self.name_width(sheet, camera)
 
     def outline(self, sheet: DrawingSheet, camera: Camera, k: int) -> None:
-        """Where the light on facet k has fallen to 1/e^2 of the largest."""
+        """Draw the line where the light on facet k falls to 1/e^2 of its maximum."""
         cross = cut(self.stand, k)
         if not len(cross) or camera.axes[2] @ np.array(self.stand.at.normals[k], float) > 0:
             return
@@ -339,7 +338,7 @@ class MirrorView(SceneView):
                 return
 
     def name_width(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """The beam's 1/e^2 diameter across it."""
+        """Label the beam's 1/e^2 diameter across it."""
         radius = self.sensor.beam.diameter_x / 2
         up = 0.30 * camera.height
         middle = np.array([self.state[6], self.state[7], self.state[2] + up])
@@ -351,7 +350,7 @@ class MirrorView(SceneView):
 
 
 class DetectorView(SceneView):
-    """Detector A as it is bought, with the light on it."""
+    """A commercial detector A with the light on it."""
 
     number = 0
 
@@ -395,7 +394,7 @@ class CutawayView(SceneView):
     number = 0
 
     def plane(self) -> tuple[Floats, Floats]:
-        """A point of the cut, and towards what is taken away."""
+        """Return a point of the cut, and the direction of the removed side."""
         centre = np.array(self.rest.geometry.centres[self.number], float)
         outward = normalize([centre[0], centre[1], 0.0])
         return np.zeros(3), np.cross(outward, (0, 0, 1.0))
@@ -410,7 +409,7 @@ class CutawayView(SceneView):
         self.floor = None
 
     def own_parts(self) -> list[RigPart]:
-        """What the cut goes through, and the mirror in one piece, so that it is closed."""
+        """List the cut parts, and the mirror in one piece, so that it is closed."""
         name = f"detector {DETECTORS[self.number]}"
         plain = ("hub", "moving stage", "collar")
         found = [
@@ -503,7 +502,7 @@ class ExplodedView(SceneView):
         )  # fmt: skip
 
     def build(self) -> None:
-        """The three assemblies side by side, laser, head and detector, each taken apart."""
+        """Place the three assemblies side by side, laser, head and detector, each taken apart."""
         centre = np.array(self.rest.geometry.centres[self.number], float)
         outward = normalize([centre[0], centre[1], 0.0])
         shift = outward * (self.gap() - float(centre @ outward))
@@ -521,7 +520,7 @@ class ExplodedView(SceneView):
         self.floor = None
 
     def gap(self) -> float:
-        """How far the detector stands from the axis in this view, mm."""
+        """Distance of the detector from the axis in this view, mm."""
         return 90 * self.fit
 
     def camera(self) -> Camera:
@@ -547,18 +546,18 @@ class ExplodedView(SceneView):
         self.caption(sheet, f"laser, mirror head and detector {letter}, taken apart")
 
     def caption(self, sheet: DrawingSheet, what: str) -> None:
-        """Without a state: nothing is in its place."""
+        """Write the title without a state, since no part is in its place."""
         words = " \u00b7 ".join(part for part in (self.title, what) if part)
         place = (24 * sheet.unit, sheet.size[1] - 20 * sheet.unit)
         sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
 
     def labelled_parts(self) -> list[RigPart]:
-        """One part of each name, the facets and the screws together."""
+        """List one part of each name; facets and screws count as one name each."""
         hidden = ("facet", "moving stage", "amplifiers")
         return [part for part in self.parts if not part.name.startswith(hidden)]
 
     def axes(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """The lines along which the assemblies come apart."""
+        """Draw the lines along which the assemblies come apart."""
         for assembly in ("head", "laser", f"detector {DETECTORS[self.number]}"):
             middles = np.array(
                 [middle_of(part) for part in self.parts if part.assembly == assembly]
@@ -570,7 +569,7 @@ class ExplodedView(SceneView):
             sheet.dashes(ends[0], ends[1])
 
     def name_part(self, sheet: DrawingSheet, camera: Camera, part: RigPart) -> None:
-        """Its name beside it, at the first free place, and a line to it."""
+        """Write a part's name at the first free place, with a line to the part."""
         seen = camera.project(part.solid.points)[:, :2]
         low, high = seen.min(axis=0), seen.max(axis=0)
         middle = (low + high) / 2
@@ -595,7 +594,8 @@ class ExplodedView(SceneView):
                     return
 
     def sides(self, part: RigPart, low: Floats, high: Floats, middle: Floats) -> list[Any]:
-        """Where a name's line may begin, and its way: beside what stands upright, else above."""
+        """Return candidate starts and directions of a label's line: beside upright parts, else
+        above."""
         if part.assembly in ("head", "laser"):
             left = (np.array([low[0], middle[1]]), np.array([-1.0, 0]))
             return [left, (np.array([high[0], middle[1]]), np.array([1.0, 0]))]
@@ -603,12 +603,12 @@ class ExplodedView(SceneView):
         return [above, (np.array([middle[0], high[1]]), np.array([0.25, 0.97]))]
 
 
-#: Names of parts that are known by another.
+#: Parts with another name in labels.
 PLAIN = {"mirror body": "mirror with three facets", "bond ring": "contact ring"}
 
 
 def middle_of(part: RigPart) -> Floats:
-    """The middle of a part's box."""
+    """Return the middle of a part's box."""
     points = part.solid.points
     middle: Floats = (points.min(axis=0) + points.max(axis=0)) / 2
     return middle

@@ -9,23 +9,23 @@ from textwrap import wrap
 from ..core.names import DETECTORS
 from .style import WORDS, measure_label
 
-#: Measures whose columns do not say all that a reader needs.
+#: Measures whose columns need an explanation.
 LABELS = {
     "room_mm": "least clearance of a spot, mm",
     "least_power_mw": "least power on a detector, mW",
     "condition": "condition number",
     "regular": "one sign of Eq. (11) over the volume (1: yes)",
 }
-#: What a column's name ends in where it has a unit, and the unit.
+#: Units by the ending of a column's name.
 UNITS = {"mm": "mm", "um": "µm", "mrad": "mrad", "urad": "µrad", "deg": "deg", "mw": "mW",
          "uw": "µW", "percent": "%"}  # fmt: skip
 LETTERS = {"a": "A", "b": "B", "c": "C", "psd": "PSD"}
 BLOCKS = {"beam": "beam", "mirror": "facets", "psd": "PSDs"}
 ALONE = {"mirror": "facet", "psd": "PSD"}
-#: What holds a design back, as the search names it, and in words.
+#: Limits of a design, by the search's names, in words.
 ENDS = {"at its least": "at its lower bound", "at its most": "at its upper bound"}
 LIMITS = ("spot on", "uncertainty of", "power on")
-#: What a key's value means on a page, by the key's own name.
+#: The meaning of a key's value on a page, by the key's own name.
 AIMS = {
     "resolution": "the least worst uncertainty over the volume",
     "mean-resolution": "the least uncertainty over the volume, root mean square",
@@ -34,12 +34,12 @@ AIMS = {
     "size": "the smallest head",
     "weighted": "the least weighted sum",
 }
-#: Characters in a line of a label below a plot.
+#: Number of characters in a line of a label below a plot.
 WIDTH = 12
 
 
 def label(key: str) -> str:
-    """A column: "u_roll_urad" is "uncertainty of roll, µrad"."""
+    """Write a column in words: "u_roll_urad" is "uncertainty of roll, µrad"."""
     name, _, unit = key.rpartition("_")
     if key in LABELS or unit not in UNITS:
         return LABELS.get(key, key.replace("_", " "))
@@ -50,30 +50,32 @@ def label(key: str) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    """A label in short lines, its unit the last."""
+    """Split a label into short lines, its unit the last."""
     name, comma, unit = text.rpartition(", ")
     return [*wrap(name if comma else text, WIDTH), *([unit] if comma else [])]
 
 
 def amount(key: str, value: float, sign: str = "") -> str:
-    """A column with its value: "shift in x ±0.1 mm"."""
+    """Write a column with its value: "shift in x ±0.1 mm"."""
     name, _, unit = label(key).partition(", ")
     return f"{name} {sign}{value:g} {unit}".rstrip()
 
 
 def between(key: str, low: float, high: float) -> str:
-    """A column with its bounds: "radius 100 to 250 mm"."""
+    """Write a column with its bounds: "radius 100 to 250 mm"."""
     name, _, unit = label(key).partition(", ")
     return typeset(f"{name} {low:g} to {high:g} {unit}".rstrip())
 
 
 def rows_in_words(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Rows of a table whose first cells are columns, keys or limits, and whose last may be one."""
+    """Write a table's rows in words: first cells are columns, keys or limits, and last ones may
+    be."""
     return [[cell_in_words(cell) for cell in row] for row in rows]
 
 
 def cell_in_words(cell: str) -> str:
-    """A key, a column or a limit in words; another cell as it is, with signs as people write."""
+    """Write a key, a column or a limit in words; in other cells only replace signs by typographic
+    ones."""
     block = cell.partition(".")[0]
     if block in BLOCKS:
         return key_in_words(cell)
@@ -84,7 +86,7 @@ def cell_in_words(cell: str) -> str:
 
 
 def key_in_words(path: str) -> str:
-    """A key of a sensor: "psd.b.azimuth_deg" is "PSD B, azimuth, deg"."""
+    """Write a key of a sensor in words: "psd.b.azimuth_deg" is "PSD B, azimuth, deg"."""
     block, *inner = path.split(".")
     what = BLOCKS.get(block, block)
     if inner and inner[0] in DETECTORS:
@@ -93,12 +95,12 @@ def key_in_words(path: str) -> str:
 
 
 def typeset(words: str) -> str:
-    """A text whose numbers have true minus signs."""
+    """Replace hyphens before numbers by minus signs."""
     return re.sub(r"(?<![\w.])-(?=[\d.])", "\N{MINUS SIGN}", words)
 
 
 def limit_in_words(group: str) -> str:
-    """What holds a design back: "radius_mm at its most" is "radius at its upper bound"."""
+    """Write a limit in words: "radius_mm at its most" is "radius at its upper bound"."""
     for end, words in ENDS.items():
         if group.endswith(end):
             key = group.removesuffix(end).strip()

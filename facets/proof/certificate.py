@@ -1,4 +1,4 @@
-"""A certificate of uniqueness as a file: all that a checker needs, as JSON."""
+"""A certificate of uniqueness as a JSON file with everything that a checker needs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..model.arrays import parameters
 from .range_cover import RangeCover
 from .uniqueness import Certificate
 
-#: What the file says of itself; a checker refuses another.
+#: The format of the file; a checker refuses any other.
 FORMAT = "facets uniqueness certificate 2"
 
 
@@ -24,10 +24,11 @@ def write_certificate(
     resolved: dict[str, Any] | None = None,
     cover: RangeCover | None = None,
 ) -> None:
-    """mm, rad and mW; floats as they are, so that they read back the same.
+    """Write lengths in mm, angles in rad and powers in mW, with floats that read back the same.
 
-    resolved: the configuration whose checksum `about` has.  cover: where the box was proved to hold
-    the measurement range. A certificate of nothing is written too, and refused by the checker.
+    resolved: the configuration whose checksum `about` has.  cover: the box that was proved to
+    contain the measurement range. An unsuccessful certificate is written too, and the checker
+    refuses it.
     """
     content = {
         "format": FORMAT,
@@ -44,7 +45,7 @@ def write_certificate(
 
 
 def certificate_claims(found: Certificate) -> dict[str, Any]:
-    """What is said of the box of poses and of the least share of the light."""
+    """Return the claims about the box of poses and about the least share of the light."""
     return {
         "low": found.box.low[:6].tolist(),
         "high": found.box.high[:6].tolist(),
@@ -60,7 +61,7 @@ def certificate_claims(found: Certificate) -> dict[str, Any]:
 
 
 def certificate_proof(found: Certificate) -> dict[str, Any]:
-    """What the claims rest on."""
+    """Return the evidence for the claims."""
     return {
         "light": found.shares,
         "middles": found.middles,

@@ -13,7 +13,8 @@ MOST_PIECES = 400
 
 
 def certify_design(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> Certificate | str:
-    """For the box of the ranges of its axes; why not, where it has no range."""
+    """Certify the box of the ranges of a design's axes; return the reason if an axis has no
+    range."""
     try:
         box = range_box(sensor, rules)
     except InputError as error:
@@ -22,6 +23,6 @@ def certify_design(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> Cer
 
 
 def proof_margin(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> float:
-    """The margin of that proof, NaN where nothing was proved."""
+    """Return the margin of that proof, NaN if nothing was proved."""
     found = certify_design(sensor, rules, work)
     return found.margin if isinstance(found, Certificate) and found.unique else float("nan")

@@ -1,4 +1,4 @@
-"""Matrices of intervals: bounds of the determinant, and whether all that they hold are regular."""
+"""Interval matrices: bounds of the determinant, and tests of regularity."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ..scalars.intervals import Interval, ends, hull, interval, magnitude
 
 Matrix = list[list[Interval]]
 
-#: What sums of a few floats can round.
+#: A bound of the rounding errors in a sum of a few floats.
 ROUNDED = 1e-12
 
 
 def hull_of_matrices(matrices: list[Matrix]) -> Matrix:
-    """The smallest interval matrix that holds all of some, which are of one shape."""
+    """The smallest interval matrix that contains all the given ones, which have the same shape."""
     rows, columns = len(matrices[0]), len(matrices[0][0])
     return [[hull(m[i][j] for m in matrices) for j in range(columns)] for i in range(rows)]
 
@@ -25,7 +25,7 @@ def middles(matrix: Matrix) -> Floats:
 
 
 def determinant(matrix: Matrix) -> Interval:
-    """Of an interval matrix, sharp where it is near its middle: what is left of it there is 1."""
+    """The determinant of an interval matrix, preconditioned with its midpoint's inverse."""
     middle = middles(matrix)
     if not np.isfinite(middle).all() or np.linalg.matrix_rank(middle) < len(middle):
         return interval(-np.inf, np.inf)
@@ -42,10 +42,10 @@ def distance_from_zero(x: Interval) -> float:
 
 
 def determinant_bound(matrix: Matrix, slope: float, margin: float = 0.0) -> float:
-    """A lower bound of |det| times a slope that is not below zero; 0 where none is found.
+    """A lower bound of |det| times a slope that is not negative; 0 if none is found.
 
-    margin: that `regularity` found, if it is known: no eigenvalue of C M is further than 1 - margin
-    from 1, so that the determinant of C M is margin^6 or more.
+    margin: the result of `regularity`, if it is known: no eigenvalue of C M is further than 1 -
+    margin from 1, so that the determinant of C M is margin^6 or more.
     """
     bound = distance_from_zero(determinant(matrix))
     if margin > 0:
@@ -57,7 +57,8 @@ def determinant_bound(matrix: Matrix, slope: float, margin: float = 0.0) -> floa
 def regularity(matrix: Matrix) -> tuple[float, Floats, Floats]:
     """By how much |1 - C M| shrinks a positive vector, for every M in the intervals.
 
-    Above 0: every matrix in them is regular. Returns that, rounded down, C and the vector.
+    If the result is above 0, every matrix in the intervals is regular. Returns that number, rounded
+    down, C and the vector.
     """
     middle = middles(matrix)
     size = len(middle)

@@ -1,15 +1,15 @@
-"""How the three facets share the beam, in intervals: what moves when the shares are held.
+"""How the three facets share the beam, in intervals, and how the light moves at fixed shares.
 
 Seen along the beam, the mirror's edges are three half-lines from the apex q, along unit vectors u_e
 with angles theta_e; units of the beam's sigma. A small change sweeps over edge e the light s_e =
-L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are held exactly when
-s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that sum alpha_e u_e = 0,
+L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are constant exactly
+when s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that sum alpha_e u_e = 0,
 
     s = sum alpha_e rho_e dtheta_e / sum (alpha_e / L_e),    u_e x dq = s / L_e - rho_e dtheta_e.
 
 The light's centroid c on a facet moves by dc = (1 - S) dq + turning of the edges, where S, the
 covariance of a normal distribution cut to a convex set, lies between 0 and 1 (Brascamp & Lieb). All
-of this takes but exp and erfc of each edge. docs/uniqueness.md has the theorem it serves.
+of this takes only exp and erfc of each edge. docs/uniqueness.md has the theorem that uses it.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from ..scalars.intervals import (
 
 Plane = tuple[Interval, Interval]
 
-#: Into how many slices each facet's angle is cut, and more for each square sigma that the apex is
-#: off, since the light on them then differs more.
+#: Number of slices of each facet's angle, and the further slices for each square sigma of the
+#: apex's offset, since the light on the slices then differs more.
 SLICES, MORE = 6, 5
 #: A box of offsets is quartered until the lower bounds of its shares are this part of the upper
-#: ones, at most so many times.
+#: ones, but at most this many times.
 SHARP, DEPTH = 0.25, 6
-#: How far off the apex is looked for, sigmas: beyond, one facet has next to no light.
+#: The largest distance of the apex that is searched, sigmas: beyond, one facet has almost no light.
 FARTHEST = 8.0
 
 
@@ -50,12 +50,12 @@ class LightNotShared(Exception):
 
 
 class SharingBounds(NamedTuple):
-    """What holds over a box of rotations, wherever each facet has its least share of the light.
+    """Bounds over a box of rotations, wherever each facet has its least share of the light.
 
-    from_point: of each facet, the centroid of its light less the apex (3, 2), sigmas.
-    turns: of each facet, how that changes with roll, pitch and yaw (3, 2, 3), sigmas per rad, the
-    shares being held.  offset: of the apex from the beam's centre (2,), sigmas.
-    slope: the determinant of two shares by the offset, per square sigma.
+    from_point: of each facet, the centroid of its light less the apex (3, 2), sigmas. turns: of
+    each facet, the derivative of that by roll, pitch and yaw (3, 2, 3), sigmas per rad, at fixed
+    shares.  offset: of the apex from the beam's centre (2,), sigmas. slope: the determinant of two
+    shares by the offset, per square sigma.
     """
 
     from_point: list[list[Interval]]
@@ -74,30 +74,31 @@ class HalfLine(NamedTuple):
 
 
 class FacetLight(NamedTuple):
-    """Of a facet: its share of the beam, and its centroid less the apex, sigmas."""
+    """A facet's share of the beam, and its light's centroid less the apex, sigmas."""
 
     mass: Interval
     from_point: Plane
 
 
 def cross_product(u: Plane, v: Plane) -> Interval:
-    """The cross product of two vectors of the plane."""
     return u[0] * v[1] - u[1] * v[0]
 
 
-#: sqrt(2), sqrt(2 / pi) and sqrt(8 pi), which hold the true values.
+#: Intervals that contain sqrt(2), sqrt(2 / pi) and sqrt(8 pi).
 ROOT_2, ROOT_2_OVER_PI, ROOT_8_PI = arb(2).sqrt(), (2 / arb.pi()).sqrt(), (8 * arb.pi()).sqrt()
 
 
 def means_along(a: Interval) -> tuple[Interval, Interval, Interval]:
-    """erfc(a / sqrt 2), and rho = K / L and eta = J / K on a half-line; all of them fall with a."""
+    """erfc(a / sqrt 2), and rho = K / L and eta = J / K on a half-line; all three decrease with
+    a."""
     beyond = (a / ROOT_2).erfc()
     mean = ROOT_2_OVER_PI * (-a * a / 2).exp() / beyond - a
     return beyond, mean, 1 / mean - a
 
 
 def half_line(q: Plane, u: Plane) -> HalfLine:
-    """Both means fall with a: a larger a weighs the light by a factor that falls with distance."""
+    """Both means decrease with a: a larger a weighs the light by a factor that falls with
+    distance."""
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
     most, least = means_along(a.lower()), means_along(a.upper())
     beyond, mean, reach = (x.union(y) for x, y in zip(least, most, strict=True))
@@ -106,8 +107,8 @@ def half_line(q: Plane, u: Plane) -> HalfLine:
 
 
 class FacetEdges(NamedTuple):
-    """The edges over a box of rotations: their angles, what lies between them, and how each turns
-    with roll, pitch and yaw."""
+    """The edges over a box of rotations: their angles, the openings between them, and the
+    derivatives of the angles by roll, pitch and yaw."""
 
     angles: list[Interval]
     openings: list[Interval]
@@ -115,7 +116,8 @@ class FacetEdges(NamedTuple):
 
 
 def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
-    """at, axes: the mirror and its axes of rotation, over the box. Raises `LightNotShared`."""
+    """Return the edges. at, axes: the mirror and its axes of rotation, over the box. Raises
+    `LightNotShared`."""
     angles = [edge_angle(geometry, edge) for edge in at.edges]
     openings = [opening(angles[k], angles[(k + 1) % 3]) for k in range(3)]
     if not all(0 < part < arb.pi() for part in openings):
@@ -148,7 +150,8 @@ def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
 
 
 def light_if_enough(edges: FacetEdges, q: Plane, least: float) -> list[FacetLight] | None:
-    """The light on the facets over a box of offsets; None where one has less than its share."""
+    """The light on the facets over a box of offsets; None if a facet has less than the least
+    share."""
     lights = []
     for k in range(3):
         light = light_between(q, edges.angles[k], edges.openings[k])
@@ -159,15 +162,15 @@ def light_if_enough(edges: FacetEdges, q: Plane, least: float) -> list[FacetLigh
 
 
 def limit_light(light: FacetLight, least: float) -> FacetLight:
-    """The same, of which it is known besides that the facet has the share `least`."""
+    """Narrow the light's bounds by the fact that the facet has the share `least`."""
     low = max(light.mass.lower(), arb(least))
     return FacetLight(low.union(light.mass.upper()), light.from_point)
 
 
 def farthest_offset(edges: FacetEdges, least: float) -> float:
-    """A distance of the apex from the beam's centre past which a facet has less than its share.
+    """A distance of the apex from the beam's centre beyond which a facet has less than its share.
 
-    Raises `LightNotShared` where that is beyond `FARTHEST`.
+    Raises `LightNotShared` if that distance exceeds `FARTHEST`.
     """
     if not share_beyond(edges, FARTHEST) < least:
         raise LightNotShared
@@ -179,11 +182,11 @@ def farthest_offset(edges: FacetEdges, least: float) -> float:
 
 
 def share_beyond(edges: FacetEdges, distance: float) -> Interval:
-    """A bound of the least share where the apex is further off than `distance`, in sigmas.
+    """An upper bound of the least share if the apex is further off than `distance`, in sigmas.
 
-    The direction in which it is off lies in some facet; that facet is a convex set no nearer to
-    the beam's centre than the distance times the sine of its opening: it has no more light than a
-    half-plane that far off.
+    The direction of the offset lies in some facet; that facet is a convex set no nearer to the
+    beam's centre than the distance times the sine of its opening: it has no more light than a
+    half-plane at that distance.
     """
     sines = [least_sine(part) for part in edges.openings]
     shares = [(distance * sine / ROOT_2).erfc() / 2 for sine in sines]
@@ -191,7 +194,7 @@ def share_beyond(edges: FacetEdges, distance: float) -> Interval:
 
 
 def least_sine(opening: Interval) -> Interval:
-    """A bound of the least sine between a right angle and the opening; 1 where that is acute."""
+    """A bound of the least sine between a right angle and the opening; 1 for an acute opening."""
     right = arb.pi() / 2
     return arb(1) if opening <= right else opening.upper().sin()
 
@@ -208,21 +211,23 @@ def least_share_over(edges: FacetEdges, q: Plane, depth: int = 0) -> float:
 
 
 def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
-    """What holds over all of some boxes."""
+    """Return the hull of the bounds of several boxes."""
     if not pieces:
         raise LightNotShared
     return SharingBounds(*map(hull_of_each, zip(*pieces, strict=True)))
 
 
 def hull_of_each(several: Sequence[Any]) -> Any:
-    """The hull of intervals; of lists of one shape, the hulls of what stands at the same places."""
+    """The hull of intervals; for lists of one shape, the list of the hulls of corresponding
+    elements."""
     if isinstance(several[0], list):
         return [hull_of_each(parts) for parts in zip(*several, strict=True)]
     return hull(several)
 
 
 def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
-    """Of an edge as seen along the beam, counted from its middle: never near half a turn off."""
+    """The angle of an edge as seen along the beam, counted from its middle: never near half a
+    turn."""
     x, y = project_to_sigmas(geometry, edge)
     c, s = x.mid(), y.mid()
     return arb.atan2(s, c) + arb.atan2(c * y - s * x, c * x + s * y)
@@ -239,7 +244,7 @@ def halve(whole: Interval) -> list[Interval]:
 
 
 def opening(first: Interval, second: Interval) -> Interval:
-    """From one angle on to the next, counter-clockwise."""
+    """The angle from the first edge to the second, counter-clockwise."""
     turns = ((second - first) / (2 * arb.pi())).mid().floor()
     return second - first - 2 * arb.pi() * turns
 
@@ -247,7 +252,8 @@ def opening(first: Interval, second: Interval) -> Interval:
 def offset_moves(
     edges: FacetEdges, sides: list[HalfLine], alpha: list[Interval]
 ) -> list[list[Interval]]:
-    """dq (2, 3) with roll, pitch and yaw that holds the shares.  alpha: weights of the edges."""
+    """The change dq (2, 3) with roll, pitch and yaw at fixed shares.  alpha: weights of the
+    edges."""
     u = [side.u for side in sides]
     resistance = sum(alpha[e] / sides[e].light for e in range(3))
     dq = [[arb(0)] * 3, [arb(0)] * 3]
@@ -275,7 +281,8 @@ def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> Sharin
 
 
 def light_between(q: Plane, start: Interval, opening: Interval) -> FacetLight:
-    """Of a facet, by slices of its angle: light per angle is K, its mean distance J / K."""
+    """The light of a facet by slices of its angle: light per angle is K, its mean distance J /
+    K."""
     mass, x, y = arb(0), arb(0), arb(0)
     slices = SLICES + int(MORE * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
     for n in range(slices):
@@ -295,7 +302,7 @@ def centroid_moves(
     turns: list[list[Interval]],
     k: int,
 ) -> list[list[Interval]]:
-    """How the centroid of facet k less the apex changes with the three angles: (2, 3)."""
+    """The derivative of the centroid of facet k less the apex by the three angles: (2, 3)."""
     first, second = sides[k], sides[(k + 1) % 3]
     moved = [[arb(0)] * 3, [arb(0)] * 3]
     for j in range(3):

@@ -1,11 +1,11 @@
-"""Two states with the same readings, told apart by the Jacobian about the middle of their way.
+"""Proof that no two states have the same readings, by the Jacobian about the segment's midpoint.
 
-With the shares held, G(p') - G(p) = M (p' - p), where M is the mean of dG over the straight way.
-For any function L that is affine in the pose, the mean of L is its value in the middle of the way.
-So with dG - L in a rest E everywhere in the box, M lies in L(middle) + E; and the middle lies in
-the box, since it is convex. Where L follows dG, E holds only its curvature and what is not known of
-the light. So it takes that L(piece) + E is regular for pieces that fill the box, where the hull of
-all dG is not.
+With the shares fixed, G(p') - G(p) = M (p' - p), where M is the mean of dG over the segment from p
+to p'. For any function L that is affine in the pose, the mean of L is its value at the midpoint. So
+with dG - L in a remainder E everywhere in the box, M lies in L(middle) + E; and the midpoint lies
+in the box, since it is convex. If L follows dG, E contains only its curvature and the uncertainty
+of the light. So it suffices that L(piece) + E is regular for pieces that fill the box, where the
+hull of all dG is not.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from .light_sharing import SharingBounds
 from .pieces import ProvedPiece, cut_in_two, initial_pieces, share_levers
 from .spot_jacobian import Centred, centred_jacobian, intervals_between
 
-#: So many pieces are looked at for the middle of the way, and each is halved so many times.
+#: Largest number of pieces for the midpoint, and how many times each is halved.
 MOST_PIECES, MOST_CUTS = 4000, 12
 
 
 class AffineJacobian(NamedTuple):
     """A matrix (6, 6) that is affine in the pose: value at `place` (6,), slopes (6, 6, 6), the
-    first index the axis of the pose. Any will do; it proves more the nearer it is to dG."""
+    first index the axis of the pose. Any such matrix is valid; one nearer to dG proves more."""
 
     place: Floats
     value: Floats
     slopes: Floats
 
     def as_numbers(self) -> dict[str, Any]:
-        """For a certificate's file; a checker finds the rest again."""
+        """Return the numbers for a certificate's file; a checker recomputes everything else."""
         return {name: values.tolist() for name, values in self._asdict().items()}
 
     def evaluate(self, pose: Sequence[Interval]) -> Matrix:
@@ -54,11 +54,11 @@ class AffineJacobian(NamedTuple):
 
 
 class ByMiddles(NamedTuple):
-    """affine: L.  rest: E.  pieces: that fill the box, L + E being regular over each.
+    """affine: L.  rest: E.  pieces: they fill the box, and L + E is regular over each.
 
-    margin: the least of theirs, a lower bound; 0 or less where one is not regular.  A state is the
-    middle of the way to itself, so none in the box is singular either; the pieces' `at_least` is
-    of its determinant.
+    margin: the least of the pieces', a lower bound; 0 or less if a piece is not regular.  A state
+    is the midpoint between it and itself, so no state in the box is singular either; the pieces'
+    `at_least` is of its determinant.
     """
 
     affine: AffineJacobian
@@ -74,7 +74,8 @@ def prove_by_middles(
     jacobians: Sequence[Centred],
     slope: float,
 ) -> ByMiddles:
-    """jacobians: over pieces that fill the box.  slope: of the powers, a lower bound."""
+    """Prove regularity. jacobians: over pieces that fill the box.  slope: of the powers, a lower
+    bound."""
     affine = affine_part(geometry, shares, box)
     rest = hull_of_matrices([affine_remainder(affine, jacobian) for jacobian in jacobians])
     pieces: list[ProvedPiece] = []
@@ -97,7 +98,7 @@ def prove_by_middles(
 
 
 def affine_part(geometry: Geometry, shares: SharingBounds, box: StateBox) -> AffineJacobian:
-    """The Jacobian and its slopes in the middle of the box."""
+    """Return the Jacobian and its slopes at the midpoint of the box."""
     place = (box.low + box.high)[:6] / 2
     found = centred_jacobian(geometry, shares, place, place)
     slopes = np.array([middles(slope) for slope in found.slopes])
@@ -105,7 +106,7 @@ def affine_part(geometry: Geometry, shares: SharingBounds, box: StateBox) -> Aff
 
 
 def affine_remainder(affine: AffineJacobian, found: Centred) -> Matrix:
-    """What the Jacobian is more than L over a piece."""
+    """Return the difference between the Jacobian and L over a piece."""
     at = affine.evaluate(found.place)
     return [
         [

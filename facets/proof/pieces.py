@@ -1,4 +1,4 @@
-"""Boxes of poses, low and high (6,), and how they are cut."""
+"""Boxes of poses, low and high (6,), and their division."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from ..characterization.state_box import StateBox
 from ..core.units import Floats
 
-#: Into how many pieces each axis of the pose is cut to begin with: tx ty tz roll pitch yaw.
+#: Number of initial pieces along each axis of the pose: tx ty tz roll pitch yaw.
 INITIAL_COUNTS = (2, 2, 1, 3, 3, 3)
 
 
 class ProvedPiece(NamedTuple):
-    """A box of poses, low and high (6,), mm and rad, and a lower bound there of Eq. (11)'s |det|.
+    """A box of poses, low and high (6,), mm and rad, and a lower bound of Eq. (11)'s |det| over it.
 
-    at_least: 0 where nothing was proved.
+    at_least: 0 if nothing was proved.
     """
 
     low: tuple[float, ...]
@@ -27,7 +27,7 @@ class ProvedPiece(NamedTuple):
 
 
 def initial_pieces(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
-    """The box of poses, cut to begin with; neighbours share their edge to the last digit."""
+    """Divide the box into its initial pieces; neighbours share their edge to the last digit."""
     counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(INITIAL_COUNTS)]
     places = [np.linspace(box.low[i], box.high[i], n + 1) for i, n in enumerate(counts)]
     for cell in product(*(range(n) for n in counts)):
@@ -36,13 +36,13 @@ def initial_pieces(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
 
 
 def share_levers(box: StateBox) -> Floats:
-    """Levers (6,) that measure a piece as shares of its box; 0 where that has no width."""
+    """Levers (6,) that measure a piece as shares of its box; 0 for an axis without width."""
     width = (box.high - box.low)[:6]
     return np.divide(1.0, width, out=np.zeros(6), where=width > 0)
 
 
 def cut_in_two(low: Floats, high: Floats, levers: Floats) -> list[tuple[Floats, Floats]]:
-    """Across the axis in which a box is longest, each times its lever (6,)."""
+    """Halve a box across its longest axis, where each length is multiplied by its lever (6,)."""
     axis = int(((high - low) * levers).argmax())
     first, second = high.copy(), low.copy()
     first[axis] = second[axis] = (low[axis] + high[axis]) / 2

@@ -1,17 +1,17 @@
-"""A box of poses that holds every pose which keeps the rules of the range, by intervals.
+"""A box of poses that contains every pose in the measurement range, by intervals.
 
-A pose keeps the rules, whatever the beam's place, only if each of the three spots has a point on
-its detector and each facet its least share of the light. Seen from the apex that point is not far:
-the apex itself where the whole footprint has to be on the detector and the apex lies within the
-beam's 1/e^2 ellipse, else the centroid or a point of the footprint, whose distances the least share
-bounds. So six coordinates of rays near the apex lie in known intervals H, and with G for them, over
-a box T x R of poses about x = (t, r),
+A pose keeps the rules of the range, whatever the beam's place, only if each of the three spots has
+a point on its detector and each facet its least share of the light. Seen from the apex that point
+is not far: the apex itself if the whole footprint has to be on the detector and the apex lies
+within the beam's 1/e^2 ellipse, else the centroid or a point of the footprint, whose distances the
+least share bounds. So six coordinates of rays near the apex lie in known intervals H, and with G
+for them, over a box T x R of poses about x = (t, r),
 
     pose in T x R,  G(pose) in H   =>   pose in  x + C (H - G(x)) + (1 - C G'(t, R)) (T x R - x)
 
 for any matrix C, since G is linear in the apex: from (t, r) to (t, r'), then to (t', r'). Boxes are
-cut until that leaves nothing of them, or only what lies in the box aimed at or a little beyond; the
-hull of what is left is the box. Where that takes too many boxes there is none.
+cut until that leaves nothing of them, or only a part within the target box or slightly beyond; the
+result is the hull of these parts. If that takes too many boxes there is no result.
 """
 
 from __future__ import annotations
@@ -42,26 +42,26 @@ from .spot_jacobian import (
     spot_places,
 )
 
-#: How far poses are looked for, mm and rad: past any range that a sensor of this kind can have.
-#: The float 0.3 is less than 0.3; what is said to be looked at is rounded down.
+#: Limits of the poses that are searched, mm and rad: past any range that a sensor of this kind can
+#: have. The float 0.3 is less than 0.3, so that the stated limits are rounded down.
 FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.3 + 1e-12, 0.3 + 1e-12, 0.5)
-#: The box aimed at is larger than what a straight sensor would need by this.
+#: The target box is larger by this factor than the box for a straight sensor.
 SLACK = 1.06
-#: A box within so many times that one is not cut any further.
+#: A box is not cut further if it lies within the target box times this factor.
 NEAR = 1.25
-#: So many boxes are looked at, and a box that keeps more than this of its width is cut.
+#: Largest number of boxes, and the share of its width above which a contracted box is cut.
 MOST_BOXES, KEPT = 10_000, 0.8
 #: The beam's 1/e^2 ellipse, in sigmas.
 ELLIPSE = 2.0
-#: Levers that let a box be cut in its angles alone.
+#: Levers with which a box is cut in its angles alone.
 TURNS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 
 
 class RangeCover(NamedTuple):
-    """low, high (6,) of a box that holds every pose within `farthest` (6,) that keeps the rules.
+    """low, high (6,) of a box that contains every pose within `farthest` (6,) that keeps the rules.
 
-    share: the least of the light on a facet.  halves: (3, 2) half the detectors' sizes, mm.
-    whole: whether the whole footprint must be on the detector.  work: boxes looked at.
+    share: the least of the light on a facet.  halves: (3, 2) half the detectors' sizes, mm. whole:
+    whether the whole footprint must be on the detector.  work: number of boxes examined.
     """
 
     low: Floats
@@ -76,7 +76,7 @@ class RangeCover(NamedTuple):
 class RangeProblem(NamedTuple):
     """The sensor in intervals; half the sizes of A, B, C along y and z, mm; the rules.
 
-    levers: (6,) how far a spot moves with each axis, roughly.
+    levers: (6,) the approximate displacement of a spot by each axis.
     """
 
     geometry: Geometry
@@ -97,7 +97,8 @@ def cover_range(
     tolerances: Sequence[float] | None = None,
     work: int = MOST_BOXES,
 ) -> RangeCover | None:
-    """The box of poses that keep the rules, for any place of the beam; None where none is found.
+    """Find a box of all poses that keep the rules, for any place of the beam; None if none is
+    found.
 
     share: the least of the light, by the rules.  tolerances: as for `certify`.
     """
@@ -117,9 +118,9 @@ def cover_range(
 
 
 def target_box(problem: RangeProblem) -> StateBox:
-    """The box that a sensor with a Jacobian as at rest would need, and a little more.
+    """The box for a sensor whose Jacobian is everywhere that at rest, enlarged slightly.
 
-    Tolerances make that Jacobian an interval: what is off its middle moves a spot as well.
+    Tolerances make that Jacobian an interval: its deviation from the midpoint moves a spot as well.
     """
     rest = [arb(0)] * 6
     around = points_near_apex(problem, rest)
@@ -138,7 +139,7 @@ def target_box(problem: RangeProblem) -> StateBox:
 def narrow_down(
     problem: RangeProblem, low: Floats, high: Floats, aim: StateBox, work: int
 ) -> tuple[Floats | None, Floats, int]:
-    """The hull of what is left of a box of poses, and how many boxes were looked at."""
+    """Return the hull of the poses that remain of a box, and the number of boxes examined."""
     todo, left, done = [(low, high)], [], 0
     while todo:
         low, high = todo.pop()
@@ -168,13 +169,14 @@ def narrow_down(
 
 
 def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -> bool:
-    """Whether a box of poses lies in another, grown about its middle."""
+    """Return whether a box of poses lies in another, scaled about its middle."""
     middle, half = (box.low + box.high)[:6] / 2, times * (box.high - box.low)[:6] / 2
     return bool((piece[0] >= middle - half).all() and (piece[1] <= middle + half).all())
 
 
 def points_near_apex(problem: RangeProblem, pose: Sequence[Interval]) -> list[list[Interval]]:
-    """(3, 2) sigmas from the apex, across the beam: where each spot has a point on its detector."""
+    """(3, 2) sigmas from the apex, across the beam: regions where each spot has a point on its
+    detector."""
     zero = arb(0)
     at = dark_scene_over(problem.geometry, [zero, zero, zero, *pose[3:]])
     edges = facet_edges(problem.geometry, at, rotation_axes(pose[4], pose[5]))
@@ -185,7 +187,7 @@ def points_near_apex(problem: RangeProblem, pose: Sequence[Interval]) -> list[li
     return [points_in_facet(edges.angles[k], edges.openings[k], reach) for k in range(3)]
 
 
-#: A facet's angle is cut into so many parts to bound its points.
+#: Number of parts of a facet's angle for bounding its points.
 PARTS = 4
 
 
@@ -197,10 +199,10 @@ def points_in_facet(start: Interval, opening: Interval, reach: float) -> list[In
 
 
 def farthest_centroid(share: float) -> float:
-    """How far a part of the beam's light can have its centroid from the beam's, in sigmas.
+    """The largest distance of a part of the beam's light from the beam's centroid, in sigmas.
 
-    At most as far as the half-plane with as much light: its density at the border over its light;
-    bounded, at any border z, by what lies past z and z times the rest.
+    It is at most that of the half-plane with as much light: its density at the border over its
+    light; bounded, at any border z, by the light past z and z times the rest.
     """
     borders = np.linspace(0.0, 6.0, 241)
     bounds = np.exp(-(borders**2) / 2) / np.sqrt(2 * np.pi) / share + borders
@@ -208,9 +210,9 @@ def farthest_centroid(share: float) -> float:
 
 
 def contract(problem: RangeProblem, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """A smaller box that holds all poses of a box that keep the rules. Raises `NoPose`.
+    """Return a smaller box with all poses of a box that keep the rules. Raises `NoPose`.
 
-    Raises `NotFacing` or `LightNotShared` where the box is too large to tell.
+    Raises `NotFacing` or `LightNotShared` if the box is too large to decide.
     """
     pose = intervals_between(low, high)
     around = points_near_apex(problem, pose)
@@ -240,7 +242,7 @@ def contract(problem: RangeProblem, low: Floats, high: Floats) -> tuple[Floats, 
 def jacobian_at(
     geometry: Geometry, pose: Sequence[Interval], around: list[list[Interval]]
 ) -> list[list[Interval]]:
-    """Of the coordinates of rays that stay where they are to the apex."""
+    """The Jacobian of the coordinates of rays that are fixed relative to the apex."""
     still = [[[arb(0)] * 3] * 2] * 3
     return spot_jacobian(geometry, SharingBounds(around, still, [], arb(0)), pose)
 
@@ -248,10 +250,10 @@ def jacobian_at(
 def refuse_wrong_way(
     problem: RangeProblem, pose: Sequence[Interval], around: Sequence[Sequence[Interval]]
 ) -> None:
-    """Raises `NoPose` where a sub-beam cannot go from its facet to its detector's area.
+    """Raise `NoPose` if a sub-beam cannot go from its facet to its detector's area.
 
-    Takes no quotient, so that it tells of large boxes too: from where the ray leaves to where it
-    may land is along the ray.
+    This needs no quotient, so that it also decides large boxes: the vector from the ray's origin to
+    a possible landing point is along the ray.
     """
     geometry, at = problem.geometry, dark_scene_over(problem.geometry, pose)
     for k in range(3):

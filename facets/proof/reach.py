@@ -1,6 +1,6 @@
-"""By how much the box of poses can grow and still be proved, or has to shrink until it is.
+"""The largest scaling of the box of poses for which the proof succeeds.
 
-The same on every machine: what is limited is the work, not the time.
+The result is the same on every machine, because the amount of work is limited, not the time.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from ..characterization.state_box import StateBox
 from ..core.sensor import Sensor
 from .uniqueness import Certificate, certify
 
-#: No box is made more than so many times as large.
+#: Largest scaling that is tried.
 FARTHEST = 20.0
-#: The factor grows by this, and then by its roots, until it is known so well.
+#: The factor grows by this, and then by its roots, until it is known this accurately.
 STEP, PRECISE = 1.5, 0.03
-#: Pieces that a proof may take: none of a sensor near what can be proved took more.
+#: Largest number of pieces for a proof: no proof that succeeded near the limit took more.
 MOST_PIECES = 2000
 
 
@@ -27,10 +27,11 @@ def find_reach(
     farthest: float = FARTHEST,
     work: int = MOST_PIECES,
 ) -> tuple[float, Certificate | None]:
-    """The largest factor tried at which the box of poses is proved unique, and its certificate.
+    """Find the largest tried factor at which the box of poses is proved unique, and its
+    certificate.
 
-    The box grows about zero, its least share stays. 1.0 and none where no larger box is proved;
-    `farthest` where every one is. A larger one may still be one-to-one: this is a lower bound.
+    The box grows about zero, and its least share stays. Returns 1.0 and None if no larger box is
+    proved; `farthest` if every one is. A larger box may still be one-to-one: this is a lower bound.
     """
     proved: tuple[float, Certificate | None] = (1.0, None)
     factor, step = 1.0, STEP
@@ -46,7 +47,7 @@ def find_reach(
     return proved
 
 
-#: By what the box shrinks until it is proved, at most so many times, and the work for each.
+#: The factor by which the box shrinks until it is proved, the most times, and the work for each.
 SHRINK, SHRINKS, SHRUNK_WORK = 0.7, 7, 300
 
 
@@ -57,8 +58,8 @@ def find_core(
     tolerances: Sequence[float] | None = None,
     work: int = SHRUNK_WORK,
 ) -> tuple[float, Certificate | None]:
-    """The largest factor tried below 1 at which the box of poses is proved unique, and its
-    certificate; 0.0 and none where none is. The box shrinks about its middle."""
+    """Find the largest tried factor below 1 at which the box of poses is proved unique, and its
+    certificate; 0.0 and None if there is none. The box shrinks about its middle."""
     middle = (box.low + box.high) / 2
     for step in range(1, SHRINKS + 1):
         factor = SHRINK**step

@@ -1,6 +1,6 @@
-"""Numbers that carry their slopes by roll, pitch and yaw along, all of them intervals.
+"""Interval numbers that carry their slopes by roll, pitch and yaw.
 
-For the optics' text: it runs with them as with any number, and so gives its own derivatives.
+The optics' formulas run with them as with any number, and so give their own derivatives.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Where the spots lie and how they move with the pose, in intervals: one enclosure for a box.
+"""The spots' places and their derivatives by the pose, as interval enclosures over a box.
 
-The poses, the sensor's parameters and what is known of the light are all intervals. A facet that
-may be turned past the beam, or a sub-beam that may miss its detector, raises `NotFacing`.
+The poses, the sensor's parameters and the light's bounds are all intervals. A facet that may be
+turned past the beam, or a sub-beam that may miss its detector, raises `NotFacing`.
 """
 
 from __future__ import annotations
@@ -40,9 +40,10 @@ class NotFacing(Exception):
 
 
 def interval_geometry(sensor: Sensor, tolerances: Sequence[float] | None = None) -> Geometry:
-    """The sensor's vectors from its parameters as they are stored, without further rounding.
+    """Compute the sensor's vectors from its parameters as they are stored, without further
+    rounding.
 
-    tolerances: (30,) by how much each may be off, in the order of `facets.PARAMETERS`; mm, rad, mW.
+    tolerances: (30,) the largest error of each, in the order of `facets.PARAMETERS`; mm, rad, mW.
     """
     values = parameters(sensor)
     off = [0.0] * len(values) if tolerances is None else tolerances
@@ -56,7 +57,7 @@ def intervals_between(low: Any, high: Any) -> list[Interval]:
 
 
 def dark_scene_over(geometry: Geometry, pose: Sequence[Interval]) -> Scene:
-    """Where the mirror stands for all poses of a box; the light left out."""
+    """The mirror's places for all poses of a box, without the light."""
     zero = arb(0)
     at = dark_scene(geometry, (*pose, zero, zero))
     a, b, c = mirror_edges(
@@ -66,7 +67,7 @@ def dark_scene_over(geometry: Geometry, pose: Sequence[Interval]) -> Scene:
 
 
 class SubBeam(NamedTuple):
-    """One ray of a sub-beam over a box, from `start` along `leaving` for `length` of it, mm.
+    """One ray of a sub-beam over a box, from `start` along `leaving` for a distance `length`, mm.
 
     lever: from the point of incidence to the apex, mm.
     """
@@ -101,7 +102,7 @@ def spot_jacobian(
 ) -> list[list[Interval]]:
     """6 x 6 over a box of poses (6,): psi and zeta of A, B, C by apex and angles; mm and rad.
 
-    shares: what is known of the light while the shares of it are held.  Raises `NotFacing`.
+    shares: the light's bounds at fixed shares.  Raises `NotFacing`.
     """
     at = dark_scene_over(geometry, pose)
     axes = rotation_axes(pose[4], pose[5])
@@ -114,10 +115,11 @@ def spot_jacobian(
 
 
 class Centred(NamedTuple):
-    """A 6 x 6 Jacobian over a piece: in `middle` + sum of slopes[m] times the way along axis m.
+    """A 6 x 6 Jacobian over a piece: in `middle` + sum of slopes[m] times the displacement on axis
+    m.
 
-    place: (6,) the pose in the piece's middle.  half: (6,) what reaches its ends from there.
-    middle: over what is known of the light, at that pose.  slopes: (6, 6, 6) over the whole piece.
+    place: (6,) the pose in the piece's middle.  half: (6,) the distances from there to its ends.
+    middle: at that pose, over the light's bounds.  slopes: (6, 6, 6) over the whole piece.
     """
 
     place: list[Interval]
@@ -126,7 +128,7 @@ class Centred(NamedTuple):
     slopes: list[list[list[Interval]]]
 
     def whole(self) -> list[list[Interval]]:
-        """All values of the Jacobian over the piece."""
+        """Return an enclosure of the Jacobian over the whole piece."""
         return [
             [
                 self.middle[i][j] + sum(self.slopes[m][i][j] * self.half[m] for m in range(6))
@@ -136,7 +138,7 @@ class Centred(NamedTuple):
         ]
 
     def levers(self) -> Floats:
-        """(6,) how much each axis of the pose moves the Jacobian, beside its own size."""
+        """(6,) the change of the Jacobian with each axis of the pose, over its own size."""
         size = np.array([[[magnitude(x) for x in row] for row in slope] for slope in self.slopes])
         inverse = np.abs(np.linalg.pinv(middles(self.middle)))
         moved: Floats = np.abs(inverse @ size).sum(axis=-1).max(axis=-1)
@@ -146,10 +148,10 @@ class Centred(NamedTuple):
 def centred_jacobian(
     geometry: Geometry, shares: SharingBounds, low: Floats, high: Floats
 ) -> Centred:
-    """`spot_jacobian` with its slopes. Raises `NotFacing`.
+    """Return `spot_jacobian` with its slopes. Raises `NotFacing`.
 
-    The spots are linear in the apex: the first three columns have no slope by it, and the slope of
-    the others by it is that of the first three by the angle.
+    The spots are linear in the apex: the first three columns have no slope by the apex, and the
+    slope of the others by the apex is that of the first three by the angle.
     """
     pose = intervals_between(low, high)
     place = [arb(float(x)) for x in (low + high) / 2]
@@ -181,10 +183,10 @@ def gradient_of_spot(
     turns: Sequence[Sequence[Interval]],
     axes: Matrix,
 ) -> list[Interval]:
-    """Of the spot's coordinate along `axis`: (6,) by apex, roll, pitch and yaw.
+    """The derivative of the spot's coordinate along `axis`: (6,) by apex, roll, pitch and yaw.
 
-    outward: the detector's x.  turns: (2, 3) of the light's centroid from the apex, with the
-    angles.  axes: about which roll, pitch and yaw turn the mirror.
+    outward: the detector's x.  turns: (2, 3) derivatives of the light's centroid less the apex by
+    the angles.  axes: about which roll, pitch and yaw turn the mirror.
     """
     beam = geometry.direction
     along = slant(axis, ray.leaving, outward)

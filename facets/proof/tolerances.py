@@ -1,4 +1,4 @@
-"""By how much the sensor on the bench may be off its configuration, for a certificate."""
+"""Tolerances of the real sensor's parameters about its configuration, for a certificate."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..optics.parameters import PARAMETERS
 
 
 class Tolerances(NamedTuple):
-    """values: (30,) in the order of `facets.PARAMETERS`; mm, rad, mW.  source: where from.
+    """values: (30,) in the order of `facets.PARAMETERS`; mm, rad, mW.  source: their origin.
 
-    exact: names of parameters that are taken as they are.  left_out: names with an uncertainty that
-    are none of the 30: the detectors' corrections, the beam's shape where it is no two diameters.
+    exact: names of parameters without a tolerance.  left_out: names with an uncertainty that are
+    none of the 30: the detectors' corrections, the beam's shape if it is not two diameters.
     """
 
     values: tuple[float, ...]
@@ -25,10 +25,10 @@ class Tolerances(NamedTuple):
 
 
 def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
-    """`factor` standard uncertainties of each parameter: the coverage factor.
+    """Return `factor` standard uncertainties of each parameter; `factor` is the coverage factor.
 
-    Those of the sensor's calibration, if it has one, else those of `calibrate.before`. A box of
-    that half width holds the ellipsoid of the covariance with the same factor.
+    They are those of the sensor's calibration, if it has one, else those of `calibrate.before`. A
+    box of that half width contains the ellipsoid of the covariance with the same factor.
     """
     known = settings.sensor.calibration
     if known is None:
@@ -45,12 +45,12 @@ def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
 
 
 def prior_uncertainties(settings: Config) -> dict[str, float]:
-    """Standard uncertainties by name, from `calibrate.before`; mm, rad, mW."""
+    """Return standard uncertainties by name, from `calibrate.before`; mm, rad, mW."""
     sensor, before = settings.sensor, settings.calibrate.before
     found = choice(sensor, settings.calibrate)
     sigmas = dict(zip(found.names, found.sigma.tolist(), strict=True))
     for name in [name for name in sigmas if name.startswith("beam.") and name not in PARAMETERS]:
-        del sigmas[name]  # the shape of the beam, of which the diameters say the same
+        del sigmas[name]  # the diameters already describe the beam's shape
     wide = before.get("beam_diameter_percent", 0) / 100
     sigmas |= {f"beam.{name}": wide * getattr(sensor.beam, name) for name in DIAMETERS}
     sigmas["beam.power"] = before.get("laser_percent", 0) / 100 * sensor.beam.power

@@ -1,12 +1,13 @@
-"""Proof that a sensor's readings tell its states apart over a whole box, in intervals.
+"""Proof that no two states in a box have the same readings, in intervals.
 
-The powers fix the apex's offset from the beam at each rotation (`light_sharing`). With the powers
-held, the six coordinates of the spots are a map of apex and rotation alone, and the light's shape
-in it is fractions of a millimetre on levers of a quarter of a metre. So its 6 x 6 Jacobian
+The powers fix the apex's offset from the beam at each rotation (`light_sharing`). At fixed powers,
+the six coordinates of the spots are a map of apex and rotation alone, and the light's shape
+contributes fractions of a millimetre to it, on levers of a quarter of a metre. So its 6 x 6
+Jacobian
 
     coordinate = along . (t - C) + shift . v,   d/dt = along,   d/dR = closed + shift . dv/dR
 
-varies little over a measurement range. Two conclusions, each from intervals that hold it:
+varies little over a measurement range. Two conclusions follow, each from enclosing intervals:
 
 - regular at every state of a box: no singular state (Eq. 11 is not zero anywhere in it);
 - the hull of all its values over a convex box is regular: no two states of the box have the same
@@ -47,31 +48,31 @@ from .middles import prove_by_middles
 from .pieces import ProvedPiece, cut_in_two, initial_pieces, share_levers
 from .spot_jacobian import Centred, NotFacing, centred_jacobian, dark_scene_over, interval_geometry
 
-#: A piece is halved at most so many times.
+#: Largest number of times that a piece is halved.
 MOST_CUTS = 12
-#: So many pieces without a proof end the search: there would be more.
+#: The search ends after this many pieces without a proof, since there would be more.
 MOST_DOUBTFUL = 20
-#: So many pieces are looked at.
+#: Largest number of pieces.
 MOST_PIECES = 20_000
-#: A hull with a smaller margin is none that another grid than this one finds again.
+#: Least margin of a hull: another grid of pieces might not reproduce a smaller one.
 SMALL = 0.15
-#: And for the light each angle is cut into: roll pitch yaw.
+#: Number of parts of each angle for the bounds of the light: roll pitch yaw.
 TURNS = (1, 1, 3)
 
 
 @dataclass
 class Certificate:
-    """What was proved of all states with a pose in a box, each facet having its least share.
+    """The proved statement about all states with a pose in a box at which each facet has its least
+    share.
 
-    tolerances: (30,) it holds for every sensor whose parameters are so far off at most.
-    share: of the light, that each facet has at least.
-    regular: no such state is singular.  unique: no two of them have the same readings.
-    margin: by how much the hull is regular, 1 the most, 0 or less not at all; a lower bound.
-    at_least: a lower bound of Eq. (11)'s |det|, without the least reading of power; mm, mW, rad.
-    doubtful: pieces where a singular state may be.  work: pieces looked at.
-    inverse (6, 6), weights (6,): the matrix and the vector of the inequality.
-    shares: the bounds of the light, as numbers.  middles: the affine part in a
-    proof by the middle of the way, where the hull of all Jacobians is not regular.
+    tolerances: (30,) the largest errors of the parameters of the sensors for which it holds. share:
+    of the light, that each facet has at least. regular: no such state is singular.  unique: no two
+    of them have the same readings. margin: of the hull's regularity, at most 1, 0 or less if it is
+    not regular; a lower bound. at_least: a lower bound of Eq. (11)'s |det|, without the least
+    reading of power; mm, mW, rad. doubtful: pieces that may have a singular state.  work: number of
+    pieces examined. inverse (6, 6), weights (6,): the matrix and the vector of the inequality.
+    shares: the bounds of the light, as numbers.  middles: the affine part in a proof by midpoints,
+    if the hull of all Jacobians is not regular.
     """
 
     box: StateBox
@@ -93,7 +94,8 @@ class Certificate:
 
 
 def refusal_reason(sensor: Sensor) -> str:
-    """Why nothing can be proved of a sensor whose model has more than ideal light; else empty."""
+    """Return why a sensor whose model has more than ideal light cannot be certified; else an empty
+    text."""
     if sensor.apertures.cut:
         return "sensor.apertures cuts the light, of which the theorem knows nothing"
     if sensor.light.on:
@@ -110,15 +112,15 @@ def certify(
     tolerances: Sequence[float] | None = None,
     work: int = MOST_PIECES,
 ) -> Certificate:
-    """Tries to prove that the box has no singular state, and no two states with equal readings.
+    """Try to prove that the box has no singular state, and no two states with equal readings.
 
-    share: taken are all states with a pose in the box at which each facet has at least this share
-    of the light; default: the least anywhere in the box with its offsets, which so is covered.
-    tolerances: (30,) the proof is for every sensor with parameters so near; mm, rad, mW.
-    work: pieces to look at; those not yet proved then count as doubtful, as they do after `limit`
-    seconds; without a limit the outcome is the same on every machine. tell: is given the part done.
-    Nothing but the edges cuts the light; `sensor.imperfections`, which the solver does not know
-    either, is no part of it.
+    share: the proof is about all states with a pose in the box at which each facet has at least
+    this share of the light; default: the least anywhere in the box with its offsets, which is then
+    covered. tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad,
+    mW. work: largest number of pieces; those not yet proved then count as doubtful, as they do
+    after `limit` seconds; without a limit the outcome is the same on every machine. tell: receives
+    the completed part. Only the edges cut the light; `sensor.imperfections`, which the solver does
+    not know either, is not included.
     """
     begin = time.perf_counter()
     found = Certificate(box, (0.0,) * 30 if tolerances is None else tuple(map(float, tolerances)))
@@ -142,7 +144,7 @@ def prove(
     tell: Callable[[float], None],
     work: int,
 ) -> None:
-    """Fills in a certificate. Raises `LightNotShared`."""
+    """Fill in a certificate. Raises `LightNotShared`."""
     parts = edges_over_rotations(geometry, found.box)
     found.share = least_share_in_box(geometry, parts, found.box) if share is None else share
     shares = hull_of_bounds([bounds_at_fixed_shares(edges, found.share) for edges in parts])
@@ -160,7 +162,7 @@ def prove(
 def prove_at_once(
     geometry: Geometry, found: Certificate, shares: SharingBounds, slope: float
 ) -> bool:
-    """Whether no piece needs to be cut any further; fills in the certificate then."""
+    """Return whether no piece needs to be cut any further, and then fill in the certificate."""
     looked = [(low, high, *examine_piece(geometry, shares, slope, low, high))
               for low, high in initial_pieces(found.box)]  # fmt: skip
     jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
@@ -181,8 +183,8 @@ def conclude(
     jacobians: list[Centred],
     slope: float,
 ) -> None:
-    """From the Jacobians over the pieces to what no two states share; by their hull, where that is
-    regular, else by the middle of the way."""
+    """Conclude uniqueness from the Jacobians over the pieces: by their hull, if that is regular,
+    else by midpoints."""
     whole = hull_of_matrices([jacobian.whole() for jacobian in jacobians])
     found.margin, found.inverse, found.weights = regularity(whole)
     bound = determinant_bound(whole, slope, found.margin)
@@ -206,7 +208,8 @@ def prove_pieces(
     tell: Callable[[float], None],
     work: int,
 ) -> list[Centred]:
-    """Sorts the box's pieces into proved and doubtful ones; the Jacobians over the proved ones."""
+    """Sort the box's pieces into proved and doubtful ones; return the Jacobians over the proved
+    ones."""
     slope = ends(slope_of_powers(geometry, shares))[0]
     found.work = 0
     todo = [(low, high, 0) for low, high in initial_pieces(found.box)]
@@ -236,7 +239,7 @@ def prove_pieces(
 def halves_of(
     low: Floats, high: Floats, jacobian: Centred | None, box: StateBox
 ) -> list[tuple[Floats, Floats]]:
-    """A piece cut across the axis that moves its Jacobian most, or else the light's shares."""
+    """Halve a piece across the axis that changes its Jacobian most, or else the light's shares."""
     levers = share_levers(box) if jacobian is None else jacobian.levers()
     return cut_in_two(low, high, levers)
 
@@ -244,7 +247,7 @@ def halves_of(
 def examine_piece(
     geometry: Geometry, shares: SharingBounds, slope: float, low: Floats, high: Floats
 ) -> tuple[Centred | None, float]:
-    """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|; 0 where none is found."""
+    """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|; 0 if none is found."""
     try:
         jacobian = centred_jacobian(geometry, shares, low, high)
     except NotFacing:
@@ -273,7 +276,7 @@ def least_share_in_box(geometry: Geometry, parts: list[FacetEdges], box: StateBo
 
 
 def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:
-    """One side of the box in equal parts."""
+    """Divide one side of the box into equal parts."""
     if not box.high[axis] > box.low[axis]:
         return [arb(float(box.low[axis]))]
     places = np.linspace(box.low[axis], box.high[axis], count + 1).tolist()
@@ -281,14 +284,14 @@ def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:
 
 
 def slope_of_powers(geometry: Geometry, shares: SharingBounds) -> Interval:
-    """|d(power_a, power_b) / d(bx, by)|: what Eq. (11) has beside the 6 x 6 determinant."""
+    """|d(power_a, power_b) / d(bx, by)|: the factor of Eq. (11) beside the 6 x 6 determinant."""
     white = geometry.whitening
     area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
     return nonnegative_product(nonnegative_product(geometry.power**2, shares.slope), area)
 
 
 def bounds_as_numbers(shares: SharingBounds) -> dict[str, Any]:
-    """The bounds about the light, for a certificate's file."""
+    """Return the light's bounds for a certificate's file."""
     return {
         "from_point": [[ends(x) for x in row] for row in shares.from_point],
         "turns": [[[ends(x) for x in row] for row in rows] for rows in shares.turns],

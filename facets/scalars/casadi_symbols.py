@@ -1,7 +1,7 @@
-"""Elementary functions of casadi's symbols, for the optics' text where it is to be differentiated.
+"""Elementary functions of casadi's symbols, for differentiating the optics' formulas.
 
-For apices within a few sigmas of the beam's centre, as a layout has them: erfc is 1 - erf, and an
-integral over 0..1 a Gauss-Legendre rule, exact there to rounding.
+They hold for apices within a few sigmas of the beam's centre, as in any layout: erfc is 1 - erf,
+and an integral over 0..1 a Gauss-Legendre rule, exact there to rounding.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ import numpy
 
 Number = Any
 
-#: What a derivative is multiplied by that a complex number carries: so small that its square is
-#: nothing.
+#: The factor of a derivative in a complex number's imaginary part: so small that its square
+#: vanishes.
 STEP = 1e-30
 
 
@@ -35,7 +35,7 @@ def is_dual(x: Number) -> bool:
 
 
 def library(x: Number) -> Any:
-    """The module that has the elementary functions for a number of this type."""
+    """Return the module that has the elementary functions for a number of this type."""
     if is_float(x):
         return math
     if hasattr(x, "context"):
@@ -46,7 +46,7 @@ def library(x: Number) -> Any:
         return casadi_symbols
     if type(x).__module__ == "numpy":
         return numpy
-    if hasattr(x, "library"):  # `dual.Dual` and `tracing.Value` name their own
+    if hasattr(x, "library"):  # `dual.Dual` and `tracing.Value` name their modules
         return x.library
     from . import intervals
 

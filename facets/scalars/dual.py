@@ -1,8 +1,8 @@
-"""Numbers that carry a derivative along: a value, and its slope by whatever is varied.
+"""Numbers with a value and a derivative by any variables.
 
-Over scalars of any kind: floats, with an array of slopes by many things at once, and numbers that
-write machine code. A slope that is the plain number 0 stays so, and costs nothing. Compiled loops
-of Numba have complex numbers instead (`dispatch.carrying`), whose text is the same.
+They work over scalars of any kind: floats, with an array of slopes by many variables at once, and
+numbers that write machine code. A slope that is the plain number 0 remains 0, and costs nothing.
+Compiled loops of Numba use complex numbers instead (`dispatch.carrying`), with the same formulas.
 """
 
 from __future__ import annotations
@@ -20,12 +20,10 @@ def is_zero(slope: Any) -> bool:
 
 
 def scale_slope(slope: Any, factor: Any) -> Any:
-    """A slope times a number."""
     return 0.0 if is_zero(slope) else slope * factor
 
 
 def add_slopes(a: Any, b: Any) -> Any:
-    """The sum of two slopes."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
@@ -34,12 +32,13 @@ def subtract_slopes(a: Any, b: Any) -> Any:
 
 
 class Dual:
-    """real: the value.  imag: the slope; named as a complex number's parts, for one text."""
+    """real: the value.  imag: the slope; the names are those of a complex number, so that formulas
+    serve both."""
 
     __slots__ = ("imag", "real")
     #: The module with the elementary functions of such numbers, see `dispatch.library`.
     library = sys.modules[__name__]
-    #: NumPy's numbers leave operations with these to them.
+    #: NumPy's arrays leave mixed operations to this class.
     __array_ufunc__ = None
 
     def __init__(self, value: Any, slope: Any) -> None:

@@ -1,7 +1,7 @@
-"""Rigorous numbers: intervals of python-flint (Arb), for the optics' text and for proofs.
+"""Rigorous intervals of python-flint (Arb), for the optics' formulas and for proofs.
 
-Whatever is computed with them holds the true value, rounding included. A sum or a product of wide
-ones is wider than need be where a quantity occurs twice; that costs sharpness, never truth.
+Every result contains the true value, rounding included. A sum or a product of wide intervals is
+wider than necessary if a quantity occurs twice; that costs sharpness, never truth.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ Interval = Any
 
 
 def interval(low: float | Interval, high: float | Interval) -> Interval:
-    """The interval from low to high."""
     return arb(low).union(arb(high))
 
 
@@ -43,25 +42,26 @@ def ends(x: Interval) -> tuple[float, float]:
 
 
 def magnitude(x: Interval) -> float:
-    """The largest absolute value in an interval, rounded up; infinite where there is none."""
+    """The largest absolute value in an interval, rounded up; infinite if the interval is not
+    finite."""
     low, high = ends(x)
     return max(abs(low), abs(high)) if isfinite(low) and isfinite(high) else inf
 
 
 def square(x: Interval) -> Interval:
-    """x^2, which is nowhere below zero."""
+    """x^2, which is never negative."""
     low, high = x.lower() ** 2, x.upper() ** 2
     return low.union(high).union(arb(0)) if x.contains(arb(0)) else low.union(high)
 
 
 def nonnegative_product(x: Interval, y: Interval) -> Interval:
-    """The product of two quantities that are not below zero, whatever their intervals say."""
+    """The product of two quantities that are not negative, although their intervals may be."""
     low = [max(side.lower(), arb(0)) for side in (x, y)]
     return (low[0] * low[1]).lower().union((x.upper() * y.upper()).upper())
 
 
 def map_monotone(function: Any, x: Interval) -> Interval:
-    """A monotone function of an interval: what lies between its values at the ends."""
+    """A monotone function of an interval: the hull of its values at the ends."""
     return function(x.lower()).union(function(x.upper()))
 
 

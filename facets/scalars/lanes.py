@@ -1,11 +1,11 @@
 """Numbers of several poses at once that write machine code: each instruction works on all of them.
 
-A `LaneWriter` runs the optics' text once, as `machine.MachineWriter` does, but its numbers are
-LLVM's vectors with a lane for each pose. There are no branches: both ways are computed, and each
-lane takes its own. Where a formula is right for most poses only, as a polynomial on its interval,
-the lanes for which it is not are noted (`leave`), to be computed anew by other code. What a lane
-gives depends on no other lane, and on no processor: nothing but additions, multiplications,
-divisions and roots, each rounded as IEEE 754 has it.
+A `LaneWriter` runs the optics' formulas once, as `machine.MachineWriter` does, but its numbers are
+LLVM's vectors with a lane for each pose. There are no branches: both alternatives are computed, and
+each lane selects its own. A formula that is valid for most poses only, such as a polynomial on its
+interval, records the invalid lanes (`leave`), which other code then computes anew. The result of a
+lane depends on no other lane, and on no processor: the code uses only additions, multiplications,
+divisions and roots, each rounded by IEEE 754.
 """
 
 from __future__ import annotations
@@ -25,34 +25,35 @@ from .tracing import Condition, Value
 
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
-#: Beyond the eighth part of a half-turn the arc tangent is that of what is left to a quarter turn.
+#: Above an eighth of a half-turn, the arc tangent follows from that of the complement to a quarter
+#: turn.
 TAN_1, TAN_3 = math.sqrt(2) - 1, math.sqrt(2) + 1
-#: Of a double: how many bits its mantissa has, and the least number that has them all.
+#: Number of bits of a double's mantissa, and the least double with a full mantissa.
 MANTISSA_BITS, SMALLEST = 52, 2.0**-1022
 BITS_OF_ROOT_OF_HALF = int.from_bytes(struct.pack("<d", math.sqrt(0.5)), "little")
-#: The logarithm of 2, as a number with 21 zeros at its end, whose products with exponents are
-#: exact, and what is left.
+#: The logarithm of 2, as a number with 21 zero bits at its end, whose products with exponents are
+#: exact, and the remainder.
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 
 
 class Unfilled:
-    """In place of numbers that other code has to find."""
+    """Placeholder for numbers that other code has to compute."""
 
 
 UNFILLED = Unfilled()
 
 
 def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
-    """The numbers of two vectors, one behind the other, at some places."""
+    """Select numbers by their places in the concatenation of two vectors."""
     wanted = list(places)
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(wanted)), wanted))
 
 
 def transpose(builder: Any, rows: list[Any]) -> list[Any]:
-    """The columns of as many vectors as each has numbers, a power of two.
+    """Transpose vectors whose number and length are the same power of two.
 
-    Of each pair of rows whose numbers differ in one bit the blocks beside the diagonal are
-    exchanged, bit by bit.
+    In each pair of rows whose numbers differ in one bit, the off-diagonal blocks are exchanged, bit
+    by bit.
     """
     rows, size, width = list(rows), len(rows), 1
     while width < size:
@@ -67,7 +68,7 @@ def transpose(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def join(builder: Any, vectors: list[Any]) -> Any:
-    """One vector of as many of equal lengths, a power of two."""
+    """Concatenate vectors of equal lengths, whose number is a power of two."""
     while len(vectors) > 1:
         size = 2 * vectors[0].type.count
         pairs = zip(vectors[::2], vectors[1::2], strict=True)
@@ -76,9 +77,9 @@ def join(builder: Any, vectors: list[Any]) -> Any:
 
 
 class LaneWriter(MachineWriter):
-    """lanes: how many poses.  `left`: in which of them the numbers mean nothing.
+    """lanes: number of poses.  `left`: the lanes whose numbers are invalid.
 
-    Nothing is done for a lane that has no finite numbers: it has to be left.
+    A lane with a number that is not finite gives no valid result: the caller has to leave it.
     """
 
     drops_zeros = True
@@ -92,21 +93,21 @@ class LaneWriter(MachineWriter):
         self._here: list[Condition] = []
 
     def same(self, truth: Any) -> Condition:
-        """What is so in all lanes, or in none. truth: a bool, or a bit that the code will know."""
+        """Broadcast a truth to all lanes. truth: a bool, or a bit of the generated code."""
         kind = ir.VectorType(BIT, self.lanes)
         if isinstance(truth, bool):
             return Condition(self, ir.Constant(kind, [int(truth)] * self.lanes))
         return Condition(self, self._splat(truth, kind))
 
     def any(self, condition: Condition) -> Any:
-        """A bit: whether something is so in a lane."""
+        """Return a bit: whether the condition holds in any lane."""
         return self.builder.icmp_signed("!=", self.bits(condition), ir.Constant(LONG, 0))
 
     def constant(self, number: float) -> Any:
         return ir.Constant(self.kind, [float(number)] * self.lanes)
 
     def spread(self, number: Any) -> Value:
-        """One number for all lanes."""
+        """Broadcast one number to all lanes."""
         return Value(self, self._splat(number, self.kind))
 
     def _splat(self, one: Any, kind: Any) -> Any:
@@ -115,12 +116,12 @@ class LaneWriter(MachineWriter):
         return shuffle(self.builder, first, empty, [0] * self.lanes)
 
     def load(self, pointer: Any, index: int) -> Value:
-        """A number that all lanes have in common."""
+        """Load a number that all lanes have in common."""
         place = self.builder.gep(pointer, [ir.Constant(LONG, index)])
         return self.spread(self.builder.load(place))
 
     def store_lanes(self, number: Value | float, pointer: Any, index: int) -> None:
-        """To the place `index` of memory that has a number for each lane at each place."""
+        """Store at place `index` of memory that has a number for each lane at each place."""
         self.builder.store(self.value(number), self._lanes_at(pointer, index), align=8)
 
     def _lanes_at(self, pointer: Any, index: int) -> Any:
@@ -128,8 +129,8 @@ class LaneWriter(MachineWriter):
         return self.builder.bitcast(place, ir.PointerType(self.kind))
 
     def load_rows(self, pointer: Any, stride: Any, count: int) -> list[Value]:
-        """`count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or one
-        that the code will know."""
+        """Load `count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or
+        a number of the generated code."""
         found: list[Value] = []
         for first, size in self._squares(count):
             rows = [
@@ -145,7 +146,7 @@ class LaneWriter(MachineWriter):
         return found
 
     def _squares(self, count: int) -> Iterator[tuple[int, int]]:
-        """Columns as squares of memory: the number of the first, and how many."""
+        """Divide columns into squares of memory: the first column, and the number of columns."""
         first, size = 0, self.lanes
         while first < count:
             while size > count - first:
@@ -156,7 +157,8 @@ class LaneWriter(MachineWriter):
     def store_column(
         self, numbers: Sequence[Value | float], pointer: Any, column: Any, columns: Any
     ) -> None:
-        """Numbers of each lane into one column of its matrix, whose rows have `columns` numbers."""
+        """Store numbers of each lane in one column of its matrix, whose rows have `columns`
+        numbers."""
         for row, number in enumerate(numbers):
             vector = self.value(number)
             for lane in range(self.lanes):
@@ -167,14 +169,14 @@ class LaneWriter(MachineWriter):
                 )
 
     def _row_vector(self, pointer: Any, stride: Any, lane: int, column: int, size: int) -> Any:
-        """Where `size` numbers of a lane's row begin, as a vector."""
+        """Return the pointer to `size` numbers of a lane's row, as a vector."""
         wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
         row = self.builder.mul(wide, ir.Constant(LONG, lane))
         place = self.builder.gep(pointer, [self.builder.add(row, ir.Constant(LONG, column))])
         return self.builder.bitcast(place, ir.PointerType(ir.VectorType(DOUBLE, size)))
 
     def store_rows(self, numbers: Sequence[Value | float], pointer: Any, stride: Any) -> None:
-        """Numbers of each lane, into rows that are `stride` numbers apart, as in `load_rows`."""
+        """Store numbers of each lane in rows that are `stride` numbers apart, as in `load_rows`."""
         vectors = [self.value(number) for number in numbers]
         for first, size in self._squares(len(vectors)):
             some = vectors[first : first + size]
@@ -187,32 +189,34 @@ class LaneWriter(MachineWriter):
                     )
 
     def bits(self, condition: Condition) -> Any:
-        """A 64-bit integer with a bit for each lane in which something is so."""
+        """A 64-bit integer with a bit for each lane in which the condition holds."""
         bits = self.builder.bitcast(condition.ir, ir.IntType(self.lanes))
         return self.builder.zext(bits, LONG)
 
     def leave(self, condition: Condition) -> None:
-        """Notes the lanes in which something is so, and in which its way is taken, as `left`."""
+        """Add to `left` the lanes in which the condition holds and whose alternative is
+        selected."""
         for other in self._here:
             condition = condition & other
         self.left = self.left | condition
 
     @contextmanager
     def loop(self, count: Any) -> Iterator[Any]:
-        """A loop, as `machine.write_loop` writes it: what is computed before it is known within it,
-        and what is computed within it is not known after it."""
+        """Write a loop as `machine.write_loop` does: values from before it are known within it, and
+        values from within it are not known after it."""
         with self._round() as begin, write_loop(self.builder, count) as number, begin():
             yield number
 
     @contextmanager
     def do_while(self) -> Iterator[Repetition]:
-        """A loop, as `machine.do_while` writes it, likewise."""
+        """Write a loop as `machine.do_while` does, with the same known values as in `loop`."""
         with self._round() as begin, do_while(self.builder) as repetition, begin():
             yield repetition
 
     @contextmanager
     def _round(self) -> Iterator[Callable[[], Any]]:
-        """Around a loop; gives what goes around its inside. Rounds hand on `left`."""
+        """Enclose a loop; yields a function for the enclosure of its body. Rounds pass on
+        `left`."""
         left = LaneFlag(self, self.left)
 
         @contextmanager
@@ -228,7 +232,7 @@ class LaneWriter(MachineWriter):
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
     ) -> Numbers:
-        """In each lane what one of two functions gives; both are computed."""
+        """Select in each lane the result of one of two functions; both are computed."""
         ways = [self._take_way(condition, then), self._take_way(~condition, other)]
         return self._merge_lanes(condition, *ways)
 
@@ -248,12 +252,13 @@ class LaneWriter(MachineWriter):
         return self.select(condition, then, other)
 
     def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """Left to other code."""
+        """Leave these lanes to other code."""
         self.leave(self.same(True))
         return UNFILLED
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
-        """Anew each time, since what it leaves depends on where it stands; its parts only once."""
+        """Write the function anew each time, since the lanes that it leaves depend on the place;
+        its parts only once."""
         if name in INTRINSICS:
             return super().write_function(name, *arguments)
         written: Callable[..., Value] = getattr(self, f"_{name}")
@@ -268,7 +273,7 @@ class LaneWriter(MachineWriter):
         return polynomials.cosine(x)  # type: ignore[no-any-return]
 
     def _log(self, x: Value) -> Value:
-        """Of positive numbers with all their digits; others are left.
+        """The logarithm of positive numbers to all digits; other lanes are left.
 
         x = m 2^e with m between the roots of 1/2 and 2.
         """
@@ -301,7 +306,7 @@ class LaneWriter(MachineWriter):
 
 
 class LaneMemory:
-    """Numbers of all lanes in the code's own memory, as a loop hands them to its next round."""
+    """Numbers of all lanes in the code's own memory, which a loop passes to its next round."""
 
     def __init__(self, code: LaneWriter, size: int) -> None:
         self.code = code
@@ -315,13 +320,13 @@ class LaneMemory:
         self.code.builder.store(self.code.value(number), self._address(index))
 
     def _address(self, index: Any) -> Any:
-        """index: a number, or one that the code will know."""
+        """index: a number, or a number of the generated code."""
         where = ir.Constant(LONG, index) if isinstance(index, int) else index
         return self.code.builder.gep(self._place, [where])
 
 
 class LaneFlag:
-    """What is so in some lanes, in the code's own memory."""
+    """A condition for each lane, in the code's own memory."""
 
     def __init__(self, code: LaneWriter, first: Condition) -> None:
         self.code = code

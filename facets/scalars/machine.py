@@ -1,7 +1,6 @@
 """Writes a formula as LLVM's instructions, for one pose. See `tracing`.
 
-Nothing of the optics' text is parsed, given types or inlined, which take a compiler for Python ten
-times as long.
+The formulas are not parsed, typed or inlined, which takes a compiler for Python ten times as long.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ CONNECTIVES = {"and": "and_", "or": "or_", "not": "not_"}
 
 
 class MachineWriter(Tracer):
-    """builder: an `llvmlite` builder, which knows where the instructions go.  kind: the type that
-    LLVM has for a number."""
+    """builder: an `llvmlite` builder at the place of the next instruction.  kind: LLVM's type of a
+    number."""
 
     kind: Any = DOUBLE
 
@@ -41,7 +40,7 @@ class MachineWriter(Tracer):
         self.builder = builder
 
     def value(self, number: Value | float) -> Any:
-        """A number as LLVM has it."""
+        """Convert a number to LLVM's value."""
         return number.ir if isinstance(number, Value) else self.constant(number)
 
     def constant(self, number: float) -> Any:
@@ -52,7 +51,7 @@ class MachineWriter(Tracer):
         return Value(self, instruction(*map(self.value, operands)))
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
-        """Of those that processors have."""
+        """Write one of the functions that processors have."""
         if name not in INTRINSICS:
             raise NotImplementedError(f"no code is written for {name}")
         key = (name, *map(key_of, arguments))
@@ -84,10 +83,10 @@ class MachineWriter(Tracer):
 
     @contextmanager
     def loop(self, count: Any) -> Iterator[Any]:
-        """A loop, as `write_loop` writes it. What is computed within it is not known after it.
+        """Write a loop as `write_loop` does. Values from within it are not known after it.
 
-        Nor is what was computed before known within: registers that are full of it cost more than
-        LLVM does, which computes before the loop what it finds worth it.
+        Nor are values from before it known within: registers full of them cost more than
+        recomputation, and LLVM itself moves out of the loop what is worth it.
         """
         with self.scope(), write_loop(self.builder, count) as number:
             self._known = {}
@@ -96,7 +95,7 @@ class MachineWriter(Tracer):
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
     ) -> Numbers:
-        """What one of two functions gives, of which the code takes the way that it needs."""
+        """Choose the result of one of two functions by a branch."""
         ways, ends = [], []
         with self.builder.if_else(condition.ir) as blocks:
             for block, way in zip(blocks, (then, other), strict=True):
@@ -114,19 +113,19 @@ class MachineWriter(Tracer):
         return Value(self, phi)
 
 
-#: What the blocks are named that `write_loop` begins with.
+#: The prefix of the names of the blocks with which `write_loop` begins.
 LOOP = "loop"
 
 
 def count_loops(function: Any) -> int:
-    """How many loops `write_loop` has written in a function; one within another counts, too."""
+    """Count the loops that `write_loop` has written in a function, including nested ones."""
     return sum(block.name.partition(".")[0] == LOOP for block in function.blocks)
 
 
 @contextmanager
 def write_loop(builder: Any, count: Any) -> Iterator[Any]:
-    """A loop: what is written within it is done for each 64-bit number below `count`, which it
-    gives."""
+    """Write a loop whose body runs for each 64-bit number below `count`, which the context
+    yields."""
     with builder.goto_entry_block():
         place = builder.alloca(LONG)
     builder.store(ir.Constant(LONG, 0), place)
@@ -143,14 +142,14 @@ def write_loop(builder: Any, count: Any) -> Iterator[Any]:
 
 
 class Repetition:
-    """again: a bit, set within a loop: whether it is done once more."""
+    """again: a bit, set within a loop, that repeats it."""
 
     again: Any = None
 
 
 @contextmanager
 def do_while(builder: Any) -> Iterator[Repetition]:
-    """A loop: what is written within it is done once, and again while `again` is so."""
+    """Write a loop whose body runs once, and again while `again` is true."""
     body, after = builder.append_basic_block("body"), builder.append_basic_block("after")
     builder.branch(body)
     builder.position_at_end(body)

@@ -10,7 +10,7 @@ Numbers = Any
 
 
 def leaves(part: Numbers) -> Iterator[Any]:
-    """The numbers of nested tuples, one after the other."""
+    """Yield the numbers of nested tuples in order."""
     if isinstance(part, tuple):
         for inner in part:
             yield from leaves(inner)
@@ -19,7 +19,7 @@ def leaves(part: Numbers) -> Iterator[Any]:
 
 
 def nest(like: Numbers, numbers: Iterator[Any]) -> Numbers:
-    """Tuples like those given, with other numbers in them."""
+    """Nest numbers in tuples like those of `like`."""
     if not isinstance(like, tuple):
         return next(numbers)
     inner = [nest(each, numbers) for each in like]

@@ -1,7 +1,7 @@
 """Elementary functions as polynomials, without branches: for several poses at once.
 
-Each is right to a few units in the last digit on the interval that is said, and means nothing past
-its end. The coefficients are made by tests/scalars/references/make_polynomials.py.
+Each is accurate to a few units in the last digit on the stated interval, and invalid beyond it. The
+coefficients are made by tests/scalars/references/make_polynomials.py.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ ARC_TANGENT = (
 
 
 def polynomial(x: Number, coefficients: Sequence[float]) -> Number:
-    """Lowest power first; even and odd powers by themselves, which do not wait for each other."""
+    """Evaluate a polynomial, lowest power first; even and odd powers are summed independently."""
     square = x * x
     return horner(square, coefficients[::2]) + x * horner(square, coefficients[1::2])
 
@@ -119,22 +119,22 @@ def exponential(x: Number) -> Number:
 
 
 def error_function(x: Number, square: Number) -> Number:
-    """erf(x / sqrt 2) for -2 <= x <= 2, of which the square is given."""
+    """erf(x / sqrt 2) for -2 <= x <= 2; `square` is x^2."""
     return x * polynomial(square, ERROR_FUNCTION)
 
 
 def sine(x: Number) -> Number:
-    """For -1 <= x <= 1."""
+    """sin(x) for -1 <= x <= 1."""
     return x * polynomial(x * x, SINE)
 
 
 def cosine(x: Number) -> Number:
-    """For -1 <= x <= 1."""
+    """cos(x) for -1 <= x <= 1."""
     return polynomial(x * x, COSINE)
 
 
 def arc_tangent(x: Number) -> Number:
-    """For x between the tangents of -pi/8 and pi/8."""
+    """arctan(x) for x between the tangents of -pi/8 and pi/8."""
     return x * polynomial(x * x, ARC_TANGENT)
 
 
@@ -143,5 +143,5 @@ LOGARITHM = tuple(2 / (2 * n + 1) for n in range(12))
 
 
 def logarithm(x: Number) -> Number:
-    """ln((1 + x) / (1 - x)) for |x| <= 0.172, that is of numbers between the roots of 1/2 and 2."""
+    """ln((1 + x) / (1 - x)) for |x| <= 0.172: numbers between the roots of 1/2 and 2."""
     return x * polynomial(x * x, LOGARITHM)

@@ -1,8 +1,8 @@
-"""Numbers of one pose that write machine code, whichever way it takes.
+"""Numbers of one pose that write machine code with branches.
 
-A `RowWriter` runs the optics' text as `lanes.LaneWriter` does, with branches in place of lanes that
-are left: what a block of poses leaves is done by it. Elementary functions are those of the C
-library, so that the results are those of the text in floats, to the last bit.
+A `RowWriter` runs the optics' formulas as `lanes.LaneWriter` does, with branches in place of left
+lanes: it computes the poses that a block leaves. Elementary functions are those of the C library,
+so that the results are those of the formulas in floats, to the last bit.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ POINTER = ir.PointerType(DOUBLE)
 
 
 class RowWriter(MachineWriter):
-    """functions: pointer to the addresses of what the text calls and is no straight code, in the
-    order of `names`: functions of two pointers, to the numbers given and to those found."""
+    """functions: pointer to the addresses of the called functions that are not straight code, in
+    the order of `names`: functions of two pointers, to the arguments and to the results."""
 
     def __init__(self, builder: Any, functions: Any, names: Sequence[str]) -> None:
         super().__init__(builder)
@@ -55,6 +55,6 @@ class RowWriter(MachineWriter):
     rarely = call
 
     def _memory(self, numbers: int) -> Any:
-        """Room on the stack, made once where the function begins."""
+        """Reserve memory on the stack at the beginning of the function."""
         with self.builder.goto_entry_block():
             return self.builder.alloca(DOUBLE, numbers)

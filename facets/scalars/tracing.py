@@ -1,19 +1,19 @@
-"""Numbers that record what is done with them, from which writers make code: LLVM's, or C.
+"""Numbers that record the operations on them, from which writers make code: LLVM's, or C.
 
-A formula of the optics, run once with such numbers, becomes straight code. `Tracer` has all that
-the writers share: it leaves out what needs no instruction, and writes no instruction twice. A
-writer derives from it and knows how one instruction is written:
+A formula of the optics, run once with such numbers, becomes straight code. `Tracer` has the
+functions that all writers share: it omits operations that need no instruction, and writes no
+instruction twice. A writer derives from it and writes the individual instructions:
 
 - `machine.MachineWriter` LLVM's code for one pose, with branches;
 - `lanes.LaneWriter` LLVM's code for several poses at once, without branches;
 - `firmware.c_numbers.CWriter` C.
 
-Operations come in the order of the text, and each rule gives the same bits as the operation that it
-leaves out, but for two, which a writer has to ask for:
+Operations come in the order of the formulas, and each rule gives the same bits as the operation
+that it replaces, except for two rules that a writer has to enable:
 
 - `drops_zeros`: 0 x is 0, x + 0 is x, and x - x is 0. Exact for finite x but for the sign of a
   zero; a NaN or an infinity of x is lost. So a lane with such an x has to be left by another rule
-  (`LaneWriter.leave`), and the C code is asked with finite numbers only.
+  (`LaneWriter.leave`), and the C code is called with finite numbers only.
 - `shares_reciprocals`: a / b is a times 1 / b, which is written once for all a. It costs half a
   unit in the last digit more.
 
@@ -37,10 +37,10 @@ pi = math.pi
 
 
 class Value:
-    """A number that the code being written will compute.
+    """A number that the generated code will compute.
 
-    writer: of the code.  ir: what that has for the number: LLVM's value, or an expression in C.
-    opposite: the number of which this is the negative, if it is known to be one.
+    writer: of the code.  ir: the writer's form of the number: LLVM's value, or an expression in C.
+    opposite: the number whose negative this is, if it is known.
     """
 
     __slots__ = ("ir", "opposite", "writer")
@@ -96,7 +96,7 @@ class Value:
 
 
 class Condition:
-    """Whether something is so, which the code being written will find out. As `Value`."""
+    """A condition that the generated code will evaluate; `writer` and `ir` are as in `Value`."""
 
     __slots__ = ("ir", "writer")
 
@@ -117,9 +117,9 @@ class Condition:
 
 
 class Tracer:
-    """What writers of code share.  See the module's text for the rules.
+    """Base of the writers of code.  See the module's text for the rules.
 
-    lanes: how many poses each instruction works on.
+    lanes: number of poses on which each instruction works.
     """
 
     lanes = 1
@@ -129,18 +129,18 @@ class Tracer:
     def __init__(self) -> None:
         self._known: dict[Hashable, Any] = {}
 
-    # What a writer has to know.
+    # Methods of each writer.
 
     def write(self, operation: str, *operands: Value | float) -> Value:
-        """One instruction: "add", "subtract", "multiply", "divide" or "negative"."""
+        """Write one instruction: "add", "subtract", "multiply", "divide" or "negative"."""
         raise NotImplementedError
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
-        """An elementary function of `math`; `once` where each use of it is the same."""
+        """Write an elementary function of `math`; with `once` if every use of it is the same."""
         raise NotImplementedError
 
     def write_comparison(self, how: str, a: Value | float, b: Value | float) -> Condition:
-        """how: ">", "<" or "==".  False where one of them is NaN."""
+        """how: ">", "<" or "==".  False if one of them is NaN."""
         raise NotImplementedError
 
     def write_selection(self, condition: Condition, a: Value | float, b: Value | float) -> Value:
@@ -153,22 +153,24 @@ class Tracer:
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
     ) -> Numbers:
-        """What one of two functions gives. Where only one way is taken, each is a `scope`."""
+        """Choose the result of one of two functions. If only one of them runs, each is a
+        `scope`."""
         raise NotImplementedError
 
     def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """What a function that is compiled by itself gives, in tuples nested like `like`."""
+        """Call a separately compiled function; its results are in tuples nested like `like`."""
         raise NotImplementedError
 
     def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """The same of a function that is seldom needed."""
+        """Call a function that is seldom needed, as `call` does."""
         raise NotImplementedError
 
-    # What all of them do.
+    # Methods that all writers share.
 
     @contextmanager
     def scope(self) -> Iterator[None]:
-        """A part of the code that may not be run: what is computed within it is not known after."""
+        """A part of the code that may not be run: values computed within it are not known after
+        it."""
         known = self._known.copy()
         try:
             yield
@@ -176,7 +178,7 @@ class Tracer:
             self._known = known
 
     def once(self, key: Hashable, write: Callable[..., Any], *arguments: Any) -> Any:
-        """What `write` has written for the same key before, else writes now."""
+        """Return the earlier result of `write` for the same key, or else write now."""
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = write(*arguments)
@@ -242,21 +244,20 @@ class Tracer:
         return self.once(key, self.write_comparison, how, a, b)  # type: ignore[no-any-return]
 
     def select(self, condition: Condition, a: Value | float, b: Value | float) -> Any:
-        """a where something is so, else b."""
+        """a if the condition holds, else b."""
         ways = key_of(a), key_of(b)
         if ways[0] == ways[1]:
             return a
         return self.once((condition, *ways), self.write_selection, condition, a, b)
 
     def function(self, name: str, *arguments: Value | float) -> Any:
-        """An elementary function of `math`."""
         if not any(isinstance(each, Value) for each in arguments):
             return getattr(math, name)(*arguments)
         return self.write_function(name, *arguments)
 
 
 def key_of(number: Value | float) -> Hashable:
-    """What tells numbers apart: themselves, or the digits of a plain one, with a zero's sign."""
+    """The key of a number: itself, or the digits of a plain number, with a zero's sign."""
     return number if isinstance(number, Value) else float(number).hex()
 
 
@@ -265,21 +266,21 @@ def key_of_either_order(operation: str, a: Value | float, b: Value | float) -> H
 
 
 def opposite(number: Value | float) -> Value | None:
-    """The number of which another is known to be the negative."""
+    """The number whose negative this number is known to be."""
     return number.opposite if isinstance(number, Value) else None
 
 
 def is_plain(number: Value | float, value: float) -> bool:
-    """Whether a number is this one, known when the code is written."""
+    """Whether a number is a plain number of this value."""
     return not isinstance(number, Value) and number == value
 
 
 def is_power_of_two(number: float) -> bool:
-    """Also of a negative one; then 1 / number is exact."""
+    """Whether 1 / number is exact; the number may be negative."""
     return abs(math.frexp(number)[0]) == 0.5
 
 
-# The elementary functions, as `dispatch` asks for them.
+# The elementary functions, as `dispatch` calls them.
 
 
 def exp(x: Value) -> Any:
@@ -316,15 +317,14 @@ def atan2(y: Value | float, x: Value | float) -> Any:
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """The larger of two numbers, of which one at least is code, with what it carries along; b where
-    one is NaN."""
+    """The larger of two numbers and its derivative, if at least one is code; b if one is NaN."""
     first, second = real(a), real(b)
     code = first.writer if isinstance(first, Value) else second.writer
     return select_number(code, code.compare(">", first, second), a, b)
 
 
 def select_number(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
-    """a where something is so, else b, with what these carry along."""
+    """a if the condition holds, else b, with its derivative."""
     if isinstance(a, Dual) or isinstance(b, Dual):
         (one, first), (other, second) = value_and_slope(a), value_and_slope(b)
         return Dual(code.select(condition, one, other), code.select(condition, first, second))
@@ -332,5 +332,5 @@ def select_number(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
 
 
 def nan_unless_positive(value: Any, a: Value, b: Value, c: Value) -> Any:
-    """`value`, with what it carries along, where a, b and c are above zero, else NaN."""
+    """`value`, with its derivative, where a, b and c are above zero, else NaN."""
     return select_number(a.writer, (a > 0) & (b > 0) & (c > 0), value, value * math.nan)

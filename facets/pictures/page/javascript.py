@@ -1,14 +1,14 @@
-"""The optics' own text as JavaScript: what a page computes with is what Python computes with.
+"""The optics' own functions as JavaScript, so that a page computes as Python does.
 
 The functions of `facets.optics` are written in the part of Python that a compiler for floats
 understands: arithmetic, comparisons, loops over ranges, tuples, named tuples, and calls of each
-other. Here that part is written as JavaScript, statement by statement, beginning with the functions
-that are asked for and going on to whatever they call. Floats of both languages are the same IEEE
-doubles and operations come in the order of the text, so that results differ by no more than the
-elementary functions do. What is decided by number type is decided as for floats. Of mathematics,
-JavaScript lacks erf and erfc; `numbers.js` has these.
+other. This module translates that part to JavaScript, statement by statement, from the requested
+functions on to all that they call. Floats of both languages are the same IEEE doubles and
+operations keep their order, so that results differ by no more than the elementary functions do.
+Code that depends on the number type is translated for floats. JavaScript lacks erf and erfc;
+`numbers.js` has these.
 
-A construction that is not known here is refused with the file and line where it stands.
+An unknown construction is refused with its file and line.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 
 from ...scalars import dispatch
 
-#: Functions whose JavaScript is not their own text: elementary ones, and Python's own.
+#: Functions with their own JavaScript: elementary ones, and Python's built-in ones.
 KNOWN: dict[Any, str] = {
     **{
         getattr(module, name): f"Math.{name}"
@@ -51,14 +51,14 @@ OPERATORS: dict[type, str] = {
     ast.And: "&&", ast.Or: "||", ast.USub: "-", ast.Not: "!",
 }  # fmt: skip
 NOT_FINITE = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
-#: Words that JavaScript keeps to itself.
+#: JavaScript's reserved words.
 RESERVED = {"default", "delete", "function", "in", "new", "this", "typeof", "var", "void", "with"}
 
 
 def javascript(*functions: Callable[..., Any]) -> str:
-    """The JavaScript of functions of the optics and of all that they need.
+    """Translate functions of the optics, and all that they need, to JavaScript.
 
-    Each has the name that `name_of` gives. Raises `TypeError` for a text that is not understood.
+    Each has the name that `name_of` gives. Raises `TypeError` for an unknown construction.
     """
     written: dict[str, str] = {}
     for function in functions:
@@ -67,12 +67,12 @@ def javascript(*functions: Callable[..., Any]) -> str:
 
 
 def name_of(thing: Any) -> str:
-    """A function or named tuple of the optics as JavaScript calls it: `forward_readings`."""
+    """The JavaScript name of a function or named tuple of the optics: `forward_readings`."""
     return f"{thing.__module__.rpartition('.')[2]}_{thing.__name__}"
 
 
 def literal(value: Any) -> str:
-    """Numbers and truth values in nested tuples and arrays, named tuples by their fields."""
+    """Write numbers and truth values in nested tuples and arrays, named tuples by their fields."""
     if isinstance(value, np.ndarray):
         return literal(value.tolist())
     if hasattr(value, "_fields"):
@@ -91,7 +91,7 @@ def literal(value: Any) -> str:
 
 
 def _write(thing: Any, written: dict[str, str]) -> None:
-    """Adds a function, a named tuple or a constant and, before it, what it needs."""
+    """Add a function, a named tuple or a constant and, before it, everything that it needs."""
     name = name_of(thing)
     if name in written:
         return
@@ -110,7 +110,7 @@ def _write(thing: Any, written: dict[str, str]) -> None:
 
 
 def _constructor(kind: Any) -> str:
-    """A function that makes a named tuple: an object that can be taken apart as a tuple, too."""
+    """Write a function that makes a named tuple: an object that also unpacks as a tuple."""
     fields = [_safe(field) for field in kind._fields]
     usual = {_safe(name): literal(value) for name, value in kind._field_defaults.items()}
     given = ", ".join(f"{field} = {usual[field]}" if field in usual else field for field in fields)
@@ -130,9 +130,10 @@ def _safe(name: str) -> str:
 
 
 class Function:
-    """One function of the optics on its way into JavaScript.
+    """The translation of one function of the optics to JavaScript.
 
-    functions: what it calls.  constants: what it reads, by name; both once `text` was asked.
+    functions: the called functions.  constants: the constants by name; both are complete after
+    `text`.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -174,7 +175,7 @@ class Function:
     # statements
 
     def block(self, statements: Iterable[ast.stmt], depth: int) -> list[str]:
-        """Lines of JavaScript; what follows a statement that always returns is left out."""
+        """Return lines of JavaScript, without those after a statement that always returns."""
         lines: list[str] = []
         for statement in statements:
             lines += ["  " * depth + line for line in self.statement(statement, depth)]
@@ -188,7 +189,7 @@ class Function:
         return isinstance(node, ast.Return)
 
     def answer_for_floats(self, test: ast.expr) -> bool | None:
-        """How a question about the number type is answered for floats; None for another one."""
+        """Evaluate a test of the number type for floats; None for any other test."""
         if not isinstance(test, ast.Call) or not isinstance(test.func, ast.Name):
             return None
         if self.value_of(test.func.id) is dispatch.is_float:
@@ -196,7 +197,7 @@ class Function:
         return False if test.func.id == "hasattr" else None
 
     def statement(self, node: ast.stmt, depth: int) -> list[str]:
-        """Lines of one statement, those inside it indented already."""
+        """Return the lines of one statement, with its inner lines already indented."""
         pad = "  " * depth
         if isinstance(node, ast.If):
             return self.conditional(node, depth)
@@ -213,7 +214,7 @@ class Function:
         return ["" if isinstance(node, ast.Pass) else f"{self.simple_statement(node)};"]
 
     def simple_statement(self, node: ast.stmt) -> str:
-        """A statement that has no block in it, without its semicolon."""
+        """Write a statement without an inner block, without its semicolon."""
         match node:
             case ast.Expr():
                 return self.expression(node.value)
@@ -234,7 +235,7 @@ class Function:
         raise self.refuse(node)
 
     def inner_block(self, body: list[ast.stmt], depth: int, pad: str) -> list[str]:
-        """A block as lines that are indented once they stand in the one around it."""
+        """Return a block's lines, indented once within the enclosing block."""
         return [line.removeprefix(pad) for line in self.block(body, depth + 1)]
 
     def conditional(self, node: ast.If, depth: int) -> list[str]:
@@ -271,7 +272,7 @@ class Function:
     # expressions
 
     def expression(self, node: ast.expr) -> str:
-        """An expression; brackets keep the order that Python has."""
+        """Write an expression, with brackets that keep Python's order."""
         if type(node) not in EXPRESSIONS:
             raise self.refuse(node)
         return EXPRESSIONS[type(node)](self, node)
@@ -305,7 +306,7 @@ class Function:
     def binary(self, operator: ast.operator, left: str, right: str, node: ast.AST) -> str:
         if isinstance(operator, ast.FloorDiv):
             return f"Math.floor({left} / {right})"
-        if isinstance(operator, ast.Mod):  # of counts, which are not negative
+        if isinstance(operator, ast.Mod):  # counts are not negative
             return f"({left} % {right})"
         if type(operator) not in OPERATORS:
             raise self.refuse(node)
@@ -354,7 +355,7 @@ class Function:
         return f"{name}({', '.join(self.ordered_arguments(found, node))})"
 
     def ordered_arguments(self, function: Any, node: ast.Call) -> list[str]:
-        """The arguments of a call in the order of the function's own."""
+        """Return a call's arguments in the order of the function's parameters."""
         given = list(map(self.expression, node.args))
         if not node.keywords:
             return given
@@ -366,7 +367,7 @@ class Function:
         return given
 
     def callee(self, node: ast.expr) -> Any:
-        """What a call calls, as Python finds it."""
+        """Return the called function, resolved as Python does."""
         if isinstance(node, ast.Name):
             return self.value_of(node.id)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
@@ -374,7 +375,7 @@ class Function:
         return None
 
     def value_of(self, name: str) -> Any:
-        """What a name stands for outside the function."""
+        """Return the value of a name outside the function."""
         if name in self.globals:
             return self.globals[name]
         return getattr(__import__("builtins"), name, None)
@@ -385,7 +386,7 @@ class Function:
         return self.module_value(self.value_of(node.id), node.id, self.function.__module__, node)
 
     def module_value(self, value: Any, name: str, module: str, node: ast.AST) -> str:
-        """A function, a class or a constant of a module, noted as needed."""
+        """Write a function, a class or a constant of a module, and record that it is needed."""
         if isinstance(value, float | bool) or (isinstance(value, int) and name.isupper()):
             return literal(value)
         if isinstance(value, FunctionType) or (isinstance(value, type) and is_named_tuple(value)):
@@ -400,7 +401,7 @@ class Function:
         raise self.refuse(node)
 
 
-#: What writes an expression, by its kind.
+#: The writers of expressions, by kind.
 EXPRESSIONS: dict[type, Callable[[Function, Any], str]] = {
     ast.Constant: Function.constant,
     ast.Name: Function.name,
@@ -419,7 +420,7 @@ EXPRESSIONS: dict[type, Callable[[Function, Any], str]] = {
 
 
 def _local_names(definition: ast.FunctionDef) -> set[str]:
-    """The names that a function's own statements give a value to."""
+    """Return the names that a function's own statements assign."""
     return {
         node.id
         for node in ast.walk(definition)

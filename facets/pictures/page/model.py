@@ -11,14 +11,14 @@ from ...model.arrays import geometry_of
 from ...optics import bench_light, curved_light, cut_light, detected, forward, limits, rays
 from .javascript import javascript, literal, name_of
 
-#: The optics' readings: of ideal light, of light that is cut, of a bench's light, and of both.
+#: The optics' readings: of ideal light, of truncated light, of a bench's light, and of both.
 READINGS: dict[tuple[bool, bool], Callable[..., Any]] = {
     (False, False): forward.readings,
     (True, False): detected.readings,
     (False, True): bench_light.readings,
     (True, True): cut_light.readings,
 }
-#: What `light.js` draws with.
+#: The functions with which `light.js` draws.
 DRAWN = (
     forward.dark_scene,
     curved_light.apparent_scene,
@@ -52,12 +52,12 @@ return {{
 
 
 def text_of(name: str) -> str:
-    """A file of this folder."""
+    """Read a file of this folder."""
     return files(__package__).joinpath(name).read_text("utf-8")
 
 
 def model(sensor: Sensor) -> str:
-    """JavaScript that defines `Model`: readings and drawing of a sensor at a state."""
+    """Return JavaScript that defines `Model`: readings and drawing of a sensor at a state."""
     cut = sensor.apertures.cut
     readings = READINGS[cut, sensor.light.on]
     return MODEL.format(

@@ -1,4 +1,4 @@
-"""A sensor's bodies as data for the page: what `scene.js` and `faces.js` draw beside the light."""
+"""A sensor's bodies as data that `scene.js` and `faces.js` draw beside the light."""
 
 from __future__ import annotations
 

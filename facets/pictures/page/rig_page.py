@@ -1,6 +1,7 @@
-"""A sensor as a page to play with: one HTML file that asks nothing of a network.
+"""An interactive page of a sensor: one HTML file that needs no network.
 
-It moves the mirror and the beam by sliders, and computes readings and rays by the optics' own text.
+Sliders move the mirror and the beam, and the page computes readings and rays by the optics' own
+formulas.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ...files.tables import Whole
 from .model import model, text_of
 from .rig_data import rig
 
-#: What is said of each component of a state.
+#: The description of each component of a state.
 WORDS = {
     "tx": "along x",
     "ty": "along y",
@@ -31,17 +32,17 @@ WORDS = {
     "bx": "beam, x",
     "by": "beam, y",
 }
-#: The parts of the page that stand in scripts, which must not contain what ends one.
+#: The parts of the page within scripts, which must not contain a script's end tag.
 SCRIPTS = ("THREE", "MODEL", "DATA", "SCENE", "FACES", "PANEL")
-#: Ends that a slider may have, times a power of ten.
+#: Round ends of a slider, times a power of ten.
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str:
-    """The page of a sensor, at first at a state (8,) in mm and rad.
+    """Return the page of a sensor, initially at a state (8,) in mm and rad.
 
-    name: of its configuration.  view: what the camera is at: "mirror", or a detector: "A"; the
-    whole rig for any other word.
+    name: of its configuration.  view: the camera's target: "mirror", or a detector: "A"; the whole
+    rig for any other word.
     """
     if not all(map(_is_finite, state)):
         raise InputError("the state has a number that is not finite")
@@ -74,7 +75,7 @@ def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str
 
 
 def write_rig_page(sensor: Sensor, name: str, state: Floats, path: Path, view: str = "rig") -> None:
-    """`rig_page` as a file, whole or not at all."""
+    """Write `rig_page` to a file; a failure leaves no partial file."""
     text = rig_page(sensor, name, state, view)
     with Whole(path) as temporary:
         temporary.write_text(text, "utf-8")
@@ -89,9 +90,10 @@ def data(value: Any) -> str:
 
 
 def components(sensor: Sensor) -> list[dict[str, Any]]:
-    """Of each component of the state: its column, unit, words, and how far its slider goes.
+    """Return each component of the state: its column, unit, words, and the ends of its slider.
 
-    As far as a spot needs to leave its detector, or the apex to leave the beam; in that unit.
+    They are far enough for a spot to leave its detector, or the apex to leave the beam; in that
+    unit.
     """
     psds = sensor.psds
     up = max(psd.size_z for psd in psds) / 2
@@ -115,13 +117,13 @@ def components(sensor: Sensor) -> list[dict[str, Any]]:
 
 
 def round_up(value: float) -> float:
-    """The next round number, for the end of a slider."""
+    """Return the next round number, for the end of a slider."""
     power = 10.0 ** int(f"{value:e}".partition("e")[2])
     return next(float(f"{each * power:.2g}") for each in ROUND if each * power >= value)
 
 
 def sentences(sensor: Sensor) -> list[str]:
-    """What the page's numbers hold, and what they leave out."""
+    """State the effects that the page's numbers include, and those that they omit."""
     found = []
     light, openings = sensor.light, sensor.apertures
     if light.on:

@@ -1,4 +1,4 @@
-"""The scripts that draw a rig, for a page that gets its states from elsewhere."""
+"""The scripts that draw a rig, for a page that receives its states from elsewhere."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .rig_data import rig
 
 
 def rig_scripts(sensor: Sensor) -> dict[str, str]:
-    """Their texts by name, in the order in which they are to be loaded.
+    """Return the scripts by name, in loading order.
 
     They define `THREE`, `Model`, `RIG`, `Rig` and `Faces`; see the heads of `scene.js` and
     `faces.js`.
