@@ -30,7 +30,7 @@ class Allan:
 def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
     """Compute the Allan deviations of a signal.
 
-    signal: (n,) evenly spaced; NaN in gaps, which no average spans.  rate: Hz. level: confidence.
+    signal: (n,) evenly spaced; NaN in gaps, which no average spans.  rate: Hz.  level: confidence.
     """
     from scipy.stats import chi2
 

@@ -29,7 +29,7 @@ FARTHEST_UM_URAD = 3000.0
 EQUAL_SIGMAS = 1e-6
 #: Largest number of steps along the weakest direction to a singular state.
 MAX_STEPS = 400
-#: Length of such a step, um or urad.
+#: Length of a step along the weakest direction, um or urad.
 STEP_UM_URAD = 100.0
 #: Distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD; moves for each.
 DISTANCES, MOVES = (0.03, 0.3, 1.0, 3.0), 40

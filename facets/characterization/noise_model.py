@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core.units import Floats
 
-#: Standard deviations on either side of a 95 % interval.
+#: Half width of a 95 % interval, in standard deviations.
 SIGMAS_OF_95_PERCENT = 1.959964
 #: Number of bands of the fit, evenly spaced in the logarithm of the frequency.
 BANDS = 400

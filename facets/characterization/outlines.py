@@ -99,19 +99,19 @@ def trace(
     axes
         Two names out of `facets.POSE`.
     start
-        A pose inside, (6,), mm and rad; zero by default.
+        A pose inside the range, (6,), mm and rad; zero by default.
 
     Returns
     -------
     Boundary
-        Points (n, 2) in mm or rad, and why the range ends at each. Every ray from `start` is
-        followed to where it first leaves the range, to 0.1 um and 0.1 urad; parts of the range
-        that lie behind that are not found (`cause_grid` shows them).
+        Points (n, 2) in mm or rad, and the cause of the range's end at each. Every ray from `start`
+        is followed until it first leaves the range, to 0.1 um and 0.1 urad; parts of the range
+        beyond that point are not found (`cause_grid` shows them).
 
     Raises
     ------
     InputError
-        If `start` is outside.
+        If `start` is outside the range.
 
     Examples
     --------
@@ -210,7 +210,7 @@ def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) ->
     points = (shares * some).reshape(-1, 2)
     state = states_of(boundary.poses(points), rules)
     start = np.zeros_like(state)
-    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # the start has the mirror under the beam
+    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # start with the mirror under the beam
     found = solve(sensor, readings(sensor, state), start=start, covariance=False)
     right = found.converged & (np.abs(found.state - state).max(axis=1) < 1e-6)
     return len(points), int(right.sum())

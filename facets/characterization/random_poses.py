@@ -18,7 +18,7 @@ REACH_DIAMETERS = 0.3
 EDGE_MM = 1.2
 #: Least power on a detector, relative to the noise of the power.
 LEAST_SNR = 100.0
-#: Random poses from which the proposed ones are chosen.
+#: Number of random poses from which the proposed ones are chosen.
 CANDIDATES = 4000
 
 

@@ -43,7 +43,7 @@ AXIS_RAYS = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)]
 
 
 def states_of(poses: Floats, rules: Rules) -> Floats:
-    """Poses (n, 6) to states (n, 8), with the beam where the rules put it."""
+    """Convert poses (n, 6) to states (n, 8), with the beam's place by the rules."""
     state = np.zeros((len(poses), 8))
     state[:, :6] = poses
     if rules.tracking:
@@ -304,7 +304,7 @@ def axis_ranges(
     Raises
     ------
     InputError
-        If `start` is itself outside; the message says by which limit, and what to change.
+        If `start` is outside the range; the message names the limit and the remedy.
 
     Examples
     --------

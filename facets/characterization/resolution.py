@@ -179,7 +179,7 @@ def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:
 
 @check_arguments
 def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
-    """Compute the standard uncertainties that a pose can have at best.
+    """Compute the least possible standard uncertainties of a pose.
 
     Parameters
     ----------

@@ -272,8 +272,8 @@ class Steady:
         ]
 
     def allowed_variances(self) -> Floats:
-        """Largest variances (9,) common to the detectors, relative to the noise's: they include the
-        configured pointing jitter of the beam."""
+        """Largest common variances (9,) of detectors, over the noise's; includes configured
+        jitter."""
         electronics = self.config.sensor.electronics
         pointing = electronics.pointing if electronics else 0.0
         beam = self.jacobian()[:, 6:] * pointing / self.noise[:, None]

@@ -118,7 +118,7 @@ class Survey:
 
     @property
     def one_sign(self) -> bool:
-        """Whether all determinants are positive, or all are negative."""
+        """Whether every state has light on all detectors, and all determinants have one sign."""
         return self.dark == 0 and self.has_one_sign_in_light
 
     @property

@@ -36,8 +36,7 @@ Show = Callable[[Live], None]
 class Run:
     """A live stream that is recorded, solved, published, and followed by a stage.
 
-    `from_config` assembles a run and opens all its parts; `acquire` runs to the end and closes
-    them.
+    `from_config` assembles a run and opens its parts; `acquire` runs to the end and closes them.
 
     Attributes
     ----------

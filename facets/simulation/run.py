@@ -132,12 +132,12 @@ def simulate(
     config
         A configuration, from `facets.load`.
     motions
-        Names of its motions, which follow each other; all by default.
+        Names of the motions to simulate, one after the other; all by default.
     noise
         Whether the readings are noisy; the configuration's setting by default.
     seed
         Seed of the noise; the configuration's by default. Each motion draws from a stream of its
-        own, so that leaving one out changes no other.
+        own, so that omitting a motion changes no other.
     track
         Whether the beam follows the mirror, carried by the configuration's stage.
 

@@ -22,7 +22,7 @@ from .limits import Limits
 MAX_PLACE_AGE_S = 0.03
 #: A stage that is nearer than this to its goal is at rest, mm.
 REST_DISTANCE_MM = 1e-4
-#: Maximum distance of a stage that works well from where it should stand, mm.
+#: Largest distance of a sound stage from its expected place, mm.
 POSITION_SLACK_MM = 0.05
 #: Time that a stage may need beyond its settling time, s: its position may arrive late.
 SPARE_S = 0.1

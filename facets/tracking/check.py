@@ -38,7 +38,7 @@ RAMP = (0.3, 0.9)
 
 class Axis(NamedTuple):
     """The beam's response to a command along one axis.  scale: move along the axis over the
-    command. across: the same for the other axis.  delay: from the command to the light, s."""
+    command.  across: the same for the other axis.  delay: from the command to the light, s."""
 
     name: str
     scale: float
@@ -82,7 +82,7 @@ def checked_today(settings: Settings, port: str) -> str:
 
 
 class StageCheck(Tracker):
-    """Move the stage along x and back, along y and back, and record the beam's places.
+    """Moves of the stage along x and back and along y and back, and the beam's places.
 
     The samples must be solved with a free beam.
     """

@@ -1,4 +1,4 @@
-"""A stage that follows a simulated mirror, by the controller of a real one."""
+"""Simulate a stage that follows a simulated mirror, with the controller of a real stage."""
 
 from __future__ import annotations
 

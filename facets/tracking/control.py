@@ -36,8 +36,7 @@ class Seen:
 
 
 def tracking_error(powers: Floats) -> Floats:
-    """chi_x, chi_y of Eq. (14), (..., 2), from powers (..., 3): the beam's offset,
-    dimensionless."""
+    """chi_x, chi_y of Eq. (14), (..., 2), from powers (..., 3): a measure of the offset."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = powers / powers.sum(axis=-1, keepdims=True)
     x = share[..., 0] - (share[..., 1] + share[..., 2]) / 2
@@ -62,7 +61,7 @@ class Law:
     """The control law that computes the beam's next place, within speed, step and soft limits.
 
     inverse: of `slope_of_error`, mm.  power: of the beam, mW.  clearance: largest distance from the
-    apex, mm, at which the beam lights all three facets.  goal: the last command.  summed: sum of
+    apex, mm, at which the beam can light all three facets.  goal: the last command.  summed: sum of
     the errors.  limited: number of commands that a limit shortened.
     """
 

@@ -106,8 +106,7 @@ class Envelope:
             raise
 
     def look(self, forget_place: bool = False) -> Encoder:
-        """Read the stage's place; stop the stage if the place, the permit or the heartbeat
-        requires.
+        """Read the stage's place; stop the stage if the place, permit or heartbeat requires a stop.
 
         forget_place: the earlier place is not valid. Raises `StageError` for an impossible place.
         """
@@ -278,7 +277,7 @@ class Envelope:
         return True
 
     def reopen(self) -> None:
-        """Open the line again after a fault, the stage stopped. Raises an error if that fails."""
+        """Open the line again after a fault; keep the stage stopped. Raises an error on failure."""
         assert self.open_again is not None
         driver = open_driver(self.open_again(), self.settings, self.clock)
         with self.ending:

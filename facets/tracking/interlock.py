@@ -135,7 +135,7 @@ def open_permit(name: str, stale: float) -> Permit:
 
 
 class Heartbeat:
-    """Send heartbeats repeatedly.
+    """A sign of life that is sent repeatedly.
 
     to_board: sends bytes to the board, and returns whether that was possible.
     """

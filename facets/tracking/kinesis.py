@@ -54,7 +54,7 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
 
 
 class Kinesis:
-    """Drive two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
+    """Driver of two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
 
     A motor's question and answer must not be interrupted: `turn` lets one thread at a time ask.
     """

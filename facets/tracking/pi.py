@@ -19,7 +19,7 @@ STOP_ALL = b"\x18"
 
 
 class Pi:
-    """Drive axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
+    """Driver of axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings

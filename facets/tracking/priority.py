@@ -20,8 +20,8 @@ PRIORITY = 1
 def urgent() -> Iterator[bool]:
     """Run the calling thread before ordinary programs; yields whether the system allows it.
 
-    A machine with one processor refuses, since the thread could occupy it. Threads and processes
-    that the thread starts are ordinary ones.
+    The priority stays ordinary on a machine with one processor, which the thread could occupy, and
+    in threads and processes that the thread starts.
     """
     allowed = False
     if sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1:

@@ -13,7 +13,7 @@ from ..core.units import Floats
 
 
 class StageError(FacetsError):
-    """A stage refuses a command, does not answer, or sends an invalid answer."""
+    """Error of a stage that refuses a command, does not answer, or sends an invalid answer."""
 
 
 class StageModel:

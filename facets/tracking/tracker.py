@@ -29,7 +29,7 @@ LIT, BRIGHT = 0.02, 3.0
 
 class Sample(NamedTuple):
     """One sample for the tracker.  time: of the sample, came: of its arrival, on the host's clock,
-    s. powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  beam: its
+    s; powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  beam: its
     place by the readings (2,) mm, or NaN.  doubt: why not to follow it, or ''."""
 
     time: float
@@ -54,7 +54,7 @@ def join(thread: threading.Thread) -> None:
 
 
 class Tracker:
-    """Send the stage after the newest good sample, while this sample is fresh.
+    """The loop that sends the stage after the newest good sample, while this sample is fresh.
 
     In a short gap the stage follows the predicted motion, within the bounds of the envelope. If no
     good sample ends the gap, the stage stops and stays stopped until `resume` is called; then it

@@ -33,7 +33,7 @@ def checksum(message: str) -> str:
 
 
 class Zaber:
-    """Drive axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
+    """Driver of axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings
