@@ -44,7 +44,7 @@ CELLS, RAYS, PARTS = 8, 24, 3
 DEPTH = 8
 #: What a sensor's configuration may have.
 BLOCKS = ("beam", "mirror", "psd", "noise", "electronics", "apertures", "imperfections", "light",
-          "calibration")  # fmt: skip
+          "temperature", "calibration")  # fmt: skip
 #: What a parameter can be off its key by rounding.
 ROUNDED = 1e-12
 
@@ -260,6 +260,11 @@ def check_configuration(content: dict[str, Any], found: CheckResult) -> None:
         given = resolved["sensor"].get(block) or {}
         plain = all(is_off(name, value) for name, value in given.items() if name not in HARMLESS)
         refuse_unless(plain, f"sensor.{block} changes the light, which the theorem does not know")
+    if not all(
+        is_off(name, value) or name == "reference_c"
+        for name, value in (resolved["sensor"].get("temperature") or {}).items()
+    ):
+        found.not_verified.append("anything at a temperature other than the sensor's reference_c")
 
 
 #: Keys that are off where they are null: an aperture or a rim of no size lets no light pass.
