@@ -354,10 +354,10 @@ def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optim
     for key, given in unknown.items():
         if given:
             raise InputError(
-                f"facets {command} knows no sensor.apertures.{key}: its model is of light that "
-                "only the facets' edges part; leave it out to find a layout, then see what it "
-                "changes by facets resolution (rim_mm and detectors are known: spots and the "
-                "light on the mirror are kept whole)"
+                f"facets {command} does not support sensor.apertures.{key}, because its model is "
+                "of light that only the facets' edges part; leave it out to find a layout, then "
+                "see what it changes by facets resolution (rim_mm and detectors are supported: "
+                "spots and the light on the mirror are kept whole)"
             )
     if sensor.light.on:
         raise InputError(

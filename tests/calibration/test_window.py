@@ -54,7 +54,7 @@ def test_what_hangs_over_the_edge_is_left_out(monkeypatch):
     assert "to the edge of the sensitive area" in words
     assert found.is_trusted
     assert worst_ratio(found.sensor, rig) < 1.5
-    monkeypatch.setattr(judging, "inside", lambda sensor, data: (data, []))
+    monkeypatch.setattr(judging, "exclude_edge_readings", lambda sensor, data: (data, []))
     without = judging.verdict(NOMINAL, data, choice(NOMINAL, SETTINGS), SETTINGS)
     assert len(without.fitted.raw) < len(found.fitted.raw)  # whole rows go, as outliers
 

@@ -103,7 +103,7 @@ def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
     assert result.returncode == 1
     assert "the noise of the bench cannot be estimated from this recording" in result.stdout
     page = (tmp_path / "noise" / "noise.html").read_text()
-    assert "he noise of the bench cannot be taken from this recording" in page
+    assert "he noise of the bench cannot be estimated from this recording" in page
     assert "For the configuration" not in page
     result = command("noise", "rec", "--write", "foo.txt", cwd=tmp_path)
     assert result.returncode == 2

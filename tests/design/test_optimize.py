@@ -329,9 +329,9 @@ def test_nothing_to_vary_is_an_error():
     ("more", "words"),
     [
         ({"electronics": facets.Electronics(kind="tetra-lateral")}, "tetra-lateral is a series"),
-        ({"apertures": facets.Apertures(beam=1.0)}, "knows no sensor.apertures.beam_ratio"),
-        ({"apertures": facets.Apertures(gap=0.01)}, "knows no sensor.apertures.gap_um"),
-        ({"light": BenchLight(tip=1e-5)}, "knows no sensor.light"),
+        ({"apertures": facets.Apertures(beam=1.0)}, "does not support sensor.apertures.beam_ratio"),
+        ({"apertures": facets.Apertures(gap=0.01)}, "does not support sensor.apertures.gap_um"),
+        ({"light": BenchLight(tip=1e-5)}, "does not support sensor.light"),
         ({"calibration": facets.Calibration((), ())}, "belongs to a rig"),
     ],
 )

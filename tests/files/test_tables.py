@@ -219,7 +219,7 @@ def test_a_place_that_can_not_be_written_is_refused_before_the_work(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "folder").mkdir()
     for path, says in (
-        (tmp_path / "file" / "t.csv", "is a file; the results need a folder"),
+        (tmp_path / "file" / "t.csv", "is a file; name another folder"),
         (tmp_path / "folder", "is a folder; name a file"),
         (tmp_path / ("n" * 300), "File name too long"),
         (tmp_path / ("n" * 300) / "t.csv", "File name too long"),

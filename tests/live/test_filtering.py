@@ -238,7 +238,7 @@ def test_a_replay_filters_as_a_live_run(tmp_path):
     assert np.sqrt(np.mean((error / late["u_filtered_yaw_mrad"]) ** 2)) < 1.3
     for words, told in (
         (("replay", "rec", "--filter", "speed"), "--filter needs -o"),
-        (("replay", "rec", "--filter", "fast", "-o", "q.csv"), "is no model"),
+        (("replay", "rec", "--filter", "fast", "-o", "q.csv"), "unknown model"),
         (("acquire", "bench", "--filter", "speed"), "--filter needs --publish"),
     ):
         bad = command(*words, cwd=tmp_path)

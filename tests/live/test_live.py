@@ -382,7 +382,7 @@ def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
     )  # fmt: skip
     assert result.returncode == 1, result.stderr
     assert "5000 samples, 0.0000 % lost" in result.stdout
-    assert "cannot be written on: File too large" in result.stderr
+    assert "cannot be written to: File too large" in result.stderr
     assert "received bytes are not recorded" in result.stderr
     assert "Traceback" not in result.stderr
     replay = command("replay", "rec", "--compare", cwd=tmp_path)

@@ -133,9 +133,9 @@ def check_it_is_none_or_empty(folder, config):
     except InputError as error:
         found, words = [], str(error)
     else:
-        words = "no recording"
+        words = "not a recording"
     assert not found
-    assert "no recording" in words or "damaged" in words
+    assert "not a recording" in words or "damaged" in words
 
 
 def check_nothing_is_made_up(found, whole, to_the_last_bit=False):

@@ -67,7 +67,7 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
     after = names[names.index("stop") :]
     assert "move" not in after[: after.index("resume")]
     assert {event["by"] for event in events if event["event"] == "resume"} == {"SIGUSR1"}
-    assert "since no heartbeat came" in bench.stdout
+    assert "because no heartbeat came" in bench.stdout
 
 
 @pytest.mark.slow
@@ -78,7 +78,7 @@ def test_a_stage_must_be_checked_before_it_follows(tmp_path):
     result = command("acquire", "mine.yaml", "--track", cwd=tmp_path)
     assert result.returncode == 2
     assert "--check-stage" in result.stderr
-    assert "another stage" in result.stderr
+    assert "is not the stage that is configured now" in result.stderr
     assert not (tmp_path / "recordings").exists()
     with Program("emulate", "bench", "--motion", "rest", "--rate", "1000", cwd=tmp_path) as bench:
         bench.await_output("running")
