@@ -60,7 +60,7 @@ class Assembly:
         return values_of(self.sensor)
 
     def values(self, z: Floats) -> Floats:
-        """Return all unknowns of a calibration at `z` (p,), in standard uncertainties of the
+        """Return all unknowns of a calibration, at `z` (p,) standard uncertainties of the
         choice."""
         found = self.nominal.copy()
         found[self.choice.places] += self.choice.sigma * z
@@ -72,8 +72,7 @@ class Assembly:
 
 
 def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) -> Assembly:
-    """Assemble a design with its tolerances. Raises `InputError` if no parameter has a
-    tolerance."""
+    """Make the assembly of a design. Raises `InputError` if no parameter has a tolerance."""
     plain = replace(sensor, calibration=None)
     found = choice(plain, known)
     loose = np.array([name not in MOUNTING for name in found.names])
@@ -117,6 +116,5 @@ def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data
 
 
 def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
-    """Calibrate a head, beginning from the design."""
     data = measure_rig(built, head, rng)
     return fit(built.sensor, data, built.choice, None, most=STEPS, enough=ENOUGH)

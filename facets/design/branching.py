@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
     from .problem import StartResult
 
-#: A branch is dropped when its bound is worse than the best known objective by more than this
-#: share.
+#: A branch is dropped if its bound is worse than the best known objective by more than this share.
 WORSE = 1e-6
 #: The name of a part that stands for several.
 MERGED = "merged"
@@ -58,11 +57,8 @@ class Branch:
 
 @dataclass
 class Found:
-    """The result of the search over a catalogue.
-
-    tried: the choices that were solved and their results, the best first.  bounds: number of
-    branches of several choices that were solved.  choices: number of all choices.
-    """
+    """tried: the choices that were solved and their results, the best first.  bounds: number of
+    branches of several choices that were solved.  choices: number of all choices."""
 
     tried: list[tuple[PartsChoice, StartResult]] = field(default_factory=list)
     bounds: int = 0

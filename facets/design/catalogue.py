@@ -15,11 +15,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PartsChoice:
-    """Parts from the catalogue, "" where the catalogue has none of the kind.
-
-    price: of three detectors, the laser and the amplifiers, None where a price is not known.
-    delivery: weeks until all parts are there, None where a time is not known.
-    """
+    """Parts from the catalogue, "" for a kind that it lacks.  price: of three detectors, the laser
+    and the amplifiers, None if a price is not known.  delivery: weeks until all parts are there,
+    None if a time is not known."""
 
     psd: str
     laser: str

@@ -75,8 +75,7 @@ def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
 
 
 def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
-    """List every changed key as (path, before, after); a change common to a, b and c appears
-    once."""
+    """List every changed key as (path, before, after); a change of a, b and c appears once."""
     return list(paths(said_once(changed_keys(settings, sensor)), settings.resolved["sensor"]))
 
 
@@ -116,10 +115,8 @@ def base_of(settings: Config, folder: Path) -> str:
 
 
 def is_said_once(settings: Config, sensor: Sensor, folder: Path) -> bool:
-    """Return whether the values common to all three detectors or facets hold for each of them.
-
-    They do not where the configuration sets a different value for a single detector or facet.
-    """
+    """Return whether the values common to all three detectors or facets hold for each of them: they
+    do not if the configuration sets another value for a single one."""
     keys = changed_keys(settings, sensor)
     text = document(base_of(settings, folder), said_once(keys), {})
     return loads_to(text, folder, keys, settings)
@@ -134,8 +131,7 @@ def as_extension(
 ) -> str:
     """Return the YAML of a configuration in `folder` that loads to the design.
 
-    beside: remarks by variable, such as radius_mm, which become comments beside the keys of that
-    name.
+    beside: remarks by variable, such as radius_mm, that become comments at the keys of that name.
     """
     head = [f"# {key}: {' '.join(value.split())}" for key, value in about.items()]
     keys = changed_keys(settings, sensor)
@@ -148,10 +144,8 @@ def write_design(
     settings: Config, sensor: Sensor, path: Path, about: dict[str, str],
     beside: dict[str, str] | None = None,
 ) -> Config | str:  # fmt: skip
-    """Write a design as a configuration that extends its original, and load it again.
-
-    Returns the reason if the file does not load.  beside: see `as_extension`.
-    """
+    """Write a design as a configuration that extends its original, and load it again; return the
+    reason if it does not load.  beside: see `as_extension`."""
     with Whole(path) as temporary:
         temporary.write_text(as_extension(settings, sensor, path.parent, about, beside), "utf-8")
     file = readable_path(path)

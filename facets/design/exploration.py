@@ -81,8 +81,7 @@ PARENT_CHECK_INTERVAL_S = 1.0
 RIVALS = 32
 #: Tolerance of a range, as a share of its length.
 FINE_ENOUGH = 1e-5
-#: Factors from mm and rad to the units of the tables, by axis of the pose: mm and mrad, um and
-#: urad.
+#: Factors from mm and rad to the tables' units, by axis of the pose: mm and mrad, um and urad.
 FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
 #: The measures of a design. Ranges are symmetric, both sides together; uncertainties and the
 #: condition number are at rest; regular is 1 where the determinant of Eq. (11) has one sign over
@@ -215,10 +214,8 @@ def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, see
 
 
 def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
-    """Measure all but the ranges: the reason to skip the design, its measures, and the sensor.
-
-    The sensor is None if the design is skipped.
-    """
+    """Measure all but the ranges: the reason to skip the design, its measures, and the sensor or
+    None."""
     values = np.full(len(MEASURES), np.nan)
     try:
         sensor = sensor_of(space.sensor, space.names, x)
@@ -251,8 +248,7 @@ def saturates(sensor: Sensor, states: Floats) -> bool:
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
-    """Return whether the design keeps all requirements of the layout at these states of the
-    volume."""
+    """Return whether the design keeps all the layout's requirements at states of the volume."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
         return False
     if saturates(sensor, states):
@@ -267,11 +263,10 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
 def measure_design(
     space: Space, x: Floats, rivals: Floats = NO_RIVALS, tolerance: float = FINE_ENOUGH
 ) -> tuple[int, Floats]:
-    """Measure a design: why it is skipped, by the place in SKIPPED, and its measures.
+    """Measure a design: the place in SKIPPED of why it is skipped, and its measures, else NaN.
 
-    Measures are NaN if it is skipped.  rivals: measures (n, MEASURES) of designs that it is
-    compared with; none to measure it in full.  tolerance: of its ranges, in units of
-    `ranges.FARTHEST_MM_RAD`.
+    rivals: measures (n, MEASURES) of designs that it is compared with; none to measure it in full.
+    tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
     """
     why, values, sensor = measure_rest(space, x)
     if sensor is None:
@@ -573,8 +568,7 @@ def parts_in(folder: Path) -> list[Path]:
 
 
 def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
-    """Join the existing parts, or those of the given numbers, to one table in the designs'
-    order."""
+    """Join the existing parts, or those of the given numbers, in the designs' order."""
     import pyarrow.parquet as pq
 
     files = parts_in(folder)
@@ -591,10 +585,8 @@ def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDAr
 
 
 def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the designs that an earlier run has left in a folder.
-
-    None if no design there has the space's variables and objectives.
-    """
+    """Read the designs of an earlier run in a folder; None if none of them has the space's
+    variables and objectives."""
     if not parts_in(folder):
         return None
     table = collect(folder)
@@ -610,7 +602,7 @@ def require_measures(names: Sequence[str]) -> None:
 
 
 def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> Booleans:
-    """Which designs no other one beats in all objectives; ranges are maximised, all else is
+    """Which designs no other one beats in all objectives; ranges are maximised, others
     minimised."""
     signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
     costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)

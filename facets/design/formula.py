@@ -31,8 +31,8 @@ class Differences:
 
     @staticmethod
     def neighbours_of(x: Floats, steps: Floats) -> Floats:
-        """The place (n,), one step of each unknown forward and backward, and steps of two unknowns
-        at once."""
+        """The place (n,), one step of each unknown forward and backward, and steps of two at
+        once."""
         moves = np.diag(steps)
         first, second = np.triu_indices(len(x), 1)
         return np.concatenate([x[None], x + moves, x - moves, x + moves[first] + moves[second]])
@@ -68,7 +68,7 @@ class Formula:
     origin: Floats
 
     def expand(self, x: Floats, states: Floats) -> Differences:
-        """Compute outputs at a layout (n,) and its neighbours, at states (m, w): (..., m,
+        """Compute outputs at a layout (n,) and its neighbours at states (m, w): (..., m,
         outputs)."""
         steps = STEP * np.fmin(1.0, np.abs(x - self.origin))
         return Differences(steps, self.outputs(Differences.neighbours_of(x, steps), states))

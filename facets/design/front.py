@@ -28,8 +28,7 @@ from .trade import Trade, trade_of
 STARTS, ELSEWHERE_EVERY = 6, 10
 #: By how much of an objective's scale one end must be better than another to replace it.
 BETTER = 1e-7
-#: Largest number of sweeps along the front; and of IPOPT's steps, since a search that takes more
-#: mostly finds no design.
+#: Largest number of sweeps; and of IPOPT's steps, since a longer search mostly finds no design.
 SWEEPS, STEPS = 6, 60
 #: Tolerance of a measured range, over `ranges.FARTHEST_MM_RAD`; and the difference between a
 #: measure and the search's value, over its scale, above which a point is left out.
@@ -119,7 +118,7 @@ class Walk:
     def follow(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
         """Minimise the first objective for each row of bounds.
 
-        A row without a design is taken to have none with tighter bounds, unless a neighbour's leads
+        If a row has no design, tighter bounds are taken to have none, unless a neighbour's leads
         there.
         """
         found: list[End | None] = [None] * len(bounds)
@@ -138,11 +137,9 @@ class Walk:
         return found
 
     def sweep(self, found: list[End | None], bounds: Floats, number: int, tell: Tell) -> bool:
-        """Search each point from its neighbour's end, and return whether a point improved.
-
-        The points run from the last to the first, or in reverse if the number is odd. The first
-        sweep, 0, searches some points from random designs, too.
-        """
+        """Search each point from its neighbour's end, from the last to the first, or in reverse if
+        the number is odd, and return whether a point improved. Sweep 0 also searches some points
+        from random designs."""
         count, step = len(bounds), -1 if number % 2 else 1
         better = False
         for done, n in enumerate(range(count)[::-step]):
@@ -158,8 +155,7 @@ class Walk:
     def improve(
         self, known: End | None, n: int, most: Floats, starts: Sequence[Floats | End]
     ) -> End | None:
-        """Return the best of the known end for point n and the ends that are found from the
-        starts."""
+        """Return the best of point n's known end and the ends that are found from the starts."""
         tried = [known]
         for start in starts:
             key = n, (start.unknowns if isinstance(start, End) else start).tobytes()
@@ -281,7 +277,6 @@ class FrontComparison:
     first: str
 
     def lines(self) -> list[str]:
-        """Describe the comparison."""
         who = f"they beat {self.beaten} points of" if self.beaten else "none of them beats"
         told = [f"beside the {self.count} designs in the folder: {who} the front"]
         if len(self.gains):
@@ -324,8 +319,7 @@ def columns(found: Front) -> dict[str, NDArray[Any]]:
     """The front as a table: variables, measures, prices and active constraints.
 
     A price is in the units of the first objective for one unit of the other: the column
-    u_roll_urad_per_head_mm states by how many urad another millimetre of head reduces the
-    uncertainty.
+    u_roll_urad_per_head_mm is the reduction of the uncertainty by another millimetre of head, urad.
     """
     names, first = found.objectives, found.walk.first
     table: dict[str, NDArray[Any]] = {"point": np.arange(len(found.designs))}
@@ -353,7 +347,7 @@ SHOWN = 11
 
 
 def some_rows(found: Front) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of some points: variables, measures, prices, and the strongest active
+    """Headings and rows of some points: variables, measures, prices, and the strongest
     constraint."""
     first = found.objectives[found.walk.first]
     others = [name for name in found.objectives if name != first]

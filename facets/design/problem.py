@@ -124,8 +124,7 @@ class LayoutProblem:
         return len(self.names) + len(self.extras)
 
     def first_guess(self, start: Floats) -> Floats:
-        """Return the unknowns at a start: each slack just above its least value, and a small
-        scale."""
+        """Return the unknowns at a start: slacks just above their least values, a small scale."""
         shares = (start - self.low) / (self.high - self.low)
         return self.fill_slacks(np.append(shares, [GUESS[aim] for aim in self.extras]))
 
@@ -148,14 +147,12 @@ class LayoutProblem:
         return self.low + (self.high - self.low) * unknowns[: len(self.names)]
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """Return the bounds of the unknowns."""
         low, high = np.zeros(self.count), np.ones(self.count)
         high[len(self.names) :] = np.inf
         return low, high
 
     def values(self, unknowns: Floats) -> Floats:
-        """Return the values of all constraints; a constraint is met where its value is not
-        negative."""
+        """Return the values of all constraints, which are met if not negative."""
         found = self.formula.outputs(unknowns[None, self.places], self.states)[
             0, self.rows.state, self.rows.output
         ]
@@ -242,7 +239,6 @@ class LayoutProblem:
         return QuadraticModel(found.values[0], slopes, curvature)
 
     def objective(self, unknowns: Floats) -> float:
-        """Return the objective."""
         return float(self.expand_objective(unknowns).values[0])
 
     def expand_objective(self, unknowns: Floats) -> QuadraticModel:
@@ -473,8 +469,7 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutP
 
 
 def origin_of(low: Floats, high: Floats) -> Floats:
-    """Return the shares of their bounds at which positive variables are zero; NaN for the
-    others."""
+    """The shares of their bounds at which positive variables are zero; NaN for the others."""
     origin: Floats = np.where(low > 0, -low / (high - low), np.nan)
     return origin
 
@@ -496,7 +491,7 @@ def formula_places(names: list[str], extras: list[str]) -> Integers:
 def rows_of(
     constraints: list[Constraint], groups: list[str], extras: list[str], variables: int, states: int
 ) -> Rows:
-    """Make a row for each output and state; an output that is the same at every state has one
+    """Make a row for each output and state; an output that is the same at all states has one
     row."""
     rows = [
         (state, output, groups.index(each.group),

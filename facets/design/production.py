@@ -72,8 +72,7 @@ def simulate_heads(
 
 
 def count_passes(heads: SimulatedHeads) -> dict[str, int]:
-    """Count the heads that keep spots, light and limits; and those that keep accuracy as built, and
-    calibrated."""
+    """Count the heads that keep spots, light and limits; and accuracy as built, and calibrated."""
     kept = heads.kept >= 0
     return {
         "kept": int(kept.sum()),

@@ -98,10 +98,9 @@ def replace_spare(problem: LayoutProblem, spare: Floats | None) -> LayoutProblem
 
 
 def missing(found: Expansion, draws: Draws, target: float) -> float:
-    """Return the increase of all margins, in spreads, with which the target share of heads keeps
-    all.
+    """The increase of all margins, in spreads, with which the target share of heads keeps all.
 
-    A head keeps all where its worst margin, in spreads, is no more below zero than that.
+    A head keeps all if its worst margin, in spreads, is no more below zero than that.
     """
     spread = np.maximum(found.spread, LEAST_SPREAD)
     near = np.flatnonzero(found.margins < SAFE * spread)

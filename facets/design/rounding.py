@@ -14,8 +14,7 @@ from ..core.units import Floats
 from .problem import LayoutProblem
 from .search import SLACK, objective_at, settle, solve
 
-#: Steps that are easy to set or make, by the ending of a variable's name; some names have their
-#: own.
+#: Steps that are easy to set or make, by the ending of a variable's name or by the whole name.
 STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
 OWN = {"diameter_mm": 0.01}
 #: How many times a step is made ten times finer before a variable stays unrounded.
@@ -74,7 +73,7 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
 
 
 def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Floats:
-    """The nearest multiples of the steps within the bounds; a variable without a step is
+    """The nearest multiples of the steps within the bounds; variables without a step are
     unchanged."""
     found = x.copy()
     for n, name in enumerate(names):

@@ -165,7 +165,6 @@ def starts_of(problem: LayoutProblem, layout: Layout) -> Floats:
 
 
 def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
-    """Search from the present sensor."""
     problem = problem_of(sensor, layout)
     return solve_from(problem, starts_of(problem, layout)[0])
 

@@ -47,9 +47,9 @@ def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
 
 
 def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int, int], list[Any]]:
-    """Clearances by detector and edge (-y, +y, -z, +z) of the points on a facet that can be
-    farthest out, mm: the mirror's tip, the points where the facet's edges leave the ellipse, and
-    the arc between.
+    """Clearances by detector and edge (-y, +y, -z, +z) of a facet's candidates for the farthest
+    light, mm: the tip, the points where the facet's edges leave the ellipse, and the arc's farthest
+    point.
 
     sizes: of each detector along y and z, mm.  The tip is inside the ellipse; see `tip_clearance`.
     """
@@ -72,8 +72,7 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
 
 
 def corner_points(at: Scene, k: int) -> list[Plane]:
-    """The corners of the light on facet k inside the ellipse: the tip and the far ends of both
-    edges."""
+    """The corners of the light on facet k inside the ellipse: tip and far ends of both edges."""
     every = corners(at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS)
     return [every[n][1] for n in (0, 2, 4)]
 
@@ -84,8 +83,7 @@ def tip_clearance(at: Scene) -> Any:
 
 
 def rim_clearances(fixed: Geometry, at: Scene, rim: float) -> list[Any]:
-    """Clearances of the light inside the ellipse from the mirror's rim on each facet, over the
-    rim."""
+    """Clearances of the light inside the ellipse from the mirror's rim by facet, over the rim."""
     found = []
     for k in range(3):
         along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])

@@ -36,8 +36,7 @@ HEADS, SEED = 20_000, 7
 SMALL = 1e-3
 #: Margins more spreads than this above zero are ignored.
 SAFE = 6.0
-#: The key of `calibrate.before` of each parameter; every other parameter is a detector's
-#: distortion.
+#: Keys of `calibrate.before` by parameter; the other parameters are detectors' distortions.
 KEYS = {
     "radius": "psd_place_mm", "height": "psd_place_mm", "roll": "psd_turn_mrad",
     "pitch": "psd_turn_mrad", "yaw": "psd_turn_mrad", "inclination": "facet_mrad",
@@ -91,7 +90,7 @@ class Expansion:
 
 @one_thread
 def expand_margins(built: Assembly) -> Expansion:
-    """Expand margins and errors. Raises `InputError` if the design itself or a head cannot be
+    """Expand margins and errors. Raises `InputError` if the design or a head cannot be
     evaluated."""
     count = len(built.choice.names)
     middle = margins_of(built.asked, built.sensor)
@@ -220,7 +219,7 @@ class Sensitivity:
 
 
 def sensitivities(found: Expansion, draws: Draws) -> list[Sensitivity]:
-    """Compute the effect of each tolerance; the one whose halving increases the yield most comes
+    """Compute the effect of each tolerance; the one whose halving helps the yield most comes
     first."""
     keys = np.array([key_of(name) for name in found.built.choice.names])
     rows = []

@@ -61,14 +61,12 @@ class Trade:
         return found
 
     def costs_of_measures(self, values: Floats) -> Floats:
-        """Return the costs of a design's measures."""
         places = [MEASURES.index(name) for name in self.objectives]
         found: Floats = self.signs * values[..., places] / self.scales
         return found
 
     def bounds(self, most: Floats) -> tuple[Floats, Floats]:
-        """Return the bounds of the unknowns where no cost may exceed `most`, which may be
-        infinite."""
+        """Return the bounds of the unknowns with no cost above `most`, which may be infinite."""
         low, high = self.problem.bounds()
         n = len(self.problem.names)
         high[n:] = np.where(self.signs > 0, most, np.inf)

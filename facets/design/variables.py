@@ -43,8 +43,7 @@ FULL = 0.95
 
 
 def columns_of_states(states: Floats) -> tuple[Any, ...]:
-    """Split the eight numbers of states (m, 8) or (k, m, 8) into the form that `outcome_of`
-    takes."""
+    """Split states (m, 8) or (k, m, 8) into the eight numbers that `outcome_of` takes."""
     return tuple(np.ascontiguousarray(states[..., i]) for i in range(8))
 
 
@@ -209,8 +208,7 @@ def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
 
 
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
-    """The sensor with the named variables at x. Raises `InputError` if no sensor has these
-    values."""
+    """The sensor with the named variables at x. Raises `InputError` for an invalid sensor."""
     p, sizes = layout_parameters(sensor, names, x.tolist())
     made = sensor_with(sensor, p)
     if GAIN in names and made.electronics is not None:

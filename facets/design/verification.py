@@ -63,8 +63,7 @@ def simulate_spread(sensor: Sensor, states: Floats, rng: np.random.Generator) ->
 def performance(
     sensor: Sensor, layout: Layout, rules: Rules, rng: np.random.Generator
 ) -> tuple[dict[str, float], Floats]:
-    """A sensor's performance, by name and unit, NaN where a value cannot be computed; and its worst
-    states (6, 8)."""
+    """Performance by name and unit, NaN if it cannot be computed; and the worst states (6, 8)."""
     states = worst_states(sensor, layout, rng)
     sigma = uncertainties(sensor, states, FREE)
     found: dict[str, float] = {}

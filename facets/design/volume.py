@@ -109,8 +109,8 @@ def add_worst_states(
 def descend(
     values: Callable[[Floats], Floats], places: Floats, which: Any, lowest: Floats, wide: Booleans
 ) -> tuple[Floats, Floats]:
-    """Minimise values `which` (k,) near places (k, 8), along one axis at a time; return them and
-    where."""
+    """Minimise values `which` (k,) near places (k, 8), one axis at a time; return minima and
+    places."""
     places, lowest = places.copy(), lowest.copy()
     sides = np.concatenate([np.eye(8)[wide], -np.eye(8)[wide]])
     step = np.full(len(places), FIRST_STEP)

@@ -28,8 +28,8 @@ ROWS = (("before", "o", False), ("after", "o", True), ("stated", "|", True))
 
 
 def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> Figure:
-    """Draw residuals over each detector's face, a row for each reading, and errors of the poses
-    held back.
+    """Draw residuals over each detector's face, a row for each reading, and errors of held-back
+    poses.
 
     A cell's hue is the mean residual of the samples whose spots fell there: an unmodelled effect
     shows as patches, noise does not.
@@ -54,8 +54,7 @@ def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> 
 
 
 def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:
-    """Draw the mean of the residuals (n,) at spots (n, 2), in cells; cells without light stay
-    empty."""
+    """Draw the mean residuals (n,) at spots (n, 2), in cells; cells without light stay empty."""
     from matplotlib.colors import TwoSlopeNorm
 
     there = np.isfinite(spots).all(axis=1) & np.isfinite(left)

@@ -31,14 +31,11 @@ def front_picture(
     indices: dict[str, dict[str, Index]],
     own: dict[str, float] | None = None,
 ) -> Figure | None:
-    """Draw objectives against one another with the front marked, and first-order Sobol indices
-    below.
+    """Draw objectives against one another with the front marked; below, first-order Sobol indices.
 
     A third objective is the hue. Designs without all objectives are left out.  own: the measures of
-    the present design, which is marked as well.
-
-    Returns None if there is nothing to draw: fewer than two designs with all objectives, or one
-    objective and no indices.
+    the present design, which is marked as well. Returns None if there is nothing to draw: fewer
+    than two designs with all objectives, or one objective and no indices.
     """
     known = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
     views = views_of(objectives)
@@ -85,8 +82,7 @@ def cloud(
     part: Any, panel: Axes, table: Table, view: tuple[str, str, str], known: Booleans,
     best: Booleans,
 ) -> None:  # fmt: skip
-    """Draw all designs small, those on the front large and rimmed; a third objective is their
-    hue."""
+    """Draw all designs small, those on the front large and rimmed; hue is a third objective."""
     from matplotlib.colors import Normalize
 
     hues, (x, y, hue) = chosen_hues(), view

@@ -41,8 +41,7 @@ def ease_camera(camera: Camera, share: float) -> Camera:
 def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0) -> Iterator[Any]:
     """Yield a frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger.
 
-    turning: the further enlargement of the head's rotation in the large picture; the light has
-    `factor`.
+    turning: further magnification of the head's rotation in the large picture; light has `factor`.
     """
     view = picture.view
     still = view.camera()
@@ -63,8 +62,7 @@ def write(
     tell: Callable[[], None],
     turning: float = 1.0,
 ) -> None:
-    """Write a film of states (n, 8) at `rate` frames a second; an interrupted film leaves no
-    file."""
+    """Write a film of states (n, 8) at `rate` frames a second; a failure leaves no file."""
     with Whole(path) as temporary:
         shown = report_frames(frames(picture, states, factor, turning), tell)
         if path.suffix.lower() == ".gif":

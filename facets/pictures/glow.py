@@ -45,8 +45,8 @@ class Glow:
 
 
 def glow(stand: Stand, shot: Shot, laser: float, dark: Collection[int] = ()) -> Glow:
-    """Compute a picture's light. laser: height of the beam's start above the apex, mm.  dark:
-    sub-beams to omit."""
+    """Compute a picture's light. laser: start of the beam above the apex, mm.  dark: omitted
+    sub-beams."""
 
     def light_of(k: int) -> Floats:
         if k in dark:
@@ -60,8 +60,7 @@ def glow(stand: Stand, shot: Shot, laser: float, dark: Collection[int] = ()) -> 
 
 
 def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
-    """Compute light for every other pixel a side if the beam is so wide that it has nothing
-    finer."""
+    """Compute every other pixel a side if the beam is so wide that it has no finer detail."""
     if width_of(stand) < 10 * shot.camera.pixel:
         return light(shot)
     width, height = shot.camera.size
@@ -182,8 +181,7 @@ class PixelRays:
 def beam_coordinates(
     stand: Stand, line: PixelRays, k: int | None = None, about: Any = (0, 0), wide: float = 1.0
 ) -> tuple[Across, Across]:
-    """Coordinates of rays across the beam, in sigmas, folded at facet k if given: at t = 0, and per
-    t.
+    """Return coordinates of rays across the beam, folded at facet k if given: at t = 0, and per t.
 
     about, wide: origin and unit of the coordinates, sigmas.
     """
@@ -296,8 +294,7 @@ def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
 
 
 def surface(stand: Stand, shot: Shot, k: int) -> Floats:
-    """Compute the irradiance of facet k's light on the facet and on its detector, over the
-    largest."""
+    """Compute the irradiance of facet k's light on facet and detector, over the largest."""
     normal = np.array(stand.at.normals[k], float)
     apex = np.array(stand.at.apex, float)
     centre = np.array(stand.geometry.centres[k], float)
@@ -319,8 +316,7 @@ def plane(
     stand: Stand, shot: Shot, k: int, point: Floats, normal: Floats, about: Floats, reach: float,
     folded: bool,
 ) -> Floats:  # fmt: skip
-    """Compute the irradiance on a plane within `reach` of a point, where a part's surface lies in
-    it."""
+    """Compute the irradiance on a plane within `reach` of a point, where a surface lies in it."""
     around = 2 * FAR * width_of(stand) if not np.isfinite(reach) else reach
     where, pixel = segment_pixels(shot.camera, np.array([about, about]), around)
     where = where & shot.is_covered

@@ -33,8 +33,7 @@ class Inset:
 
 
 def assign(targets: Sequence[Floats], slots: Sequence[Floats]) -> list[int]:
-    """Return the slot of each target, pixels, so that leader lines do not cross and are short in
-    total."""
+    """Return the slot of each target, pixels: leader lines do not cross and are short in total."""
     best: tuple[float, Sequence[int]] = (np.inf, ())
     for order in permutations(range(len(slots)), len(targets)):
         lines = [(target, slots[n]) for target, n in zip(targets, order, strict=True)]

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 
 def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
-    """Draw the comparison of `verification.compare`: each axis after over before, and both as
-    numbers.
+    """Draw the comparison of `verification.compare`: each axis after over before, and both numbers.
 
     A step to the left is finer, or a shorter range; the line at 1 is the value before.
     """

@@ -24,7 +24,6 @@ Points = Sequence[Point] | Floats
 
 @lru_cache(maxsize=64)
 def font(size: int, bold: bool = False) -> Any:
-    """Return the font of the plots."""
     import matplotlib
     from PIL import ImageFont
 

@@ -75,8 +75,7 @@ def panels_of_axes() -> tuple[Figure, NDArray[Any]]:
 
 
 class Clock:
-    """The samples' places on the time axis: the time of a single motion; of several, each has
-    length one."""
+    """The samples' places on the time axis: times of one motion, or unit lengths for several."""
 
     def __init__(self, segments: Sequence[Segment]) -> None:
         self.names = [segment.name for segment in segments]

@@ -28,7 +28,6 @@ p{max-width:50rem}section{overflow-x:auto}"""
 
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
-    """Return the page as one HTML file."""
     readings, poses = report.channels[:9], report.channels[9:]
     head = "".join(
         f"<tr><th>{escape(key)}</th><td>{escape(value)}</td></tr>" for key, value in about.items()
@@ -130,8 +129,7 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
 
 
 def spectrum(panel: Axes, one: Channel) -> None:
-    """Draw the measured spectrum as a band in columns; the fitted noise; and the configured one,
-    dashed."""
+    """Draw the measured spectrum as a band, the fitted noise, and the configured noise dashed."""
     from scipy.signal import welch
 
     rate, hue = one.model.rate, hue_of(one.name)

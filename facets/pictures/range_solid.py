@@ -1,5 +1,4 @@
-"""The range of the mirror's place as a solid about its apex, with the limiting cause on every
-side."""
+"""The range of the mirror's place as a solid about its apex, with the cause of its end by side."""
 
 from __future__ import annotations
 
@@ -96,8 +95,7 @@ def between(upper: Floats, lower: Floats) -> Floats:
 
 
 def follow(sensor: Sensor, rules: Rules, ways: Floats) -> tuple[Floats, Integers]:
-    """Return the range in directions (n, 3) of the mirror's place, mm, and the causes of its
-    end."""
+    """The range in directions (n, 3) of the mirror's place, mm, and the causes of its end."""
     found = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
     return found.distance * FARTHEST_MM, np.where(found.cause < 0, len(CAUSES), found.cause)
 

@@ -23,8 +23,7 @@ NAMED_SHARE = 0.01
 
 
 def budget_picture(found: Sequence[Resolution]) -> Figure:
-    """Draw uncertainties at rest and at worst, on a logarithmic scale, shifts left and angles
-    right.
+    """Draw uncertainties at rest and at worst, on a logarithmic scale, shifts left, angles right.
 
     Each way of solving has a lane; the mark at rest denotes the source of most of the variance.
     """

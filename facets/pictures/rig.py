@@ -167,7 +167,7 @@ def housing_size(stand: Stand, k: int) -> tuple[float, float]:
 
 
 def detector_frame(stand: Stand, k: int) -> tuple[Floats, Floats]:
-    """Return the middle of a detector's face, and axes for parts: sideways, upward, and out of its
+    """Return the middle of a detector's face, and axes for parts: sideways, upward, out of its
     back.
 
     They are right-handed: y, z and x of the detector.
@@ -253,8 +253,7 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
 
 
 def laser_frame(stand: Stand) -> tuple[Floats, Floats]:
-    """Return the place where the beam leaves the laser, and axes for its parts: the last against
-    the beam."""
+    """Return where the beam leaves the laser, and axes for its parts: the last against the beam."""
     back = -np.array(stand.geometry.direction)
     up = LASER_HEIGHT_MM * scale_of(stand)
     origin = np.array(stand.at.place) + up / back[2] * back

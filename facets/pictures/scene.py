@@ -278,7 +278,6 @@ def spot(stand: Stand, k: int) -> Spot:
 
 
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
-    """Make all bodies of the rig."""
     stand = Stand.from_state(sensor, state)
     found: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
     for k in range(3):

@@ -51,8 +51,7 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
 
 
 def density(picture: Figure, panel: Axes, x: Floats, y: Floats, counts: Floats) -> Any:
-    """Draw the number of states in each cell, with empty cells transparent, and a line at zero if
-    it is in reach."""
+    """Draw the number of states by cell, empty cells transparent, and a line at zero in reach."""
     from matplotlib.colors import LogNorm
 
     shown = np.ma.masked_equal(counts.T, 0)
@@ -75,8 +74,7 @@ def zero(panel: Axes, text: str) -> None:
 
 
 def draw_path_between_pair(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:
-    """Draw the readings' difference along the line between two states: it returns to zero, and the
-    sign changes."""
+    """Draw, along the line between two states, their readings' difference and the determinant."""
     hues = chosen_hues()
     first, second = panels
     first.plot(pair.share, pair.apart, color=hues.accent)

@@ -23,13 +23,11 @@ class Solid(NamedTuple):
     faces: list[list[int]]
 
     def move(self, origin: Any, axes: Any) -> Solid:
-        """Move from a frame whose axes x, y, z are the rows of `axes` and whose origin is
-        `origin`."""
+        """Move from a frame whose axes are the rows of `axes` and whose origin is `origin`."""
         return Solid(np.asarray(origin, float) + self.points @ np.asarray(axes, float), self.faces)
 
 
 def join(solids: Sequence[Solid]) -> Solid:
-    """Join several solids to one."""
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])
     faces = [
         [int(start) + n for n in face]
@@ -66,7 +64,7 @@ def revolve(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid
 
 
 def tube(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
-    """Revolve a closed profile of (radius, z), counter-clockwise with z up, about z: a part with a
+    """Revolve a closed profile of (radius, z), counter-clockwise with z up, about z, with a
     bore."""
     angle = 2 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)

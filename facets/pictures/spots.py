@@ -86,8 +86,7 @@ def write(panel: Axes, text: str, place: Floats, degrees: float = 0.0) -> None:
 
 
 def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
-    """Draw the spot with its centroid R, the images of apex Q and beam S, and the circle cut
-    away."""
+    """Draw the spot with its centroid R, the images of apex Q and beam S, and the cut circle."""
     hues = chosen_hues()
     image = shine(panel, spot) if spot.grid.size else None
     panel.plot(*spot.circle.T, "--", color=hues.grey, lw=1, label="the beam's 1/e² circle")

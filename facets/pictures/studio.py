@@ -43,8 +43,7 @@ def library(interactive: bool = False) -> Any:
 
 
 def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
-    """Convert a surface to a mesh with normals: shared across nearly flat edges, split at sharp
-    ones."""
+    """Convert a surface to a mesh with normals: shared across flat edges, split at sharp ones."""
     faces = np.concatenate([[len(face), *face] for face in solid.faces])
     mesh = pyvista.PolyData(np.asarray(solid.points, float), faces)
     if not smooth:

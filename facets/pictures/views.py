@@ -46,7 +46,6 @@ def state_in_words(state: Floats) -> str:
 
 
 def power_in_words(power: float) -> str:
-    """Format a power in mW."""
     return f"{power:.3g} mW" if power >= 1 else f"{UW * power:.3g} {MICRO}W"
 
 
@@ -594,8 +593,7 @@ class ExplodedView(SceneView):
                     return
 
     def sides(self, part: RigPart, low: Floats, high: Floats, middle: Floats) -> list[Any]:
-        """Return candidate starts and directions of a label's line: beside upright parts, else
-        above."""
+        """Return starts and directions for a label's line: beside upright parts, else above."""
         if part.assembly in ("head", "laser"):
             left = (np.array([low[0], middle[1]]), np.array([-1.0, 0]))
             return [left, (np.array([high[0], middle[1]]), np.array([1.0, 0]))]
@@ -608,7 +606,6 @@ PLAIN = {"mirror body": "mirror with three facets", "bond ring": "contact ring"}
 
 
 def middle_of(part: RigPart) -> Floats:
-    """Return the middle of a part's box."""
     points = part.solid.points
     middle: Floats = (points.min(axis=0) + points.max(axis=0)) / 2
     return middle

@@ -68,14 +68,12 @@ def between(key: str, low: float, high: float) -> str:
 
 
 def rows_in_words(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Write a table's rows in words: first cells are columns, keys or limits, and last ones may
-    be."""
+    """Write a table's rows in words: first cells are columns, keys or limits; last ones may be."""
     return [[cell_in_words(cell) for cell in row] for row in rows]
 
 
 def cell_in_words(cell: str) -> str:
-    """Write a key, a column or a limit in words; in other cells only replace signs by typographic
-    ones."""
+    """Write a key, a column or a limit in words; other cells only get typographic signs."""
     block = cell.partition(".")[0]
     if block in BLOCKS:
         return key_in_words(cell)

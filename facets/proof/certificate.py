@@ -24,11 +24,10 @@ def write_certificate(
     resolved: dict[str, Any] | None = None,
     cover: RangeCover | None = None,
 ) -> None:
-    """Write lengths in mm, angles in rad and powers in mW, with floats that read back the same.
+    """Write a certificate in mm, rad and mW, with floats that read back the same.
 
-    resolved: the configuration whose checksum `about` has.  cover: the box that was proved to
-    contain the measurement range. An unsuccessful certificate is written too, and the checker
-    refuses it.
+    resolved: the configuration whose checksum `about` has.  cover: the box proved to contain the
+    measurement range. An unsuccessful certificate is written too, and the checker refuses it.
     """
     content = {
         "format": FORMAT,

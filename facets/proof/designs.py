@@ -13,8 +13,7 @@ MOST_PIECES = 400
 
 
 def certify_design(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> Certificate | str:
-    """Certify the box of the ranges of a design's axes; return the reason if an axis has no
-    range."""
+    """Certify the box of the ranges of a design's axes, or return why an axis has no range."""
     try:
         box = range_box(sensor, rules)
     except InputError as error:

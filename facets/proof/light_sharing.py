@@ -89,16 +89,14 @@ ROOT_2, ROOT_2_OVER_PI, ROOT_8_PI = arb(2).sqrt(), (2 / arb.pi()).sqrt(), (8 * a
 
 
 def means_along(a: Interval) -> tuple[Interval, Interval, Interval]:
-    """erfc(a / sqrt 2), and rho = K / L and eta = J / K on a half-line; all three decrease with
-    a."""
+    """erfc(a / sqrt 2), and rho = K / L and eta = J / K on a half-line; all decrease with a."""
     beyond = (a / ROOT_2).erfc()
     mean = ROOT_2_OVER_PI * (-a * a / 2).exp() / beyond - a
     return beyond, mean, 1 / mean - a
 
 
 def half_line(q: Plane, u: Plane) -> HalfLine:
-    """Both means decrease with a: a larger a weighs the light by a factor that falls with
-    distance."""
+    """Both means decrease with a: a larger a weighs light by a factor that falls with distance."""
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
     most, least = means_along(a.lower()), means_along(a.upper())
     beyond, mean, reach = (x.union(y) for x, y in zip(least, most, strict=True))
@@ -116,7 +114,7 @@ class FacetEdges(NamedTuple):
 
 
 def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
-    """Return the edges. at, axes: the mirror and its axes of rotation, over the box. Raises
+    """Return the edges. at, axes: mirror and axes of rotation in the box. Raises
     `LightNotShared`."""
     angles = [edge_angle(geometry, edge) for edge in at.edges]
     openings = [opening(angles[k], angles[(k + 1) % 3]) for k in range(3)]
@@ -150,8 +148,7 @@ def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
 
 
 def light_if_enough(edges: FacetEdges, q: Plane, least: float) -> list[FacetLight] | None:
-    """The light on the facets over a box of offsets; None if a facet has less than the least
-    share."""
+    """The light on the facets over a box of offsets; None if a facet has less than its share."""
     lights = []
     for k in range(3):
         light = light_between(q, edges.angles[k], edges.openings[k])
@@ -218,16 +215,14 @@ def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
 
 
 def hull_of_each(several: Sequence[Any]) -> Any:
-    """The hull of intervals; for lists of one shape, the list of the hulls of corresponding
-    elements."""
+    """The hull of intervals; for lists of one shape, the hulls of corresponding elements."""
     if isinstance(several[0], list):
         return [hull_of_each(parts) for parts in zip(*several, strict=True)]
     return hull(several)
 
 
 def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
-    """The angle of an edge as seen along the beam, counted from its middle: never near half a
-    turn."""
+    """The angle of an edge, seen along the beam, from its middle: never near half a turn."""
     x, y = project_to_sigmas(geometry, edge)
     c, s = x.mid(), y.mid()
     return arb.atan2(s, c) + arb.atan2(c * y - s * x, c * x + s * y)
@@ -252,8 +247,7 @@ def opening(first: Interval, second: Interval) -> Interval:
 def offset_moves(
     edges: FacetEdges, sides: list[HalfLine], alpha: list[Interval]
 ) -> list[list[Interval]]:
-    """The change dq (2, 3) with roll, pitch and yaw at fixed shares.  alpha: weights of the
-    edges."""
+    """The change dq (2, 3) with the three angles at fixed shares.  alpha: weights of the edges."""
     u = [side.u for side in sides]
     resistance = sum(alpha[e] / sides[e].light for e in range(3))
     dq = [[arb(0)] * 3, [arb(0)] * 3]
@@ -281,8 +275,7 @@ def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> Sharin
 
 
 def light_between(q: Plane, start: Interval, opening: Interval) -> FacetLight:
-    """The light of a facet by slices of its angle: light per angle is K, its mean distance J /
-    K."""
+    """The light of a facet, by slices of its angle: light per angle is K, mean distance J / K."""
     mass, x, y = arb(0), arb(0), arb(0)
     slices = SLICES + int(MORE * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
     for n in range(slices):

@@ -74,8 +74,8 @@ def prove_by_middles(
     jacobians: Sequence[Centred],
     slope: float,
 ) -> ByMiddles:
-    """Prove regularity. jacobians: over pieces that fill the box.  slope: of the powers, a lower
-    bound."""
+    """Prove regularity. jacobians: over pieces that fill the box.  slope: a lower bound of the
+    powers'."""
     affine = affine_part(geometry, shares, box)
     rest = hull_of_matrices([affine_remainder(affine, jacobian) for jacobian in jacobians])
     pieces: list[ProvedPiece] = []

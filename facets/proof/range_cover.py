@@ -97,8 +97,7 @@ def cover_range(
     tolerances: Sequence[float] | None = None,
     work: int = MOST_BOXES,
 ) -> RangeCover | None:
-    """Find a box of all poses that keep the rules, for any place of the beam; None if none is
-    found.
+    """Find a box of all poses that keep the rules, for any place of the beam, or None.
 
     share: the least of the light, by the rules.  tolerances: as for `certify`.
     """
@@ -175,8 +174,8 @@ def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -
 
 
 def points_near_apex(problem: RangeProblem, pose: Sequence[Interval]) -> list[list[Interval]]:
-    """(3, 2) sigmas from the apex, across the beam: regions where each spot has a point on its
-    detector."""
+    """Regions (3, 2) across the beam in which each spot has a point on its detector, sigmas from
+    the apex."""
     zero = arb(0)
     at = dark_scene_over(problem.geometry, [zero, zero, zero, *pose[3:]])
     edges = facet_edges(problem.geometry, at, rotation_axes(pose[4], pose[5]))

@@ -27,8 +27,7 @@ def find_reach(
     farthest: float = FARTHEST,
     work: int = MOST_PIECES,
 ) -> tuple[float, Certificate | None]:
-    """Find the largest tried factor at which the box of poses is proved unique, and its
-    certificate.
+    """Find the largest tried factor at which the box is proved unique, and its certificate.
 
     The box grows about zero, and its least share stays. Returns 1.0 and None if no larger box is
     proved; `farthest` if every one is. A larger box may still be one-to-one: this is a lower bound.

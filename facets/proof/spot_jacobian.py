@@ -40,8 +40,7 @@ class NotFacing(Exception):
 
 
 def interval_geometry(sensor: Sensor, tolerances: Sequence[float] | None = None) -> Geometry:
-    """Compute the sensor's vectors from its parameters as they are stored, without further
-    rounding.
+    """Compute the sensor's vectors from its stored parameters, without further rounding.
 
     tolerances: (30,) the largest error of each, in the order of `facets.PARAMETERS`; mm, rad, mW.
     """
@@ -115,8 +114,7 @@ def spot_jacobian(
 
 
 class Centred(NamedTuple):
-    """A 6 x 6 Jacobian over a piece: in `middle` + sum of slopes[m] times the displacement on axis
-    m.
+    """A 6 x 6 Jacobian over a piece: in `middle` + sum of slopes[m] times the change on axis m.
 
     place: (6,) the pose in the piece's middle.  half: (6,) the distances from there to its ends.
     middle: at that pose, over the light's bounds.  slopes: (6, 6, 6) over the whole piece.

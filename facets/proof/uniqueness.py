@@ -94,7 +94,7 @@ class Certificate:
 
 
 def refusal_reason(sensor: Sensor) -> str:
-    """Return why a sensor whose model has more than ideal light cannot be certified; else an empty
+    """Why a sensor whose model has more than ideal light cannot be certified; else an empty
     text."""
     if sensor.apertures.cut:
         return "sensor.apertures cuts the light, of which the theorem knows nothing"
@@ -208,7 +208,7 @@ def prove_pieces(
     tell: Callable[[float], None],
     work: int,
 ) -> list[Centred]:
-    """Sort the box's pieces into proved and doubtful ones; return the Jacobians over the proved
+    """Sort the box's pieces into proved and doubtful ones; return the Jacobians of the proved
     ones."""
     slope = ends(slope_of_powers(geometry, shares))[0]
     found.work = 0

@@ -15,7 +15,6 @@ from . import dispatch
 
 
 def is_zero(slope: Any) -> bool:
-    """Whether a slope is the plain number 0."""
     return isinstance(slope, float) and slope == 0.0
 
 
@@ -32,8 +31,8 @@ def subtract_slopes(a: Any, b: Any) -> Any:
 
 
 class Dual:
-    """real: the value.  imag: the slope; the names are those of a complex number, so that formulas
-    serve both."""
+    """real: the value.  imag: the slope; named as in complex numbers, so that formulas serve
+    both."""
 
     __slots__ = ("imag", "real")
     #: The module with the elementary functions of such numbers, see `dispatch.library`.

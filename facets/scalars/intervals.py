@@ -42,8 +42,7 @@ def ends(x: Interval) -> tuple[float, float]:
 
 
 def magnitude(x: Interval) -> float:
-    """The largest absolute value in an interval, rounded up; infinite if the interval is not
-    finite."""
+    """The largest absolute value in an interval, rounded up; infinite if the interval is not."""
     low, high = ends(x)
     return max(abs(low), abs(high)) if isfinite(low) and isfinite(high) else inf
 

@@ -25,8 +25,7 @@ from .tracing import Condition, Value
 
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
-#: Above an eighth of a half-turn, the arc tangent follows from that of the complement to a quarter
-#: turn.
+#: Above an eighth of a half-turn, the arc tangent follows from that of the complement.
 TAN_1, TAN_3 = math.sqrt(2) - 1, math.sqrt(2) + 1
 #: Number of bits of a double's mantissa, and the least double with a full mantissa.
 MANTISSA_BITS, SMALLEST = 52, 2.0**-1022
@@ -157,7 +156,7 @@ class LaneWriter(MachineWriter):
     def store_column(
         self, numbers: Sequence[Value | float], pointer: Any, column: Any, columns: Any
     ) -> None:
-        """Store numbers of each lane in one column of its matrix, whose rows have `columns`
+        """Store numbers of each lane in a column of its matrix, whose rows have `columns`
         numbers."""
         for row, number in enumerate(numbers):
             vector = self.value(number)
@@ -194,8 +193,7 @@ class LaneWriter(MachineWriter):
         return self.builder.zext(bits, LONG)
 
     def leave(self, condition: Condition) -> None:
-        """Add to `left` the lanes in which the condition holds and whose alternative is
-        selected."""
+        """Add to `left` the lanes in which the condition holds and whose branch is selected."""
         for other in self._here:
             condition = condition & other
         self.left = self.left | condition
@@ -215,8 +213,7 @@ class LaneWriter(MachineWriter):
 
     @contextmanager
     def _round(self) -> Iterator[Callable[[], Any]]:
-        """Enclose a loop; yields a function for the enclosure of its body. Rounds pass on
-        `left`."""
+        """Enclose a loop; yield a function that encloses its body. Rounds pass on `left`."""
         left = LaneFlag(self, self.left)
 
         @contextmanager
@@ -257,8 +254,8 @@ class LaneWriter(MachineWriter):
         return UNFILLED
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
-        """Write the function anew each time, since the lanes that it leaves depend on the place;
-        its parts only once."""
+        """Write the function anew, since the lanes that it leaves depend on the place; its parts
+        once."""
         if name in INTRINSICS:
             return super().write_function(name, *arguments)
         written: Callable[..., Value] = getattr(self, f"_{name}")

@@ -153,8 +153,7 @@ class Tracer:
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
     ) -> Numbers:
-        """Choose the result of one of two functions. If only one of them runs, each is a
-        `scope`."""
+        """Choose the result of one of two functions, each a `scope` if only one of them runs."""
         raise NotImplementedError
 
     def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
@@ -169,8 +168,7 @@ class Tracer:
 
     @contextmanager
     def scope(self) -> Iterator[None]:
-        """A part of the code that may not be run: values computed within it are not known after
-        it."""
+        """A part of the code that may not run: values computed within it are not known after it."""
         known = self._known.copy()
         try:
             yield

@@ -132,8 +132,7 @@ def _safe(name: str) -> str:
 class Function:
     """The translation of one function of the optics to JavaScript.
 
-    functions: the called functions.  constants: the constants by name; both are complete after
-    `text`.
+    functions: the called functions.  constants: those it reads, by name; complete after `text`.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:

@@ -1,7 +1,6 @@
 """An interactive page of a sensor: one HTML file that needs no network.
 
-Sliders move the mirror and the beam, and the page computes readings and rays by the optics' own
-formulas.
+Sliders move the mirror and the beam; readings and rays are computed by the optics' own formulas.
 """
 
 from __future__ import annotations
@@ -92,8 +91,7 @@ def data(value: Any) -> str:
 def components(sensor: Sensor) -> list[dict[str, Any]]:
     """Return each component of the state: its column, unit, words, and the ends of its slider.
 
-    They are far enough for a spot to leave its detector, or the apex to leave the beam; in that
-    unit.
+    At the ends a spot leaves its detector, or the apex leaves the beam; in that unit.
     """
     psds = sensor.psds
     up = max(psd.size_z for psd in psds) / 2
