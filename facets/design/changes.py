@@ -81,7 +81,7 @@ def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
 
 def paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
     for key, value in new.items():
-        # a key that is said for all three was that of a
+        # the old value of a common key is that of a
         before = old.get(key, old["a"].get(key) if "a" in old else None)
         if isinstance(value, dict):
             yield from paths(value, before, f"{prefix}{key}.")
@@ -192,7 +192,7 @@ def loads_to(text: str, folder: Path, keys: dict[str, Any], settings: Config) ->
         path.write_text(text, "utf-8")
         found = load(path).resolved["sensor"]
     except ConfigError:
-        return True  # why is told where the file itself is loaded
+        return True  # loading the file itself reports why
     finally:
         path.unlink(missing_ok=True)
     return bool(differences(settings.resolved["sensor"], found) == keys)

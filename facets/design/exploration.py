@@ -119,8 +119,8 @@ class Space:
     """The design space and how it is sampled.
 
     sampling: "sobol", "lhs" or "grid".  count: of designs, at least.  part: designs a task.
-    objectives: of the front.  every: whether dominated designs are measured in full, too. required:
-    whether designs must keep the layout's requirements over its volume.
+    objectives: of the front.  every: whether dominated designs are measured in full, too.
+    required: whether designs must keep the layout's requirements over its volume.
     """
 
     sensor: Sensor
@@ -193,7 +193,7 @@ def require_variables(space: Space) -> None:
         )
 
 
-@lru_cache(1)  # a worker makes its parts from the same
+@lru_cache(1)  # one table serves all parts of a worker
 def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
     from scipy.stats import qmc
 

@@ -267,8 +267,8 @@ class FrontComparison:
 
     beaten: points that a design of the cloud beats, by more than the tolerance of its ranges.
     gains: by what percentage the front's first objective is better than that of the cloud's own
-    front, at equal values of the other objectives.  count: of the cloud's designs. first: the
-    front's first objective.
+    front, at equal values of the other objectives.  count: of the cloud's designs.
+    first: the front's first objective.
     """
 
     beaten: int

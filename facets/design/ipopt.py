@@ -40,8 +40,8 @@ class SolverResult:
 class ArrayFunction(ca.Callback):
     """A casadi function made from a function of arrays.
 
-    rows: length of each input.  shapes: the sparsity of each output. compute: from the inputs to
-    each output's numbers, by columns.
+    rows: length of each input.  shapes: the sparsity of each output.
+    compute: from the inputs to each output's numbers, by columns.
     """
 
     def __init__(

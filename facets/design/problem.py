@@ -87,16 +87,18 @@ class QuadraticModel(NamedTuple):
 class LayoutProblem:
     """A layout problem, made by `problem_of`.
 
-    names: of the variables.  low, high: their bounds, in the units of their names. extras: the aims
-    that have an unknown of their own, a slack or the scale of the volume. The unknowns are the
-    variables as shares of their bounds, then these. formula: of some of the unknowns, those at
-    `places`, and a state.  states (m, ...). groups: names of the constraints.  rows: all of them.
-    averaged: outputs whose mean over the states is an aim.  aims: the weight of each; `weighted` if
-    they are added up. constant: the term of the parts' price in the objective. half: unit of length
-    of the clearances, mm. span: (8, ...) turns shares of the volume into a state; None if nothing
-    is required over a volume. inside: outputs that are required all over the volume.  stated:
-    number of the stated states, over which `averaged` is the mean; `add_worst_places` added the
-    others.
+    names: of the variables.  low, high: their bounds, in the units of their names.
+    extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
+    unknowns are the variables as shares of their bounds, then these.
+    formula: of some of the unknowns, those at `places`, and a state.  states (m, ...).
+    groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
+    states is an aim.  aims: the weight of each; `weighted` if they are added up.
+    constant: the term of the parts' price in the objective.
+    half: unit of length of the clearances, mm.
+    span: (8, ...) turns shares of the volume into a state; None if nothing is required over a
+    volume.
+    inside: outputs that are required all over the volume.  stated: number of the stated states,
+    over which `averaged` is the mean; `add_worst_places` added the others.
     """
 
     sensor: Sensor
@@ -321,8 +323,9 @@ class StartResult:
     """The result of one start.
 
     x: the variables, in the units of their names.  objective: see `report.objective_text`.
-    active_constraints: the multiplier of each active group, over the largest. shortfalls: the share
-    of its limit by which each group is violated, if the requirements are infeasible.
+    active_constraints: the multiplier of each active group, over the largest.
+    shortfalls: the share of its limit by which each group is violated, if the requirements are
+    infeasible.
     """
 
     start: Floats

@@ -36,9 +36,9 @@ LEAST_SPREAD = 1e-12
 class Robust:
     """A layout with margins.
 
-    problem: with the margins, which rounding and later steps must keep as well. result: of its
-    search.  factor: k.  expansion: of the layout.  kept: the predicted share of heads that keep
-    spots, light and limits.  rounds: their number.
+    problem: with the margins, which rounding and later steps must keep as well.
+    result: of its search.  factor: k.  expansion: of the layout.  kept: the predicted share of
+    heads that keep spots, light and limits.  rounds: their number.
     """
 
     problem: LayoutProblem
@@ -120,8 +120,8 @@ def spare_of(problem: LayoutProblem, found: Expansion, factor: float) -> Floats:
     spread = factor * found.spread.reshape(-1, len(names))
     own = own_units(problem, built, spread)
     every = np.concatenate([own, np.zeros((len(own), 1))], axis=1)
-    column = np.minimum(problem.rows.output, len(names))  # what follows is no requirement of heads
-    spare: Floats = every[problem.rows.state, column]  # heads are asked at the same states first
+    column = np.minimum(problem.rows.output, len(names))  # the rest are no requirements of heads
+    spare: Floats = every[problem.rows.state, column]  # the first states are those of heads
     return spare
 
 

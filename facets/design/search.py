@@ -84,7 +84,7 @@ def optimize(
         What may vary, the volume, the limits and the aim: the block `optimize` of a configuration,
         `Config.layout`.
     tell
-        Called after each search with how many have ended, and of how many.
+        Called after each search with the numbers of completed and of all searches.
 
     Returns
     -------
@@ -203,8 +203,8 @@ def solve(
 ) -> SolverEnd:
     """Solve with all constraints from a guess.
 
-    known: numbers of the rows of a neighbour's problem, whose result is the guess. steps: IPOPT's
-    largest number of steps in each round.
+    known: numbers of the rows of a neighbour's problem, whose result is the guess.
+    steps: IPOPT's largest number of steps in each round.
     """
     from .ipopt import minimise
 

@@ -60,9 +60,10 @@ def key_of(name: str) -> str:
 class Expansion:
     """A design's margins and errors by its tolerances, in units of their standard uncertainties.
 
-    margins (r,), slopes (r, p), bends (r, p): of `requirement.margins_of`, state by state. by_head,
-    by_solver: (e, p) slopes of `requirement.errors_of` for the axes with an accuracy, state by
-    state, by the head's parameters and by those that the solver uses; um and urad.  limits: (e,).
+    margins (r,), slopes (r, p), bends (r, p): of `requirement.margins_of`, state by state.
+    by_head, by_solver: (e, p) slopes of `requirement.errors_of` for the axes with an accuracy,
+    state by state, by the head's parameters and by those that the solver uses; um and urad.
+    limits: (e,).
     gain, root: (p, p) C and M^1/2.
     """
 

@@ -137,7 +137,7 @@ COMMON = (
     "radius_mm", "inclination_deg", "roll_mrad", "pitch_mrad", "yaw_mrad", "azimuth_b_deg",
     "size_mm", "diameter_mm", "power_mw", GAIN,
 )  # fmt: skip
-#: Of one facet or detector: the place among its own parameters.
+#: Places of the variables among the parameters of one facet or detector.
 OF_A_FACET = {"inclination_deg": 0, "azimuth_deg": 1}
 OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,
             "roll_mrad": 3, "pitch_mrad": 4, "yaw_mrad": 5}  # fmt: skip

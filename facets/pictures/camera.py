@@ -65,7 +65,7 @@ class Camera:
     def project(self, points: Any) -> Floats:
         """Points (..., 3) to (..., 3): pixels from the left, pixels from the top, depth in mm.
 
-        Behind the camera the depth is negative and the pixels mean nothing.
+        Behind the camera the depth is negative and the pixels are invalid.
         """
         apart = (np.asarray(points, float) - np.array(self.place)) @ self.axes.T
         depth = apart[..., 2]

@@ -222,7 +222,7 @@ def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
     normal = np.array(stand.at.normals[k], float)
     line.side(np.array(stand.at.apex, float), normal)
     line.side(np.array(stand.geometry.centres[k], float), -np.array(stand.geometry.axes[k][0]))
-    if sigma < THIN * pixel:  # thinner than a pixel: as round as it is seen, and as bright
+    if sigma < THIN * pixel:  # a beam thinner than a pixel is drawn round
         wide = THIN * pixel / sigma
         return line.spread(
             3 * share * line.gaussian(*beam_coordinates(stand, line, k, middle, wide))

@@ -18,9 +18,9 @@ from .lettering import FINE, Box, DrawingSheet
 class Inset:
     """A magnified part of the picture.
 
-    title: written under it.  target: its place in the world.  camera: that takes it. hue: of its
-    frame.  round: whether it is a circle.  note: a second line of its title. cross: whether lines
-    mark its middle.
+    title: written under it.  target: its place in the world.  camera: that takes it.
+    hue: of its frame.  round: whether it is a circle.  note: a second line of its title.
+    cross: whether lines mark its middle.
     """
 
     title: str

@@ -52,7 +52,7 @@ def turning_factor(states: Floats) -> float:
 
 
 def factor_in_words(factor: float, turning: float = 1.0) -> str:
-    """ "motion drawn 20 times larger", nothing for 1."""
+    """The magnification in words: "motion drawn 20 times larger", or nothing for 1."""
     words = [f"motion drawn {factor:g} times larger"] if factor != 1 else []
     if turning != 1:
         words.append(f"the head's turning {factor * turning:g} times")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 HEIGHT, MARGINS, BETWEEN = 7.8, (0.78, 0.08, 0.12, 1.12), (0.84, 0.26)
 #: Heights of a panel and of the strip of its error below.
 SHARES = (1.45, 1.0)
-#: Where labels stand, inches left of a panel.
+#: Distance of labels from a panel, inches to its left.
 LABEL = 0.58
 #: Dash and gap of the line at twice the standard uncertainty, points.
 DASHES = (0, (4, 2))

@@ -43,8 +43,8 @@ LASER_HEIGHT_MM = 105.0
 class RigPart:
     """A piece of the rig.
 
-    assembly: "head", "laser", "detector a", ..., "frame".  material: a name in `materials`. apart:
-    its displacement in an exploded view, mm.  sharp: whether all edges are.
+    assembly: "head", "laser", "detector a", ..., "frame".  material: a name in `materials`.
+    apart: its displacement in an exploded view, mm.  sharp: whether all edges are.
     """
 
     name: str
@@ -249,7 +249,7 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
     yield RigPart(f"screws {letter}", name, "steel", join(heads))
 
 
-# --- the laser, and what carries it --------------------------------------------------------------
+# --- the laser and its support -------------------------------------------------------------------
 
 
 def laser_frame(stand: Stand) -> tuple[Floats, Floats]:

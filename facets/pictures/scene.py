@@ -25,7 +25,7 @@ from ..optics.vectors import combine, rotate
 
 #: The 1/e^2 circle in sigmas.
 CIRCLE = 2.0
-#: Points across a facet's angle, and from the apex outward.
+#: Numbers of points across a facet's angle, and from the apex outward.
 ANGLES, RADII = 49, 25
 #: Radius of a drawn mirror that has no rim, mm.
 RIM_MM = 5.0

@@ -65,8 +65,8 @@ def group_solids(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]
 class Shot:
     """A camera's picture of the parts.
 
-    colour: (h, w, 3), 0 to 1, black where no part is.  cover: (h, w) opacity of the parts. depth:
-    (h, w), mm along the camera's axis, infinite where no part is.
+    colour: (h, w, 3), 0 to 1, black where no part is.  cover: (h, w) opacity of the parts.
+    depth: (h, w), mm along the camera's axis, infinite where no part is.
     """
 
     camera: Camera

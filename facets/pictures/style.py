@@ -177,12 +177,12 @@ def component_label(name: str) -> str:
 
 
 def place_label(name: str) -> str:
-    """For places along an axis: "shift in x, mm"."""
+    """The label of places along an axis: "shift in x, mm"."""
     return f"{WORDS[name]}, {unit_of(name).unit}"
 
 
 def fine_label(name: str) -> str:
-    """For errors and uncertainties along an axis: "shift in x, µm"."""
+    """The label of errors and uncertainties along an axis: "shift in x, µm"."""
     return f"{WORDS[name]}, {unit_of(name).fine_unit}"
 
 

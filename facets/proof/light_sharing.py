@@ -46,16 +46,16 @@ FARTHEST = 8.0
 
 
 class LightNotShared(Exception):
-    """Somewhere in the box the facets may not be three wedges of less than half a turn, all lit."""
+    """Somewhere in the box a facet may span half a turn or more, or have no light."""
 
 
 class SharingBounds(NamedTuple):
     """Bounds over a box of rotations, wherever each facet has its least share of the light.
 
-    from_point: of each facet, the centroid of its light less the apex (3, 2), sigmas. turns: of
-    each facet, the derivative of that by roll, pitch and yaw (3, 2, 3), sigmas per rad, at fixed
-    shares.  offset: of the apex from the beam's centre (2,), sigmas. slope: the determinant of two
-    shares by the offset, per square sigma.
+    from_point: of each facet, the centroid of its light less the apex (3, 2), sigmas.
+    turns: of each facet, the derivative of that by roll, pitch and yaw (3, 2, 3), sigmas per rad,
+    at fixed shares.  offset: of the apex from the beam's centre (2,), sigmas.
+    slope: the determinant of two shares by the offset, per square sigma.
     """
 
     from_point: list[list[Interval]]
@@ -65,7 +65,7 @@ class SharingBounds(NamedTuple):
 
 
 class HalfLine(NamedTuple):
-    """One half-line over a small box: u, and of its light L, rho = K / L, eta = J / K."""
+    """A half-line over a small box: its direction u, its light L, rho = K / L, eta = J / K."""
 
     u: Plane
     light: Interval

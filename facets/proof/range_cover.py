@@ -60,8 +60,8 @@ TURNS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 class RangeCover(NamedTuple):
     """low, high (6,) of a box that contains every pose within `farthest` (6,) that keeps the rules.
 
-    share: the least of the light on a facet.  halves: (3, 2) half the detectors' sizes, mm. whole:
-    whether the whole footprint must be on the detector.  work: number of boxes examined.
+    share: the least of the light on a facet.  halves: (3, 2) half the detectors' sizes, mm.
+    whole: whether the whole footprint must be on the detector.  work: number of boxes examined.
     """
 
     low: Floats

@@ -65,12 +65,13 @@ class Certificate:
     """The proved statement about all states with a pose in a box at which each facet has its least
     share.
 
-    tolerances: (30,) the largest errors of the parameters of the sensors for which it holds. share:
-    of the light, that each facet has at least. regular: no such state is singular.  unique: no two
-    of them have the same readings. margin: of the hull's regularity, at most 1, 0 or less if it is
-    not regular; a lower bound. at_least: a lower bound of Eq. (11)'s |det|, without the least
-    reading of power; mm, mW, rad. doubtful: pieces that may have a singular state.  work: number of
-    pieces examined. inverse (6, 6), weights (6,): the matrix and the vector of the inequality.
+    tolerances: (30,) the largest errors of the parameters of the sensors for which it holds.
+    share: of the light, that each facet has at least.
+    regular: no such state is singular.  unique: no two of them have the same readings.
+    margin: of the hull's regularity, at most 1, 0 or less if it is not regular; a lower bound.
+    at_least: a lower bound of Eq. (11)'s |det|, without the least reading of power; mm, mW, rad.
+    doubtful: pieces that may have a singular state.  work: number of pieces examined.
+    inverse (6, 6), weights (6,): the matrix and the vector of the inequality.
     shares: the bounds of the light, as numbers.  middles: the affine part in a proof by midpoints,
     if the hull of all Jacobians is not regular.
     """
@@ -116,11 +117,12 @@ def certify(
 
     share: the proof is about all states with a pose in the box at which each facet has at least
     this share of the light; default: the least anywhere in the box with its offsets, which is then
-    covered. tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad,
-    mW. work: largest number of pieces; those not yet proved then count as doubtful, as they do
-    after `limit` seconds; without a limit the outcome is the same on every machine. tell: receives
-    the completed part. Only the edges cut the light; `sensor.imperfections`, which the solver does
-    not know either, is not included.
+    covered.
+    tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad, mW.
+    work: largest number of pieces; those not yet proved then count as doubtful, as they do after
+    `limit` seconds; without a limit the outcome is the same on every machine. tell: receives the
+    completed part. Only the edges cut the light; `sensor.imperfections`, which the solver does not
+    know either, is not included.
     """
     begin = time.perf_counter()
     found = Certificate(box, (0.0,) * 30 if tolerances is None else tuple(map(float, tolerances)))

@@ -51,7 +51,7 @@ class Value:
         self.writer, self.ir = writer, ir
         self.opposite: Value | None = None
 
-    # a `Dual` knows itself what an operation with it gives
+    # a `Dual` computes the operation itself
     def __add__(self, other: Any) -> Any:
         return NotImplemented if isinstance(other, Dual) else self.writer.add(self, other)
 
@@ -147,7 +147,7 @@ class Tracer:
         raise NotImplementedError
 
     def combine(self, how: str, *conditions: Condition) -> Condition:
-        """how: "and" or "or" of two, or "not" of one."""
+        """Combine conditions.  how: "and" or "or" of two, or "not" of one."""
         raise NotImplementedError
 
     def choose(
