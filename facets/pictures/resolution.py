@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Marks of sources, in their order.
 MARKS = ("o", "D", "s", "^", "v")
-#: The least share of the variance for which a second source is named.
+#: The least share of the variance for which another source is named.
 NAMED_SHARE = 0.01
 
 
