@@ -56,18 +56,18 @@ COMMANDS = {
     "reproduce": "reproduce",
     "config": "config",
 }
-#: Commands that go on for as long as they are let; others are done before there is much to tidy.
+#: Commands that run until they are stopped; the others end before much memory needs tidying.
 LIVE = ("acquire", "emulate")
-#: Commands of older versions, and what does the same.
+#: Commands of older versions, and their replacements.
 RENAMED_COMMANDS = {"recover": "replay RECORDING --recover"}
-#: What Python collects garbage after: as often it would go through all that is being imported.
+#: Thresholds of the garbage collector; the usual ones would scan all modules during the imports.
 ALLOCATIONS = 10_000
-#: The exit status, once it is known.
+#: The exit status, once the command has ended.
 _ended: list[int] = []
 
 
 def app_of(names: Iterable[str]) -> typer.Typer:
-    """The program with these commands alone, which spares importing and describing the others."""
+    """Make the program with these commands alone, to avoid importing and describing the others."""
     made = typer.Typer(
         name="facets",
         help="Design, simulate, calibrate and run a three-facet-mirror 6-DOF sensor.",
@@ -92,14 +92,14 @@ def whole_app() -> typer.Typer:
 
 
 def __getattr__(name: str) -> Any:
-    """`app`, the program with all its commands, is made when it is first asked for."""
+    """Make `app`, the program with all its commands, at its first use."""
     if name != "app":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return whole_app()
 
 
 def read_arguments() -> list[str]:
-    """The command line, or what of it a shell asks to complete."""
+    """Return the command line, or the part of it that a shell asks to complete."""
     if len(sys.argv) == 1 and "_FACETS_COMPLETE" in os.environ:
         typed = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
         return typed.split()
@@ -107,7 +107,7 @@ def read_arguments() -> list[str]:
 
 
 def app_for_arguments() -> typer.Typer:
-    """The program with the command that the arguments name, or with all where they name none."""
+    """Make the program with the command that the arguments name, or with all if they name none."""
     first = next(iter(read_arguments()[1:]), "")
     if first in RENAMED_COMMANDS:
         raise InputError(f"there is no command {first}; give `facets {RENAMED_COMMANDS[first]}`")
@@ -149,10 +149,10 @@ def _root(
 
 
 def program() -> None:
-    """Entry point of the program: `main`, with as little as can be before and after it.
+    """Entry point of the program: `main`, with little work before and after it.
 
-    A tenth of the time of a short command would go into looking for garbage among what is being
-    imported, and as much into taking that apart at the end.
+    A short command would spend a tenth of its time on collecting garbage during the imports, and
+    another tenth on deleting modules at the end.
     """
     atexit.register(leave)  # the first to be registered is the last to be called
     if sys.argv[1:2] not in [[name] for name in LIVE]:
@@ -161,7 +161,7 @@ def program() -> None:
 
 
 def leave() -> None:
-    """Ends the process where `main` has come to its end; else Python ends it as always."""
+    """End the process if `main` has ended; otherwise Python ends it as usual."""
     if _ended:
         for stream in (sys.stdout, sys.stderr):
             with suppress(AttributeError, OSError, ValueError):
@@ -170,7 +170,7 @@ def leave() -> None:
 
 
 def main() -> None:
-    """Runs the program and exits; an expected error is a message on stderr and exit status 2."""
+    """Run the program and exit; an expected error gives a message on stderr and exit status 2."""
     with signals.interrupting(), Guarded() as streams:
         status = signals.status_of(run_app())
         if failure := streams.failure():
@@ -181,7 +181,7 @@ def main() -> None:
 
 
 def run_app() -> int:
-    """Runs the command that the arguments name; its exit status."""
+    """Run the command that the arguments name; return its exit status."""
     try:
         Path.cwd()
     except OSError:
@@ -191,7 +191,7 @@ def run_app() -> int:
         app_for_arguments()(prog_name="facets")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
-        if code == INTERRUPTED:  # which typer makes of it without a word
+        if code == INTERRUPTED:  # the status that typer gives it without a message
             print("interrupted", file=sys.stderr)
         return code
     except (FacetsError, OSError, MemoryError) as error:
@@ -200,7 +200,7 @@ def run_app() -> int:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception:
-        # workers that are being started when a signal comes fail in ways of their own
+        # worker processes that start when a signal comes can raise other errors
         if signals.caught() is None:
             raise
         print("interrupted", file=sys.stderr)

@@ -170,7 +170,7 @@ def acquire(
 
 
 def refuse_file(path: Path | None, check_stage: bool) -> None:
-    """Refuse a file for --write that could not be meant, or be written."""
+    """Refuse a file for --write that is not a configuration or cannot be written."""
     if path is None:
         return
     if not check_stage:
@@ -180,7 +180,7 @@ def refuse_file(path: Path | None, check_stage: bool) -> None:
 
 
 def run_to_end(run: live.Run, screen: AbstractContextManager[Show]) -> None:
-    """Run, and print what came of it: also before the error that ended the reading, if one did."""
+    """Run, and print the outcome, even if an error ended the reading."""
     failure: FacetsError | None = None
     with screen as show:
         try:
@@ -193,7 +193,7 @@ def run_to_end(run: live.Run, screen: AbstractContextManager[Show]) -> None:
 
 
 def check_results(run: live.Run, write: Path | None) -> None:
-    """Print what the check of the stage found and why a run is no good one, with status 1 then."""
+    """Print the result of the stage's check and the reasons for exit status 1, if any."""
     for text in run.check_sentences(write):
         typer.echo(text)
     reasons = run.complaints()
@@ -204,7 +204,7 @@ def check_results(run: live.Run, write: Path | None) -> None:
 
 
 def tell(text: str) -> None:
-    """Print to the standard error, which may be gone with its terminal."""
+    """Print to the standard error, which may be closed with its terminal."""
     with suppress(OSError):
         typer.echo(text, err=True)
 
@@ -213,7 +213,7 @@ def tell(text: str) -> None:
 def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> Iterator[Show]:
     """Show the run in the terminal, or by lines of text or JSON.
 
-    Gives a function that is to be called often, and prints a line now and then.
+    Yields a function that must be called often and prints a line now and then.
     """
     if not (json or plain) and sys.stdout.isatty():
         from rich.live import Live as TerminalView
@@ -231,7 +231,7 @@ def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> It
     interval_s, last, known = 1 / (rate or (8 if json else 1)), time.monotonic(), 0
 
     def print_line(now: live.Live) -> None:
-        """Print a line at each interval, and at once where a message came or went."""
+        """Print a line at each interval, and at once when a message appears or ends."""
         nonlocal last, known
         count = len(now.messages())
         if count != known or time.monotonic() - last >= interval_s:
@@ -242,7 +242,7 @@ def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> It
 
 
 def report(run: live.Run) -> None:
-    """Print what came of the run, also where nobody listens any more."""
+    """Print the outcome of the run, even if the output is closed."""
     with suppress(OSError):
         for text in live.summary(run.live):
             typer.echo(text)

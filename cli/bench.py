@@ -16,7 +16,7 @@ from facets import files, model, pictures
 from .console import show_table
 from .options import Force, Look, Quick, Style, folder_option, seed_option
 
-#: Where each study is, and its title.
+#: Module and title of each study.
 STUDIES = {
     "forward": ("studies", "readings: time a pose against error"),
     "inverse": ("studies", "poses: time against error, eight unknowns from nine readings"),
@@ -67,7 +67,7 @@ def bench(
 def run_study(
     name: str, quick: bool, seed: int, output: Path, about: dict[str, str]
 ) -> list[dict[str, Any]]:
-    """The rows of a study, written as a table and shown."""
+    """Run a study, write its rows as a table, and print them."""
     module, title = STUDIES[name]
     study = getattr(import_module(f"facets.bench.{module}"), name)
     rows: list[dict[str, Any]] = study(quick, seed)
@@ -89,7 +89,7 @@ def draw(results: dict[str, list[dict[str, Any]]], output: Path) -> None:
 
 
 def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """For the eye: a row an offset, with the largest errors over the tilts; the table has all."""
+    """Shorten a table for printing: one row per offset, with the largest errors over the tilts."""
     offsets = dict.fromkeys(row["offset_sigma"] for row in rows)
     keys = ("place_error_mm", "power_error", "most_steps")
     return [
@@ -99,7 +99,7 @@ def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def facts(seed: int) -> dict[str, str]:
-    """The machine and what ran on it."""
+    """Facts about the machine and its load."""
     import platform
     from importlib.metadata import version
 
@@ -116,7 +116,7 @@ def facts(seed: int) -> dict[str, str]:
 
 
 def processor() -> str:
-    """The processor's own name, where the system tells."""
+    """The processor's name, if the system states it."""
     import platform
 
     listing = Path("/proc/cpuinfo")

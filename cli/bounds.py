@@ -1,4 +1,4 @@
-"""Bounds of a proof in print: rounded once, and to the side on which the statement stays true."""
+"""Printed bounds of a proof: rounded once, to the side on which the statement stays true."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 
 def round_down(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
-    """A bound from below, in units of which `per_unit` are one of the value's."""
+    """Round a lower bound down, in units of which `per_unit` make one unit of the value."""
     return round_bound(value, ROUND_FLOOR, digits, per_unit)
 
 
 def round_up(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
-    """A bound from above, in units of which `per_unit` are one of the value's."""
+    """Round an upper bound up, in units of which `per_unit` make one unit of the value."""
     return round_bound(value, ROUND_CEILING, digits, per_unit)
 
 
 def round_bound(value: float | Fraction, towards: str, digits: int, per_unit: int) -> str:
-    """A number of a statement of proof, rounded in one step: all of them are printed by this, so
-    that what is proved of the certificate's number is true of the printed one."""
+    """Round a number of a proven statement in one step. It prints all such numbers,
+    so that the printed number satisfies what is proved of the certificate's number."""
     if not isfinite(value):
         return f"{value:g}"
     exact = Fraction(value) * per_unit
@@ -36,10 +36,10 @@ def round_bound(value: float | Fraction, towards: str, digits: int, per_unit: in
 
 
 def light_text(share: float, largest_power: float) -> str:
-    """The least light of a set of states; largest_power: of the laser, mW.
+    """Describe the least light of a set of states; largest_power: of the laser, mW.
 
-    The proof is about the share. Of a brighter laser than `largest_power` as much light is a
-    smaller share, which is why the light in uW is stated with it.
+    The proof is about the share. The same light is a smaller share of a laser that is brighter than
+    `largest_power`, so the light in uW is stated with this power.
     """
     power = nextafter(largest_power, inf)  # as a float 0.3 is a little less than 0.3
     light = Fraction(share) * Fraction(power)
@@ -50,7 +50,7 @@ def light_text(share: float, largest_power: float) -> str:
 
 
 def piece_text(piece: ProvedPiece) -> str:
-    """Where nothing is proved, its ends rounded outwards."""
+    """Describe the piece in which nothing is proved, its ends rounded outwards."""
     sides = []
     for name, unit, low, high in zip(
         characterization.state_box.COLUMNS,
@@ -65,7 +65,7 @@ def piece_text(piece: ProvedPiece) -> str:
 
 
 def box_lines(low: Floats, high: Floats) -> list[str]:
-    """The box of poses, its ends rounded inwards."""
+    """Describe the box of poses, its ends rounded inwards."""
     lines = []
     for name, unit, a, b in zip(
         characterization.state_box.COLUMNS,

@@ -133,7 +133,7 @@ def calibrate(
 
 
 def read_groups(only: str | None) -> list[str]:
-    """The groups of --only, none where all parameters are calibrated anew."""
+    """Read the groups of --only; none if all parameters are calibrated."""
     groups, known = [] if only is None else only.split(","), calibration.table.GROUPS
     for group in groups:
         if group not in known or groups.count(group) > 1:
@@ -142,7 +142,7 @@ def read_groups(only: str | None) -> list[str]:
 
 
 def choose_effects(settings: Config, decisions: list[str]) -> Config:
-    """The configuration with decisions about effects from the command line."""
+    """Set decisions about effects from the command line in the configuration."""
     effects, named = dict(settings.calibrate.effects), set()
     for text in decisions:
         name, _, decision = text.partition("=")
@@ -206,7 +206,7 @@ def fit_rig(
 
 
 def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
-    """Say where a calibration loses the uncertainties of parameters that it does not fit."""
+    """Warn if a calibration loses the uncertainties of parameters that it does not fit."""
     known = settings.sensor.calibration
     lost = [] if known is None else [
         name for name in known.names
@@ -221,7 +221,7 @@ def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
 
 
 def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[Data, Calibrate]:
-    """The samples, and what is asked of them: a joined reference has an offset that is fitted."""
+    """Read the samples, and add the fitted time offset if a reference is joined."""
     asked = settings.calibrate
     if reference is None:
         return calibration.table.read(data, asked), asked
@@ -236,7 +236,7 @@ def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[
 
 
 def result_files(path: Path, plot: PlotKind) -> list[Path]:
-    """The configuration, the table of unknowns, the covariance, the picture."""
+    """Paths of the configuration, the table of unknowns, the covariance and the picture."""
     table, covariance = (
         path.with_name(f"{path.stem}-{kind}.csv") for kind in ("found", "covariance")
     )
@@ -244,7 +244,7 @@ def result_files(path: Path, plot: PlotKind) -> list[Path]:
 
 
 def write_proposal(settings: Config, path: Path, count: int, force: bool) -> None:
-    """Write a table of poses to calibrate with, and print what they are good for."""
+    """Write a table of poses for a calibration; print how well they determine the parameters."""
     files.tables.refuse_to_overwrite([path], force)
     files.tables.ending(path)
     poses = characterization.random_poses.poses_to_calibrate_with(settings)

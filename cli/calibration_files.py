@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
-    """Written beside first and loaded from there, so that no file is left that cannot be."""
+    """Write the results to a temporary place and load them, so that no unreadable file is left."""
     path, table, covariance, picture = paths
     assert found.found is not None
     assert found.errors is not None
@@ -71,7 +71,7 @@ def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
 def write_grids(
     settings: Config, beside: Path, found: Fit, about: dict[str, str]
 ) -> dict[str, Path]:
-    """Tables of detectors that were found to be bent beyond third order, by letter."""
+    """Write tables of detectors with corrections beyond third order, by letter."""
     written = {}
     for letter, old, new in zip(DETECTORS, settings.sensor.psds, found.sensor.psds, strict=True):
         if new.correction.grid is not None and new.correction.grid != old.correction.grid:
@@ -99,8 +99,8 @@ def as_yaml(
 
 
 def choose_power(settings: Config) -> Config:
-    """A calibration tells the laser's power on its day; a pose solved later holds it to a prior.
-    The beam of the calibration stands where it is said to be."""
+    """A calibration determines the laser's power on its day; later solutions use it as a prior.
+    The beam's position in the calibration is known."""
     solve = settings.resolved["solve"] | {"beam_offset_um": [0.0, 0.0]}
     is_known = solve["power"] == "known" and solve["method"] != "paper"
     if is_known and settings.calibrate.power_per_sample:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def show_weak(directions: list[Direction]) -> None:
-    """What the data cannot tell, before anything is fitted."""
+    """Print the parameters that the data do not determine, before the fit."""
     if not directions:
         typer.echo("The motion determines every parameter better than its prior value.")
         return
@@ -49,7 +49,7 @@ def wrap(words: str) -> str:
 
 
 def show_candidates(done: EffectSearch) -> None:
-    """Which effects the data call for."""
+    """Print which effects the data require."""
     from rich.console import Console
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-"""What `facets jacobian --certify` proves, in words that are no stronger than what was proved."""
+"""Texts of `facets jacobian --certify`, which state no more than was proved."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
-    """Which states the certificate is about, and what it takes for granted."""
+    """Describe the states of the certificate and its assumptions."""
     light = light_text(found.share, claim.largest_power)
     lines = [f"taken: every state with {light}", "  and its pose in"]
     lines += box_lines(found.box.low, found.box.high)

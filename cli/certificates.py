@@ -1,4 +1,4 @@
-"""What `facets jacobian --certify` does: it proves a claim, and writes certificates."""
+"""The proof of `facets jacobian --certify`, and its certificates."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def prove(
     claim: Claim, work: int, limit: float, reach: bool, file: Path, about: dict[str, str]
 ) -> dict[str, Any]:
-    """Proves, says what, and writes the certificate; what the record says of it."""
+    """Prove, print the result, and write the certificate; return the entries of the record."""
     settings = claim.settings
     found, cover = certify_range(claim, work, limit)
     proof.certificate.write_certificate(
@@ -48,7 +48,7 @@ def prove(
 
 
 def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, RangeCover | None]:
-    """The whole range, where it can be; else the box that was given."""
+    """Certify the whole range if possible, otherwise the box of the request."""
     sensor, share = claim.settings.sensor, claim.least_share
     cover = None
     if claim.whole_range and share is not None:
@@ -82,7 +82,7 @@ def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
 
 
 def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
-    """Two states of the set with equal readings, from the weakest state that is known."""
+    """Search two states of the set with equal readings, starting at the weakest known state."""
     if claim.weakest is None:
         return None
     return characterization.ambiguity.find_pair_in_box(
@@ -91,7 +91,7 @@ def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
 
 
 def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str, str]) -> Path:
-    """The certificate of another box of the same sensor, beside the first."""
+    """Write the certificate of another box of the same sensor beside the first."""
     beside = reach_file(file)
     proof.certificate.write_certificate(
         beside, claim.settings.sensor, proved, about, claim.settings.resolved
@@ -100,7 +100,7 @@ def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str,
 
 
 def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
-    """How much larger a box of poses is proved too; its certificate beside the other."""
+    """Prove the largest enlarged box of poses; write its certificate beside the other."""
     factor, larger = proof.reach.find_reach(
         claim.settings.sensor, found.box, found.share, claim.deviations
     )
@@ -122,7 +122,7 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
 
 
 def prove_core(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
-    """How much smaller a box of poses is proved; its certificate beside the other."""
+    """Prove the largest reduced box of poses; write its certificate beside the other."""
     factor, smaller = proof.reach.find_core(
         claim.settings.sensor, found.box, found.share, claim.deviations
     )

@@ -1,4 +1,4 @@
-"""What `facets jacobian --certify` is to prove: of which sensors and which states."""
+"""The claim that `facets jacobian --certify` proves: for which sensors and states."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Claim:
-    """What is to be proved: of which sensors and which states.
+    """A claim to prove, with its sensors and states.
 
     least_share: of the light, on each facet; None for the least anywhere in the box with its
     offsets.  whole_range: whether the box is to hold every pose that keeps the rules.

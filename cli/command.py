@@ -1,4 +1,4 @@
-"""How a command reads its words: it answers old spellings, and refuses odd values."""
+"""Parsing of a command's arguments: messages about old spellings, refusal of odd values."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typer.core import TyperCommand
 
 from facets.core.plain_numbers import plain_number
 
-#: Options that may stand without a value: what they mean then, and what a value looks like.
+#: Options whose value may be left out: its default then, and the pattern of a value.
 OPTIONAL_VALUES = {"--web": ("0", r"[^-].*"), "--certify": ("20000", r"-?[\d.+e_]+")}
 
-#: Commands whose result is a folder; until version 0.2 they had -o for it, as others for a file.
+#: Commands whose result is a folder; until version 0.2 they used -o for the folder.
 FOLDER_COMMANDS = (
     "simulate", "range-map", "resolution", "jacobian", "tolerances", "acquire", "noise", "export-c",
     "bench", "reproduce",
 )  # fmt: skip
-#: Options of version 0.2 that are spelt otherwise now, by command: the first part is the new one.
+#: Options of version 0.2 with new spellings, by command: the new spelling comes first.
 RENAMED = {
     **{(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")},
     ("explore", "--from"): "--folder",
@@ -49,8 +49,8 @@ RENAMED = {
 class Command(TyperCommand):
     """A command that refuses option values without a meaning, and names new spellings for old ones.
 
-    Without a meaning are an empty value, the same value twice, another option's name, and a number
-    that is infinite or has underscores. OPTIONAL_VALUES may be left out, which typer cannot say.
+    It refuses an empty value, the same value twice, another option's name, and a number that is
+    infinite or has underscores. The values of OPTIONAL_VALUES may be left out.
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -61,7 +61,7 @@ class Command(TyperCommand):
         rest: list[str] = super().parse_args(ctx, args)
         params: list[Any] = self.get_params(ctx)
         names = [name for param in params for name in (*param.opts, *param.secondary_opts)]
-        options = {name for name in names if name.startswith("-")}  # not those of arguments
+        options = {name for name in names if name.startswith("-")}  # not the values of arguments
         for param in params:
             value = typed.get(param.name)
             texts = value if isinstance(value, list | tuple) else [value]
@@ -93,7 +93,7 @@ def name_new_spelling(command: str, args: list[str]) -> str:
 
 
 def why_meaningless(texts: list[str], is_number: bool, options: set[str]) -> str:
-    """Why values of an option, as they were typed, mean nothing; "" where they mean something."""
+    """Reason why the typed values of an option have no meaning; "" if they have one."""
     for n, text in enumerate(texts):
         if not text.strip():
             return "the value is empty; give a value, or leave the option out"
@@ -107,7 +107,7 @@ def why_meaningless(texts: list[str], is_number: bool, options: set[str]) -> str
 
 
 def is_odd_number(text: str) -> bool:
-    """Whether Python takes it for a number, and a person would not have typed it as one."""
+    """Return whether Python reads the text as a number that a person would not have typed."""
     try:
         float(text)
     except ValueError:

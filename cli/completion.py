@@ -1,4 +1,4 @@
-"""What a shell offers at the tabulator: configurations, their motions, keys and other names."""
+"""Completions for a shell: configurations, their motions, keys and other names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from facets.core.names import STATE_COLUMNS
 
 
 def configurations(incomplete: str) -> Iterator[str]:
-    """The shipped configurations, and YAML files and folders of which the path begins so."""
+    """Complete the shipped configurations, and the paths of YAML files and folders."""
     yield from (name for name in configuration.files.shipped() if name.startswith(incomplete))
     folder, slash, start = incomplete.rpartition("/")
     for path in sorted(Path(f"{folder}{slash}").glob(f"{glob.escape(start)}*")):
@@ -24,7 +24,7 @@ def configurations(incomplete: str) -> Iterator[str]:
 
 
 def motions(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The motions of the configuration that was typed before."""
+    """Complete the motions of the configuration that was typed before."""
     name = ctx.params.get("config") or next(iter(ctx.args), "")  # before an option without a value
     try:
         known = configuration.load(name).motions
@@ -36,7 +36,7 @@ def motions(ctx: typer.Context, incomplete: str) -> list[str]:
 def assignments(
     names: Callable[[], Sequence[str]], values: Sequence[str] = ("",)
 ) -> Callable[[str], list[str]]:
-    """`NAME=VALUE,...`: the names that do not stand there yet, each with what its value may be."""
+    """Complete `NAME=VALUE,...`: the remaining names, each with its possible values."""
 
     def complete(incomplete: str) -> list[str]:
         before, comma, start = incomplete.rpartition(",")
@@ -48,7 +48,7 @@ def assignments(
 
 
 def words(names: Callable[[], Sequence[str]]) -> Callable[[str], list[str]]:
-    """One of some names."""
+    """Complete one of some names."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 

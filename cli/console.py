@@ -1,4 +1,4 @@
-"""What the commands print, and how: messages, tables that fit the terminal, and streams that fail.
+"""Output of the commands: messages, tables that fit the terminal, and guarded streams.
 
 A command's results are its files. So a standard output that ends before the command does, as under
 `| head -1`, loses nothing: what is printed after that is dropped, and the files are written. A
@@ -28,25 +28,25 @@ Result = TypeVar("Result")
 #: Exit statuses, the same for every command; 130 and 143 are ends by ^C and by SIGTERM.
 DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
-#: What stands for a character that an output's encoding lacks.
+#: Replacement of a character that an output's encoding lacks.
 PLAIN = {"µ": "u", "±": "+-", "²": "^2", "·": "*", "\u00d7": "x", "\u2212": "-", "…": "..."}
-#: The name of ASCII with those; another name, since typer takes "ascii" for a mistake.
+#: The name of ASCII with these replacements; typer takes the name "ascii" for a mistake.
 PLAIN_ASCII = "facets-ascii"
 
 
 def message(error: Exception) -> str:
-    """`error: ...`, further lines set below the first."""
+    """Print `error: ...`, with further lines indented."""
     text = str(error)
     if isinstance(error, MemoryError):
         text = "not enough memory; compute less at once"
-    elif isinstance(error, OSError):  # a file that went or filled up in the middle of a command
+    elif isinstance(error, OSError):  # a file vanished, or a disk filled up
         about = f"{error.filename}: " if error.filename else ""
         text = f"{about}{error.strerror or error}"
     return "error: " + text.replace("\n", "\n       ")
 
 
 def load_config(name: str) -> Config:
-    """A configuration; says which one it is where a shipped name could also mean a file here."""
+    """Load a configuration; print which one it is if a shipped name is also a file here."""
     here = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
     if (
         name in configuration.shipped()
@@ -61,12 +61,12 @@ def load_config(name: str) -> Config:
 
 
 def name_files(folder: Path, paths: Sequence[Path]) -> None:
-    """The last line of a command: what it wrote, and where."""
+    """Print the last line of a command: the files that it wrote."""
     typer.echo(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")
 
 
 def leave_out_picture(path: Path, why: str) -> None:
-    """Says that there is nothing to draw; an older picture of something else does not stay."""
+    """Print that there is nothing to draw, and remove an older picture."""
     remove_older(path)
     typer.echo(f"No picture was drawn: {why}.")
 
@@ -74,9 +74,9 @@ def leave_out_picture(path: Path, why: str) -> None:
 def show_table(
     title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
 ) -> None:
-    """Prints a table; on a terminal that is too narrow for it, a block of lines for each row.
+    """Print a table; on a terminal that is too narrow, a block of lines for each row.
 
-    left: numbers of the columns that are set to the left; the others are numbers.
+    left: indices of the left-aligned columns; the others hold numbers.
     """
     widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     lines = [title] * bool(title)
@@ -94,7 +94,7 @@ def show_table(
 
 
 def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
-    """A row below its first cell; a heading without text belongs to the cell before it."""
+    """Print a row below its first cell; a heading without text belongs to the cell before it."""
     lines = [f" {row[0]}"]
     for heading, cell in zip(headings[1:], row[1:], strict=True):
         if heading and cell:
@@ -107,7 +107,7 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
 def show_progress(
     run: Callable[[Callable[[int, int], None]], Result], what: str = "exploring"
 ) -> Result:
-    """The result of what tells how far it is, with a bar on a terminal.  what: it does."""
+    """Run a task that reports its progress, with a bar on a terminal.  what: name of the task."""
     if not sys.stderr.isatty():
         return run(lambda *_: None)
     from rich.console import Console
@@ -119,7 +119,7 @@ def show_progress(
 
 
 class Stream(io.RawIOBase):
-    """A stream that never fails: what cannot be written is dropped, and `error` says why."""
+    """A stream that never fails: text that cannot be written is dropped, and `error` says why."""
 
     def __init__(self, raw: IO[bytes]) -> None:
         self.raw = raw
@@ -145,7 +145,7 @@ class Stream(io.RawIOBase):
 
 
 def guard(stream: Any) -> tuple[Any, Stream | None]:
-    """The stream with `Stream` below it; as it is where it is no file of the system's."""
+    """Put `Stream` below a stream; return it unchanged if it is no file of the system."""
     try:
         stream.flush()
         low = Stream(open(stream.fileno(), "wb", buffering=0, closefd=False))  # noqa: SIM115
@@ -169,14 +169,14 @@ def is_ascii(encoding: str | None) -> bool:
 
 
 def replace_accents(error: UnicodeError) -> tuple[str, int]:
-    """For `codecs`: what is written for characters that an encoding lacks."""
+    """Error handler of `codecs`: replace characters that an encoding lacks."""
     assert isinstance(error, UnicodeEncodeError)
     lost = error.object[error.start : error.end]
     return "".join(PLAIN.get(letter, "?") for letter in lost), error.end
 
 
 def plain_ascii(name: str) -> codecs.CodecInfo | None:
-    """For `codecs`: ASCII by another name."""
+    """Search function of `codecs`: ASCII by another name."""
     if name.replace("-", "_") != PLAIN_ASCII.replace("-", "_"):
         return None
     known = codecs.lookup("ascii")
@@ -191,7 +191,7 @@ codecs.register(plain_ascii)
 
 
 class Guarded:
-    """Standard output and error for the time of a command, guarded; see `guard`."""
+    """Guarded standard output and error during a command; see `guard`."""
 
     def __enter__(self) -> Guarded:
         self.before = sys.stdout, sys.stderr
@@ -205,7 +205,7 @@ class Guarded:
         sys.stdout, sys.stderr = self.before
 
     def failure(self) -> str:
-        """Why the standard output could not be written; "" where it could or nobody wanted it."""
+        """Reason why the standard output could not be written; "" if there was no such failure."""
         sys.stdout.flush()
         error = None if self.out is None else self.out.error
         if error is None or isinstance(error, BrokenPipeError):

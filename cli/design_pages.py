@@ -1,4 +1,4 @@
-"""What is found of designs, printed and as pages."""
+"""Results about designs, printed and as pages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def require_html(path: Path) -> None:
-    """Raise `InputError` where the name of a page ends otherwise."""
+    """Raise `InputError` if the name of a page has another suffix."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{path}: a page's name ends in .html")
 
@@ -34,7 +34,7 @@ def require_html(path: Path) -> None:
 def write_gallery(
     settings: Config, space: Space, front: dict[str, Any], others: dict[str, Any] | None, path: Path
 ) -> None:
-    """The page of the front's designs, and of some others."""
+    """Write the page of the front's designs and of some others."""
     table, sensors = design.gallery.gallery(space, front, others)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
@@ -58,7 +58,7 @@ BREAKING = (
 
 
 def objective_of(settings: Config, found: Optimum, made: Rounded | None) -> str:
-    """What the objective of the layout means, as it is written."""
+    """Describe the objective of the layout in words."""
     best = found.best.objective if made is None else made.objective
     return design.report.objective_text(settings.layout.aim, best)
 
@@ -67,8 +67,8 @@ def show_layout(
     settings: Config, better: Config, found: Optimum, made: Rounded | None, paths: list[Path],
     proved: str, heads: int,
 ) -> tuple[dict[str, Any], list[ReportSection]]:  # fmt: skip
-    """All that is said of the layout, printed, and as parts of a page; its comparison is written,
-    as a table, which is returned too, and as a picture."""
+    """Print the layout; write its comparison as a table and as a picture; return the parts of its
+    page and the table."""
     layout = settings.layout
     table = design.verification.compare(
         settings.sensor, better.sensor, layout, settings.range, layout.seed
@@ -88,7 +88,7 @@ def show_layout(
     reasons = show_reasons(settings, found)
     typer.echo(f"{proved}\n")
     built = []
-    if heads:  # of the settings that were asked for, and of the sensor that was found
+    if heads:  # the settings of the configuration, and the optimised sensor
         yields = yields_of(settings, better.sensor, heads, layout.seed)
         show_yields(settings, yields)
         built = yield_sections(settings, yields)
@@ -97,7 +97,7 @@ def show_layout(
 
 
 def show_objectives(settings: Config, found: Optimum, made: Rounded | None) -> None:
-    """The objective before and after."""
+    """Print the objective before and after."""
     before = "the requirements are not met"
     if found.before == found.before:
         before = design.report.objective_text(settings.layout.aim, found.before)
@@ -110,7 +110,7 @@ def show_objectives(settings: Config, found: Optimum, made: Rounded | None) -> N
 
 
 def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
-    """What holds the layout back and what more would give, printed, and as rows."""
+    """Print the active constraints and the effect of larger parts; return them as rows."""
     active = [
         [f"{size:.2f}", group] for group, size in list(found.best.active_constraints.items())[:8]
     ]
@@ -138,7 +138,7 @@ def write_report(
     settings: Config, sensor: Sensor, objective: str, table: dict[str, Any],
     sections: list[ReportSection], page: Path, scene: Path,
 ) -> None:  # fmt: skip
-    """The page of a layout, and the scene for a mechanical designer."""
+    """Write the page of a layout, and the scene for a mechanical designer."""
     import numpy as np
 
     pictures.render.save_scene(sensor, np.zeros(8), scene)
@@ -160,7 +160,7 @@ def sections_of(
     settings: Config, changed: Rows, compared: Rows, reasons: list[list[str]],
     built: list[ReportSection], parts: Rows | None, proof: str,
 ) -> list[ReportSection]:  # fmt: skip
-    """The parts of a page on a layout but for drawings; quantities in words, with their units."""
+    """Sections of a layout's page except drawings; quantities are in words, with units."""
     section, in_words = pictures.design_report.ReportSection, pictures.wording.rows_in_words
     found = [
         section("Requirements", rows=requirement(settings)),
@@ -177,7 +177,7 @@ def sections_of(
 
 
 def write_tables(settings: Config, sections: list[ReportSection], path: Path) -> None:
-    """The tables of a page, by their titles."""
+    """Write the tables of a page under their titles."""
     tables = {
         part.title.partition(",")[0]: (part.headings or ("what", "value"), part.rows)
         for part in sections
@@ -187,7 +187,7 @@ def write_tables(settings: Config, sections: list[ReportSection], path: Path) ->
 
 
 def yield_sections(settings: Config, found: Yields) -> list[ReportSection]:
-    """The yield of a layout, as parts of its page."""
+    """Sections of a layout's page about its yield."""
     section = pictures.design_report.ReportSection
     words = (f"{found.count} heads built by simulation, as loose as calibrate.before says.",)
     parts = [section("Yield", words, *yield_rows(settings, found))]
@@ -200,7 +200,7 @@ def yield_sections(settings: Config, found: Yields) -> list[ReportSection]:
 
 
 def requirement(settings: Config) -> list[list[str]]:
-    """What the block `optimize` asks for, in words, as rows."""
+    """Rows that describe the requirements of the block `optimize`."""
     asked = settings.resolved["optimize"]
     aim = str(asked["aim"])
     rows = [["aim", pictures.wording.AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]

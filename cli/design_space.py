@@ -1,4 +1,4 @@
-"""A design space sampled, or its front followed, for `facets explore`: printed and drawn."""
+"""Sampling a design space or following its front, for `facets explore`."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from facets.core.units import Floats
     from facets.design.exploration import Share, Space
 
-#: Designs that the indices of sensitivity are made from, at most.
+#: Maximum number of designs from which the sensitivity indices are computed.
 PILOT = 10_000
 
 
 @dataclass(frozen=True)
 class Exploration:
-    """What is explored, and what is written of it; picture: its kind."""
+    """The explored space, and its results; picture: the kind of picture."""
 
     settings: Config
     space: Space
@@ -51,11 +51,11 @@ def sample(
     job: Exploration, paths: list[Path], scheduler: str | None, part: Share | None,
     gather: bool, force: bool,
 ) -> None:  # fmt: skip
-    """Computes the designs that are missing in the folder."""
+    """Compute the designs that are missing in the folder."""
     space, folder = job.space, job.folder
     if scheduler:
         typer.echo(design.exploration.cluster_words(scheduler))
-    # a run that goes on has written them before
+    # an interrupted run has written them
     files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
     design.exploration.require_variables(space)
     design.exploration.prepare(folder, space, job.header, force)
@@ -71,7 +71,7 @@ def sample(
 
 
 def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> None:
-    """Designs, their front, its picture and its page; exit status 1 where no design is on it.
+    """Write designs, front, picture and page; exit status 1 if no design is on the front.
 
     certify: boxes that the proof of each of these may examine; 0 for none.
     """
@@ -105,7 +105,7 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
 
 
 def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
-    """(n,) the margin of each design's proof that readings determine states; NaN without one."""
+    """Margins (n,) of the proofs that a design's readings determine states; NaN without proof."""
     import numpy as np
 
     designs = np.stack([table[name] for name in space.names], axis=1)
@@ -118,7 +118,7 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
 
 
 def follow_front(job: Exploration, points: int) -> None:
-    """The front by continuation, its table, picture and page; exit status 1 where there is none."""
+    """Follow the front; write its table, picture and page; exit status 1 if there is none."""
     space, goals = job.space, list(job.space.objectives)
     paths = [job.folder / name for name in ("pareto.csv", f"pareto.{job.picture}")]
     with files.tables.ResultSet():
@@ -152,7 +152,7 @@ def follow_front(job: Exploration, points: int) -> None:
 
 
 def show_own_measures(space: Space) -> dict[str, float]:
-    """The sensor as it is, by the measures of designs, and printed in one line."""
+    """Print the measures of the unchanged sensor in one line, and return them."""
     _, values, why = design.gallery.own_design(space)
     own = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
     shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)

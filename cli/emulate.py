@@ -83,7 +83,7 @@ def emulate(
         )
     settings = facets.load(config)
     code = library_of(firmware, settings) if firmware else None
-    warm_up(settings)  # before there are ports: who opens them waits for answers
+    warm_up(settings)  # before the ports exist, because programs that open them wait for answers
     bench = live.virtual.Bench(
         settings,
         motion,
@@ -105,7 +105,7 @@ def emulate(
 
 
 def announce(bench: live.virtual.Bench, settings: Config) -> None:
-    """Print where the bench can be reached, and what it writes."""
+    """Print the ports of the bench and the files that it writes."""
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
     )
@@ -116,7 +116,7 @@ def announce(bench: live.virtual.Bench, settings: Config) -> None:
 
 
 def write_reference(bench: live.virtual.Bench, settings: Config, seed: int) -> list[str]:
-    """Write what the reference read, if there is one; a sentence about it."""
+    """Write the readings of the reference, if there is one; return a sentence about them."""
     if bench.reference is None:
         return []
     path = bench.folder / "reference.csv"
@@ -126,12 +126,12 @@ def write_reference(bench: live.virtual.Bench, settings: Config, seed: int) -> l
 
 
 def size_of(rate: float) -> str:
-    """How fast the file of the true states grows, in words."""
+    """Describe how fast the file of the true states grows."""
     return f"{60e-6 * rate * live.virtual.TRUTH.itemsize:.3g} MB a minute"
 
 
 def library_of(path: Path, settings: Config) -> firmware.library.FirmwareLibrary:
-    """The sensor's exported solver; its poses need frames, which lines of text have not."""
+    """Load the sensor's exported solver; its poses need frames, which text lines do not have."""
     if settings.acquire.format == "text":
         raise InputError(
             "--firmware sends poses as frames, but acquire.format is text; set it to frames"

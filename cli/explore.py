@@ -203,14 +203,14 @@ def explore(
 
 
 def refuse_together(options: dict[str, Any]) -> None:
-    """Refuses the first two options beside any other of these."""
+    """Refuse the first two options together with any other of these."""
     given = [name for name, value in options.items() if value]
     if len(given) > 1 and given[0] in list(options)[:2]:
         raise InputError(f"{given[0]} and {given[1]} cannot be given together")
 
 
 def require_page(report: Path | None, force: bool) -> None:
-    """Refuses what cannot be written before anything is computed."""
+    """Refuse a page that cannot be written, before any computation."""
     if report is not None:
         require_html(report)
         files.tables.refuse_to_overwrite([report], force)
@@ -220,7 +220,7 @@ def require_page(report: Path | None, force: bool) -> None:
 def write_pick(
     settings: Config, space: Space, file: Path, number: int, output: Path | None, force: bool
 ) -> None:
-    """One design of an earlier run, as a configuration that extends the one it is made from."""
+    """Write one design of an earlier run as a configuration that extends that of the run."""
     path = output or Path(f"{settings.name}-{number}.yaml")
     require_yaml(path)
     files.tables.refuse_to_overwrite([path], force)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class PictureForm(NamedTuple):
-    """How a picture is drawn: its view, its size in pixels, and its style."""
+    """The view, the size in pixels and the style of a picture."""
 
     view: Any
     size: tuple[int, int]
@@ -24,7 +24,7 @@ class PictureForm(NamedTuple):
 
 
 def film_states(settings: Config, motion: str | None, recording: Path | None, frames: int) -> Any:
-    """States (n, 8) of a motion or a recording, as many as there are frames."""
+    """States (n, 8) of a motion or a recording, one for each frame."""
     import numpy as np
 
     if recording is not None:
@@ -56,7 +56,7 @@ def write_film(
     rate: float,
     exaggerate: float | None,
 ) -> None:
-    """A film; says by how much its motion is drawn larger."""
+    """Write a film; print by how much its motion is enlarged."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -6,14 +6,14 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-#: What a page does without: how wide the help is printed is none of its business.
+#: Width of the help for the page, so large that no line is broken.
 WIDTH = 10_000
 
 
 def manual(command: Any, version: str, status: str) -> str:
     """A page for section 1.
 
-    command: the program, as what parses its arguments.  status: what its exit status means.
+    command: the program's parser.  status: meaning of its exit status.
     """
     context = context_of(command, "facets", None)
     name = escape(command.help.partition(":")[0])
@@ -38,14 +38,14 @@ def manual(command: Any, version: str, status: str) -> str:
 
 
 def context_of(command: Any, name: str, parent: Any, width: int = WIDTH) -> Any:
-    """Where a command's help is asked for, to be so many characters wide."""
+    """Make the context of a command, for a help of this width in characters."""
     return command.context_class(
         command, info_name=name, parent=parent, terminal_width=width, max_content_width=width
     )
 
 
 def commands(command: Any, context: Any) -> Iterator[tuple[Any, Any]]:
-    """Every command of the program with its context; of a group those in it."""
+    """Yield every command of the program, including those of groups, with its context."""
     for name, inner in command.commands.items():
         called = context_of(inner, name, context)
         if hasattr(inner, "commands"):
@@ -55,7 +55,7 @@ def commands(command: Any, context: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def options(command: Any, context: Any) -> Iterator[str]:
-    """The arguments and options of a command, each with its help."""
+    """Write the arguments and options of a command, each with its help."""
     for param in command.get_params(context):
         record = param.get_help_record(context)
         if record is not None:
@@ -69,6 +69,6 @@ def paragraphs(text: str) -> Iterator[str]:
 
 
 def escape(text: str) -> str:
-    """Text in which `man` finds no command: no backslash, and no line that begins with a dot."""
+    """Escape backslashes and leading dots, in which `man` would find commands."""
     safe = " ".join(text.split()).replace("\\", "\\e").replace("-", "\\-")
     return f"\\&{safe}" if safe.startswith((".", "'")) else safe

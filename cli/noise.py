@@ -1,4 +1,4 @@
-"""`facets noise`: what a recording says of the noise of its bench."""
+"""`facets noise`: the noise of a bench from a recording."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def noise(
 def write_results(
     report: NoiseReport, settings: Config, title: str, paths: list[Path], write: Path | None
 ) -> None:
-    """Write and name the page with the table, and the configuration with this noise, if asked."""
+    """Write and name the page with the table, and the configuration with --write."""
     about = files.provenance.provenance_header(settings)
     with files.tables.ResultSet():
         if paths:
@@ -99,7 +99,7 @@ def write_results(
 
 
 def solve_recording(playback: live.Playback) -> Columns:
-    """The poses of a recording as columns, with a bar; says what of it is damaged."""
+    """Solve a recording for poses as columns, with a bar; print what is damaged."""
     parts: list[Columns] = []
 
     def run(done: Callable[[int, int], None]) -> None:
@@ -114,7 +114,7 @@ def solve_recording(playback: live.Playback) -> Columns:
 
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:
-    """Says why a recording is none of noise, and that nothing was written; exit status 1."""
+    """Print why a recording does not show the noise; exit status 1."""
     typer.echo(f"{recording}: {characterization.rest.NOT_NOISE}:")
     for fault in faults:
         typer.echo(f"  {fault}")
@@ -126,7 +126,7 @@ def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | 
 
 
 def tell(report: NoiseReport) -> None:
-    """A line for each channel."""
+    """Print a line for each channel."""
     typer.echo(
         f"{report.samples} samples, {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing"

@@ -97,8 +97,8 @@ def optimize(
 
 
 def search(settings: Config) -> Optimum:
-    """The best layout, with all choices of parts and all starts printed; exit status 1 where no
-    layout keeps all that is asked for."""
+    """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
+    meets all requirements."""
     found = show_progress(
         lambda tell: design.search.optimize(settings.sensor, settings.layout, tell), "searching"
     )
@@ -119,7 +119,7 @@ def search(settings: Config) -> Optimum:
 
 
 def refuse(words: str, result: StartResult) -> NoReturn:
-    """Ends with what stands against each other."""
+    """Print the conflicting requirements and end."""
     typer.echo(words)
     for group, gap in result.shortfalls.items():
         typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
@@ -127,7 +127,7 @@ def refuse(words: str, result: StartResult) -> NoReturn:
 
 
 def rounded_layout(found: Optimum) -> Rounded | None:
-    """The layout in numbers that can be made; None where only the exact one keeps all."""
+    """Round the layout to manufacturable values; None if only the exact layout meets all."""
     made = design.rounding.round_design(found.problem, found.best.x)
     if made is None:
         typer.echo(
@@ -138,8 +138,8 @@ def rounded_layout(found: Optimum) -> Rounded | None:
 
 
 def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
-    """The layout whose heads keep what is asked for with `production.yield_percent`, if that is
-    given; exit status 1 where there is none."""
+    """Find the layout with margins for `production.yield_percent`, if this is set; exit status 1 if
+    there is none."""
     layout = settings.layout
     if not layout.production:
         return found
@@ -162,7 +162,7 @@ def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
 def write_layout(
     settings: Config, found: Optimum, made: Rounded | None, path: Path
 ) -> Config | str:
-    """The configuration of the layout; why, where it does not load."""
+    """Write the configuration of the layout; return the reason if it does not load."""
     x = found.best.x if made is None else made.x
     about = files.provenance.provenance_header(settings, settings.layout.seed)
     if found.tried:
@@ -173,7 +173,7 @@ def write_layout(
 
 
 def prove(better: Config, work: int) -> str:
-    """In words, whether readings are proved to determine states, within so much work."""
+    """State whether the readings are proved to determine states with this number of boxes."""
 
     if not work:
         return "not proved: that the readings determine the pose (use --certify)"
@@ -198,5 +198,5 @@ def prove(better: Config, work: int) -> str:
     )
 
 
-#: Choices of parts in a table, at most.
+#: Maximum number of choices of parts in a table.
 SHOWN = 24

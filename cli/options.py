@@ -36,7 +36,7 @@ class Look(StrEnum):
 
 
 def choose_look(look: Look) -> Look:
-    """Set the style of every picture that the command draws from here on."""
+    """Set the style of all pictures that the command draws."""
     choose_style(look.value)
     return look
 
@@ -226,6 +226,6 @@ def output_folder(folder: Path | None, name: str, ending: str = "") -> Path:
 
 
 def require_yaml(path: Path) -> None:
-    """Raise `InputError` where the name of a configuration's file ends otherwise."""
+    """Raise `InputError` if the name of a configuration's file has another suffix."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml or .yml")

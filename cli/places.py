@@ -1,4 +1,4 @@
-"""Places given on the command line: `tz_mm=1,yaw_mrad=2`."""
+"""Poses and states on the command line: `tz_mm=1,yaw_mrad=2`."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
 
 
 def pose_of(text: str | None) -> Floats:
-    """'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
+    """Read 'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
     import numpy as np
 
     return np.array(numbers_at(text, STATE_COLUMNS[:6]))
 
 
 def state_of(text: str | None) -> Floats:
-    """'tz_mm=1,bx_mm=2' as a state (8,), mm and rad."""
+    """Read 'tz_mm=1,bx_mm=2' as a state (8,), mm and rad."""
     import numpy as np
 
     return np.array(numbers_at(text, STATE_COLUMNS))
 
 
 def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
-    """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
+    """Read NAME=NUMBER,... in the order of the names, mm and rad; zero for omitted names."""
     found = [0.0] * len(names)
     form = "NAME=NUMBER"
     given = {} if text is None else assignments(text, "--at", names, form)
@@ -47,7 +47,7 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
 
 
 def pair_of(text: str) -> tuple[str, str]:
-    """'tx,ty' as the names of two axes."""
+    """Read 'tx,ty' as the names of two axes."""
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
         raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, such as tx,ty")

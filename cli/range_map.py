@@ -123,7 +123,7 @@ def write(
     paths: list[Path],
     start: float,
 ) -> None:
-    """Outlines, picture and record, in that order."""
+    """Write outlines, picture and record, in that order."""
     outlines, picture, record = paths
     files.tables.write_table(
         outlines,
@@ -171,7 +171,7 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[
 
 
 def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
-    """The range of each axis, and the largest box in proportion to them."""
+    """Print the range of each axis, and the largest box with these proportions."""
     import numpy as np
 
     found = characterization.ranges.axis_ranges(settings.sensor, rules, pose)
@@ -198,7 +198,7 @@ def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
 
 
 def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> None:
-    """One line about an outline: its size, its causes, and how it stood its checks."""
+    """Print one line about an outline: its size, its causes, and the result of its checks."""
     import numpy as np
 
     sizes = [

@@ -185,7 +185,7 @@ def check_ending(path: Path, flat: bool, film: bool) -> None:
 def extras(
     settings: Config, view: View, motion: str | None, recording: Path | None, track: bool
 ) -> dict[str, Any]:
-    """What a view needs beside sensor and state."""
+    """Arguments that a view needs in addition to sensor and state."""
     if view is View.range:
         return {"rules": replace(settings.range, tracking=True) if track else settings.range}
     if view is View.trail:
@@ -194,7 +194,7 @@ def extras(
 
 
 def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict[str, Any]) -> None:
-    """A picture, a page or a scene, by the file's ending."""
+    """Draw a picture, a page or a scene, by the file's suffix."""
     if path.suffix.lower() == ".html":
         pictures.page.rig_page.write_rig_page(
             settings.sensor, settings.name, state, path, form.view

@@ -94,7 +94,7 @@ def tell(text: str) -> None:
 
 
 def open_page(playback: live.Playback, web: str | None) -> live.ReplayPage | nullcontext[None]:
-    """Open the page of a replay and tell its address; no page where --web is not given."""
+    """Open the page of a replay and print its address; no page without --web."""
     if web is None:
         return nullcontext()
     scripts = pictures.page.scripts.rig_scripts(playback.config.sensor)

@@ -62,7 +62,7 @@ def reproduce(
 
 
 def show(result: ExperimentResult) -> None:
-    """Whether it repeats and agrees, the claims, and the columns that have changed."""
+    """Print whether an experiment repeats and agrees, its claims, and the changed columns."""
     from facets.experiments.report import number
 
     verdict = "repeats" if result.repeats else "CHANGED"

@@ -1,4 +1,4 @@
-"""Signals that end a program: handled as ^C is, so that whatever is open is closed.
+"""Signals that end a program, handled as ^C is, so that all open files are closed.
 
 A terminal that is closed sends SIGHUP, a system that shuts down SIGTERM. Both raise
 `KeyboardInterrupt` where the program is, as SIGINT does; the exit status is then 128 and the
@@ -20,12 +20,12 @@ _caught: list[int] = []
 
 
 def caught() -> int | None:
-    """The number of the first signal that came, if any. Code that swallowed it may ask."""
+    """Number of the first signal that came, if any, for code that caught its exception."""
     return _caught[0] if _caught else None
 
 
 def check() -> None:
-    """Raises `KeyboardInterrupt` where a signal came and something kept it from ending the work."""
+    """Raise `KeyboardInterrupt` if a signal came that did not end the work."""
     if _caught:
         raise KeyboardInterrupt
 
@@ -38,13 +38,13 @@ def status() -> int:
 def status_of(code: Any) -> Any:
     """The exit status of a command that ended with `code`, by itself or after a signal.
 
-    ^C is a way to end a command that runs on and on, and leaves it its own status.
+    A command that runs until it is stopped keeps its own status after ^C.
     """
     return code if caught() in (None, signal.SIGINT) and code != INTERRUPTED else status()
 
 
 def interrupt(number: int, _: FrameType | None) -> None:
-    """Ends what is being done, at the first signal; while it ends, only ^C can hurry it."""
+    """End the work at the first signal; while it ends, only ^C can interrupt again."""
     again = bool(_caught)
     _caught.append(number)
     if not again or number == signal.SIGINT:
@@ -53,7 +53,7 @@ def interrupt(number: int, _: FrameType | None) -> None:
 
 @contextmanager
 def interrupting() -> Iterator[None]:
-    """Within it the signals of NAMES interrupt; after it they do what they did before."""
+    """Context in which the signals of NAMES interrupt; afterwards their handlers are restored."""
     before: dict[int, Any] = {}
     _caught.clear()
     for name in NAMES:

@@ -50,7 +50,7 @@ Noise = Annotated[
 
 @dataclass(frozen=True)
 class Files:
-    """Where the results of a simulation go."""
+    """Paths of a simulation's results."""
 
     folder: Path
     readings: Path
@@ -111,7 +111,7 @@ def write(
     reference: bool,
     start: float,
 ) -> None:
-    """The results as files; the record last, since it tells how long it took."""
+    """Write the results; the record comes last, because it states the duration."""
     about = files.provenance.provenance_header(settings, seed)
     columns = simulation.run.reading_table(segments)
     if reference:
@@ -125,7 +125,7 @@ def write(
 
 
 def print_segment(segment: Segment) -> None:
-    """Errors of one motion by axis, then what became of its samples."""
+    """Print the errors of one motion by axis, then the outcome of its samples."""
     headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
     rows = []
     for axis in simulation.run.axes(segment):

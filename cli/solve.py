@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from facets.estimation.table import StatusCounts
 
 
-#: Errors of a pose that are worth a word, and those without a bound; standard uncertainties.
+#: Errors of a pose that are reported, and those without a bound; standard uncertainties.
 MUCH, BOUNDLESS = 10.0, 1e4
 
 
@@ -145,7 +145,7 @@ def solve(
 
 @contextmanager
 def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
-    """Gives a function of the bytes read so far; shown on a terminal only."""
+    """Yields a function of the bytes read so far; the bar appears only on a terminal."""
     if not sys.stderr.isatty():
         yield lambda _: None
         return
@@ -160,7 +160,7 @@ def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
 
 
 def misfit(count: StatusCounts) -> bool:
-    """Whether more than half of the solved rows fit worse than noise lets them."""
+    """Return whether more than half of the solved rows fit worse than noise explains."""
     return 2 * count.misfit.flagged > count.solved_count
 
 
@@ -185,7 +185,7 @@ def report(count: StatusCounts, output: Path, settings: Config, options: Solve) 
 
 
 def unchecked_sentence(count: StatusCounts) -> str:
-    """What to say of rows that have, or could have, a pose which nothing checks."""
+    """Message about rows that have, or could have, a pose which nothing checks."""
     refused = count.statuses[estimation.solution.Status.UNCHECKED.label]
     if refused:
         return (
@@ -211,7 +211,7 @@ def edge_sentence(count: StatusCounts) -> str:
 
 
 def unseen_sentence(count: StatusCounts) -> str:
-    """What one spoilt number can do to a pose without a sign, where that is much."""
+    """Message about the undetected error that one spoilt number can cause, if it is large."""
     place, power = count.unseen.tolist()
     if not max(place, power) > MUCH:
         return ""
@@ -222,7 +222,7 @@ def unseen_sentence(count: StatusCounts) -> str:
 
 
 def temperature_sentence(count: StatusCounts, settings: Config, options: Solve) -> str:
-    """What a temperature costs that the sensor follows and the table does not have."""
+    """Message about the error if the table lacks a temperature that the sensor needs."""
     if not count.lacks_temperature:
         return ""
     shift = abs(estimation.table.shift_per_kelvin(settings.sensor, options))

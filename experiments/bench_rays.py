@@ -23,16 +23,16 @@ ANGLES, DISTANCES, REACH = 40, 48, 6.0
 
 
 class RayBench(NamedTuple):
-    """What of the light the nominal model does not know.
+    """The properties of the light that the nominal model does not have.
 
     covariance: of the irradiance (2, 2), mm^2.  curvature: of the wavefront (2, 2), 1/mm.
-    wavelength: mm.  metal: its complex index, None for one that reflects all.  polarisation: rad.
+    wavelength: mm.  metal: its complex index, None for a perfect mirror.  polarisation: rad.
     strips: mm, of edges 0 to 2.
     depth, width: of the roll-off at each facet's two edges (3, 2) mm, and its decay, mm.
     background: (3, 3) power and place, mW and mm.
     profile: factor of the irradiance at places (..., 2) across the beam, in standard deviations;
-    None for a Gaussian beam.  chip: radius of what is broken off the tip of the first two facets,
-    mm.
+    None for a Gaussian beam.  chip: radius of the piece broken off the tip of the first two
+    facets, mm.
     """
 
     covariance: Floats
@@ -78,7 +78,7 @@ def detector_plane(psd: Psd) -> tuple[Floats, Floats]:
 
 
 def landing_point(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
-    """Where rays meet a detector's plane (..., 2), and after which path (...)."""
+    """Points (..., 2) at which rays meet a detector's plane, and the rays' lengths (...)."""
     centre, (x, y, z) = detector_plane(psd)
     path = ((centre - start) @ x) / (along @ x)
     beside = start + path[..., None] * along - centre
@@ -86,7 +86,7 @@ def landing_point(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Float
 
 
 def reflectance(cosine: Floats, index: complex) -> tuple[Floats, Floats]:
-    """Of s and p light at a metal."""
+    """Reflectance of s and p light at a metal."""
     inner = np.sqrt(index**2 - 1 + cosine**2)
     s = (cosine - inner) / (cosine + inner)
     p = (index**2 * cosine - inner) / (index**2 * cosine + inner)
@@ -94,7 +94,7 @@ def reflectance(cosine: Floats, index: complex) -> tuple[Floats, Floats]:
 
 
 class RayBeam(NamedTuple):
-    """Its direction and the axes of its cross-section, in the world."""
+    """The beam's direction and the axes of its cross-section, in the world."""
 
     along: Floats
     x: Floats
@@ -184,7 +184,7 @@ def sample_facet(
 def incident_light(
     bench: RayBench, beam: RayBeam, world: Floats, state: Floats, turn: Floats, normal: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Of the rays through points: flux on the facet, cosine, direction."""
+    """Flux on the facet, cosine and direction of the rays through points."""
     beside = world - np.pad(state[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
     depth = beside @ beam.along
     matrix = np.eye(2) + depth[..., None, None] * bench.curvature
@@ -203,7 +203,7 @@ def incident_light(
 
 
 def reflected_share(bench: RayBench, beam: RayBeam, cosine: Floats, normal: Floats) -> Floats:
-    """How much of the light is reflected (n, m)."""
+    """Reflected share of the light (n, m)."""
     if bench.metal is None:
         return np.ones_like(cosine)
     field = np.cos(bench.polarisation) * beam.x + np.sin(bench.polarisation) * beam.y
@@ -216,7 +216,7 @@ def reflected_share(bench: RayBench, beam: RayBeam, cosine: Floats, normal: Floa
 def surface_slope(
     bench: RayBench, distances: Floats, normal: Floats, first: Floats, second: Floats, k: int
 ) -> Floats:
-    """By how much the surface falls towards its edges (m, 3)."""
+    """Slope (m, 3) of the surface towards its edges."""
     inward = np.array([np.cross(normal, first), np.cross(second, normal)])
     fall = bench.depth[k] / bench.width * np.exp(-np.maximum(distances, 0) / bench.width)
     found: Floats = fall @ inward
@@ -227,7 +227,7 @@ def add_diffraction(
     sensor: Sensor, bench: RayBench, beam: RayBeam, state: Floats, turn: Floats, normal: Floats,
     edge: Floats, reflected: Floats, power: Floats, centre: Floats, k: int,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Power and place once one edge has spread its light past the detector's window."""
+    """Power and position after one edge has spread its light past the detector's window."""
     psd, world = sensor.psds[k], turn @ edge
     nodes, weights = np.polynomial.legendre.leggauss(64)
     far = 4 * REACH * np.sqrt(np.trace(bench.covariance))
@@ -265,7 +265,7 @@ def landing_points(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floa
 
 
 def steps_to_window(place: Floats, along: Floats, psd: Psd) -> Floats:
-    """How many steps along it is to the edge of the sensitive area (n,)."""
+    """Number of steps to the edge of the sensitive area (n,)."""
     half = np.array([psd.size_y, psd.size_z]) / 2
     with np.errstate(divide="ignore"):
         steps = np.where(along > 0, (half - place) / along, (-half - place) / along)

@@ -34,14 +34,14 @@ from facets.tracking.stage import StageModel
 RADIUS = 4.0
 SPEEDS = (6.28, 12.6, 25.0, 50.0)
 
-#: From a reading (9,), and a state to start from, with the beam where the stage says that it is
-#: (8,), to a state (8,); NaN where there is none.
+#: Function of a reading (9,) and a start (8,), which holds the beam's position by the stage, that
+#: returns a state (8,), or NaN if there is none.
 Solver = Callable[[Floats, Floats], Floats]
 
 
 @dataclass(frozen=True)
 class Controller:
-    """Where the loop is closed.  age: from light to command, s.  rate: of commands, Hz."""
+    """Where the loop is closed.  age: time from light to command, s.  rate: of commands, Hz."""
 
     name: str
     age: float
@@ -50,7 +50,7 @@ class Controller:
 
 
 def circle(now: float, speed: float) -> Floats:
-    """The mirror at a time, s, at a speed that it reaches smoothly within half a second."""
+    """State of the mirror at a time, s; it reaches its speed smoothly within half a second."""
     passed = now - 0.25 if now > 0.5 else now**2
     angle = speed * passed / RADIUS
     state = np.zeros(8)
@@ -61,7 +61,7 @@ def circle(now: float, speed: float) -> Floats:
 def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tuple[float, int]:
     """The largest distance of beam and apex after the first second, mm; and commands without pose.
 
-    Once the light is lost the rest is not looked at: the distance is infinite.
+    The run ends when the light is lost; the distance is then infinite.
     """
     sensor, rng = facets.load("bench").sensor, np.random.default_rng(1)
     settings = replace(stage, rate=place.rate)

@@ -1,4 +1,4 @@
-"""The JSON Schema of a certificate of uniqueness, and what of JSON Schema it takes to enforce it.
+"""The JSON Schema of a certificate of uniqueness, and the part of JSON Schema that enforces it.
 
 `python -m facets.experiments.check_certificate --schema` prints it.
 """
@@ -12,7 +12,7 @@ FORMAT = "facets uniqueness certificate 2"
 
 
 class Refused(Exception):
-    """The certificate is no proof; why."""
+    """The certificate is no proof; the message says why."""
 
 
 def array(item: Any, count: int) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def is_of_kind(value: Any, kind: str) -> bool:
 
 
 def conform(value: Any, schema: dict[str, Any], where: str = "the file") -> None:
-    """Raises `Refused` where a value is not as its schema says."""
+    """Raise `Refused` if a value does not conform to its schema."""
     if "const" in schema:
         same = type(value) is type(schema["const"]) and value == schema["const"]
         refuse_unless(same, f"{where} is {value!r:.60}; needed: {schema['const']!r}")

@@ -48,7 +48,7 @@ def folder_of(module: str) -> str:
 
 
 def arrows() -> set[Arrow]:
-    """(from, to) for each two folders of which the first imports the second."""
+    """Pairs (from, to) of folders of which the first imports the second."""
     import grimp
 
     sys.path.insert(0, str(ROOT))
@@ -65,7 +65,7 @@ def arrows() -> set[Arrow]:
 
 
 def package_imports() -> set[Arrow]:
-    """What a program imports of another by the name under which both are installed."""
+    """Find the imports of one program from another by their common installed name."""
     return {
         (program, other)
         for program in PROGRAMS
@@ -93,7 +93,7 @@ def reaches(start: str, end: str, every: set[Arrow]) -> bool:
 
 
 def places(rows: list[list[str]], every: set[Arrow]) -> dict[str, Place]:
-    """The middle of each folder's box: in its layer's row, near what it has arrows to and from."""
+    """Centre of each folder's box: in its layer's row, near the folders that arrows connect."""
     x = {name: WIDTH * (n + 0.5) / len(row) for row in rows for n, name in enumerate(row)}
     for _ in range(8):
         for row in rows:
@@ -110,7 +110,7 @@ def mean_beside(name: str, every: set[Arrow], x: dict[str, float]) -> float:
 
 
 def drawing() -> str:
-    """The drawing as SVG. Each arrow carries `data-from` and `data-to`."""
+    """Make the drawing as SVG. Each arrow carries `data-from` and `data-to`."""
     rows, every = layers(), arrows()
     plain = plain_arrows(every)
     at = places(rows, plain)
@@ -144,7 +144,7 @@ def head(height: float) -> Iterator[str]:
 
 
 def curve(arrow: Arrow, at: dict[str, Place], colour: str, width: float) -> str:
-    """From the lower edge of a box to the upper edge of another, leaving towards where it goes."""
+    """Curve from the lower edge of a box to the upper edge of another."""
     (x0, y0), (x1, y1) = at[arrow[0]], at[arrow[1]]
     lean = max(-0.38, min(0.38, (x1 - x0) / WIDTH)) * BOX_WIDTH
     begin, end = (x0 + lean, y0 + BOX_HEIGHT / 2), (x1 - lean, y1 - BOX_HEIGHT / 2)

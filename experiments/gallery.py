@@ -33,7 +33,7 @@ def wander() -> Floats:
 
 
 def three_d(view: Any, theme: Any, state: Any = TILTED, size: Any = SIZE, **more: Any) -> Any:
-    """What writes a picture in three dimensions to a file."""
+    """Make a function that writes a three-dimensional picture to a file."""
 
     def write(path: Path) -> None:
         with Picture(CONFIG.sensor, np.array(state), view, size, theme, "paper", **more) as picture:
@@ -51,7 +51,7 @@ def plan(path: Path) -> None:
 
 
 def wobble(path: Path) -> None:
-    """A film that a page can carry: small, and in few colours."""
+    """Write a film for a web page: small, and in few colours."""
     motion = 0.2 * wander()[::15]
     factor = motion_factor(CONFIG.sensor, motion)
     with Picture(CONFIG.sensor, motion[0], "both", (600, 400), "dark", "paper") as picture:
@@ -78,7 +78,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 
 
 def main(folder: Path, *names: str) -> None:
-    """Makes all of them, or those of these names."""
+    """Make all pictures, or those with these names."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, write in PICTURES.items():
         if not names or name in names:

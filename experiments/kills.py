@@ -35,7 +35,7 @@ BLOCK, RATE = 50, 400.0
 
 
 def stream(count: int) -> bytes:
-    """The bytes of a mirror that wobbles."""
+    """Make the bytes of a wobbling mirror."""
     config = facets.load("bench")
     state = np.zeros((count, 8))
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 100)
@@ -79,7 +79,7 @@ def run_acquisition(folder: Path, data: bytes, byte_count: Any) -> None:
 
 
 def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) -> dict[str, int]:
-    """What is left of a recording that got a signal so many seconds after its first bytes."""
+    """Check a recording after a signal, sent a given time (s) after its first bytes."""
     context = multiprocessing.get_context("fork")
     byte_count = context.Value("q", 0, lock=False)
     process = context.Process(target=run_acquisition, args=(folder, data, byte_count))

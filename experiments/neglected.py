@@ -1,4 +1,4 @@
-"""What ideal light neglects, and how much each matters to a pose: ideal, calibrated, and known.
+"""Effects that ideal light neglects, and the pose errors that they cause.
 
     python -m facets.experiments.neglected [--output FILE.csv]
 
@@ -116,7 +116,7 @@ def move_sensor(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[D
 
 
 def errors_over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
-    """r.m.s. error over the uncertainty of one reading: the worse of x and y, the worst other."""
+    """R.m.s. errors over one reading's uncertainty: the worse of x and y, the worst other."""
     solution = facets.solve(sensor, correct(sensor, data.raw), beam="known")
     error = (solution.state - state)[:, :6]
     error[:, :2] -= apex

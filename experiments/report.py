@@ -1,4 +1,4 @@
-"""One page that holds a run: figures, numbers beside the paper's, checks, configurations."""
+"""One page about a run: figures, numbers beside the paper's, checks, configurations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TEMPLATE = Path(__file__).parent / "report.html"
 
 
 def number(value: float) -> str:
-    """Four digits; nothing where there is no number."""
+    """Write a number with four digits; an empty text for NaN."""
     if value != value:
         return ""
     if value == int(value) and 1e4 <= abs(value) < 1e7:
@@ -33,7 +33,7 @@ def number(value: float) -> str:
 
 
 def embed_picture(path: Path | None) -> str:
-    """A picture as the text of its own address, so that the page needs no other file."""
+    """Encode a picture as a data address, so that the page needs no other file."""
     if path is None:
         return ""
     return "data:image/svg+xml;base64," + b64encode(readable_path(path).read_bytes()).decode()
@@ -51,7 +51,7 @@ def facts() -> dict[str, str]:
 
 
 def write_report(path: Path, results: list[ExperimentResult], quick: bool) -> None:
-    """Writes the page, whole or not at all."""
+    """Write the page, completely or not at all."""
     places = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined,
                                 trim_blocks=True, lstrip_blocks=True)  # fmt: skip
     places.filters |= {"number": number, "embedded": embed_picture}

@@ -1,4 +1,4 @@
-"""Runs experiments, and holds what they give against what they gave: `facets reproduce`."""
+"""Run experiments and compare their results with stored references: `facets reproduce`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EXPECTED = Path(__file__).parent / "expected"
 
 @dataclass(frozen=True)
 class Check:
-    """One column against its reference.
+    """The comparison of one column with its reference.
 
     off: the largest difference over what is allowed; 1 or less repeats the reference, NaN where the
     rows or the words themselves differ.  allowed: in words.  why: the reason for it.
@@ -42,7 +42,7 @@ class Check:
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """What an experiment gave.
+    """The results of an experiment.
 
     table, picture: files; picture is None where there is none.  That an experiment repeats says
     that the numbers are those of the stored references, which this project made; whether they agree
@@ -60,18 +60,18 @@ class ExperimentResult:
 
     @property
     def repeats(self) -> bool:
-        """Whether every column is that of the stored reference."""
+        """Return whether every column equals that of the stored reference."""
         return all(check.repeats for check in self.checks)
 
     @property
     def agreement(self) -> tuple[int, int]:
-        """How many of the paper's numbers are met within a tenth, and of how many."""
+        """Count the paper's numbers that are met within a tenth, and all of them."""
         verdicts = [claim.agrees for claim in self.claims if claim.agrees is not None]
         return sum(verdicts), len(verdicts)
 
 
 def select_experiments(names: list[str]) -> list[str]:
-    """The experiments of those names, in order; all of them for none or `all`."""
+    """Select experiments by name, in order; all of them for no name or `all`."""
     unknown = [name for name in names if name not in (*EXPERIMENTS, "all")]
     if unknown:
         raise InputError(
@@ -83,7 +83,7 @@ def select_experiments(names: list[str]) -> list[str]:
 
 
 def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[ExperimentResult]:
-    """Each experiment in turn, its files in the folder."""
+    """Run each experiment in turn, and write its files into the folder."""
     for name in names:
         start = time.perf_counter()
         work = experiment(name)
@@ -103,13 +103,13 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Experimen
 
 
 def compute_table(work: Experiment, quick: bool, path: Path) -> Table:
-    """The table, by way of its file: what is drawn and claimed is what is written."""
+    """Compute the table and read it back from its file, so that figures use the written one."""
     write_table(path, work.compute(quick), provenance.provenance_header(facets.load(work.CONFIG)))
     return read(readable_path(path))
 
 
 def read(path: Path) -> Table:
-    """A table of numbers and words; an empty word is one."""
+    """Read a table of numbers and words; an empty cell is a word."""
     import pandas as pd
 
     frame = pd.read_csv(path, comment="#")
@@ -128,13 +128,13 @@ def claim_table(claims: list[PaperClaim]) -> Table:
 
 
 def reference_path(name: str, quick: bool, kind: str) -> Path:
-    """Of the quick run where that gives something else."""
+    """Path of the reference, of the quick run if its numbers differ."""
     short = EXPECTED / "quick" / f"{name}-{kind}.csv"
     return short if quick and short.exists() else EXPECTED / f"{name}-{kind}.csv"
 
 
 def tolerances() -> dict[str, Any]:
-    """By experiment and kind of table (claims, table) and column: rel, abs, why."""
+    """Tolerances by experiment, kind of table (claims, table) and column: rel, abs, why."""
     from ruamel.yaml import YAML
 
     found: dict[str, Any] = YAML(typ="safe").load(EXPECTED / "tolerances.yaml")
@@ -142,7 +142,7 @@ def tolerances() -> dict[str, Any]:
 
 
 def check_columns(name: str, quick: bool, table: Table, claims: list[PaperClaim]) -> list[Check]:
-    """Every column that the tolerances name, against its reference."""
+    """Compare every column that the tolerances name with its reference."""
     checks = []
     for kind, columns in tolerances()[name].items():
         found = table if kind == "table" else claim_table(claims)
@@ -160,7 +160,7 @@ def check_column(column: str, found: Table, expected: Table, rule: dict[str, Any
 
 
 def distance(column: str, found: Table, expected: Table, rel: float, absolute: float) -> float:
-    """The largest difference over what is allowed; NaN where it has no meaning."""
+    """Largest difference over the allowed one; NaN if it has no meaning."""
     if column not in found or column not in expected:
         return np.nan
     here, there = found[column], expected[column]
@@ -178,7 +178,7 @@ def distance(column: str, found: Table, expected: Table, rel: float, absolute: f
 
 
 def write_references(quick: bool, folder: Path) -> None:
-    """New references, from a fresh run. For a commit that says why they changed."""
+    """Write new references from a new run, for a commit that says why they changed."""
     rules = tolerances()
     for result in reproduce(list(EXPERIMENTS), quick, folder):
         if quick and result.repeats:

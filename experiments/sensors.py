@@ -1,4 +1,4 @@
-"""Sensors to try things on: the paper's, and ten of which nothing is symmetric."""
+"""Sensors for experiments: the paper's, and ten without any symmetry."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from facets import Beam, Facet, Psd, Sensor
 
 
 def sub_beam(beam: Beam, facet: Facet) -> NDArray[np.float64]:
-    """Where a facet sends the beam at the mirror's zero pose."""
+    """Direction of the beam after a facet at the mirror's zero pose."""
     down = np.array([-np.sin(beam.tilt_y) * np.cos(beam.tilt_x), np.sin(beam.tilt_x), 0])
     down[2] = -np.cos(beam.tilt_y) * np.cos(beam.tilt_x)
     slope, azimuth = facet.inclination, facet.azimuth
@@ -19,7 +19,7 @@ def sub_beam(beam: Beam, facet: Facet) -> NDArray[np.float64]:
 
 
 def skew_sensor(seed: int) -> Sensor:
-    """Every parameter off by more than any rig's, each detector near the spot it is to catch."""
+    """Make a sensor whose parameters differ more than any rig's; each detector is near its spot."""
     rng = np.random.default_rng(seed)
     beam = Beam(
         power=rng.uniform(0.1, 5),
