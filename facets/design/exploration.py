@@ -79,7 +79,7 @@ SHARE = "share"
 PARENT_CHECK_INTERVAL_S = 1.0
 #: Largest number of rivals that a design is compared with.
 RIVALS = 32
-#: Tolerance of a range, as a share of its length.
+#: Tolerance of a design's ranges, in units of `ranges.FARTHEST_MM_RAD`.
 FINE_ENOUGH = 1e-5
 #: Factors from mm and rad to the tables' units, by axis of the pose: mm and mrad, um and urad.
 FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])

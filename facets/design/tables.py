@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from .rounding import Rounded
     from .search import Optimum
 
-#: The effect of an error as large as the rounding step.
+#: The effect of half a rounding step after which the design breaks a limit.
 BREAKS = "breaks a limit"
-#: Keys of variables whose key has another name.
+#: Last parts of the keys of variables whose key has another name.
 KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
     f"{kind}_{letter}_{key}": key
     for kind, keys in (
@@ -68,7 +68,7 @@ def value_text(value: Any) -> str:
 
 
 def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
-    """By the last part of a key: the rounding step, and the effect of an error of that size."""
+    """By the last part of a key: half the rounding step, and the effect of such an error."""
     if made is None:
         return {}
     found = {}

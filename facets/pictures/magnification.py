@@ -8,8 +8,8 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import half_sizes, readings
 
-#: Least distance of a spot's centroid from its detector's edge, over half the detector's size, and
-#: least share of the light on a detector, in a magnified motion.
+#: Largest distance of a spot's centroid from its detector's axes, over half the detector's size,
+#: and least share of the light on a detector, in a magnified motion.
 INSIDE, LEAST = 0.80, 0.06
 #: The largest rotation of a head in a picture, rad.
 MAX_TURN_RAD = 0.3

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: Inches: the picture's height; margins left, right, above, below; gaps between columns and rows.
 HEIGHT, MARGINS, BETWEEN = 7.8, (0.78, 0.08, 0.12, 1.12), (0.84, 0.26)
-#: Heights of a panel and of the strip of its error below.
+#: Relative heights of a panel and of the strip of its error below.
 SHARES = (1.45, 1.0)
 #: Distance of labels from a panel, inches to its left.
 LABEL = 0.58

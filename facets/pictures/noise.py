@@ -207,7 +207,7 @@ def dash_of(column: str) -> str:
 
 
 def group_channels(channels: list[Channel]) -> dict[str, list[Channel]]:
-    """Group channels by panel: readings, shifts of poses, and angles of poses."""
+    """Group channels by panel: psi, zeta and power of readings, shifts and angles of poses."""
     words = {"psi": "place psi", "zeta": "place zeta", "power": "power"}
     found: dict[str, list[Channel]] = {}
     for one in channels:

@@ -551,7 +551,7 @@ class ExplodedView(SceneView):
         sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
 
     def labelled_parts(self) -> list[RigPart]:
-        """List one part of each name; facets and screws count as one name each."""
+        """List the parts with labels: all but facets, moving stage and amplifiers."""
         hidden = ("facet", "moving stage", "amplifiers")
         return [part for part in self.parts if not part.name.startswith(hidden)]
 
