@@ -181,7 +181,7 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
         typer.echo(wrap(f"- {note}"))
 
 
-#: A change of more than so many of its standard uncertainties before is named.
+#: A change of more than this number of its prior standard uncertainties is named.
 LARGE_CHANGE = 4.0
 
 

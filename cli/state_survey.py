@@ -1,4 +1,4 @@
-"""What `facets jacobian` computes: a sampled survey of a box of states, and what it prints."""
+"""The sampled survey of a box of states by `facets jacobian`, and its printed results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def survey_box(
     request: SurveyRequest, force: bool, search: bool
 ) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
-    """Draws, measures and reports; then the worst by a search, and two states of like readings."""
+    """Sample, measure and report; then search the worst state and two with like readings."""
     files.tables.refuse_to_overwrite(request.files, force)
     refuse_too_many(request)
     found = measure(request)
@@ -46,7 +46,7 @@ def survey_box(
 
 
 def measure(request: SurveyRequest) -> Survey:
-    """Draws and measures, chunk by chunk, with a progress bar; writes all states if request for."""
+    """Sample and measure in chunks, with a progress bar; write all states if requested."""
     from rich.console import Console
     from rich.progress import track
 
@@ -71,7 +71,7 @@ def measure(request: SurveyRequest) -> Survey:
 
 
 def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats], None] | None:
-    """What writes each chunk of states into the table, where one is request for."""
+    """Function that writes each chunk of states into the table, if one is requested."""
     if request.table is None:
         return None
     temporary = stack.enter_context(files.tables.Whole(request.table))
@@ -85,7 +85,7 @@ def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats
 
 
 def write(request: SurveyRequest, found: Survey, pair: AmbiguousPair | None) -> dict[str, Any]:
-    """Table and picture; what the record says of them."""
+    """Write table and picture; return their entries of the record."""
     about = files.provenance.provenance_header(request.settings, request.seed)
     files.tables.write_table(request.density, characterization.tables.density_columns(found), about)
     if found.states - found.dark > 1:
@@ -149,7 +149,7 @@ def show_weakest(title: str, settings: Config, worst: Worst) -> None:
 
 
 def search_worst(request: SurveyRequest, found: Survey) -> Worst:
-    """The worst that a search finds, and how near the draw came to it."""
+    """Search the worst state, and report how near the sample came to it."""
     settings, domain = request.settings, request.domain
     lowest = characterization.singularity.search(
         settings.sensor, domain, 0, request.left_out, request.seed
@@ -191,7 +191,7 @@ def certify_and_report(
     tolerances: float | None,
     worst: Worst | None,
 ) -> dict[str, Any]:
-    """Proves and writes the certificate; what the record says of it."""
+    """Prove and write the certificate; return its entries of the record."""
     weakest = None if worst is None else worst.state
     claim = claim_for(request.settings, request.domain, request.least_share, tolerances, weakest)
     about = files.provenance.provenance_header(request.settings, request.seed)

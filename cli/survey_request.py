@@ -1,4 +1,4 @@
-"""What `facets jacobian` is asked for: a sample, its box of states, and where the results go."""
+"""The request of `facets jacobian`: a sample, its box of states, and the results' files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SurveyRequest:
-    """What the command line asks for."""
+    """The survey that the command line requests."""
 
     settings: Config
     domain: StateBox
@@ -69,7 +69,7 @@ class SurveyRequest:
 
 
 def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
-    """The box, and the least share of light for a proof: by the config's rules, or by the box."""
+    """Return the box, and the least share of light for a proof, by the rules or by the box."""
     if box is not None:
         return characterization.state_box.parse_box(box), None
     sensor, rules = settings.sensor, settings.range
@@ -78,12 +78,12 @@ def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | Non
     ), characterization.state_box.least_share(sensor, rules)
 
 
-#: A draw that takes longer than this, s, is announced.
+#: Sampling that takes longer than this, s, is announced.
 ANNOUNCED_AFTER_S = 10.0
 
 
 def refuse_too_many(request: SurveyRequest) -> None:
-    """Says how long many states take; raises `InputError` where they cannot be done."""
+    """Print how long many states take; raise `InputError` for too many."""
     if request.states <= characterization.singularity.CHUNK:
         return
     seconds, memory, size = characterization.singularity.cost(
@@ -102,7 +102,7 @@ def refuse_too_many(request: SurveyRequest) -> None:
 
 
 def duration(seconds: float) -> str:
-    """In the unit that suits: "2.5 h"."""
+    """Write a duration in a suitable unit: "2.5 h"."""
     for unit, size in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"

@@ -1,4 +1,4 @@
-"""`facets tolerances`: the share of heads that keeps what is asked, and what costs most of it."""
+"""`facets tolerances`: the share of heads that meet the requirements, by tolerance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from facets.design.production import SimulatedHeads
     from facets.design.tolerancing import Sensitivity, Shares
 
-#: Fewer simulated heads say next to nothing about a yield.
+#: Least number of simulated heads for a useful estimate of a yield.
 LEAST_HEADS = 10
 Rows = tuple[list[str], list[list[str]]]
 
@@ -67,7 +67,7 @@ def tolerances(
 
 
 class Yields:
-    """Of a design: predicted, simulated, and by tolerance.  count: of the simulated heads."""
+    """A design's yields: predicted, simulated, and by tolerance.  count: of simulated heads."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class Yields:
 
 
 def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
-    """What `calibrate.before` and the block `optimize` make of a sensor's heads."""
+    """Compute the yields of a sensor's heads by `calibrate.before` and the block `optimize`."""
     built = design.assembly.assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
     expansion = design.tolerancing.expand_margins(built)
     draws = design.tolerancing.draw_heads(built)
@@ -119,7 +119,7 @@ FEW = 0.5
 
 
 def margin_advice(settings: Config, found: Yields) -> str:
-    """What to do about a design that few heads keep; "" where more do, or nothing is loose."""
+    """Advice for a design with a low yield; "" for a higher yield or without tolerances."""
     share = design.production.count_passes(found.heads)["kept"] / found.count
     if share >= FEW or not found.by_tolerance:
         return ""
@@ -138,7 +138,7 @@ def margin_advice(settings: Config, found: Yields) -> str:
 
 
 def kinds_of(settings: Config, found: Yields) -> dict[str, str]:
-    """What a head can be asked for, in words, by the fields of `tolerancing.Shares`."""
+    """Requirements of a head in words, by the fields of `tolerancing.Shares`."""
     kinds = {"kept": "spots, light and limits"}
     if found.accurate:
         kinds["built"] = "and accuracy, as built"
@@ -182,7 +182,7 @@ def error_rows(settings: Config, found: Yields) -> Rows:
 
 
 def last_kind(settings: Config, found: Yields) -> str:
-    """The field of the yield that counts in the end."""
+    """Return the field of the yield that includes all requirements."""
     return list(kinds_of(settings, found))[-1]
 
 
@@ -197,7 +197,7 @@ def tolerance_rows(settings: Config, found: Yields) -> Rows:
 
 
 def sensitivity_columns(settings: Config, found: Yields) -> dict[str, Any]:
-    """The predicted yields by tolerance, in per cent; the first row is of all as they are."""
+    """Predicted yields by tolerance, in per cent; the first row is for unchanged tolerances."""
     import numpy as np
 
     rows = found.by_tolerance
@@ -215,7 +215,7 @@ def sensitivity_columns(settings: Config, found: Yields) -> dict[str, Any]:
 
 
 def head_columns(heads: SimulatedHeads) -> dict[str, Any]:
-    """Each simulated head: its least margins, and its largest errors."""
+    """Columns of the simulated heads: their least margins and largest errors."""
     import numpy as np
 
     columns: dict[str, Any] = {

@@ -69,7 +69,7 @@ def hidden() -> dict[str, float]:
 
 
 def choice() -> Choice:
-    """All that may be off, and known before as well as that."""
+    """Unknowns of the calibration, with these spreads as priors."""
     spread = hidden()
     return Choice(tuple(spread), np.array(list(spread.values())))
 
@@ -89,7 +89,7 @@ def draw_rig(nominal: Sensor, rng: np.random.Generator) -> Rig:
 
 
 def read(rig: Rig, data: Data, rng: np.random.Generator) -> Data:
-    """With what the detectors read where the reference carries the mirror."""
+    """Return the samples with the detectors' readings at the reference's poses."""
     state = states_of(data, np.zeros((len(data.pose), 9)), rig.values)
     noisy = add_noise(rig.sensor, facets.readings(rig.sensor, state), rng)
     return data._replace(raw=invert_correction(rig.sensor, noisy))
@@ -105,7 +105,7 @@ def sample_motion(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data,
 
 
 def errors(sensor: Sensor, data: Data, state: Floats) -> Floats:
-    """Solved poses less the true ones (n, 6), the beam known; mm and rad."""
+    """Errors (n, 6) of solved poses with the beam known; mm and rad."""
     found = facets.solve(sensor, correct(sensor, data.raw), beam="known", threads=0)
     error: Floats = (found.state - state)[:, :6]
     return error
@@ -163,7 +163,7 @@ UNDISTURBED = Disturbance()
 
 
 def draw_bench_rig(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
-    """A rig with every effect at once, each of a size that a good bench has."""
+    """Sample a rig with every effect at once, each of the size of a good bench."""
     rig = draw_rig(nominal, rng)
     values = rig.values.copy()
     values[mount_of(0)] = rng.uniform(-1, 1, 3) * [1e-3, 1e-3, 8e-3]
@@ -217,7 +217,7 @@ def sample_bench_motion(
 
 
 def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats = BOX) -> Data:
-    """Random poses that keep every spot away from its detector's edges; no readings yet."""
+    """Sample poses that keep every spot away from its detector's edges, without readings."""
     pose = rng.uniform(-1, 1, (4 * count, 6)) * box
     every = Data(np.empty((len(pose), 9)), pose, REFERENCE, np.zeros((len(pose), 2)))
     reading = facets.readings(rig.sensor, states_of(every, np.zeros((len(pose), 9)), rig.values))
@@ -249,7 +249,7 @@ def try_bench_rig(
     reach: float = REACH_MM,
     wrong: Disturbance = UNDISTURBED,
 ) -> BenchTrial:
-    """A rig on a bench, calibrated as the command does it, and tried on other motions.
+    """Calibrate a rig on a bench as the command does, and solve other motions with it.
 
     wrong: what disturbs the calibration; of it the light alone disturbs the other motions too.
     """

@@ -81,7 +81,7 @@ def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
 
 
 def read(address: str, counts: Any) -> None:
-    """Another program: takes every sample, and tells how many came, and how late after each."""
+    """Receive every sample in another program; report their number and latency."""
     count, late = 0, [np.zeros(0)]
     with Subscription(address) as subscription:
         counts.put("here")
@@ -92,7 +92,7 @@ def read(address: str, counts: Any) -> None:
 
 
 def start_readers(publications: Publications, count: int) -> Any:
-    """Start `count` programs that subscribe; returns the queue of what they tell."""
+    """Start `count` subscribing programs; return the queue of their reports."""
     context = multiprocessing.get_context("spawn")
     counts = context.Queue()
     for address in publications.places() * count:
@@ -109,7 +109,7 @@ def soak(
     samples: float = np.inf,
     readers: int = 0,
 ) -> dict[str, Any]:
-    """Runs both, for so many seconds or samples; returns what was found."""
+    """Run both for a number of seconds or samples; return the findings."""
     config = facets.load("bench")
     facets.readings(config.sensor, np.zeros(8))  # compiled before both need it
     live = Live(Pipeline(config))
@@ -151,7 +151,7 @@ def soak(
 
 
 def check_recording(folder: Path, live: Live) -> dict[str, Any]:
-    """The recording against the bench's truth."""
+    """Compare the recording with the bench's true states."""
     truth, poses = truth_of(folder), recorded_poses(folder / "recording")
     first, last = int(poses["seq"][0]), int(poses["seq"][-1])
     accepted = np.zeros(last - first + 1, dtype=bool)
@@ -178,7 +178,7 @@ def check_recording(folder: Path, live: Live) -> dict[str, Any]:
 
 @contextmanager
 def load(busy: int, mixed: int) -> Iterator[None]:
-    """So many other programs, while the context lasts."""
+    """Context in which a number of other programs run."""
     texts = [(BUSY, n) for n in range(busy)] + [(MIXED, n) for n in range(mixed)]
     with ExitStack() as closing:
         for text, seed in texts:
@@ -189,7 +189,7 @@ def load(busy: int, mixed: int) -> Iterator[None]:
 
 
 def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any]:
-    """The live example of the README, in a new folder: what came of it."""
+    """Run the live example of the README in a new folder; return its outcome."""
     before = ORDINARY if ordinary else []
     bench = subprocess.Popen(
         [*PROGRAM, "emulate", "bench", "--motion", "circle"], cwd=folder, stdout=subprocess.DEVNULL
@@ -239,7 +239,7 @@ def recording_outcome(folder: Path, errors: str) -> dict[str, Any]:
 
 
 def count_runs(runs: int, busy: int, mixed: int, seconds: float, ordinary: bool) -> None:
-    """So many runs, one after the other, as a table."""
+    """Repeat the run, and print a table."""
     if ordinary and shutil.which(ORDINARY[0]) is None:
         raise SystemExit("--ordinary needs the program setpriv of util-linux")
     print(f"{runs} runs of {seconds:g} s beside {busy} busy and {mixed} mixed processes")

@@ -262,7 +262,7 @@ class World:
 
     @property
     def beam(self) -> Floats:
-        """Where the beam is."""
+        """Position of the beam."""
         away = self.model.place - self.centre
         return self.centre + (away[::-1] if self.is_on("miswired") else away)
 
@@ -328,7 +328,7 @@ class World:
         self.replies.append((due, answer))
 
     def bar(self, later: float = 0.0) -> None:
-        """From now on nothing may be followed."""
+        """Forbid following from now on."""
         self.barred = min(self.barred, self.now + later)
 
     # --- time ----------------------------------------------------------------------------
@@ -340,7 +340,7 @@ class World:
         return None
 
     def advance(self, seconds: float) -> None:
-        """Everything but the tracker's loop goes on."""
+        """Advance everything except the tracker's loop."""
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.now += TICK_S
@@ -423,7 +423,7 @@ class World:
         return bool(known and needs and abs(self.now - taken) <= self.settings.stale)
 
     def last_motion(self) -> float:
-        """Until when the stage may move, s."""
+        """Time until which the stage may move, s."""
         s = self.settings
         bound = stopping_time(s)
         allowed = min(max(self.followable, 10.0), self.barred) + bound
@@ -439,7 +439,7 @@ class World:
         return allowed
 
     def check_standstill(self) -> None:
-        """Whether the stage stands still that has to."""
+        """Check that the stage stands still if it must."""
         moved, allowed, bound = self.model.moved, self.last_motion(), stopping_time(self.settings)
         if moved > allowed + TICK_S:
             raise Broken(f"moved at {moved:.3f} s, {moved - allowed + bound:.3f} s after the end")
@@ -448,7 +448,7 @@ class World:
             self.tried.most_stopping = max(self.tried.most_stopping, share)
 
     def check_command(self) -> None:
-        """Whether a command may come now."""
+        """Check that a command is allowed now."""
         if self.is_stopped:
             raise Broken("a stopped stage was sent somewhere before anybody resumed")
         if self.settings.permit:
@@ -665,7 +665,7 @@ def cause(error: str) -> str:
 
 
 def run(seeds: range, driver: str = "") -> Tried:
-    """That many sequences; a failure names its seed."""
+    """Run a number of sequences; a failure names its seed."""
     tried = Tried()
     for seed in seeds:
         try:
