@@ -1,6 +1,6 @@
-"""A sensor as a checker of certificates sees it: rays and edges by dual numbers of intervals.
+"""Model of a sensor for the certificate checker: rays and edges in interval dual numbers.
 
-None of this is the package's: see check_certificate.py, which says what is trusted.
+It uses no code of the package; check_certificate.py lists what is trusted.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from flint import arb
 
 from .certificate_schema import refuse_unless
 
-#: How far the apex is looked for, sigmas, and in what steps the square is made smaller.
+#: Largest offset of the apex that is tried, in sigmas, and the number of steps that reduce it.
 FARTHEST, STEPS = 8, 32
 
 
@@ -22,9 +22,9 @@ def span(low: Any, high: Any) -> Any:
 
 
 class IntervalDual:
-    """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals.
+    """Interval value with its derivatives by tx, ty, tz, roll, pitch and yaw.
 
-    The value may be such a number too, and the derivatives then carry theirs. It compares by it.
+    The value may itself be a dual number, as its derivatives then are. Comparisons use the value.
     """
 
     def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
@@ -98,12 +98,12 @@ def rotation_by(roll: Any, pitch: Any, yaw: Any) -> Any:
 
 
 def values_within(value: float, off: float) -> Any:
-    """All numbers that are no further off."""
+    """Interval of all numbers at most `off` from `value`."""
     return arb(value) if off == 0 else (arb(value) - off).lower().union((arb(value) + off).upper())
 
 
 class IntervalSensor:
-    """All sensors whose 30 parameters, in the order of `facets.PARAMETERS`, are off so much."""
+    """All sensors whose 30 `facets.PARAMETERS` lie within their tolerances."""
 
     def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
         p = [values_within(*pair) for pair in zip(parameters, tolerances, strict=True)]
@@ -126,17 +126,17 @@ class IntervalSensor:
             self.axes.append([[row[j] for row in rows] for j in range(3)])
 
     def flat(self, v: Any) -> Any:
-        """A vector seen along the beam, sigmas."""
+        """Project a vector along the beam; the result is in sigmas."""
         return [inner_product(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
 
 
 def pose_of_box(box: list[Any]) -> list[IntervalDual]:
-    """The pose, by itself."""
+    """Dual numbers of the pose, whose derivatives by the pose are the identity."""
     return [IntervalDual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
 
 
 def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]:
-    """psi and zeta of the three detectors, with their derivatives at fixed shares of the light."""
+    """Return psi and zeta of the three detectors with derivatives at fixed shares of the light."""
     pose = pose_of_box(box)
     turn = rotation(pose[3:], IntervalDual(arb(1)))
     apex, out = pose[:3], []
@@ -172,7 +172,7 @@ def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]
 
 
 def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
-    """Of each edge, its angle seen along the beam and how that changes with roll, pitch and yaw."""
+    """Angle of each edge seen along the beam, and its derivatives by roll, pitch and yaw."""
     own = [
         IntervalDual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)])
         for i, x in enumerate(angles)
@@ -194,7 +194,7 @@ def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any
 
 
 def openings_between(edges: list[tuple[Any, list[Any]]]) -> list[Any]:
-    """From each edge on to the next, rad."""
+    """Angles from each edge to the next, rad."""
     turn = 2 * arb.pi()
     gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]
     openings = [gap - turn * (gap / turn).mid().floor() for gap in gaps]
@@ -204,7 +204,7 @@ def openings_between(edges: list[tuple[Any, list[Any]]]) -> list[Any]:
 
 
 def farthest_offset(openings: list[Any], least: float) -> Fraction:
-    """Sigmas past which some facet lacks its least share, wherever the apex is."""
+    """Offset of the apex, in sigmas, beyond which some facet has less than its least share."""
     found = None
     for step in range(STEPS, 0, -1):
         distance = Fraction(FARTHEST * step, STEPS)
@@ -218,5 +218,5 @@ def farthest_offset(openings: list[Any], least: float) -> Fraction:
 
 
 def least_sine(opening: Any) -> Any:
-    """Between a right angle and the opening; 1 where that is acute."""
+    """Least sine between a right angle and the opening; 1 if the opening is acute."""
     return arb(1) if opening <= arb.pi() / 2 else opening.upper().sin()

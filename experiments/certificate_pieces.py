@@ -1,4 +1,4 @@
-"""Are the Jacobians of a certificate regular? Over its pieces, and for any two of its states.
+"""Check that a certificate's Jacobians are regular over its pieces and between any two states.
 
 Over a piece about x, J(p) = J(x) + slopes (p - x), with slopes over all angles of the piece and at
 the apex of x, since G is linear in the apex. Two states of
@@ -21,17 +21,17 @@ from .certificate_schema import Refused, refuse_unless
 
 Rows = list[list[Any]]
 
-#: Into so many parts the box is cut for the middle of the way, at most.
+#: Largest number of parts of the box that are examined as the middle of the way.
 MOST = 4000
-#: And so many times each for a margin that is half of the file's.
+#: Largest number of cuts of one part to reach half of the file's margin.
 DEPTH = 8
 
 
 @dataclass
 class CheckResult:
-    """What was found again: a lower bound of the margin and of Eq. (11)'s |det|, and what was not.
+    """Verified lower bounds of the margin and of Eq. (11)'s |det|, and the claims checked.
 
-    verified: what the box holds.  not_verified: sentences.
+    verified, not_verified: sentences about claims that hold, and about claims not verified.
     """
 
     margin: Fraction = Fraction(0)
@@ -41,8 +41,8 @@ class CheckResult:
 
 
 class Jacobian(NamedTuple):
-    """Over a piece: middle (6, 6) at `place` (6,), slopes[i][j][m] by axis m of the pose over the
-    whole piece, whose ends are `off` (6,) from there."""
+    """Jacobian over a piece: `middle` (6, 6) is its value at `place` (6,), slopes[i][j][m] its
+    derivatives by axis m over the whole piece, `off` (6,) the piece relative to `place`."""
 
     place: list[Any]
     off: list[Any]
@@ -71,15 +71,15 @@ def jacobian_over(rig: IntervalSensor, piece: dict[str, Any], light: Any) -> Jac
 
 
 def as_fraction(x: Any) -> Fraction:
-    """An exact number as a fraction."""
+    """Convert an exact number to a fraction."""
     value = x.fmpq()
     return Fraction(int(value.p), int(value.q))
 
 
 def slope_of_powers(rig: IntervalSensor, content: dict[str, Any]) -> Any:
-    """By what Eq. (11) is larger than the determinant of the 6 x 6 Jacobian, or more.
+    """Lower bound of the ratio of Eq. (11) to the determinant of the 6 x 6 Jacobian.
 
-    It is d(power_a, power_b) / d(bx, by), the powers being those of q = across . (t - b) / sigma.
+    The ratio is d(power_a, power_b) / d(bx, by); the powers depend on q = across . (t - b) / sigma.
     So q turns with b by the parts of the two vectors across the beam that lie in the plane of x and
     y, whose determinant is the vertical part of their cross product: of the beam's direction. A
     beam that leans moves less across itself than its place does in the plane.
@@ -91,7 +91,7 @@ def slope_of_powers(rig: IntervalSensor, content: dict[str, Any]) -> Any:
 def check_pieces(
     rig: IntervalSensor, content: dict[str, Any], found: CheckResult
 ) -> list[Jacobian]:
-    """The Jacobians over the pieces; finds the determinants again."""
+    """Compute the Jacobians over the pieces and check the bounds of their determinants."""
     slope, unverified = slope_of_powers(rig, content), 0
     jacobians, least = [], []
     for piece in content["pieces"]:
@@ -112,7 +112,7 @@ def check_pieces(
 
 
 def least_magnitude(size: Any) -> Fraction:
-    """The least absolute value, 0 where there is none."""
+    """Least absolute value of an interval; 0 if the interval is not finite."""
     return max(as_fraction(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
 
 
@@ -123,7 +123,7 @@ def middles_of(rows: Rows) -> Any:
 
 
 def determinant_of(rows: Rows) -> Any:
-    """Of an interval matrix, by that of its product with a matrix that nearly inverts it."""
+    """Determinant of an interval matrix, from its product with an approximate inverse."""
     near = arb_mat(np.linalg.pinv(middles_of(rows)).tolist())
     return (near * arb_mat(rows)).det() / near.det()
 
@@ -137,7 +137,7 @@ def hull_of(matrices: list[Rows]) -> Rows:
 
 
 def margin_of(rows: Rows, inverse: Any, weights: Any) -> Fraction:
-    """By how much |1 - C M| shrinks the weights, for every M in the rows. Raises `Refused`."""
+    """Margin by which |1 - C M| shrinks the weights for every M in the rows, or raise `Refused`."""
     margins, product = [], arb_mat(inverse) * arb_mat(rows)
     for i in range(6):
         row = arb(0)
@@ -150,7 +150,7 @@ def margin_of(rows: Rows, inverse: Any, weights: Any) -> Fraction:
 
 
 def check_hull(jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult) -> None:
-    """The hull of all Jacobians is regular, by the file's inverse and weights."""
+    """Check with the file's inverse and weights that the hull of all Jacobians is regular."""
     hull = hull_of([jacobian.whole() for jacobian in jacobians])
     found.margin = margin_of(hull, content["inverse"], content["weights"])
     note_margin(content, found)
@@ -162,7 +162,7 @@ def note_margin(content: dict[str, Any], found: CheckResult) -> None:
 
 
 class CertifiedAffine:
-    """The file's L: it need not be near the Jacobian, and proves the less the further it is."""
+    """Affine map L of the file; a map far from the Jacobian weakens the proof but is valid."""
 
     def __init__(self, content: dict[str, Any]) -> None:
         self.place, self.value, self.slopes = (content[k] for k in ("place", "value", "slopes"))
@@ -176,7 +176,7 @@ class CertifiedAffine:
         ]  # fmt: skip
 
     def rest(self, jacobian: Jacobian) -> Rows:
-        """J - L over a piece."""
+        """Enclose J - L over a piece."""
         at = self.evaluate(jacobian.place)
         return [
             [jacobian.middle[i][j] - at[i][j]
@@ -188,14 +188,14 @@ class CertifiedAffine:
 
 
 def sum_of(one: list[list[Any]], other: list[list[Any]]) -> list[list[Any]]:
-    """Of two matrices."""
+    """Sum of two matrices."""
     return [[x + y for x, y in zip(*pair, strict=True)] for pair in zip(one, other, strict=True)]
 
 
 def check_middles(
     rig: IntervalSensor, jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult
 ) -> None:
-    """L(middle) + the hull of J - L is regular wherever in the box the middle is."""
+    """Check that L(middle) + the hull of J - L is regular for every middle in the box."""
     affine, slope = CertifiedAffine(content["middles"]), slope_of_powers(rig, content)
     rest = hull_of([affine.rest(jacobian) for jacobian in jacobians])
     whole = list(zip(map(arb, content["low"]), map(arb, content["high"]), strict=True))
@@ -225,7 +225,7 @@ def check_middles(
 
 
 def margin_by_itself(rows: Rows) -> tuple[Fraction, list[list[float]]]:
-    """The margin with an inverse of the middle and weights of its own; -1 where there is none."""
+    """Return the margin, or -1, for an inverse of the midpoints, and that inverse."""
     inverse = np.linalg.pinv(middles_of(rows)).tolist()
     left = arb_mat(inverse) * arb_mat(rows)
     apart = np.array([[float((left[i, j] - (i == j)).abs_upper()) for j in range(6)]
@@ -242,7 +242,7 @@ def margin_by_itself(rows: Rows) -> tuple[Fraction, list[list[float]]]:
 
 
 def cut_in_two(part: list[tuple[Any, Any]], slopes: Any, rows: Rows) -> list[list[tuple[Any, Any]]]:
-    """In two across the axis that moves L the most."""
+    """Halve a part across the axis that changes L the most."""
     inverse = np.abs(np.linalg.pinv(middles_of(rows)))
     moved = [
         float((b - a).mid()) * (inverse @ np.abs(slope)).sum(axis=1).max()

@@ -1,8 +1,8 @@
-"""Does the box of a certificate hold every pose that keeps the rules of the range?
+"""Check that the box of a certificate holds every pose that keeps the rules of the range.
 
-Found again by cutting: a part of the poses that are looked at lies in the box, or at none of its
-poses can all three spots be on their detectors, or it is made smaller or cut in two. Rays are those
-of certificate_optics.py; docs/uniqueness.md, Eq. (6), says why that proves it.
+The check cuts the poses into parts. A part is done if it lies in the box, or if none of its poses
+has all three spots on their detectors; any other part is contracted or halved. The rays come from
+certificate_optics.py; docs/uniqueness.md, Eq. (6), explains why this is a proof.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from .certificate_optics import (
 )
 from .certificate_schema import Refused, refuse_unless
 
-#: So many parts are looked at, and one that keeps more than this of its width is cut.
+#: Largest number of parts, and the share of its width above which a contracted part is cut.
 MOST, KEPT = 60_000, 0.8
-#: A part less than so much of the box in every axis that still may hold poses is the end.
+#: The check refuses an undecided part that is smaller than this share of the box in every axis.
 SMALLEST = 0.2
-#: A pose beside the box is so many times nearer to it than to the farthest.
+#: Ratio of the distance to the farthest poses to the distance of a test pose, both from the box.
 BESIDE = 1000
-#: Into how many parts a facet's angle is cut to bound the points on it.
+#: Number of parts of a facet's angle when the points on the facet are bounded.
 PARTS = 6
 #: Half the beam's 1/e^2 diameter, sigmas.
 ELLIPSE = 2
-#: Levers by which axes are compared, mm and mm/rad.
+#: Lever arms for comparing the axes' widths, mm/mm and mm/rad.
 LEVERS_MM = (1, 1, 1, 250, 250, 250)
 
 #: A side of a box of poses: two exact numbers.
 Side = tuple[Any, Any]
-#: What of the poses a part keeps, or None where it keeps none.
+#: A part of the poses: one side for each axis.
 Sides = list[Side]
 
 
 def check_range(rig: IntervalSensor, content: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """What of the claim about the range was found again, and what was not: sentences."""
+    """Return sentences about what was verified of the claimed range and what was not."""
     unverified = check_rules(content)
     claim = content["range"]
     box = [(arb(a), arb(b)) for a, b in zip(content["low"], content["high"], strict=True)]
@@ -69,15 +69,15 @@ def check_range(rig: IntervalSensor, content: dict[str, Any]) -> tuple[list[str]
 
 
 def three_digits(value: Fraction) -> str:
-    """A length that is looked among, rounded down."""
+    """Format a length with three digits, rounded down."""
     context = Context(prec=3, rounding=ROUND_FLOOR)
     return f"{float(context.divide(Decimal(value.numerator), Decimal(value.denominator))):g}"
 
 
 def poses_beyond(box: Sides, farthest: list[float]) -> list[Sides]:
-    """A pose just beyond the middle of each face of the box: most false claims show there at once.
+    """Poses just beyond the middle of each face of the box, where most false claims show at once.
 
-    Raises `Refused` where nothing beyond the box is looked at, so that a box of any size would do.
+    Raises `Refused` if no poses beyond the box are examined, since any box would then pass.
     """
     middle = [((a + b) / 2).mid() for a, b in box]
     poses = []
@@ -93,14 +93,14 @@ def poses_beyond(box: Sides, farthest: list[float]) -> list[Sides]:
 def smaller_parts(
     rig: IntervalSensor, content: dict[str, Any], part: Sides, box: Sides
 ) -> list[Sides]:
-    """What is left to be looked at of a part."""
+    """Return the parts of a part that remain to be examined."""
     claim = content["range"]
     try:
         points = points_of_spots(rig, part, content["least_share"], claim["whole_spot"])
         if cannot_land(rig, part, points, claim["halves_mm"]):
             return []
         kept = contract(rig, part, points, claim["halves_mm"])
-    except Refused:  # too wide to tell
+    except Refused:  # the part is too wide for a decision
         return halve(part, (0, 0, 0, 1, 1, 1))
     if kept is None:
         return []
@@ -112,7 +112,7 @@ def smaller_parts(
 
 
 def refuse_unless_large(part: Sides, box: Sides) -> None:
-    """A part that is small beside the box and still holds something is no matter of cutting."""
+    """Raise `Refused` if an undecided part is small beside the box, as more cuts would not help."""
     sides = zip(part, box, strict=True)
     large = any(b - a > SMALLEST * (high - low) for (a, b), (low, high) in sides)
     near = [float(f"{float(a.mid()):.4g}") for a, _ in part]
@@ -120,7 +120,7 @@ def refuse_unless_large(part: Sides, box: Sides) -> None:
 
 
 def cut_sides(part: Sides, box: Sides) -> list[Sides]:
-    """What sticks out of the box, where a part lies across one face of it and no other."""
+    """Return what lies outside the box of a part that crosses the box on one axis only."""
     sides = zip(part, box, strict=True)
     out = [i for i, ((a, b), (low, high)) in enumerate(sides) if a < low or b > high]
     if len(out) != 1:
@@ -143,8 +143,8 @@ def halve(part: Sides, levers: tuple[int, ...]) -> list[Sides]:
 
 
 def points_of_spots(rig: IntervalSensor, part: Sides, least: float, whole: bool) -> list[list[Any]]:
-    """(3, 2) sigmas from the apex, seen along the beam: a point of each facet whose ray lands on
-    its detector if the pose keeps the rules."""
+    """Points (3, 2) of the facets, in sigmas from the apex seen along the beam, whose rays land
+    on the detectors if the pose keeps the rules."""
     edges = edges_of(rig, [span(*side) for side in part[3:]])
     openings = openings_between(edges)
     offset = farthest_offset(openings, least)
@@ -168,7 +168,7 @@ def hull(values: list[Any]) -> Any:
 
 
 def farthest_centroid(least: float) -> Any:
-    """Of light that is a part `least` or more of the beam, from the beam's centre, sigmas.
+    """Largest distance, in sigmas, of the centroid of a share >= `least` from the beam's centre.
 
     |c| = E[x | part] along c <= z + E[(x - z)+] / least for every z, and E[(x - z)+] is at most the
     density of the normal distribution at z.
@@ -181,7 +181,7 @@ def farthest_centroid(least: float) -> Any:
 def cannot_land(
     rig: IntervalSensor, part: Sides, points: list[list[Any]], sizes: list[list[float]]
 ) -> bool:
-    """Whether at no pose of a part the three rays can land on their detectors' areas."""
+    """Whether no pose of a part lets all three rays land on their detectors."""
     pose = [span(*side) for side in part]
     turn = rotation_by(*pose[3:])
     return any(misses_detector(rig, k, pose[:3], turn, points[k], sizes[k]) for k in range(3))
@@ -190,7 +190,7 @@ def cannot_land(
 def misses_detector(
     rig: IntervalSensor, k: int, apex: list[Any], turn: Any, point: list[Any], size: list[float]
 ) -> bool:
-    """Whether at no pose a facet has light from the front whose ray lands on the detector."""
+    """Whether no pose of a part lets light from the facet's front land on the detector."""
     normal = [inner_product(row, rig.normals[k]) for row in turn]
     down = inner_product(normal, rig.down)
     if down >= 0:
@@ -207,8 +207,8 @@ def misses_detector(
 def leads_beside(start: list[Any], away: list[Any], axes: list[Any], size: list[float]) -> bool:
     """Whether no ray of a bundle lands on an area of half sizes `size` across the first axis.
 
-    Where a ray lands is taken times what it goes towards the area in a unit of its way, so that
-    nothing is divided by what may be zero.
+    The landing point is multiplied by the ray's component towards the area, which avoids a
+    division by an interval that may contain zero.
     """
     x, *across = axes
     facing, gap = inner_product(away, x), -inner_product(start, x)
@@ -224,7 +224,7 @@ def leads_beside(start: list[Any], away: list[Any], axes: list[Any], size: list[
 def spots_near(
     rig: IntervalSensor, middle: list[Any], pose: list[Any], points: list[list[Any]]
 ) -> tuple[Any, list[Any]]:
-    """Slopes of G at the middle place and all angles of a part, and G in its middle."""
+    """Slopes of G at the middle place over all angles of a part, and G at the part's middle."""
     light = {"from_point": [[(p.lower(), p.upper()) for p in row] for row in points],
              "turns": [[[(0, 0)] * 3] * 2] * 3}  # fmt: skip
     slopes = arb_mat([spot.slope for spot in spots(rig, [*middle[:3], *pose[3:]], light)])
@@ -234,7 +234,7 @@ def spots_near(
 def contract(
     rig: IntervalSensor, part: Sides, points: list[list[Any]], sizes: list[list[float]]
 ) -> Sides | None:
-    """What of a part can keep the rules; None where nothing. Raises `Refused` where it is too wide.
+    """Contract a part to poses that can keep the rules, or None; raise `Refused` if it is too wide.
 
     G(p) - G(x) = slopes (p - x) with slopes at the middle place and all angles of the part, since G
     is linear in the apex; so p = x + C (G(p) - G(x)) + (1 - C slopes) (p - x).
@@ -259,7 +259,7 @@ def contract(
 
 
 def approximate_inverse(slopes: Any) -> list[list[float]]:
-    """Any matrix would do; one that nearly inverts the middles makes the part small."""
+    """Approximate inverse of the midpoints; any matrix is valid, a close one contracts best."""
     middles = np.array([[float(slopes[i, j].mid()) for j in range(6)] for i in range(6)])
     refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")
     found: list[list[float]] = np.linalg.pinv(middles).tolist()
@@ -267,7 +267,7 @@ def approximate_inverse(slopes: Any) -> list[list[float]]:
 
 
 def check_rules(content: dict[str, Any]) -> list[str]:
-    """The claim's rules are those of the configuration; what of them is not found again."""
+    """Check that the claim has the configuration's rules; return those that are not verified."""
     resolved, claim = content["resolved"], content["range"]
     if resolved is None:
         return ["that the rules of the range are those of any configuration"]

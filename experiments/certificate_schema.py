@@ -109,7 +109,7 @@ KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "null": 
 
 
 def is_of_kind(value: Any, kind: str) -> bool:
-    """A truth value is no number here, and no number is NaN or infinite."""
+    """Whether a value has this type; a Boolean is not a number, nor is NaN or infinity."""
     if kind in ("number", "integer"):
         whole = isinstance(value, int) and not isinstance(value, bool)
         return whole or (kind == "number" and isinstance(value, float) and math.isfinite(value))

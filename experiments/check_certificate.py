@@ -1,4 +1,4 @@
-"""Checks a certificate of uniqueness again, with none of the code that made it.
+"""Check a certificate of uniqueness without any of the code that made it.
 
 `python -m facets.experiments.check_certificate results/paper-jacobian/certificate.json`
 
@@ -12,11 +12,11 @@ What it trusts, all of it:
    1,300 lines, and numpy for matrices that need not be right; nothing else of the project.
 
 It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
-closed formulas, bounds the light on its own grid, compares the pieces' edges as they are, and asks:
+closed formulas, bounds the light on its own grid, compares the pieces' edges exactly, and asks:
 does the configuration have this checksum and these parameters, do the pieces fill the box, do the
 bounds of the light hold, is the hull of all Jacobians regular with the file's inverse and weights,
-or about the middle of every way, and does the box hold the range? What of the file it did not find
-again, it says. Every test is one that NaN fails; none is an assert.
+or about the middle of every way, and does the box hold the range? It reports the claims that it
+could not verify. NaN fails every test; no test is an assert.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from .certificate_pieces import CheckResult, check_hull, check_middles, check_pi
 from .certificate_range import check_range
 from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 
-#: Cells on each side of the square of offsets, rays across a facet (more in cells that were cut),
-#: and parts of the yaw range.
+#: Number of cells on each side of the square of offsets, of rays across a facet (more in cells
+#: that were cut), and of parts of the yaw range.
 CELLS, RAYS, PARTS = 8, 24, 3
-#: A cell is quartered so many times until the bounds of the light hold in it.
+#: Largest number of times that a cell is quartered to verify the bounds of the light.
 DEPTH = 8
-#: What a sensor's configuration may have.
+#: Blocks that a sensor's configuration may have.
 BLOCKS = ("beam", "mirror", "psd", "noise", "electronics", "apertures", "imperfections", "light",
           "temperature", "calibration")  # fmt: skip
-#: What a parameter can be off its key by rounding.
+#: Largest rounding difference between a parameter and its key, relative for magnitudes above 1.
 ROUNDED = 1e-12
 
 
@@ -54,7 +54,7 @@ def nonnegative(x: Any) -> Any:
 
 
 def half_line(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
-    """Light L on a half-line from q, K / L, J / K, and its direction; all fall as q . u grows."""
+    """Light L on a half-line from q, K / L and J / K, which all fall with q . u; direction u."""
     u = [angle.cos(), angle.sin()]
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
     near, far = half_line_means(a.lower()), half_line_means(a.upper())
@@ -65,7 +65,7 @@ def half_line(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
 
 
 def half_line_means(x: Any) -> tuple[Any, Any, Any]:
-    """erfc, and the means K / L and J / K, of the light on a half-line that begins at x."""
+    """Return erfc and the means K / L and J / K of the light on a half-line that begins at x."""
     beyond = (x / arb(2).sqrt()).erfc()
     rho = (arb(2) / arb.pi()).sqrt() * (-x * x / 2).exp() / beyond - x
     return beyond, rho, 1 / rho - x
@@ -79,7 +79,7 @@ Claims = list[tuple[list[float], Any]]
 
 
 def light_on(edge: Any, opening: Any, q: list[Any], rays: int) -> tuple[Any, list[Any]]:
-    """A facet's share of the light and its centroid less the apex, over a cell of offsets."""
+    """A facet's share of the light and its centroid from the apex, over a cell of offsets."""
     mass, moment = arb(0), [arb(0), arb(0)]
     for n in range(rays):
         part = (span(0, 1) + n) / rays
@@ -92,7 +92,7 @@ def light_on(edge: Any, opening: Any, q: list[Any], rays: int) -> tuple[Any, lis
 
 
 def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: Any) -> Claims:
-    """What the file says of the light, and what is found in a cell of offsets."""
+    """Pairs of the file's claims about the light and the values computed in a cell of offsets."""
     rays = [half_line(q, edge[0]) for edge in edges]
     u = [ray[3] for ray in rays]
     alpha = [u[e - 2][0] * u[e - 1][1] - u[e - 2][1] * u[e - 1][0] for e in range(3)]
@@ -109,7 +109,7 @@ def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: A
 
 
 def offset_motion(rays: list[Any], alpha: list[Any], turns: list[Any]) -> tuple[list[Any], Any]:
-    """The motion of the apex that keeps the shares while the edges turn, and a bound of half its
+    """Motion of the apex that keeps the shares while the edges turn, and half the bound of its
     length."""
     u = [ray[3] for ray in rays]
     flow = sum(alpha[e] * rays[e][1] * turns[e] for e in range(3))
@@ -120,7 +120,7 @@ def offset_motion(rays: list[Any], alpha: list[Any], turns: list[Any]) -> tuple[
 
 
 def pushed_moment(rays: list[Any], turns: list[Any], k: int, i: int, middle: Any) -> Any:
-    """The first moment along axis i that facet k gains from its two edges as they turn."""
+    """First moment along axis i that facet k gains when its two edges turn."""
     pushed = arb(0)
     for e, sign in ((k, -1), ((k + 1) % 3, 1)):
         whole, mean, reach, side = rays[e]
@@ -138,7 +138,7 @@ def slope_of_shares(lights: list[Any], alpha: list[Any]) -> Any:
 def check_cell(
     edges: Any, openings: list[Any], q: list[Any], least: float, light: Any, depth: int = 0
 ) -> None:
-    """Whether the file's bounds hold in a cell of offsets, where its shares can be enough."""
+    """Check the file's bounds in a cell of offsets where every facet can have its least share."""
     shares, middles = [], []
     for k in range(3):
         share, middle = light_on(edges[k][0], openings[k], q, RAYS * (1 + depth // 2))
@@ -159,12 +159,12 @@ def halve(x: Any) -> list[Any]:
 
 
 def parts_of(low: float, high: float, count: int) -> list[float]:
-    """The ends of equal parts; the last is `high` itself, not what rounding makes of it."""
+    """Ends of equal parts; the last end is exactly `high`, without rounding."""
     return [low, *(low + (high - low) * part / count for part in range(1, count)), high]
 
 
 def check_light(rig: IntervalSensor, content: dict[str, Any]) -> None:
-    """The bounds of the light, over the square beyond which a facet lacks its least share."""
+    """Check the bounds of the light over the square beyond which a facet lacks its least share."""
     low, high, least = content["low"], content["high"], content["least_share"]
     count = PARTS if high[5] > low[5] else 1
     for yaw in (span(*part) for part in pairwise(parts_of(low[5], high[5], count))):
@@ -179,9 +179,9 @@ def check_light(rig: IntervalSensor, content: dict[str, Any]) -> None:
 
 
 def check_cover(content: dict[str, Any]) -> None:
-    """The pieces fill the box: a cell is cut along their edges until one piece holds each part.
+    """Check that the pieces fill the box, cut along their edges until a piece holds each part.
 
-    Floats are compared, and none is computed: there is no rounding.
+    Floats are only compared, so nothing is rounded.
     """
     low, high = content["low"], content["high"]
     ordered = all(a <= b for a, b in zip(low, high, strict=True))
@@ -197,7 +197,7 @@ Ends = tuple[float, ...]
 
 
 def fill(low: Ends, high: Ends, pieces: list[Any]) -> None:
-    """Raises `Refused` where pieces, all of which meet a cell, do not fill it."""
+    """Raise `Refused` if the pieces that meet a cell do not fill it."""
     refuse_unless(bool(pieces), f"the pieces leave a hole from {low} to {high}")
     if any(holds_cell(piece, low, high) for piece in pieces):
         return
@@ -213,7 +213,7 @@ def holds_cell(piece: Any, low: Ends, high: Ends) -> bool:
 
 
 def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
-    """The edge inside a cell that cuts fewest pieces, and then most evenly."""
+    """Choose the edge inside a cell that cuts the fewest pieces; of equals, the most central."""
     edges = {
         (axis, end[axis])
         for piece in pieces
@@ -234,7 +234,7 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
 
 
 def check_configuration(content: dict[str, Any], found: CheckResult) -> None:
-    """The checksum of the resolved configuration, and that the parameters are its sensor's."""
+    """Check the resolved configuration's checksum and that the parameters are its sensor's."""
     resolved, checksum = content["resolved"], content.get("config_sha256")
     if resolved is None:
         refuse_unless(
@@ -267,14 +267,14 @@ def check_configuration(content: dict[str, Any], found: CheckResult) -> None:
         found.not_verified.append("anything at a temperature other than the sensor's reference_c")
 
 
-#: Keys that are off where they are null: an aperture or a rim of no size lets no light pass.
+#: Keys that are off only if null, because an aperture or a rim of zero size blocks all light.
 OFF_IF_NULL = ("beam_ratio", "rim_mm", "wavelength_nm", "index")
-#: Keys that change no reading of a state: when it is taken; the polarization, without an index.
+#: Keys that change no reading: the time of sampling, and the polarization without an index.
 HARMLESS = ("delays_us", "polarization_deg")
 
 
 def is_off(name: str, value: Any) -> bool:
-    """Whether a key of the light or of apertures takes nothing away and adds nothing."""
+    """Whether the value of a key leaves the light unchanged."""
     if name in OFF_IF_NULL:
         return value is None
     if isinstance(value, list):
@@ -283,7 +283,7 @@ def is_off(name: str, value: Any) -> bool:
 
 
 def parameters_of(sensor: dict[str, Any]) -> list[float]:
-    """The 30 parameters by the keys of a configuration; mm, rad, mW."""
+    """Compute the 30 parameters from a configuration's keys; mm, rad, mW."""
     beam, mirror, psd = sensor["beam"], sensor["mirror"], sensor["psd"]
     wide = beam["diameter_mm"]
     x, y = wide if isinstance(wide, list) else (wide, wide)
@@ -301,7 +301,7 @@ def parameters_of(sensor: dict[str, Any]) -> list[float]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The file's content. Raises `Refused` where it is no certificate."""
+    """Read a certificate; raise `Refused` if the file is not one."""
     try:
         content = json.loads(
             path.read_text("utf-8"),
@@ -327,7 +327,7 @@ def refuse_number(text: str) -> float:
 
 
 def check(path: Path) -> CheckResult:
-    """What of a certificate is found again; raises `Refused` where that is no proof."""
+    """Verify a certificate; raise `Refused` if it is not a proof."""
     content = read(path)
     try:
         return check_content(content)
@@ -369,7 +369,7 @@ def intervals_of(light: dict[str, Any]) -> list[list[float]]:
 
 
 def describe(found: CheckResult) -> str:
-    """Bounds rounded down."""
+    """Describe the verified bounds, rounded down."""
     margin, bound = floor(1000 * found.margin) / 1000, round_down(found.determinant)
     unverified = "; ".join(found.not_verified)
     return "\n".join(
@@ -382,7 +382,7 @@ def describe(found: CheckResult) -> str:
 
 
 def round_down(value: Fraction) -> str:
-    """Three digits of a number that is not below zero: 4.57e6."""
+    """Format a nonnegative number with three digits, rounded down, such as 4.57e6."""
     if value < Fraction(1, 10**30):
         return "0"
     power = 0
@@ -394,7 +394,7 @@ def round_down(value: Fraction) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """0 where every certificate holds, 1 where one is refused, 2 without any."""
+    """Return 0 if every certificate holds, 1 if one is refused, 2 if none is given."""
     if arguments == ["--schema"]:
         print(json.dumps(SCHEMA, indent=1))
         return 0

@@ -8,13 +8,13 @@ that jump, a reference with faults, a beam or a mirror that does not stand still
 Gaussian, columns that are exchanged. It is calibrated as `facets calibrate` does it, and tried on
 other motions. For each: whether the result is trusted; the r.m.s. error of solved poses over that
 of a rig that is known perfectly, the worse of x and y and the worst of the other axes, the beam
-known; the share of 95 % intervals that held; what was said.
+known; the share of 95 % intervals that held; the findings of the verdict.
 
 A rig is trusted and wrong where its errors are more than 1.5 times those of a perfectly known rig
 in x or y, or 1.2 times in another axis, or less than 90 % of its intervals hold, and its r.m.s.
-error in that axis is more than twice what is stated, too: what a calibration errs by in x and y is
-common to all poses of a rig, so that of one rig a few more or fewer intervals hold. A fault is
-named where one of the words is said that stand beside its name here.
+error in that axis is also more than twice the stated one: a calibration's error in x and y is
+common to all poses of a rig, so that a few more or fewer intervals of one rig hold. A fault is
+named if a finding contains one of the words that this file lists for the fault.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
 
 
 class Case(NamedTuple):
-    """group: its kind.  name: what is wrong.  words: of which one names it, if it has to be."""
+    """group: kind of disturbance.  name: the disturbance.  words: one of them must name it."""
 
     group: str
     name: str
@@ -41,13 +41,13 @@ class Case(NamedTuple):
     words: tuple[str, ...] = ()
 
 
-# ---- readings that jump
+# ---- outliers
 
 OUTLIERS = ("outlier",)
 
 
 def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng], Floats]:
-    """Readings that are off by `size` standard deviations, in a share of the rows.
+    """Shift the readings of a share of the rows by `size` standard deviations.
 
     kind: "rows", all nine of a row; "single", one of the nine; "bursts", rows that follow each
     other; "detector", the three of detector B.
@@ -67,7 +67,7 @@ def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng
             off[:, 3:6] = 1.0
         else:
             off[:] = 1.0
-        if kind == "bursts":  # the same for all of it
+        if kind == "bursts":  # all rows of a burst share the signs
             off *= rng.choice([-1, 1], 9)
         else:
             off *= rng.choice([-1, 1], off.shape)
@@ -90,7 +90,7 @@ def outliers() -> list[Case]:
     ]  # fmt: skip
 
 
-# ---- what scatters, or follows the motion
+# ---- disturbances that scatter or follow the motion
 
 
 def scatter(size: Floats) -> Callable[[Floats, Rng], Floats]:
@@ -110,7 +110,7 @@ def steps(size: Floats) -> Callable[[Floats, Rng], Floats]:
 
 
 def backlash(size: Floats) -> Callable[[Floats, Rng], Floats]:
-    """The mirror lags behind by half of it, in the direction of each axis's last step."""
+    """Make the mirror lag by half of the backlash, against each axis's last step."""
 
     def lagging(pose: Floats, rng: Rng) -> Floats:
         last = np.sign(np.diff(pose, axis=0, prepend=pose[:1] - 1))
@@ -121,7 +121,7 @@ def backlash(size: Floats) -> Callable[[Floats, Rng], Floats]:
 
 
 def wander(size: float) -> Callable[[int, Rng], Floats]:
-    """A beam that walks, `size` mm r.m.s. in the end."""
+    """Random walk of the beam about its mean, `size` mm r.m.s. in each direction."""
 
     def walk(count: int, rng: Rng) -> Floats:
         way = np.cumsum(rng.standard_normal((count, 2)), axis=0)
@@ -175,7 +175,7 @@ def moving() -> list[Case]:
     ]  # fmt: skip
 
 
-# ---- something that is loose, and jumps after three fifths of the rows
+# ---- loose parts that jump after three fifths of the rows
 
 
 def rows_before(count: int) -> slice:
@@ -183,7 +183,7 @@ def rows_before(count: int) -> slice:
 
 
 def loose_detector(k: int, along_psi: float, along_zeta: float) -> Disturbance:
-    """A detector that stood elsewhere before, in mm."""
+    """Shift a detector's earlier readings, in mm, as if it had moved since."""
 
     def displace(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
         raw[rows_before(len(raw)), 3 * k : 3 * k + 2] -= [along_psi, along_zeta]
@@ -229,7 +229,7 @@ def loose() -> list[Case]:
     ]  # fmt: skip
 
 
-# ---- light that the model does not have
+# ---- light that the model omits
 
 
 def profile(factor: Callable[[Floats, Floats], Floats]) -> Disturbance:
@@ -240,7 +240,7 @@ def profile(factor: Callable[[Floats, Floats], Floats]) -> Disturbance:
 
 
 def ghost(share: float) -> Callable[[Floats, Floats], Floats]:
-    """A second beam, a share of the first, 1.5 and -1 standard deviations beside it."""
+    """Add a second beam with a share of the first, offset by 1.5 and -1 standard deviations."""
 
     def factor(x: Floats, y: Floats) -> Floats:
         out: Floats = 1 - share + share * np.exp(1.5 * x - y - (1.5**2 + 1) / 2)
@@ -254,20 +254,20 @@ def chip_tip(bench: RayBench) -> RayBench:
 
 
 def window_fringes(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-    """Of detector B's window: its power follows the spot's place, by 0.5 % over 0.7 mm."""
+    """Fringes of detector B's window, a change of power of 0.5 % over 0.7 mm of spot position."""
     raw[:, 5] *= 1 + 0.005 * np.cos(2 * np.pi * raw[:, 4] / 0.7)
     return raw
 
 
 def round_places(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-    """A converter of 12 bits over 13 mm."""
+    """Round positions as a 12-bit converter over 13 mm does."""
     for n in (0, 1):
         raw[:, n::3] = np.round(raw[:, n::3] / (13 / 4096)) * (13 / 4096)
     return raw
 
 
 def mixture() -> Disturbance:
-    """A little of many: other modes, fringes, a ghost, a beam that trembles, a few wild rows."""
+    """Combine small disturbances: other modes, fringes, a ghost, a trembling beam, outlier rows."""
     of_ghost = ghost(0.0005)
 
     def factor(x: Floats, y: Floats) -> Floats:
@@ -323,7 +323,7 @@ def sign(*columns: int) -> Callable[[Floats, Floats, Rng], Floats]:
 
 
 def bend_places(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-    """Of tetra-lateral detectors, taken for duo-lateral ones."""
+    """Distort positions as tetra-lateral detectors do that are taken for duo-lateral ones."""
     for k in range(3):
         raw[:, 3 * k : 3 * k + 2] = HALF_MM * tetra_lateral_ratios(
             raw[:, 3 * k : 3 * k + 2] / HALF_MM, 1.0
@@ -332,7 +332,7 @@ def bend_places(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
 
 
 def mix_kinds(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-    """Of pincushion detectors, whose currents were converted as a duo-lateral's."""
+    """Distort positions as pincushion detectors do whose currents are converted as duo-lateral."""
     raw[:, 1::3] = raw[:, 0::3] + 1e-4 * rng.standard_normal((len(raw), 3))
     raw[:, 2::3] /= 2
     return raw
@@ -387,12 +387,12 @@ def cases() -> list[Case]:
             *light(), *columns()]  # fmt: skip
 
 
-# ---- what came of it
+# ---- results
 
 
 class Result(NamedTuple):
-    """over, inside: (2,) of x and y, and of the other axes: the worst ratio, the mean share.
-    wrong: whether it is trusted and wrong."""
+    """over, inside: the worst ratio and the mean share, (2,) for x and y and for the other axes.
+    wrong: whether the result is trusted and wrong."""
 
     trusted: bool
     over: Floats
@@ -418,13 +418,13 @@ def result(case: Case, trial: BenchTrial) -> Result:
     )
 
 
-#: What a calibration may cost: errors over those of a perfectly known rig, in x and y and in the
-#: other axes; the least share of 95 % intervals that has to hold; errors over what is stated.
+#: Limits for a calibration: errors over those of a perfectly known rig, in x and y and in the
+#: other axes; the least share of 95 % intervals that holds; errors over the stated uncertainties.
 MOST_OVER, LEAST_INSIDE, MOST_BEYOND = np.array([1.5] * 2 + [1.2] * 4), 0.9, 2.0
 
 
 def is_wrong(trial: BenchTrial) -> bool:
-    """Whether errors of an axis are neither small nor covered by what is stated."""
+    """Whether an axis's errors exceed both the limits and the stated uncertainties."""
     is_small = (trial.over <= MOST_OVER) & (trial.inside >= LEAST_INSIDE)
     return bool((~is_small & (trial.beyond > MOST_BEYOND)).any())
 

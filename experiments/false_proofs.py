@@ -1,4 +1,4 @@
-"""Is anything proved that is not so? Random sensors up to singular ones, against a search.
+"""Search for false proofs of uniqueness over random sensors, up to singular ones.
 
 `python -m facets.experiments.false_proofs [SENSORS [SEED]]` writes one line a sensor and the sum;
 with `--leaning` the sensors have beams that lean, of elliptic and turned section, and boxes that
@@ -37,13 +37,13 @@ from facets.proof.uniqueness import Certificate, certify
 from .certificate_schema import Refused
 from .check_certificate import check
 
-#: Pieces that a proof may look at.
+#: Largest number of pieces in a proof.
 WORK = 400
-#: States that are sampled, pairs that are searched, steps of the search.
+#: Number of sampled states, of pairs searched, and of steps of the search.
 SAMPLES, PAIRS, STEPS = 4000, 300, 30
-#: Of a small set, in which few states have the light.
+#: Number of sampled states for a small set, in which few states have enough light.
 MORE_SAMPLES = 40_000
-#: Steps of the differences, mm and rad, and where readings are the same and states are not.
+#: Steps of the differences, mm and rad; bounds for equal readings and for different states.
 STEP = np.array([1e-4] * 3 + [1e-6] * 3 + [1e-4] * 2)
 SAME, APART = 1e-9, 1e-5
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
@@ -66,7 +66,7 @@ def rotation(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
 
 
 class RayModel:
-    """The sensor's 30 parameters as rays: (n, 8) states to (n, 9) readings, and the shares."""
+    """Ray model of the 30 parameters that maps (n, 8) states to (n, 9) readings and shares."""
 
     def __init__(self, p: tuple[float, ...]) -> None:
         self.power = p[0]
@@ -124,7 +124,7 @@ class RayModel:
         return out
 
     def slopes(self, states: Floats) -> Floats:
-        """(n, 9, 8) by central differences."""
+        """Derivatives (n, 9, 8) of the readings, by central differences."""
         columns = [
             (self(states + step) - self(states - step)) / (2 * step.max()) for step in np.diag(STEP)
         ]
@@ -142,7 +142,7 @@ class ProofCase:
 
 
 def random_cases(count: int, seed: int) -> list[ProofCase]:
-    """From the paper's sensor to the singular one and a little past it, and off that way."""
+    """Sample sensors along the line from the paper's to just past the singular one, and off it."""
     rng = np.random.default_rng(seed)
     paper, singular = load("paper").sensor, load("singular").sensor
     ends = np.array(parameters(paper)), np.array(parameters(singular))
@@ -177,7 +177,7 @@ def leaning_cases(count: int, seed: int) -> list[ProofCase]:
 
 
 def states_of(case: ProofCase, model: RayModel, count: int, rng: np.random.Generator) -> Floats:
-    """States of the set: the beam goes by the apex within some sigmas across itself."""
+    """Sample states of the set whose beam passes the apex within a few sigmas."""
     pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
     through = pose[:, :3] - offset @ model.frame
@@ -199,7 +199,7 @@ def is_in_case(case: ProofCase, model: RayModel, states: Floats) -> NDArray[np.b
 def breaks_bound(
     case: ProofCase, model: RayModel, found: Certificate, rng: np.random.Generator
 ) -> bool:
-    """Whether a state has a smaller determinant than was proved."""
+    """Whether a state has a smaller determinant than the proved bound."""
     states = states_of(case, model, SAMPLES, rng)
     sizes = np.abs(np.linalg.det(model.slopes(states)[:, :8]))
     return bool((sizes < found.at_least * (1 - 1e-6)).any())
@@ -208,8 +208,8 @@ def breaks_bound(
 def breaks_check(
     case: ProofCase, model: RayModel, found: Certificate, rng: np.random.Generator
 ) -> bool:
-    """Whether a state has a smaller determinant than the checker finds, of the certificate or of
-    one whose bound of the powers' slope is as large as any that holds."""
+    """Whether a state's determinant is below the checker's bound for the certificate, or for one
+    with the largest valid bound of the powers' slope."""
     states = states_of(case, model, MORE_SAMPLES, rng)
     slopes = model.slopes(states)
     least = np.abs(np.linalg.det(slopes[:, :8])).min()
@@ -227,13 +227,13 @@ def breaks_check(
 
 
 def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator) -> bool:
-    """Whether two states of the set read the same: Newton's method from many pairs at once."""
+    """Search by Newton's method from many pairs for two states of the set with equal readings."""
     states = states_of(case, model, 4 * PAIRS, rng)
     if len(states) < 2:
         return False
     one = states[: len(states) // 2][:PAIRS]
     other = states[-len(one) :].copy()
-    half = len(one) // 2  # half of them begin along the direction that is answered least
+    half = len(one) // 2  # half of the pairs begin along the least sensitive direction
     weakest = np.linalg.svd(model.slopes(one[:half])[:, :8] * STEP)[2][:, -1] * STEP
     width = np.abs(weakest[:, :6] / (case.box.high - case.box.low)[:6]).max(axis=1)
     other[:half] = one[:half] + weakest * (rng.uniform(-0.5, 0.5, half) / width)[:, None]
@@ -254,7 +254,7 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
 
 
 def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
-    """The outcome, and whether the search breaks it.  checked: whether to ask the checker, too."""
+    """Return the outcome and whether the search breaks it; `checked` also tests the checker."""
     model = RayModel(parameters(case.sensor))
     found = certify(case.sensor, case.box, case.share, work=WORK)
     if found.unique:
@@ -271,11 +271,11 @@ def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> 
     return "undecided", False
 
 
-@np.errstate(all="ignore")  # a search may step to where there is no light: NaN, and no pair
+@np.errstate(all="ignore")  # a search that steps out of the light gives NaN and finds no pair
 def study(
     count: int, seed: int, tell: Callable[[str], None] = lambda _: None, leaning: bool = False
 ) -> Counter[str]:
-    """How many are decided how; "broken" counts the proofs that the search breaks."""
+    """Count the cases by outcome; "broken" counts the proofs that the search breaks."""
     rng = np.random.default_rng(seed + 1)
     counts: Counter[str] = Counter()
     cases = leaning_cases(count, seed) if leaning else random_cases(count, seed)
@@ -288,7 +288,7 @@ def study(
 
 
 def main(arguments: list[str]) -> int:
-    """1 where a proof was broken."""
+    """Return 1 if the search broke a proof, else 0."""
     numbers = [int(text) for text in arguments if text != "--leaning"]
     count, seed = [*numbers, *(200, 1)[len(numbers) :]]
     leaning = "--leaning" in arguments

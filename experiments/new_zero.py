@@ -32,15 +32,15 @@ from facets.detectors.noise import add_noise, standard_deviations
 from .bench_rays import spots
 from .rigs import BOX, REACH_MM, BenchRig, Rng, draw_bench_rig, poses_on_bench, sample_bench_motion
 
-#: Rows that are averaged at a stop.
+#: Number of rows averaged at a stop.
 ROWS = 20_000
 UNITS = np.array([1e3] * 3 + [1e6] * 3)
-#: A stop that repeats exactly, or nearly so.
+#: Priors for a stop that repeats almost exactly.
 EXACT_STOP = ChangePriors(stop=1e-7, stop_angle=1e-9)
 
 
 class CalibratedRig(NamedTuple):
-    """real: the rig.  sensor: what its calibration made of it.  rng: its random numbers."""
+    """real: the true rig.  sensor: the calibrated sensor.  rng: the rig's random generator."""
 
     real: BenchRig
     sensor: Sensor
@@ -58,7 +58,7 @@ def calibrate_rig(seed: int, samples: int = 500) -> CalibratedRig:
 
 
 def change_rig(real: BenchRig, change: Floats) -> Sensor:
-    """The rig's sensor after changes (9,) as `CHANGES` has them, but power as a share."""
+    """The rig's sensor after changes (9,) in the order of `CHANGES`, with power as a share."""
     sensor = real.rig.sensor
     psds = [
         replace(psd, height=psd.height + change[6 + k],
@@ -70,7 +70,7 @@ def change_rig(real: BenchRig, change: Floats) -> Sensor:
 
 
 def read_stop(one: CalibratedRig, pose: Floats, change: Floats) -> StopReadings:
-    """What the detectors of the changed rig read at the reference's poses (m, 6), on average."""
+    """Mean detector readings of the changed rig at the reference's poses (m, 6)."""
     sensor = change_rig(one.real, change)
     exact = spots(sensor, one.real.bench, true_states(one, pose, change[:2]))
     sigma = standard_deviations(sensor, exact) / np.sqrt(ROWS)
@@ -79,7 +79,7 @@ def read_stop(one: CalibratedRig, pose: Floats, change: Floats) -> StopReadings:
 
 
 def true_states(one: CalibratedRig, pose: Floats, beam: Floats, is_folded: bool = False) -> Floats:
-    """(m, 8).  is_folded: in the axes that the reference moves, as a calibration has them."""
+    """True states (m, 8); `is_folded` selects the axes that the reference moves."""
     values = one.real.rig.values
     data = poses_on_bench(one.real.rig, 1, np.random.default_rng(0))
     data = data._replace(
@@ -130,14 +130,14 @@ def solve_poses(
 
 
 def move_mirror(one: CalibratedRig, moved: Floats, priors: ChangePriors) -> NewZero:
-    """A new zero from a mirror that moved (6,) between the stops while nothing else changed."""
+    """Compute the new zero if only the mirror moved, by (6,), between the stops."""
     pose, nothing = np.zeros((1, 6)), np.zeros(9)
     then, now = (read_stop(one, pose + by, nothing) for by in (0.0, moved))
     return renew_zero(one.sensor, then, now, priors)
 
 
 def known_change(one: CalibratedRig) -> NewZero:
-    """The beam 1 um aside, all posts 2.3 um higher, the laser 1 % brighter, gain A 0.1 % up."""
+    """Changes: beam 1 um aside, posts 2.3 um higher, laser 1 % brighter, gain A 0.1 % higher."""
     change = np.array([1e-3, 0, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3])
     pose = np.zeros((1, 6))
     stops = [read_stop(one, pose, by) for by in (np.zeros(9), change)]

@@ -50,13 +50,13 @@ BOX = np.array([0.12, 0.12, 2.0, 6e-3, 6e-3, 8e-3])
 #: How far a motion to calibrate with goes in x and y, mm: over the beam's sigma of 0.21, so that
 #: the powers bend, which alone parts gains, strips and the beam's size from the apex's place.
 REACH_MM = 0.25
-#: How far from a detector's edge the spots on a bench stay, mm: nearer, light is lost that no
-#: oracle here follows.
+#: Least distance of spots on a bench from a detector's edge, mm; nearer spots lose light that
+#: the ray models omit.
 CLEARANCE_MM = 1.2
 
 
 def hidden() -> dict[str, float]:
-    """Half the spread of each parameter that is off, in mm, rad and shares."""
+    """Half the spread of each hidden parameter error, in mm, rad and shares."""
     found = {"beam.tilt_x": 2e-3, "beam.tilt_y": 2e-3}
     for letter in "abc":
         found |= {f"facet_{letter}.{name}": 2e-3 for name in ("inclination", "azimuth")}
@@ -96,7 +96,7 @@ def read(rig: Rig, data: Data, rng: np.random.Generator) -> Data:
 
 
 def sample_motion(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
-    """What reference and detectors say of random motions, and the true states (n, 8)."""
+    """Sample random motions: reference and detector data, and the true states (n, 8)."""
     pose = rng.uniform(-1, 1, (count, 6)) * BOX
     empty = Data(np.empty((count, 9)), pose, REFERENCE, np.zeros((count, 2)))
     data = read(rig, empty, rng)
@@ -131,7 +131,7 @@ def try_rig(seed: int, samples: int, nominal: Sensor) -> tuple[Rig, Fit, Floats]
 
 
 class BenchRig(NamedTuple):
-    """rig: with ideal light, what its detectors add and where the mirror is.  bench: its light."""
+    """rig: sensor with ideal light, detector errors and mirror pose.  bench: the bench's light."""
 
     rig: Rig
     bench: RayBench
@@ -141,12 +141,12 @@ Rng = np.random.Generator
 
 
 class Disturbance(NamedTuple):
-    """What no model of a calibration knows; each part None where nothing is wrong.
+    """Disturbances that no calibration model includes; None for each that is absent.
 
-    light: changes the bench.  mirror: where the mirror really is when it was sent to poses (n, 6).
-    reference: what the reference says of poses (n, 6).  told: what is said of its uncertainty.
-    beam: places (n, 2), mm.  power: factors (n,).  readings: what becomes of readings (n, 9) of
-    known standard deviations.
+    light: changes the bench.  mirror: true poses of the mirror for commanded poses (n, 6).
+    reference: measured poses for true ones (n, 6).  told: stated uncertainty of the reference.
+    beam: places (n, 2), mm.  power: factors (n,).  readings: changed readings (n, 9), from
+    readings and their standard deviations.
     """
 
     light: Callable[[RayBench], RayBench] | None = None
@@ -158,7 +158,7 @@ class Disturbance(NamedTuple):
     readings: Callable[[Floats, Floats, Rng], Floats] | None = None
 
 
-#: A bench on which nothing is wrong.
+#: A bench without disturbances.
 UNDISTURBED = Disturbance()
 
 
@@ -195,8 +195,8 @@ def sample_bench_motion(
     box: Floats = BOX,
     wrong: Disturbance = UNDISTURBED,
 ) -> tuple[Data, Floats]:
-    """What reference and detectors say of random motions, the laser's power drifting by 1 %; and
-    the true states (n, 8), in the axes that the reference moves."""
+    """Sample random motions with the laser's power drifting by 1 %: reference and detector data,
+    and the true states (n, 8) in the reference's axes."""
     zero, sensor = np.zeros((count, 9)), real.rig.sensor
     empty = poses_on_bench(real.rig, count, rng, box)
     pose = empty.pose if wrong.mirror is None else wrong.mirror(empty.pose, rng)
@@ -251,7 +251,7 @@ def try_bench_rig(
 ) -> BenchTrial:
     """Calibrate a rig on a bench as the command does, and solve other motions with it.
 
-    wrong: what disturbs the calibration; of it the light alone disturbs the other motions too.
+    wrong: disturbance of the calibration; only its light also disturbs the other motions.
     """
     settings = facets.load(config)
     rng = np.random.default_rng(seed)

@@ -50,9 +50,9 @@ FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class StressCase:
-    """One kind of trouble. offset: apex from the beam, mm; angle: rad; both at most.
+    """Kind of disturbance. offset, angle: largest distance of apex and beam, mm, and tilt, rad.
 
-    start: how far off it begins (mm, mm of z, rad), None for zero.  spoil: of the readings.
+    start: errors of the starting pose (mm, mm in z, rad), None for zero.  spoil: readings' change.
     allowed: error over standard uncertainty.
     """
 
@@ -100,7 +100,7 @@ def starts(case: StressCase, truth: Floats, rng: np.random.Generator) -> Floats 
 
 
 def condition(sensor: facets.Sensor, truth: Floats) -> Floats:
-    """Of the Jacobian with columns in um and urad, rows in standard deviations."""
+    """Condition of the Jacobian with columns in um and urad, rows in standard deviations."""
     matrix = facets.jacobian(sensor, truth) * 1e-3
     power = facets.readings(sensor, truth)[:, 2::3]
     noise = sensor.noise
@@ -116,7 +116,7 @@ def condition(sensor: facets.Sensor, truth: Floats) -> Floats:
 def stress(
     case: StressCase, sensor: facets.Sensor, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """How the estimates of `count` random readings end; the counts of one row."""
+    """Count the outcomes of `count` random readings, for one row of the table."""
     if case.faintest is not None:
         sensor = replace(sensor, noise=replace(sensor.noise, power=case.faintest))
     truth = states(case, count, rng)
@@ -141,11 +141,11 @@ def stress(
     }
 
 
-#: `facets.unseen_errors` is of first order, and the other numbers have noise: its share, at most.
+#: Allowance factor for noise and for `facets.unseen_errors` being a first-order estimate.
 SECOND_ORDER = 1.5
-#: Of the standard uncertainty: farther off than this is wrong.
+#: A pose is wrong if its error exceeds this number of standard uncertainties.
 WRONG = 10.0
-#: What can be known of the beam's place and its power, 1 sigma: mm, and a share; None for nothing.
+#: Knowledge of the beam's position, mm, and of its power, as a share; 1 sigma, None if unknown.
 KNOWLEDGE: dict[str, tuple[float | None, float | None]] = {
     "beam free": (None, 0.0),
     "beam free and power within 1 %": (None, 0.01),
@@ -158,11 +158,11 @@ KNOWLEDGE: dict[str, tuple[float | None, float | None]] = {
 
 
 class Trouble(NamedTuple):
-    """What is wrong with readings.
+    """Disturbance of readings.
 
-    spoil: of noisy readings (n, 9); returns them, and which number of each is spoilt, if one is.
-    near_edges: whether only states are drawn at which a spot meets an edge.  cut: whether edges
-    cut the spots.  aware: whether the solver knows.
+    spoil: changes noisy readings (n, 9); returns them and the index of each reading's wrong value,
+    or None.  near_edges: whether each state has a spot that meets an edge.  cut: whether edges
+    cut the spots.  aware: whether the solver models that.
     """
 
     name: str
@@ -178,7 +178,7 @@ def leave(_: facets.Sensor, readings: Floats, __: np.random.Generator) -> tuple[
 
 
 def mask(_: facets.Sensor, readings: Floats, rng: np.random.Generator) -> tuple[Floats, Any]:
-    """One number of each reading is missing."""
+    """Mask one number of each reading."""
     hidden = np.zeros(readings.shape, bool)
     hidden[np.arange(len(readings)), rng.integers(0, 9, len(readings))] = True
     return np.ma.masked_array(readings, hidden), None
@@ -187,7 +187,7 @@ def mask(_: facets.Sensor, readings: Floats, rng: np.random.Generator) -> tuple[
 def spoil_one(
     sensor: facets.Sensor, readings: Floats, rng: np.random.Generator
 ) -> tuple[Floats, Any]:
-    """One number of each reading is drawn anew over what the detector can say."""
+    """Replace one number of each reading by a random one from the detector's whole range."""
     spoilt, rows = readings.copy(), np.arange(len(readings))
     which = rng.integers(0, 9, len(readings))
     sizes = np.array([(psd.size_y / 2, psd.size_z / 2, sensor.beam.power) for psd in sensor.psds])
@@ -208,7 +208,7 @@ TROUBLES = [
 
 
 def add_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
-    """The sensor under the light of configs/bench-light.yaml; background by its power."""
+    """Give a sensor the light of configs/bench-light.yaml, with background scaled by its power."""
     bench = facets.load("bench-light").sensor
     share = sensor.beam.power / bench.beam.power
     light = replace(
@@ -228,7 +228,7 @@ def every_sensor() -> dict[str, facets.Sensor]:
 def draw_states(
     sensor: facets.Sensor, trouble: Trouble, sigma: float, count: int, rng: np.random.Generator
 ) -> Floats:
-    """States in the range, at its rim and past it; sigma: of the beam's place, mm."""
+    """Sample states inside, at and beyond the range's rim; `sigma` is that of the beam, mm."""
     offset = 0.4 * max(sensor.beam.diameter_x, sensor.beam.diameter_y)
     wide = StressCase("", 0.0, offset, 0.03)
     many = states(wide, 12 * count if trouble.near_edges else count, rng)
@@ -245,7 +245,7 @@ def draw_states(
 
 
 def readings_at_power(sensor: facets.Sensor, truth: Floats, share: Floats) -> Floats:
-    """Readings (n, 9) at which the laser has a share (n, 1) of its power; other light stays."""
+    """Readings (n, 9) with the laser at a share (n, 1) of its power and other light unchanged."""
     dark = replace(sensor.light, background=((0.0, 0.0, 0.0),) * 3)
     exact = facets.readings(replace(sensor, light=dark), truth)
     exact[:, 2::3] *= share
@@ -269,7 +269,7 @@ def knowledge_of(sensor: facets.Sensor, place: float | None, light: float | None
 def count_outcomes(
     trouble: Trouble, sensor: facets.Sensor, known: str, count: int, rng: np.random.Generator
 ) -> Counter[str]:
-    """How `count` readings of one sensor end, wrong poses by what tells of them."""
+    """Count the outcomes of `count` readings of one sensor, wrong poses by what reveals them."""
     place, light = KNOWLEDGE[known]
     real = sensor
     if trouble.cut:
@@ -331,7 +331,7 @@ def main() -> None:
 
 
 def stress_cases(asymmetric: list[facets.Sensor], draws: int, rng: np.random.Generator) -> None:
-    """Print what becomes of exact readings."""
+    """Print the outcomes of the stress cases, a row each."""
     for case in CASES:
         each = int(draws * case.share / len(asymmetric))
         found = [stress(case, sensor, each, rng) for sensor in asymmetric]
@@ -346,7 +346,7 @@ def stress_cases(asymmetric: list[facets.Sensor], draws: int, rng: np.random.Gen
 def stress_troubles(
     every: list[facets.Sensor], draws: int, rng: np.random.Generator
 ) -> list[dict[str, Any]]:
-    """Print what becomes of readings with a trouble, by what is known beside them; a row each."""
+    """Print the outcomes of disturbed readings for each knowledge of the beam, a row each."""
     rows = []
     for trouble in TROUBLES:
         for known in KNOWLEDGE:
@@ -368,7 +368,7 @@ def spread_over_sensors(
     sensors: Sequence[facets.Sensor],
     rng: np.random.Generator,
 ) -> Counter[str]:
-    """What `count_outcomes` counts, over all sensors."""
+    """Sum the results of `count_outcomes` over all sensors."""
     each = max(1, round(draws * trouble.share / len(KNOWLEDGE) / len(sensors)))
     total: Counter[str] = Counter()
     for sensor in sensors:

@@ -1,16 +1,15 @@
-"""Random sequences of faults against the whole of tracking, judged where the stage stands.
+"""Test the whole tracker with random sequences of faults and check the stage's motion.
 
-Drivers, envelope, search and tracker run as they are, against the virtual controllers, over a wire
-in memory and on a clock that is counted, not waited for. Whatever befalls samples, wire, controller
-and loop: the stage stays within its soft limits, is never faster than it may be, follows a
-prediction no longer and no further than it may from a good sample, and stands still within
-`stopping_time` of the last sample that it may follow and of every fault that ends tracking. What
-stops it latches: nothing is sent before somebody resumes. A controller that does not do what it is
-told is found out, against a second stage that does; it can take the stage out of its limits by no
-more than `excursion`.
+Drivers, envelope, search and tracker run unchanged against the virtual controllers, over a wire in
+memory and on a simulated clock. Whatever fault occurs in samples, wire, controller or loop, the
+stage stays within its soft limits and its speed limit, follows a prediction no longer and no
+further from a good sample than the settings allow, and stands still within `stopping_time` of the
+last sample that it may follow and of every fault that ends tracking. Every stop latches: nothing is
+sent before somebody resumes. A controller that disobeys is detected by comparison with a second,
+obedient stage; it can take the stage out of its limits by no more than `excursion`.
 
-`python -m facets.experiments.stage_faults 5000 --seed 1` prints what was tried, as JSON; a sequence
-that fails is told with its seed. `--bytes` pulls the cable at each byte instead.
+`python -m facets.experiments.stage_faults 5000 --seed 1` prints the counts as JSON; an error names
+the seed of a sequence that fails. `--bytes` pulls the cable at each byte instead.
 """
 
 from __future__ import annotations
@@ -37,15 +36,15 @@ from facets.tracking.stage import StageError, StageModel
 from facets.tracking.tracker import Tracker
 
 CONFIG = facets.load("bench")
-#: By how much the stage itself is faster than it may be.
+#: Ratio of the stage's own largest speed and acceleration to the settings' limits.
 FASTER = 5.0
 #: Steps of the simulated time, intervals of samples, and intervals of the watchdog, s.
 TICK_S, SAMPLE_S, WATCH_S = 2e-3, 5e-3, 0.02
-#: How far rounding to the stage's native unit may carry it beyond a border, mm.
+#: Largest distance that rounding to the stage's native unit carries it beyond a border, mm.
 ROUNDING_MM = 1e-3
-#: By which share the same rounding may increase a speed.
+#: Largest relative increase of a speed by the same rounding.
 ROUNDING_SHARE = 1e-2
-#: A stage slower than this stands still, mm/s.
+#: Speed below which the stage counts as standing still, mm/s.
 STILL_MM_S = 0.05
 
 DATA = ("silence", "late", "nan", "garbage", "jump", "dark", "one dark", "clock")
@@ -56,30 +55,30 @@ PROGRAM = ("stall", "bug", "disk full")
 #: and y are exchanged, by the controller or by whoever laid the cables.
 CONTROLLER = ("ignore", "backwards", "tenfold", "foreign", "swapped", "miswired")
 KINDS = (*DATA, *WIRE, *STAGE, *PROGRAM, *CONTROLLER, "no permit")
-#: How far a stage may be from one that does what it is told, mm, before that must be found out.
+#: Distance between the stage and an obedient one, mm, above which the tracker must stop.
 FOUND_OUT_MM = 0.2
-#: How far somebody else moves it at most, mm, and how often a person resumes, 1/s.
+#: Largest motion commanded by somebody else, mm, and rate at which a person resumes, 1/s.
 FOREIGN_MM, RESUMES_HZ = 1.0, 4.0
 
 
 def excursion(settings: Settings) -> float:
-    """How far a controller that does not do what it is told can go before it stands, mm.
+    """Largest distance that a disobedient controller moves before it stands still, mm.
 
-    By `POSITION_SLACK_MM` unnoticed, then at the largest speed until the loop has asked it where it
-    is, has heard that, and has told it to stop; and for as long as it takes to brake.
+    It moves by `POSITION_SLACK_MM` unnoticed, then at the largest speed until the loop has asked
+    for its position, received the answer and sent a stop; then it brakes.
     """
     s = settings
     noticed = 1 / s.rate + 2 * MAX_PLACE_AGE_S + s.latency
     return POSITION_SLACK_MM + s.step + s.max_speed * (noticed + s.max_speed / (2 * s.acceleration))
 
 
-class Broken(BaseException):  # no error handling of what is judged may swallow it
+class Broken(BaseException):  # the tested code must not catch it
     """The stage left its envelope."""
 
 
 @dataclass
 class Fault:
-    """kind, and when it begins and ends, s. amount: what that kind needs of chance, 0 to 1."""
+    """kind, begin and end, s. amount: the random number that this kind needs, 0 to 1."""
 
     kind: str
     begin: float
@@ -89,7 +88,7 @@ class Fault:
 
 @dataclass
 class Tried:
-    """What was tried, and how near it came."""
+    """Counts of the sequences and their events, and the largest values reached."""
 
     sequences: int = 0
     refused_at_start: int = 0
@@ -112,11 +111,11 @@ class Tried:
     most_excursion: float = 0.0
     most_stopping: float = 0.0
     most_prediction_time: float = 0.0
-    most_prediction_distance: float = 0.0  # of these six 1, 0 mm, 1, 1, 1 and 1 is what is allowed
+    most_prediction_distance: float = 0.0  # the six limits are 1, 0 mm, 1, 1, 1 and 1
 
 
 class Watched(StageModel):
-    """A stage that is judged at each step: place, speed, acceleration, and where it is sent."""
+    """Stage that checks place, speed, acceleration and target at each step."""
 
     STEP = TICK_S
 
@@ -127,13 +126,13 @@ class Watched(StageModel):
         self.reach, self.tried = Limits.from_settings(settings).reach, tried
         self.low = np.add(settings.low, settings.zero)  # the limits are the stage's own
         self.high = np.add(settings.high, settings.zero)
-        self.moved = 0.0  # when it last did, s
+        self.moved = 0.0  # time of the last motion, s
         self.sent: list[float] = []
         self.fault: Callable[[str], Fault | None] = lambda _: None
         self.ask: Callable[[], None] = lambda: None
         self.is_obedient, self.excursion = True, 0.0
-        self.foreign = self.halted = np.full(2, np.nan)  # where others sent it, and where it stood
-        self.shadow = StageModel(settings)  # does what it is told
+        self.foreign = self.halted = np.full(2, np.nan)  # others' target, and place of the halt
+        self.shadow = StageModel(settings)  # an obedient stage
         self.shadow.STEP = TICK_S
 
     def command(self, place: Floats) -> None:
@@ -164,7 +163,7 @@ class Watched(StageModel):
         self.shadow.halt()
 
     def obey_another(self, place: Floats) -> None:
-        """Somebody else sends it, no faster than we may: else its speed tells nothing of ours."""
+        """Obey somebody else's target within our speed limit, so that speeds remain comparable."""
         self.max_speed = min(self.max_speed, self.settings.max_speed)
         self.acceleration = min(self.acceleration, self.settings.acceleration)
         super().command(place)
@@ -178,7 +177,7 @@ class Watched(StageModel):
         super().advance(now)
 
     def excess(self, place: Floats) -> float:
-        """How far a place is outside the soft limits, mm."""
+        """Distance of a place outside the soft limits, mm."""
         (x, y), low, high = place.tolist(), self.low.tolist(), self.high.tolist()
         return float(max(low[0] - x, low[1] - y, x - high[0], y - high[1]))
 
@@ -211,7 +210,7 @@ class Watched(StageModel):
 
 
 class World:
-    """Clock, mirror, samples, wire and stage; the port that the tracker is given."""
+    """Simulated clock, mirror, samples, wire and stage; also the tracker's port."""
 
     def __init__(self, rng: np.random.Generator, tried: Tried, driver: str = "") -> None:
         self.rng, self.tried = rng, tried
@@ -230,13 +229,13 @@ class World:
         self.closed = False
         self.tracker: Tracker | None = None
         self.fed = self.watched = self.now
-        self.followable = -np.inf  # when a sample last came that may be followed
-        self.flag = (-np.inf, False)  # the last that the board said of its permit, and when
+        self.followable = -np.inf  # time of the last sample that may be followed
+        self.flag = (-np.inf, False)  # time and value of the board's last permit
         self.is_stopped, self.offset = False, np.zeros(2)
-        self.parted = self.wrong = np.inf  # since when the stage, or the beam, is where it must not
-        self.good: deque[tuple[float, Floats]] = deque(maxlen=100)  # from which one may predict
-        self.failed = np.inf  # when the tracker gave up
-        self.barred = np.inf  # when tracking was made impossible
+        self.parted = self.wrong = np.inf  # when they went astray
+        self.good: deque[tuple[float, Floats]] = deque(maxlen=100)  # good samples
+        self.failed = np.inf  # time at which the tracker gave up
+        self.barred = np.inf  # time from which tracking is impossible
         low, high = np.array(self.settings.low), np.array(self.settings.high)
         self.centre = rng.uniform(low, high) * 0.7 + self.settings.zero
         for model in (self.model, self.model.shadow):
@@ -249,7 +248,7 @@ class World:
         return self.now
 
     def suffer(self, faults: list[Fault]) -> None:
-        """What is to go wrong."""
+        """Set the faults, and the excursion that they allow."""
         self.faults, s = faults, self.settings
         kinds = {fault.kind for fault in faults}
         if kinds.isdisjoint(CONTROLLER):
@@ -257,7 +256,7 @@ class World:
         self.model.is_obedient, self.model.excursion = False, excursion(s)
         if "foreign" in kinds:
             self.model.excursion += FOREIGN_MM
-        if "tenfold" in kinds and len(kinds) > 1:  # nobody may be there to tell it to stop
+        if "tenfold" in kinds and len(kinds) > 1:  # the loop may be unable to stop it
             self.model.excursion += 10 * self.model.reach
 
     @property
@@ -301,7 +300,7 @@ class World:
         return self
 
     def count_byte(self, count: int = 1) -> None:
-        """One goes over the wire, as long as there is one."""
+        """Count bytes over the wire; raise `OSError` once the cable is cut."""
         self.bytes += count
         if self.bytes > self.cut or self.is_on("unplug"):
             self.bar()
@@ -367,7 +366,7 @@ class World:
             self.check_standstill()
 
     def feed(self) -> None:
-        """A sample, as it is or as a fault has it."""
+        """Feed a sample to the tracker, changed by the current faults."""
         if self.tracker is None or self.is_on("silence"):
             return
         taken = self.now - 2e-3
@@ -393,7 +392,7 @@ class World:
     def spoil_sample(
         self, taken: float, powers: Floats, apex: Floats
     ) -> tuple[float, Floats, Floats]:
-        """The time, powers and apex of a sample as the faults leave them."""
+        """Apply the current faults to the time, powers and apex of a sample."""
         if (late := self.is_on("late")) is not None:
             taken -= 0.5 * late.amount
         if (clock := self.is_on("clock")) is not None:
@@ -429,7 +428,7 @@ class World:
         allowed = min(max(self.followable, 10.0), self.barred) + bound
         if self.tracker is not None and self.tracker.error:
             allowed = min(allowed, self.failed + bound)
-        for fault in self.faults:  # what is jammed when the cable goes, goes on when it is free
+        for fault in self.faults:  # a stage jammed at a cable cut moves on when it is free
             if fault.kind == "jam" and fault.begin <= self.barred:
                 allowed = max(allowed, min(fault.end, self.now) + bound)
             if fault.kind == "foreign" and fault.begin <= self.now:
@@ -457,11 +456,11 @@ class World:
                 raise Broken("sent without a permit")
 
     def note_errors(self, begun: float) -> tuple[float, float]:
-        """How far the stage is from where it is thought to be, and the beam from where the readings
-        have it, mm; notes since when that has to be found out."""
+        """Return the stage's error and the beam's error from the readings, mm; note the time since
+        which the tracker must detect each."""
         assert self.tracker is not None
         away = float(np.abs(self.model.place - self.model.shadow.place).max())
-        if self.tracker.searching:  # what the readings say of the beam is followed from then on
+        if self.tracker.searching:  # from now on the stage follows the measured beam
             self.offset, self.wrong = self.beam - self.model.place, np.inf
         split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
         self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
@@ -470,9 +469,9 @@ class World:
         return away, split
 
     def check_step(self, begun: float, flag: tuple[float, bool]) -> None:
-        """Whether the stage is stopped that must be, after a step of the loop.
+        """Check after a step of the loop that the stage is stopped if it must be.
 
-        begun: when that step began, s; flag: what the board had said then of its permit.
+        begun: time at which the step began, s.  flag: time and value of the permit at that time.
         """
         assert self.tracker is not None
         s, patience = self.settings, settling_time(self.settings) + 0.15
@@ -502,7 +501,7 @@ class World:
         if name == "resume":
             self.is_stopped, self.barred, self.failed = False, np.inf, np.inf
             self.parted = self.wrong = np.inf
-            self.offset = self.beam - self.model.place  # a person has seen where it is
+            self.offset = self.beam - self.model.place  # a person has checked the beam
             self.model.shadow.place = self.model.place.copy()
             self.model.shadow.target = self.model.place.copy()
             self.tried.resumes += 1
@@ -516,7 +515,7 @@ class World:
             raise OSError(28, "No space left on device")
 
     def check_prediction(self, sent: Floats) -> None:
-        """Whether some good sample is as young, and was as near, as a prediction's has to be."""
+        """Check that some good sample is recent and near enough for a prediction."""
         s, tried = self.settings, self.tried
         if not s.bridge:
             raise Broken("predicted where that is turned off")
@@ -536,7 +535,7 @@ class World:
 
 
 def light(off: Floats) -> Floats:
-    """Powers (3,), mW, where the apex is `off` (2,) mm from the beam: roughly, and cheaply."""
+    """Approximate powers (3,), mW, with the apex `off` (2,) mm from the beam."""
     weights = np.array([[1, 0], [-0.5, 3**0.5 / 2], [-0.5, -(3**0.5) / 2]]) @ (-off / 0.2)
     shares = np.exp(np.clip(weights * 1.6, -700, 700))
     powers: Floats = 0.6 * shares / shares.sum()
@@ -579,12 +578,12 @@ def draw_faults(rng: np.random.Generator, kinds: Sequence[str]) -> list[Fault]:
     return faults
 
 
-#: The first words of what is said of a controller that does not do what it is told.
+#: First words of the messages about a disobedient controller.
 FINDINGS = ("the stage is at", "the stage accepted a", "the encoder disagrees with")
 
 
 def begin(world: World, search: bool, again: bool) -> Tracker | None:
-    """A tracker on that world; None where the stage could not be used, and was left alone."""
+    """Start a tracker in a world; None if the stage is unusable and was not moved."""
     try:
         tracker = Tracker(
             world, world.settings, world.law, world.say, search, world.clock,
@@ -601,7 +600,7 @@ def begin(world: World, search: bool, again: bool) -> Tracker | None:
 def sequence(
     seed: int, tried: Tried, driver: str = "", cut: float = np.inf, kinds: Sequence[str] = KINDS
 ) -> None:
-    """One of them: raises `Broken` where the stage leaves its envelope."""
+    """Run one sequence; raise `Broken` if the stage leaves its envelope."""
     rng = np.random.default_rng(seed)
     world = World(rng, tried, driver)
     world.suffer([] if np.isfinite(cut) else draw_faults(rng, kinds))
@@ -625,10 +624,10 @@ def sequence(
 
 
 def drive(world: World, tracker: Tracker, end: float) -> None:
-    """The tracker's loop, on the world's clock."""
+    """Run the tracker's loop on the world's clock."""
     due = world.now
     period = 1 / world.settings.rate
-    is_watched = world.rng.random() < 0.6  # by a person, who says go again and again
+    is_watched = world.rng.random() < 0.6  # by a person, who resumes again and again
     while world.now < end:
         if (stall := world.is_on("stall")) is not None:
             world.advance(stall.amount)
@@ -647,7 +646,7 @@ def drive(world: World, tracker: Tracker, end: float) -> None:
 
 
 def check_end(world: World, tracker: Tracker) -> None:
-    """The stage stands, the port is closed, and what ended tracking is told."""
+    """Check that the stage stands, the port is closed and the tracker reported a cut cable."""
     if not world.closed:
         raise Broken("the port was left open")
     if world.model.moved > world.now - 0.04:
@@ -676,7 +675,7 @@ def run(seeds: range, driver: str = "") -> Tried:
 
 
 def pull_at_each_byte(driver: str, cuts: range) -> Tried:
-    """The cable pulled after so many bytes, in both directions together."""
+    """Run one sequence for each number of bytes after which the cable is pulled."""
     tried = Tried()
     for cut in cuts:
         try:

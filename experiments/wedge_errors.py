@@ -57,7 +57,7 @@ def rule() -> list[tuple[Any, Any]]:
 
 
 def radial(a: Any) -> tuple[Any, Any, Any]:
-    """int s^n exp(-s^2/2 - a s) ds from 0 up, for n = 1, 2, 3."""
+    """Integrals of s^n exp(-s^2/2 - a s) from 0 to infinity for n = 1, 2, 3."""
     from flint import arb
 
     i0 = (arb.pi() / 2).sqrt() * (a * a / 2).exp() * (a / arb(2).sqrt()).erfc()
@@ -80,7 +80,7 @@ def panel(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
 
 
 def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
-    """The same, halved until every part stands beside what has been summed."""
+    """Polar moments about q, with panels halved until each is accurate relative to the sum."""
     whole, total = [(low, high, panel(q, low, high))], [0] * 6
     while whole:
         start, stop, coarse = whole.pop()
@@ -100,7 +100,7 @@ def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
 
 
 def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
-    """What `facets.optics.wedge` gives, of the floats given; a list for each of KINDS."""
+    """Exact results of `facets.optics.wedge` for the same floats; a list for each of KINDS."""
     from flint import arb, ctx
 
     ctx.prec = BITS
@@ -146,7 +146,7 @@ def computed_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
 
 
 def error(ours: list[float], theirs: list[Any], kind: str) -> float:
-    """Relative for mass and derivatives, each with its own size; in sigmas for the centroid."""
+    """Relative error of mass and derivatives, each by its own size; in sigmas for the centroid."""
     away = [abs(float(a - b)) for a, b in zip(ours, theirs, strict=True)]
     if kind in ("centroid", "covariance"):
         return max(away)
@@ -157,7 +157,7 @@ def error(ours: list[float], theirs: list[Any], kind: str) -> float:
 
 
 def search(count: int, seed: int) -> list[tuple[Wedge, float, list[float]]]:
-    """(wedge, its mass, the errors in the order of KINDS) of random wedges that hold any light."""
+    """Return (wedge, mass, errors in the order of KINDS) of random wedges that hold any light."""
     rng = np.random.default_rng(seed)
     found: list[tuple[Wedge, float, list[float]]] = []
     while len(found) < count:

@@ -28,7 +28,7 @@ BOUND = 0.89
 
 
 def remaining_offset(sensor: facets.Sensor, turn: Any) -> float:
-    """um between beam and apex where Eq. (14) is zero, at a turn (3,) in rad."""
+    """Distance of beam and apex, in um, where Eq. (14) is zero, at a rotation (3,) in rad."""
 
     def unequal(place: Any) -> Any:
         return tracking_error(facets.readings(sensor, np.array([0, 0, 0, *turn, *place]))[2::3])

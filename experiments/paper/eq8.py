@@ -26,7 +26,7 @@ OFFSETS = (0.0, 0.1)
 
 
 def errors(sensor: facets.Sensor, state: Any) -> tuple[float, float]:
-    """Of a place, nm, and of a power, parts per million of the beam's; largest of the detectors."""
+    """Largest errors over the detectors: of position, nm, and of power, ppm of the beam's."""
     printed = facets.readings(sensor, state, irradiance="paper")
     difference = np.abs(printed - facets.readings(sensor, state)).reshape(3, 3)
     return 1e6 * difference[:, :2].max(), 1e6 * difference[:, 2].max() / sensor.beam.power

@@ -1,4 +1,4 @@
-"""What an experiment is: it computes a table, from which come a picture and claims.
+"""Interface of an experiment, which computes a table and from it a picture and claims.
 
 Each module of this folder named in `EXPERIMENTS` has
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 Table = dict[str, NDArray[Any]]
 
-#: In the paper's order, then what it does not say.
+#: Experiments in the paper's order, then those that are not in the paper.
 EXPERIMENTS = (
     "table1", "fig4", "eq8", "fig6", "fig7", "fig8", "fig9", "eq13", "fig10", "fig11", "table2",
     "section4", "known-beam", "power-drift", "uniqueness",
 )  # fmt: skip
 NONE = float("nan")
-#: A number agrees with the paper's when it is this near, over the paper's: the paper prints two
-#: or three digits of what was measured on a rig whose own errors it does not state.
+#: Largest relative difference at which a number agrees with the paper's: the paper prints two
+#: or three digits, measured on a rig whose errors it does not state.
 NEAR = 0.1
 
 
 class PaperClaim(NamedTuple):
-    """One number. paper: NaN where it gives none.  why: what the ratio comes from."""
+    """A number. paper: the paper's value, NaN if it gives none.  why: reason for the ratio."""
 
     what: str
     unit: str
@@ -50,7 +50,7 @@ class PaperClaim(NamedTuple):
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the paper's number is met within `NEAR`; None where the paper gives none."""
+        """Whether the number agrees with the paper's within `NEAR`; None without one."""
         if self.paper != self.paper:
             return None
         return bool(abs(self.ours - self.paper) <= NEAR * abs(self.paper))
@@ -66,13 +66,13 @@ class Experiment(Protocol):
 
 
 def experiment(name: str) -> Experiment:
-    """The module of that name."""
+    """Import the module of an experiment."""
     module = import_module(f"{__package__}.{name.replace('-', '_')}")
     return cast("Experiment", module)
 
 
 def columns_of(names: str, rows: list[Any]) -> Table:
-    """A table from rows, its columns named in one string."""
+    """Make a table from rows and one string of column names."""
     return {
         name: np.array(column)
         for name, column in zip(names.split(), zip(*rows, strict=True), strict=True)

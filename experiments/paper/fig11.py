@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 TITLE = "Fig. 11: motions in x and y with mirror tracking"
 CONFIG = "bench"
-#: Swing, mm: most of Fig. 10's range.
+#: Amplitude of the swing, mm, which covers most of Fig. 10's range.
 REACH = {"x": 6.0, "y": 5.0}
 SECONDS, RATE = 8.0, 1000
 
 
 def compute(quick: bool) -> Table:
-    """The mirror swings once along each axis; the stage's encoder tells where the beam is."""
+    """Swing the mirror once along each axis; the stage's encoder gives the beam's position."""
     config = facets.load(CONFIG)
     rng = np.random.default_rng(11)
     time = np.arange(int(SECONDS * RATE)) / RATE
@@ -75,7 +75,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 
 def picture(table: Table) -> Figure:
-    """Motions, truth under the estimate; the error below, and how far the beam is off."""
+    """Plot the motions with the truth under the estimate, the error and the beam's offset."""
     hues = chosen_hues()
     with style.style_context():
         drawing = style.figure(style.FULL, 5.6)

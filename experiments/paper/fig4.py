@@ -23,7 +23,7 @@ CLASSES = 60
 
 
 def compute(quick: bool) -> Table:
-    """Least, middle and largest determinant in classes of the apex's distance from the beam."""
+    """Least, median and largest determinant in classes of the apex's distance from the beam."""
     config = facets.load(CONFIG)
     domain = range_box(config.sensor, config.range)
     count = 20_000 if quick else 200_000

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 TITLE = "Fig. 6: measurement ranges with a fixed beam"
 CONFIG = "paper"
-#: For each axis the map that shows it, the axis's place in it, and why the range is what it is.
+#: For each axis, the map that shows it, its index in that map, and the reason for its range.
 RANGES = {
     "tx": ("mm", ("tx", "ty"), 0, "fitted: the least signal-to-noise ratio, 810, is"),
     "ty": ("mm", ("tx", "ty"), 1, "the same ratio, fitted to both"),

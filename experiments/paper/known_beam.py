@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TITLE = "Beyond the paper: what a known beam is worth"
 CONFIG = "paper"
-#: 1 sigma of what is known of the beam's place, mm.
+#: Standard uncertainty (1 sigma) of the beam's known position, mm.
 KNOWN = (0.0, 0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, np.inf)
 
 

@@ -1,4 +1,4 @@
-"""A simulated motion as a table, its errors, and drawn from it: Fig. 7, 8, 9 and 11."""
+"""Table of a simulated motion, its errors and its figure, for Fig. 7, 8, 9 and 11."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WHY = {
 
 
 def simulate_table(config_name: str, motion: str, track: bool = False) -> Table:
-    """Truth, estimate and standard uncertainty of six axes; mm and mrad."""
+    """Simulate truth, estimate and standard uncertainty of six axes; mm and mrad."""
     segments = simulate(facets.load(config_name), [motion], track=track)
     table = pose_table(segments)
     wanted = ["time_s", "status", *STATE_COLUMNS]
@@ -42,7 +42,7 @@ def column(name: str) -> str:
 
 
 def errors(table: Table, name: str) -> np.ndarray:
-    """Estimate less truth, um or urad."""
+    """Estimate minus truth, um or urad."""
     key = column(name)
     off: np.ndarray = 1e3 * (table[key] - table[f"true_{key}"])
     return off
@@ -61,7 +61,7 @@ def errors_in_six_axes(table: Table) -> list[PaperClaim]:
 
 
 def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
-    """The moved axes above, truth under the estimate; below, the errors of all six."""
+    """Plot the moved axes, truth under estimate, above the errors of all six axes."""
     hues = chosen_hues()
     rows = -(-len(axes) // 2)
     with style.style_context():
@@ -89,7 +89,7 @@ def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
 
 
 def error_band(panel: Any, time: np.ndarray, error: np.ndarray, hue: str, label: str = "") -> None:
-    """Many errors as the band from the least to the largest of neighbours, with their median."""
+    """Plot many errors as a band between neighbours' minimum and maximum, with their median."""
     found = style.band(time, error)
     panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.4, lw=0, label=label)
     panel.plot(found.time, found.middle, color=hue, lw=1.0)

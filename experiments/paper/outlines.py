@@ -1,4 +1,4 @@
-"""Outlines of measurement ranges as tables, and drawn from them: Fig. 6 and Fig. 10."""
+"""Tables and figures of the outlines of measurement ranges, for Fig. 6 and Fig. 10."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PAIRS = tuple(combinations(POSE, 2))
 
 
 def trace_table(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: bool) -> Table:
-    """Points of each outline in order; mm and mrad."""
+    """Trace the points of each outline in order; mm and mrad."""
     config = facets.load(config_name)
     rules = replace(config.range, tracking=tracking)
     rows = []
@@ -55,7 +55,7 @@ def outline(table: Table, first: str, second: str) -> Boundary:
 
 
 def symmetric_range(table: Table, first: str, second: str, axis: int) -> float:
-    """Twice the nearer end along one axis of a map, the other at rest; mm or mrad."""
+    """Twice the nearer end of a map along one axis, with the other at zero; mm or mrad."""
     points = outline(table, first, second).points
     factor = unit_of((first, second)[axis])[1]
     other, along = points[:, 1 - axis], points[:, axis]

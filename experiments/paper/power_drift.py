@@ -1,4 +1,4 @@
-"""Not in the paper: what a laser that has lost a share of its power does to the pose."""
+"""Not in the paper: pose errors after the laser loses a share of its power."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WAYS = {
 
 
 def compute(quick: bool) -> Table:
-    """Error of each axis, um and urad, at a pose off the beam's centre, by way of solving."""
+    """Error of each axis, um and urad, at a pose off the beam's centre, for each way of solving."""
     sensor = facets.load(CONFIG).sensor
     factors = np.array([unit_of(name)[3] for name in POSE])
     rows = []

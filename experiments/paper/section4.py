@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 TITLE = "Section 4: the claims of the conclusions"
 CONFIG = "paper"
-#: Proportions of the square, and farther than it can reach.
+#: Half widths with the square's proportions that exceed the sensor's reach.
 SQUARE = np.array([20.0, 20.0, 0, 0, 0, 0])
 
 

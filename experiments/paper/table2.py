@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 TITLE = "Table 2: ranges and resolutions"
 CONFIG = "paper"
-#: Ranges of the paper, mm and mrad.
+#: The paper's ranges, mm and mrad.
 RANGE_MM_MRAD = (0.36, 0.39, 12.3, 28.0, 24.5, 48.0)
 FOLLOWING = (13.6, 11.8)
 RESOLUTION = (2.6, 1.9, 2.8, 9.4, 8.7, 13.0)
@@ -78,7 +78,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 
 def picture(table: Table) -> Figure:
-    """Model over paper for each axis: a mark on the line where they agree."""
+    """Plot the ratio of model to paper for each axis, with a line at 1 for agreement."""
     hues = chosen_hues()
     ways = ((FIXED, "o", -0.13, False), (TRACKING, "D", 0.13, True))
     with style.style_context():

@@ -19,7 +19,7 @@ CONFIG = "paper"
 
 
 def compute(quick: bool) -> Table:
-    """The paper's sensor over its whole range at once, by interval arithmetic."""
+    """Certify the paper's sensor over its whole range by interval arithmetic."""
     config = facets.load(CONFIG)
     least = least_share(config.sensor, config.range)
     cover = cover_range(config.sensor, config.range, least)

@@ -1,7 +1,7 @@
-"""Bad inputs by number: configurations, tables, arguments and streams, spoilt in seeded ways.
+"""Numbered bad inputs: configurations, tables, arguments and streams with seeded defects.
 
-A case writes what it needs into a folder and gives the words of a command. `certain`: whether it is
-bad without doubt, so that the command must not end with 0; what a random change leaves can be good.
+A case writes its files into a folder and returns a command's words. `certain` says that the input
+is certainly bad, so that the command must not end with 0; a random change can leave a good input.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class Case:
 
 # --- configurations -----------------------------------------------------------------------------
 
-#: What no number of a configuration can be.
+#: Values that no number of a configuration may have.
 VALUES = (
     ".nan", ".inf", "-.inf", "1e999", "abc", "'5'", "[1, 2, 3, 4, 5]", "{a: 1}", "true", "~~",
     "2001-13-45", "9" * 5000, "0x", "!!python/object:os.system 1", "*nowhere", "&a [*a]", "1,5",
     "5 mm", "''", "99999999999999999999", "-1e300", "[[[[1]]]]",
 )  # fmt: skip
-#: Pieces of text that can go anywhere.
+#: Pieces of text that are inserted at random places.
 PIECES = (
     "\t", ":", "- ", "{", "}", "[", "]", "&x ", "*x", "!", "#", "'", '"', "\n", "  ", "\x00",
     "\x85",
@@ -89,14 +89,14 @@ def spoilt_config(rng: Rng, folder: Path) -> Case:
 
 
 def multiply(path: Path, depth: int) -> None:
-    """Aliases of aliases: 10^depth values in `depth` lines."""
+    """Write aliases of aliases, which give 10^depth values in `depth` lines."""
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, depth)]
     path.write_text("\n".join(lines))
 
 
 def chain(folder: Path, depth: int) -> None:
-    """Each file extends the one before twice: 2^depth readings of the first."""
+    """Write files that each extend the previous one twice: 2^depth readings of the first."""
     (folder / "0.yaml").write_text("extends: paper\n")
     for n in range(1, depth):
         (folder / f"{n}.yaml").write_text(f"extends: [{n - 1}.yaml, {n - 1}.yaml]\n")
@@ -185,7 +185,7 @@ def spoilt_cells(rng: Rng, table: dict[str, np.ndarray], kind: int) -> str:
 
 
 def as_parquet(rng: Rng, path: Path, table: dict[str, np.ndarray], name: str) -> bool:
-    """Parquet with a column of lists, times or words, or cut off; whether it is bad for certain."""
+    """Write Parquet with a bad column or cut off; return whether it is certainly bad."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -345,7 +345,7 @@ _RECORDED: dict[str, Path] = {}
 
 
 def recorded(folder: Path) -> Path:
-    """A recording of some samples, made once and copied."""
+    """Copy a recording of some samples, which is made once."""
     if "folder" not in _RECORDED:
         import tempfile
 
@@ -391,7 +391,7 @@ def spoilt_stream(rng: Rng, folder: Path) -> Case:
 
 
 def case(number: int, folder: Path) -> Case:
-    """The case of a number, the same in every run; its files are written into the folder."""
+    """Return the case of a number, the same in every run, and write its files into the folder."""
     rng = np.random.default_rng([number, 14])
     makers: list[Callable[[Rng, Path], Case]] = [spoilt_config, spoilt_table, spoilt_stream]
     if number % 4 == 3:

@@ -18,7 +18,7 @@ from facets import Sensor
 
 @dataclass
 class Bench:
-    """What the rays meet. curvature: (2, 2) of the wavefront, 1/mm, along the beam's axes.
+    """Light and edges of a bench. curvature: (2, 2), of the wavefront, 1/mm, on the beam's axes.
 
     strips: width lost along edges ca, ab, bc, mm.  depths: of the roll-off at the first and second
     edge of each facet, mm, linear over `width` (mm) from the lost strip on, counted on the facet.
@@ -35,7 +35,7 @@ class Bench:
 
 
 def origin_of(at: oracle.Setup, bench: Bench, point: np.ndarray) -> np.ndarray:
-    """Where, in mm across the beam at its place, the ray to a point in space starts: (2,)."""
+    """Starting point (2,), in mm across the beam at its place, of the ray to a point in space."""
     away = point - at.centre
     height = away @ at.down
     return np.linalg.solve(np.eye(2) + height * bench.curvature, away @ at.across)
@@ -49,13 +49,13 @@ def rays(at: oracle.Setup, bench: Bench, x: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def down_edge(at: oracle.Setup, first: int, second: int) -> np.ndarray:
-    """From the apex down the edge of two facets, a unit vector."""
+    """Unit vector from the apex down the edge of two facets."""
     along = np.linalg.svd(at.normals[[first, second]])[2][2]
     return along if along @ at.down > 0 else -along
 
 
 def bands(breaks: list, far: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights over 0..far, finer near 0, with no panel across a break."""
+    """Quadrature nodes and weights over 0..far, finer near 0, with no panel across a break."""
     ends = sorted({0.0, *[b for b in breaks if b > 0], *(far * np.linspace(0, 1, 13) ** 1.5)})
     parts = [oracle.panels(a, b, 1) for a, b in itertools.pairwise(ends)]
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
@@ -93,7 +93,7 @@ class Side:
         return start + reach[:, None] * aim, aim
 
     def leads_away(self, own: int) -> float:
-        """By how much a step along the other edge leads away from this one, on the facet."""
+        """Distance from this edge, on the facet, for each mm along the other edge's image."""
         hit, _ = self.hits((self.apex + 1e-3 * self.seen[1 - own])[None])
         return float((hit - self.at.apex)[0] @ self.inward[own]) / 1e-3
 
@@ -126,7 +126,7 @@ class Side:
         return x, -area * self.density(x)
 
     def trace(self, x: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """Sums of the rays' shares, times psi, zeta and 1."""
+        """Sum the rays' shares times psi, zeta and 1."""
         bench, hits_and_aim = self.bench, self.hits(x)
         hits, aim = hits_and_aim
         normal = np.repeat(self.normal[None], len(x), axis=0)

@@ -1,4 +1,4 @@
-"""A browser without a window, told what to do by its own protocol; a test waits for what happens.
+"""Headless browser that tests control through its debugging protocol.
 
 Everything goes through `Browser.ask`, which evaluates an expression of JavaScript on the page.
 """
@@ -30,13 +30,13 @@ WEBGL, NO_WEBGL = "--enable-unsafe-swiftshader", "--disable-3d-apis"
 
 
 class Browser:
-    """One page in Chromium. Errors of its scripts, and what it asked of other addresses, are kept.
+    """A page in Chromium that records script errors and the addresses that it loads.
 
-    errors: texts.  addresses: of all that it has loaded.
+    errors: messages of the scripts.  addresses: all that the page loaded.
     """
 
     def __init__(self, url: str, webgl: bool = False) -> None:
-        """webgl: whether it has WebGL, by the processor, which takes long."""
+        """Open a page; `webgl` enables WebGL on the processor, which is slow."""
         assert CHROMIUM is not None
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.process = subprocess.Popen(
@@ -61,7 +61,7 @@ class Browser:
             raise
 
     def debugger(self) -> str:
-        """Where the page can be told what to do, once the browser says so."""
+        """Wait for the browser and return the address of the page's debugger."""
         port = Path(self.profile.name) / "DevToolsActivePort"
         last = time.monotonic() + GUARD
         while time.monotonic() < last:
@@ -105,13 +105,13 @@ class Browser:
         return await answer
 
     def send(self, method: str, **parameters: Any) -> Any:
-        """The result of one of the browser's own methods."""
+        """Call a method of the browser's protocol and return its result."""
         words = self.call(self.exchange(method, parameters))
         assert "error" not in words, words
         return words["result"]
 
     def ask(self, expression: str) -> Any:
-        """The value of an expression on the page; a promise is waited for."""
+        """Evaluate an expression on the page, wait for a promise, and return the value."""
         found = self.send(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -119,7 +119,7 @@ class Browser:
         return found["result"].get("value")
 
     def await_true(self, expression: str) -> Any:
-        """Waits until an expression is true on the page; its value."""
+        """Wait until an expression is true on the page and return its value."""
         last = time.monotonic() + GUARD
         while time.monotonic() < last:
             tried = f"try {{ return {expression}; }} catch {{ return null; }}"
@@ -133,7 +133,7 @@ class Browser:
         path.write_bytes(base64.b64decode(data))
 
     def press(self, kind: str, x: float, y: float, **more: Any) -> None:
-        """One event of the mouse."""
+        """Send a mouse event."""
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
     def close(self) -> None:

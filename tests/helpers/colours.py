@@ -1,4 +1,4 @@
-"""Noise with a spectrum that is known, for the tests of its analysis."""
+"""Noise with a known spectrum for the tests of noise analysis."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def flicker(rng, density, count, rate):
-    """1/f noise by its spectrum, from eight times as long a piece, so that it has slow parts."""
+    """1/f noise from a series eight times as long, so that it contains slow parts."""
     size = 8 * count
     frequency = np.fft.rfftfreq(size, 1 / rate)[1:]
     drawn = rng.standard_normal((2, len(frequency)))

@@ -1,4 +1,4 @@
-"""Commands as a person runs them: a process of its own, in a folder of its own."""
+"""Run commands in a separate process and folder, as a person does."""
 
 import os
 import subprocess
@@ -8,22 +8,22 @@ from pathlib import Path
 
 from nursery import Forked, nursery
 
-#: The program in a fresh interpreter, for what is said about that.
+#: The program in a fresh interpreter, for tests of its start.
 PROGRAM = [sys.executable, "-c", "from facets.cli import program; program()"]
 
 
 def start(*words: str, cwd: Path, out: int, err: int) -> Forked:
-    """`facets WORDS`, started in `cwd` with its output sent to two open files."""
+    """Start `facets WORDS` in `cwd` with its output sent to two open files."""
     return nursery().start(list(words), cwd, dict(os.environ), out, err)
 
 
 def command(
     *words: str, cwd: Path, env: dict[str, str] | None = None, limit: int | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """`facets WORDS`, run in `cwd`, with what it printed and its exit status.
+    """Run `facets WORDS` in `cwd` and return its output and exit status.
 
-    env: what is to be added to the environment, but for what Python looks at when it starts.
-    limit: the bytes that no file may pass.
+    env: additions to the environment, except variables that Python reads at its start.
+    limit: largest size of a file, bytes.
     """
     whole = {**os.environ, **(env or {})}
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:

@@ -1,4 +1,4 @@
-"""Derivatives of a formula's text by differences at so many digits that they are exact for floats.
+"""Derivatives by differences with enough digits to be exact for floats.
 
 A difference to one side with a step of 1e-20 is off by about 1e-20 times the second derivative, and
 by 1e-20 for the rounding of 40 digits; a float has 1e-16.
@@ -22,10 +22,10 @@ STEP = mp.mpf(10) ** -20
 
 @contextmanager
 def many_digits() -> Iterator[None]:
-    """Within it numbers of mpmath have `DIGITS` digits.
+    """Give numbers of mpmath `DIGITS` digits within this context.
 
-    What a side of a facet sweeps over is integrated once for each place of the side: most of what
-    is varied leaves the sides where they are, and the integral is most of the work.
+    The integral over a side's sweep is cached for each place of the side, because most varied
+    values leave the sides in place and the integral takes most of the time.
     """
     integrated = wedge.swept_mass
     wedge.swept_mass = cache(integrated)
@@ -41,7 +41,7 @@ def precise(values: Any) -> list[Any]:
 
 
 def differences(values: list[Any], function: Callable[[list[Any]], np.ndarray]) -> np.ndarray:
-    """The derivatives of what `function` gives, by each of the values: (..., len(values))."""
+    """Derivatives (..., len(values)) of the results of `function` by each of the values."""
     start = function(values)
     columns = []
     for i in range(len(values)):

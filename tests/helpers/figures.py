@@ -1,4 +1,4 @@
-"""Figures made of made-up results, by name; and what a figure has on it once it is drawn."""
+"""Figures of invented results, by name, and the texts in a drawn figure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def rng() -> np.random.Generator:
 
 
 def segment(name: str = "steps", count: int = 600, solved: bool = True) -> Any:
-    """A motion of all axes, its noise by its own uncertainty, and some samples not solved."""
+    """Make a motion of all axes with noise of its stated uncertainty and some unsolved samples."""
     random, time = rng(), np.arange(count) / 1000
     truth = np.zeros((count, 8))
     truth[:, :6] = np.sin(12 * time)[:, None] * [0.1, 0, 1, 2e-3, 0, 8e-3]
@@ -149,7 +149,7 @@ def plan() -> Any:
 
 
 def noise_channels() -> list[Any]:
-    """Channels of a report, with as little in them as their pictures take."""
+    """Minimal channels of a report that suffice for its figures."""
     from facets.characterization.allan import allan
 
     random = rng()
@@ -165,7 +165,7 @@ def noise_channels() -> list[Any]:
     return channels
 
 
-#: Every picture by its name.
+#: All figures by name.
 ALL = {
     one.__name__: one
     for one in (motion, ranges, resolution, layout, front, pareto, calibration, survey, spots, plan)
@@ -173,7 +173,7 @@ ALL = {
 
 
 def texts_of(picture: Any) -> list[tuple[Any, Any]]:
-    """What a figure writes as it is drawn, each text with the box that it takes, in dots."""
+    """Draw a figure and return each text with its bounding box in pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.text import Text
 

@@ -1,4 +1,4 @@
-"""A page that draws a glTF file's triangles by WebGL alone: a scene in any browser, offline."""
+"""Page that draws a glTF file's triangles offline with WebGL alone."""
 
 from __future__ import annotations
 

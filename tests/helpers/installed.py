@@ -1,4 +1,4 @@
-"""The package as others have it: built, installed outside of the checkout, and tried there.
+"""Build the package, install it outside of the checkout, and test it there.
 
     python tests/helpers/installed.py [--lowest | --only-build FOLDER]
 
@@ -41,14 +41,14 @@ LEFT_OUT = ("bench-peers", "ni", "thorlabs")
 
 
 def run(*words: str | Path, cwd: Path) -> None:
-    """Runs a command; what it prints is shown where it fails, and this process ends then."""
+    """Run a command; if it fails, print its output and end this process."""
     done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{done.stdout}{done.stderr}\nfailed: {' '.join(map(str, words))}")
 
 
 def known_files() -> list[str]:
-    """The files of the checkout, those included that are not yet committed."""
+    """List the files of the checkout, including uncommitted ones."""
     asked = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     text = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     return [name for name in text.split("\0") if name and (ROOT / name).is_file()]
@@ -72,7 +72,7 @@ def package_files(names: Sequence[str]) -> set[str]:
 
 
 def wheel_files(wheel: Path) -> dict[str, bytes]:
-    """The files of the packages in a wheel; what describes the wheel itself is left out."""
+    """Read the packages' files in a wheel, without the wheel's metadata."""
     with zipfile.ZipFile(wheel) as archive:
         return {
             name: archive.read(name)
@@ -82,7 +82,7 @@ def wheel_files(wheel: Path) -> dict[str, bytes]:
 
 
 def compare(wheel: Path, from_sdist: Path, names: Sequence[str]) -> None:
-    """Ends this process where a file is missing from the wheel, or should not be in it."""
+    """End this process if the wheel lacks a file or has one too many."""
     held, expected = wheel_files(wheel), package_files(names)
     faults = [
         *(f"not in the wheel: {name}" for name in sorted(expected - set(held))),
@@ -95,7 +95,7 @@ def compare(wheel: Path, from_sdist: Path, names: Sequence[str]) -> None:
 
 
 def build(names: Sequence[str], folder: Path) -> Path:
-    """The wheel, built of the files of that name and compared with them."""
+    """Build the wheel and compare its files with the expected ones."""
     source = copy_files(names, folder / "source tree")
     run(UV, "build", "--quiet", "--out-dir", folder / "from sdist", source, cwd=folder)
     run(UV, "build", "--quiet", "--wheel", "--out-dir", folder / "wheel", source, cwd=folder)
@@ -105,7 +105,7 @@ def build(names: Sequence[str], folder: Path) -> Path:
 
 
 def environment(wheel: Path, settings: dict[str, Any], folder: Path, lowest: bool) -> Path:
-    """A fresh environment with the wheel in it, compiled as pip does; its folder of programs."""
+    """Install the wheel in a fresh environment, compiled as by pip; return its program folder."""
     project, tools = settings["project"], settings["dependency-groups"]["test"]
     extras = [name for name in project["optional-dependencies"] if name not in LEFT_OUT]
     asked = [f"{project['name']}[{','.join(extras)}] @ {wheel.as_uri()}", *tools]
@@ -125,7 +125,7 @@ def environment(wheel: Path, settings: dict[str, Any], folder: Path, lowest: boo
 
 
 def refuse_higher(programs: Path, requirements: Sequence[str]) -> None:
-    """Ends this process where a version is installed that is above the bound that is written."""
+    """End this process if an installed version is above its stated bound."""
     show = "import importlib.metadata as m, sys; print(*(m.version(n) for n in sys.argv[1:]))"
     wanted = [Requirement(text) for text in requirements]
     names = [each.name for each in wanted]
@@ -142,14 +142,14 @@ def refuse_higher(programs: Path, requirements: Sequence[str]) -> None:
 
 
 def is_lowest(requirement: Requirement, version: str) -> bool:
-    """Whether a version is the bound, or begins as it does (4.2.0.1 where 4.2 is the bound)."""
+    """Whether a version is the bound or extends it (4.2.0.1 for the bound 4.2)."""
     bounds = [each.version for each in requirement.specifier if each.operator == ">="]
     short = version + ".0.0"
     return all(short == bound or short.startswith(f"{bound}.") for bound in bounds)
 
 
 def marked_files(folder: Path) -> list[str]:
-    """The files with a test that is to be run; others may need more than the group `test`."""
+    """List the files with a marked test; other files may need more than the group `test`."""
     files = sorted((folder / "tests").rglob("test_*.py"))
     marks = re.compile(r"pytest\.mark\.(installed|wheel)\b")
     return [str(file.relative_to(folder)) for file in files if marks.search(file.read_text())]

@@ -1,7 +1,7 @@
 """Stand-ins for the packages of National Instruments and of pylablib, by their documentation.
 
-What they take is what nidaqmx 1.7 and pylablib 1.4 take; `tests/live/test_makers.py` compares the
-signatures where the packages are installed.
+They accept the arguments of nidaqmx 1.7 and pylablib 1.4; `tests/live/test_makers.py` compares
+the signatures if the packages are installed.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Timing:
 
 
 class Stream:
-    """The volts that the card has sampled and nobody has read: (12, n)."""
+    """Sampled voltages (12, n) that have not been read."""
 
     def __init__(self):
         self.volts, self.error = np.zeros((12, 0)), None
@@ -168,7 +168,7 @@ class KinesisMotor:
 
 
 class KinesisQuadDetector:
-    """A controller with a head; what it reads is set by the test."""
+    """A controller with a head, whose readings are set by the test."""
 
     volts: ClassVar = {}
 
@@ -185,7 +185,7 @@ class KinesisQuadDetector:
 
 
 def install(monkeypatch):
-    """Puts the stand-ins where the packages would be."""
+    """Install the stand-ins in place of the packages."""
 
     def module(name, **parts):
         found = types.ModuleType(name)

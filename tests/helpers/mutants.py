@@ -22,7 +22,7 @@ from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 
 ROOT = Path(__file__).parents[2]
 COPY = ROOT / "build" / "mutants"
-#: `|` stands in annotations, which nothing runs.
+#: The operator `|` appears in annotations, which are never executed.
 SETTINGS = """\
 [cosmic-ray]
 module-path = "facets/{package}"
@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def copy_sources() -> None:
-    """The files that git knows, cli/ and experiments/ inside the package, as it is installed."""
+    """Copy the files known to git, with cli/ and experiments/ inside the package as installed."""
     COPY.mkdir(parents=True, exist_ok=True)
     files = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
@@ -63,7 +63,7 @@ def copy_sources() -> None:
 
 
 def try_changes(package: str, sample: int, seed: int, timeout_s: float) -> tuple[int, int]:
-    """Numbers of changes that the tests pass, and of all that were tried."""
+    """Return the numbers of undetected changes and of all changes tried."""
     tests = f"tests/{package}"
     settings, session = COPY / f"{package}.toml", COPY / f"{package}.sqlite"
     settings.write_text(

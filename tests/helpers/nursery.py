@@ -1,8 +1,8 @@
 """Processes for commands, forked from one that has already imported what they need.
 
-Importing takes a second or two, the command itself often a tenth of that. A forked process is one
-of its own in all that a command may touch: signals, standard streams, exit status, working folder,
-environment. What a test says about *starting* Python needs a fresh interpreter instead.
+Importing takes a second or two, the command itself often a tenth of that. A forked process has its
+own signals, standard streams, exit status, working folder and environment. A test of the *start* of
+Python needs a fresh interpreter instead.
 
 `python nursery.py` is the process that forks; it reads requests on its standard input, a socket.
 For each it forks a keeper, which forks the command and tells its process id and exit status.
@@ -23,17 +23,17 @@ import sys
 from pathlib import Path
 from typing import IO, Any
 
-#: What commands import, and what takes its time.
+#: Slow modules that commands import.
 HEAVY = (
     "numpy", "scipy.optimize", "scipy.stats", "scipy.special", "numba", "pandas", "pyarrow.parquet",
     "pyarrow.csv", "matplotlib.pyplot", "pydantic", "ruamel.yaml", "rich.table", "typer.main",
 )  # fmt: skip
-#: What a command needs beside that; imported when the first command of its name is asked for.
+#: Further modules of a command, imported at the first request for that command.
 OF_COMMANDS = {
     "render": ("pyvista", "facets.pictures.render", "facets.pictures.spots"),
     "optimize": ("casadi",),
 }
-#: Parts of the package that are only loaded where a command needs them.
+#: Parts of the package that are loaded only if a command needs them.
 LATE = (
     "facets.bench",
     "facets.cli",
@@ -44,7 +44,7 @@ LATE = (
 
 
 def as_status(waited: int) -> int:
-    """An exit status as `subprocess` has it: negative where a signal ended the process."""
+    """Exit status in the convention of `subprocess`: negative if a signal ended the process."""
     return os.waitstatus_to_exitcode(waited)
 
 
@@ -52,7 +52,7 @@ def as_status(waited: int) -> int:
 
 
 def prepare() -> None:
-    """Imports what commands need, and loads the kernels that most of them call."""
+    """Import the modules of all commands and load the kernels that most of them call."""
     import gc
     import importlib
     import pkgutil
@@ -80,7 +80,7 @@ def prepare() -> None:
 
 
 def prepare_for(words: list[str]) -> None:
-    """Imports what the command alone needs that is asked for."""
+    """Import the modules that only the requested command needs."""
     import importlib
 
     for name in OF_COMMANDS.get(words[0] if words else "", ()):
@@ -88,9 +88,9 @@ def prepare_for(words: list[str]) -> None:
 
 
 def become(asked: dict[str, Any], streams: list[int]) -> None:
-    """Makes this process, just forked, the command's.
+    """Turn the forked process into the command's.
 
-    SIGHUP ends it, also where a shell's nohup has it ignored.
+    SIGHUP ends the process even if a shell's nohup ignores the signal.
     """
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -115,9 +115,9 @@ def become(asked: dict[str, Any], streams: list[int]) -> None:
 
 
 def keep(request: dict[str, Any], fds: list[int]) -> bool:
-    """In the keeper: forks the command, tells its id, waits for it, tells its status.
+    """Fork the command from the keeper, send its id, wait for it and send its status.
 
-    fds: the command's standard output and error, and where to tell. True in the command's process.
+    fds: the command's standard output and error, and the reply pipe. True in the command's process.
     """
     *streams, tell = fds
     child = os.fork()
@@ -138,7 +138,7 @@ def keep(request: dict[str, Any], fds: list[int]) -> bool:
 
 
 def serve() -> None:
-    """Forks until nobody asks any more."""
+    """Fork a process for each request until the requests end."""
     prepare()
     asked = socket.socket(fileno=os.dup(0))
     while True:
@@ -165,7 +165,7 @@ def serve() -> None:
 
 
 class Nursery:
-    """Asks for commands' processes; the one that forks them is started with the first."""
+    """Request processes for commands; the first request starts the forking process."""
 
     def __init__(self) -> None:
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -184,7 +184,7 @@ class Nursery:
         self, words: list[str], cwd: Path, env: dict[str, str], out: int, err: int,
         limit: int | None = None,
     ) -> Forked:  # fmt: skip
-        """limit: the bytes that no file of the command may pass."""
+        """Start a command; `limit` is the largest size of its files, bytes."""
         told, tell = os.pipe()
         request = {"words": words, "cwd": str(cwd), "env": env, "limit": limit}
         try:
@@ -195,7 +195,7 @@ class Nursery:
 
 
 class Forked:
-    """A command that runs, with so much of `subprocess.Popen` as tests use."""
+    """A running command with the part of `subprocess.Popen` that tests use."""
 
     stdout: IO[str]
     stderr: IO[str]

@@ -20,7 +20,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 @dataclass
 class Setup:
-    """A sensor at a state: everything in the world, mm."""
+    """A sensor at a state, in world coordinates, mm."""
 
     down: np.ndarray
     across: np.ndarray
@@ -62,7 +62,7 @@ def setup(sensor: Sensor, state: np.ndarray) -> Setup:
 
 
 def land(at: Setup, k: int, points: np.ndarray) -> np.ndarray:
-    """Where rays through points (n, 2) of the cross-section, in sigmas, land on detector k."""
+    """Landing points on detector k of rays through points (n, 2) of the cross-section, sigmas."""
     start = at.centre + (points * at.sigmas) @ at.across.T
     normal = at.normals[k]
     far = ((at.apex - start) @ normal) / (at.down @ normal)
@@ -81,19 +81,19 @@ def panels(start: float, stop: float, count: int) -> tuple[np.ndarray, np.ndarra
 
 
 def seen(at: Setup, vector: np.ndarray) -> np.ndarray:
-    """A vector as seen along the beam, in sigmas."""
+    """Project a vector along the beam; the result is in sigmas."""
     return (vector @ at.across) / at.sigmas
 
 
 def edge(at: Setup, first: int, second: int) -> np.ndarray:
-    """The direction from the apex down the edge between two facets, seen along the beam."""
+    """Direction from the apex down the edge between two facets, seen along the beam."""
     along = np.linalg.svd(at.normals[[first, second]])[2][2]
     third = 3 - first - second
     return seen(at, along if along @ at.normals[third] < 0 else -along)
 
 
 def by_quadrature(sensor: Sensor, state: np.ndarray, refine: int = 1) -> np.ndarray:
-    """Nine readings. refine: multiplies the number of panels, to see that it changes nothing."""
+    """Nine readings; `refine` multiplies the number of panels for a test of convergence."""
     at = setup(sensor, state)
     apex = seen(at, at.apex - at.centre)
     radius, radius_weight = panels(0, np.hypot(*apex) + 9.5, 7 * refine)
@@ -130,9 +130,9 @@ def by_random_rays(sensor: Sensor, state: np.ndarray, count: int, seed: int) -> 
 
 
 def clearances(sensor: Sensor, at: Setup, state: np.ndarray, k: int, points: np.ndarray):
-    """By how much rays through points (n, 2) clear each limit of facet and detector k, mm: (n, m).
+    """Clearances (n, m), mm, of rays through points (n, 2) at each limit of facet and detector k.
 
-    Asked of the traced points in space, one limit after the other.
+    They are computed from the traced points in space, limit by limit.
     """
     mirror = Rotation.from_euler("ZYX", state[[5, 4, 3]])
     start = at.centre + (points * at.sigmas) @ at.across.T
@@ -158,13 +158,13 @@ def clearances(sensor: Sensor, at: Setup, state: np.ndarray, k: int, points: np.
 
 
 def lines_of_limits(sensor: Sensor, at: Setup, state: np.ndarray, k: int) -> np.ndarray:
-    """(m, 3): c0, cx, cy of each limit c0 + cx x + cy y > 0, from three rays."""
+    """Coefficients (m, 3) c0, cx, cy of each limit c0 + cx x + cy y > 0, from three rays."""
     origin, x, y = clearances(sensor, at, state, k, np.array([[0.0, 0], [1, 0], [0, 1]]))
     return np.stack([origin, x - origin, y - origin], axis=1)
 
 
 def kinks(lines: np.ndarray, radius: float) -> np.ndarray:
-    """The x at which lines cross each other or the circle."""
+    """Values of x at which lines cross each other or the circle."""
     found = [-radius, radius]
     for i, (c, a, b) in enumerate(lines):
         norm = np.hypot(a, b)
@@ -179,7 +179,7 @@ def kinks(lines: np.ndarray, radius: float) -> np.ndarray:
 
 
 def by_strips(sensor: Sensor, state: np.ndarray, radius: float = 12.0) -> np.ndarray:
-    """Nine readings with all limits: strips of the cross-section, cut where the limits are.
+    """Nine readings with all limits, by strips of the cross-section that the limits cut.
 
     A strip's integrals along y are erf and exp, across strips Gauss-Legendre between all kinks.
     """
@@ -188,7 +188,7 @@ def by_strips(sensor: Sensor, state: np.ndarray, radius: float = 12.0) -> np.nda
     reading = np.full(9, np.nan)
     for k in range(3):
         lines = lines_of_limits(sensor, at, state, k)
-        borders = np.arcsin(kinks(lines, radius) / radius)  # strips crowd where the circle ends
+        borders = np.arcsin(kinks(lines, radius) / radius)  # strips narrow at the circle's ends
         parts = [panels(a, b, 8) for a, b in itertools.pairwise(borders)]
         angle = np.concatenate([part[0] for part in parts])
         x, weight = radius * np.sin(angle), np.concatenate([part[1] for part in parts])

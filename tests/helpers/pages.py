@@ -1,4 +1,4 @@
-"""The pages of the documentation, what stands on them, and the hooks that build them."""
+"""Pages of the documentation, their contents, and the hooks that build them."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Step:
 
     @property
     def file(self) -> str:
-        """The file of a configuration: the last that the text names."""
+        """The configuration's file, which is the last one that the text names."""
         return re.findall(r"`([\w-]+\.yaml)`", self.text)[-1]
 
 
 def steps(page: Path) -> list[Step]:
-    """The blocks of a page from top to bottom; the text after the last one is a step without."""
+    """List the blocks of a page in order; the text after the last block is a step without one."""
     text, *others = FENCE.split(page.read_text())
     found = []
     for language, block, after in zip(*(others[n::3] for n in range(3)), strict=True):
@@ -55,26 +55,26 @@ def steps(page: Path) -> list[Step]:
 
 
 def shape(line: str) -> str:
-    """A printed line without its numbers, its detectors' letters and the widths of its columns.
+    """Strip numbers, letters of detectors and widths of columns from a printed line.
 
-    Of detectors that stand alike, rounding decides which is named.
+    Rounding decides which of several equivalent detectors is named.
     """
     line = re.sub(r"\bPSD [ABC]\b", "PSD", line)
     return " ".join(re.sub(r"[-+±]*\d[\d.,]*(e[-+]?\d+)?", "#", line).split())
 
 
 def prose(page: Path) -> str:
-    """A page without its code blocks."""
+    """Remove the code blocks of a page."""
     return FENCE.sub("", page.read_text())
 
 
 def links(page: Path) -> list[str]:
-    """Where a page's links lead, pictures among them; those to other sites left out."""
+    """List the targets of a page's links and pictures, except those on other sites."""
     return [link for link in LINK.findall(prose(page)) if ":" not in link]
 
 
 def hook(name: str) -> ModuleType:
-    """A module of `docs/hooks`, as the builder loads it."""
+    """Load a module of `docs/hooks` in the same way as the builder."""
     spec = importlib.util.spec_from_file_location(f"hooks_{name}", DOCS / "hooks" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None

@@ -1,5 +1,5 @@
-"""A file system that loses its power: what was written is held back, lost, torn or reordered until
-it is synced. After SQLite's crash tests (`test6.c`).
+"""Model of a file system at a power failure, which loses, tears or reorders unsynced data; its idea
+comes from SQLite's crash tests (`test6.c`).
 
 A program writes by a `Log`, which keeps what it did and holds the files in memory. `image` is what
 a disk may hold where the power went at one moment of it: of all that was written since the last
@@ -19,7 +19,7 @@ SECTOR = 512
 
 
 class Log(Disk):
-    """Keeps every operation. on_sync: called in the middle of each sync, as others go on then."""
+    """Log of all operations; `on_sync` is called during each sync to imitate other threads."""
 
     def __init__(self) -> None:
         self.done: list[tuple[str, str, bytes]] = []
@@ -54,7 +54,7 @@ class Log(Disk):
 
 
 def image(log: Log, moment: int, rng: np.random.Generator) -> dict[str, bytes]:
-    """What the disk may hold where the power went after so many operations, by file."""
+    """Possible contents of the disk, by file, if power fails after this number of operations."""
     sure: dict[str, bytearray] = {}
     loose: dict[str, list[tuple[int, bytes]]] = {}
     ends: dict[str, int] = {}
@@ -87,13 +87,13 @@ def image(log: Log, moment: int, rng: np.random.Generator) -> dict[str, bytes]:
 
 
 def sectors(place: int, length: int) -> list[tuple[int, int]]:
-    """The pieces of a range of bytes that reach a disk together."""
+    """Pieces of a range of bytes that reach a disk together."""
     cuts = [place, *range((place // SECTOR + 1) * SECTOR, place + length, SECTOR), place + length]
     return list(pairwise(cuts))
 
 
 def put(file: bytearray, place: int, data: bytes) -> None:
-    """Bytes at a place; what lies before it and was never written reads as zeros."""
+    """Write bytes at a position; a gap before it reads as zeros."""
     if len(file) < place:
         file.extend(bytes(place - len(file)))
     file[place : place + len(data)] = data

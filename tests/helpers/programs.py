@@ -1,7 +1,7 @@
-"""Commands that go on while a test looks at them; a test waits for what they do, not for seconds.
+"""Commands that run during a test, which waits for their effects instead of a fixed time.
 
-Every wait ends in an error after GUARD seconds, on any machine: it is there for a program that
-hangs, and no test passes or fails by it.
+Every wait ends in an error after GUARD seconds; this only stops a program that hangs and decides
+no other test.
 """
 
 import os
@@ -19,7 +19,7 @@ GUARD = 1200.0
 
 
 def await_true(true: Callable[[], object], what: str) -> None:
-    """Waits until something is so."""
+    """Wait until a condition is true."""
     last = time.monotonic() + GUARD
     while not true():
         assert time.monotonic() < last, f"waited in vain: {what}"
@@ -27,9 +27,9 @@ def await_true(true: Callable[[], object], what: str) -> None:
 
 
 class Program:
-    """`facets WORDS` in a folder; its output is read as it comes. Ended at the end of a `with`.
+    """Run `facets WORDS` in a folder and read its output; the end of a `with` ends the program.
 
-    env: what is to be added to the environment; it then begins in a fresh interpreter.
+    env: additions to the environment, which require a fresh interpreter.
     """
 
     def __init__(self, *words: str, cwd: Path, env: dict[str, str] | None = None) -> None:
@@ -69,17 +69,17 @@ class Program:
         return self.process.poll() is None
 
     def await_output(self, words: str) -> None:
-        """Waits until it has said so, which it must do before it ends."""
+        """Wait until the program has printed `words`; fail if it ends before."""
         await_true(lambda: words in self.stdout + self.stderr or not self.running, words)
         assert words in self.stdout + self.stderr, self.stderr
 
     def await_true(self, true: Callable[[], object], what: str) -> None:
-        """Waits until something is so, which must be before it ends."""
+        """Wait until a condition is true; fail if the program ends before."""
         await_true(lambda: true() or not self.running, what)
         assert true(), f"ended before: {what}\n{self.stdout}{self.stderr}"
 
     def end(self, number: int | None = signal.SIGINT) -> int:
-        """Sends a signal, if one is given, and waits for the end; the exit status."""
+        """Send a signal, if one is given, wait for the end and return the exit status."""
         if number is not None and self.running:
             self.process.send_signal(number)
         status = self.process.wait(GUARD)
@@ -98,7 +98,7 @@ class Program:
 
 
 def count_lines(path: Path, words: str) -> int:
-    """How often words are in a file, which may not be there yet."""
+    """Count words in a file, which may not exist yet."""
     return path.read_text().count(words) if path.exists() else 0
 
 

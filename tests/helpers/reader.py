@@ -1,4 +1,4 @@
-"""A reader who types what a page of the documentation says, in a folder."""
+"""Simulated reader who types a documentation page's commands in a folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pages import Step, shape
 
 
 class Reader:
-    """Types what a page says: a block for the first terminal runs until the text stops it."""
+    """Type a page's commands; a block for the first terminal runs until the text stops it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -53,7 +53,7 @@ class Reader:
         raise AssertionError(f"{line}{''.join(printed)}")
 
     def stop(self) -> None:
-        """Ctrl-C in the first terminal."""
+        """Send Ctrl-C to the first terminal."""
         bench, self.bench = self.bench, None
         if bench is None:
             return
@@ -62,13 +62,13 @@ class Reader:
         assert bench.returncode == 0, printed
 
     def end(self) -> None:
-        """Closes the first terminal, if it is still busy."""
+        """Close the first terminal if it is still busy."""
         if self.bench:
             os.killpg(self.bench.pid, signal.SIGKILL)
             self.bench.communicate()
 
     def type(self, line: str) -> None:
-        """In the second terminal; a comment in the line states its exit status if that is not 0."""
+        """Run a line in the second terminal; a comment states its exit status if that is not 0."""
         words = shlex.split(line, comments=True)
         if words[0] == "facets" and ">" not in words:
             done = command(*words[1:], cwd=self.folder)
@@ -83,7 +83,7 @@ class Reader:
         self.printed += printed.splitlines()
 
     def compare(self, lines: Iterable[str]) -> None:
-        """What a page shows has been printed, but for its numbers; `...` stands for anything."""
+        """Check that a page's output was printed, except for numbers; `...` matches anything."""
         printed = "\n".join(map(shape, self.printed))
         for line in lines:
             pattern = re.escape(shape(line)).replace(re.escape("..."), ".*")

@@ -16,7 +16,7 @@ BLOCKS, EACH = 12, 25
 
 
 def record(folder, first=0, count=BLOCKS, close=True):
-    """A run of so many blocks, from sample `first` of the stream on."""
+    """Record `count` blocks of the stream, starting at sample `first`."""
     meta = run_record(CONFIG, None, 0.0, {"first": first})
     recording, pipeline = Recording(folder, meta, CONFIG.resolved), Pipeline(CONFIG)
     data = stream(first + count * EACH)[first * SIZE :]

@@ -7,7 +7,7 @@ from facets import BenchLight
 
 #: How far the mirror's edges roll off, mm.
 DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
-#: All that the light of a bench does.
+#: All effects of the light of a bench.
 ALL = BenchLight(
     curvature_xx=1 / 2100,
     curvature_xy=2e-5,
@@ -27,7 +27,7 @@ ASYMMETRY = (0.01, -0.02, 0.015, 0.008)
 
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:
-    """Random states: apex off the beam's centre by up to `offset` mm, tilts up to `angle` rad."""
+    """Sample states with the apex up to `offset` mm off the beam and tilts up to `angle` rad."""
     rng = np.random.default_rng(seed)
     radius, turn = offset * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
     state = np.zeros((count, 8))
