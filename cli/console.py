@@ -21,6 +21,8 @@ import facets
 from facets import config as configuration
 from facets.files.whole import remove_older
 
+from . import signals
+
 if TYPE_CHECKING:
     from facets.config import Config
 
@@ -107,15 +109,23 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
 def show_progress(
     run: Callable[[Callable[[int, int], None]], Result], what: str = "exploring"
 ) -> Result:
-    """Run a task that reports its progress, with a bar on a terminal.  what: name of the task."""
+    """Run a task that reports its progress, with a bar on a terminal.  what: name of the task.
+
+    Where a report finds that an interruption was swallowed, the task ends there.
+    """
     if not sys.stderr.isatty():
-        return run(lambda *_: None)
+        return run(lambda *_: signals.check())
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=None)
-        return run(lambda done, whole: progress.update(task, completed=done, total=whole))
+
+        def report(done: int, whole: int) -> None:
+            signals.check()
+            progress.update(task, completed=done, total=whole)
+
+        return run(report)
 
 
 class Stream(io.RawIOBase):

@@ -1,7 +1,8 @@
-"""Signals during a solver's computation, whose handlers' exceptions casadi swallows.
+"""Signals during work with casadi, which swallows the exceptions of their handlers.
 
-casadi checks Python's signals now and then, ends the solver where a handler raises, and returns the
-solver's last point, as if it had found nothing. Here the handler is then called again.
+casadi checks Python's signals now and then, ends a solver where a handler raises, and returns the
+solver's last point, as if it had found nothing; while it makes or frees a function it goes on. Here
+the handler is then called again.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def run_solver(solver: Any, **problem: Any) -> Any:
         for number in before:
             signal.signal(number, interrupt)
         found = solver(**problem)
-    except Exception:
+    except (Exception, KeyboardInterrupt):
         if not came:
             raise
     finally:

@@ -125,6 +125,16 @@ def minimise(
 
     near: whether the start is near the end.  steps: largest number of steps.
     """
+    # making and freeing a problem swallows what a handler raises, too, as its solution does
+    result: SolverResult = run_solver(
+        search, problem=problem, start=start, low=low, high=high, near=near, steps=steps
+    )
+    return result
+
+
+def search(
+    problem: RestrictedProblem, start: Floats, low: Floats, high: Floats, near: bool, steps: int
+) -> SolverResult:
     pieces = Pieces(problem)
     x = ca.MX.sym("x", problem.unknowns)
     f, g = pieces.both(x)
@@ -137,7 +147,7 @@ def minimise(
     if near:
         options |= {"ipopt.mu_init": NEAR, "ipopt.bound_push": 1e-8, "ipopt.bound_frac": 1e-8}
     solver = ca.nlpsol("layout", "ipopt", {"x": x, "f": f, "g": g}, options)
-    found = run_solver(solver, x0=start, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
+    found = solver(x0=start, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
     stats = solver.stats()
     return SolverResult(
         x=np.array(found["x"]).ravel(),
