@@ -108,8 +108,8 @@ def search(settings: Config) -> Optimum:
         show_table("parts, the best first", headings, rows[:SHOWN], left=left)
         if len(rows) < found.choices or len(rows) > SHOWN:
             typer.echo(
-                f"{len(rows)} of {found.choices} choices were tried; the others can not be better, "
-                "or keep not all that is asked for\n"
+                f"{len(rows)} of {found.choices} choices were tried; the others cannot be better, "
+                "or do not meet all requirements\n"
             )
     headings, rows = design.tables.start_rows(found)
     show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))

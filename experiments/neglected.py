@@ -51,8 +51,6 @@ def imperfect_configuration(**flaws: Any) -> Sensor:
 
 #: A tenth of a wave over the last 0.1 mm, and a little less.
 DEPTHS_MM = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
-#: Power (mW) and place (mm) on each detector.
-BACKGROUND_MW_MM = ((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
 
 
 class NeglectedEffect(NamedTuple):

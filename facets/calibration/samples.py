@@ -11,7 +11,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations, step_variances
-from ..model.arrays import is_near_edge, readings, spot_size
+from ..model.arrays import edge_distance, is_near_edge, readings
 from .bundle_adjustment import OWN_COUNT, Data, deviations, states_of
 from .dwells import mean
 from .misfit import KINDS, Finding
@@ -26,6 +26,8 @@ SAME_PLACE = 0.01
 RANGE = 30.0
 #: How far a motion goes in x and y, in diameters of the beam: less is told, more is advised.
 NARROW, WIDE = 0.2, 0.3
+#: The least distance from an edge that is advised, mm.
+CLEAR_DISTANCE_MM = 1.2
 #: The share of readings at the edge beyond which their places are not what they are said to be.
 MOST = 0.7
 #: So few different poses tell nothing that could be trusted.
@@ -163,7 +165,7 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
     """
     if sensor.apertures.detectors:
         return data, []
-    spot = spot_size(sensor)
+    distance = edge_distance(sensor)
     raw, found = data.raw.copy(), list[Finding]()
     for k, near in enumerate(is_near_edge(sensor, raw).T):
         if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
@@ -173,9 +175,10 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
         raw[near, 3 * k : 3 * k + 3] = np.nan
         found.append(Finding(False, (
             f"In {int(near.sum())} of {len(raw)} samples the spot on detector "
-            f"{DETECTORS[k].upper()} comes nearer than {spot:.2g} mm, its own size, to the edge of "
-            "the sensitive area, where light is lost; what it read there is left out. Keep spots "
-            "1.2 mm from the edges, or set sensor.apertures.detectors."
+            f"{DETECTORS[k].upper()} comes nearer than {distance:.2g} mm to the edge of the "
+            "sensitive area, where light is lost; its readings there are excluded. Keep spots "
+            f"{max(CLEAR_DISTANCE_MM, distance):.2g} mm from the edges, or set "
+            "sensor.apertures.detectors."
         )))  # fmt: skip
     there = np.asarray(np.isfinite(raw).any(axis=1))
     return (data._replace(raw=raw).part(there) if found else data), found

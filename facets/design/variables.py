@@ -132,11 +132,6 @@ def electronics_of(
 UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "kohm": 1e3}
 #: The amplifiers' gain, which is no parameter of the optics.
 GAIN = "transimpedance_kohm"
-#: The variables that all facets or detectors share; see `core.layout`.
-COMMON = (
-    "radius_mm", "inclination_deg", "roll_mrad", "pitch_mrad", "yaw_mrad", "azimuth_b_deg",
-    "size_mm", "diameter_mm", "power_mw", GAIN,
-)  # fmt: skip
 #: Places of the variables among the parameters of one facet or detector.
 OF_A_FACET = {"inclination_deg": 0, "azimuth_deg": 1}
 OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,

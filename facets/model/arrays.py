@@ -445,17 +445,23 @@ def spot_size(sensor: Sensor) -> float:
     return max(sensor.beam.diameter_x, sensor.beam.diameter_y)
 
 
+def edge_distance(sensor: Sensor) -> float:
+    """Distance from a detector's edge within which a spot counts as near it, mm; see
+    `is_near_edge`."""
+    size = spot_size(sensor)
+    return 1.5 * size + MIN_EDGE_DISTANCE_MM if sensor.light.wavelength > 0 else size
+
+
 def is_near_edge(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
-    """Which spots of readings (..., 9) are nearer than their own size to an edge: (..., 3).
+    """Which spots of readings (..., 9) are nearer to an edge than `edge_distance`: (..., 3).
 
     There light is lost that the model includes only with `Apertures.detectors`. It includes the
     loss by diffraction only where the light of the mirror's edges, which may fall half a spot
     beside the spot, is farther than MIN_EDGE_DISTANCE_MM from the detector's edge. False where a
     detector has no reading.
     """
-    array, size = np.asarray(reading, dtype=np.float64), spot_size(sensor)
-    told = 1.5 * size + MIN_EDGE_DISTANCE_MM if sensor.light.wavelength > 0 else size
-    y, z = half_sizes(sensor).T - told
+    array = np.asarray(reading, dtype=np.float64)
+    y, z = half_sizes(sensor).T - edge_distance(sensor)
     near: NDArray[np.bool_] = (np.abs(array[..., 0::3]) > y) | (np.abs(array[..., 1::3]) > z)
     return near
 
