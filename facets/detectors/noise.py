@@ -15,13 +15,16 @@ no noise of a single reading: `simulate` draws them, and the solver takes them a
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arguments import check_arguments
-from ..core.sensor import Electronics, Sensor
+from ..core.sensor import Electronics, Noise, Sensor
 from ..core.units import Floats
 from ..model.arrays import as_vectors, half_sizes, mask_missed_spots
+from ..scalars.dispatch import select
 from . import electrodes
 
 #: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
@@ -120,12 +123,22 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         out = np.zeros((*exact.shape, 2))
-        place = (sensor.noise.position * sensor.noise.at_power / exact[..., 2::3]) ** 2
+        place = simple_place_variance(sensor.noise, exact[..., 2::3])
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
-        out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
+        out[..., 2::3, 1] = simple_power_variance(sensor.noise, exact[..., 2::3])
         return out
     parts = electric_variances(sensor, sensor.electronics, split_detectors(exact))
     return parts.reshape(*exact.shape, len(ELECTRIC))
+
+
+def simple_place_variance(noise: Noise, power: Any) -> Any:
+    """The variance of a place at a power (mW), mm^2: a float, or arrays of one shape."""
+    return (noise.position * noise.at_power / power) ** 2
+
+
+def simple_power_variance(noise: Noise, power: Any) -> Any:
+    """The variance of a power, mW^2; NaN where the power is NaN."""
+    return noise.power**2 + 0 * power
 
 
 def current_variances(electronics: Electronics, currents: Floats, together: bool = False) -> Floats:
@@ -248,19 +261,39 @@ def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats)
     h^2 (s (1 - p^2) / L + 2 e (1 + p^2) / L^2), and of the power (s L + 2 e) / 2 over the
     responsivity squared.
     """
-    half, gain = half_sizes(sensor), 1e-3 * electronics.responsivity
-    light = gain * exact[..., 2]
-    shot = 2 * CHARGE * electronics.bandwidth
-    even = current_variances(electronics, np.zeros(1), together=True).item()
-    square, amount = np.clip(exact[..., :2] / half, -1, 1) ** 2, np.abs(light)
-    inverse = amount / (light * light)  # There is no number without light.
+    half, own = half_sizes(sensor), two_layer_noise(electronics)
+    light = own.gain * exact[..., 2]
     out = np.empty(exact.shape)
-    out[..., :2] = half**2 * (
-        (shot * inverse)[..., None] * (1 - square)
-        + (2 * even * inverse * inverse)[..., None] * (1 + square)
-    )
-    out[..., 2] = (shot * amount / 2 + even) / gain**2
+    out[..., :2] = two_layer_place_variance(exact[..., :2] / half, half, light[..., None], own)
+    out[..., 2] = two_layer_power_variance(light, own)
     return out
+
+
+class TwoLayerNoise(NamedTuple):
+    """gain: A/mW.  shot, even: of an electrode's variance shot |I| + even, A and A^2."""
+
+    gain: float
+    shot: float
+    even: float
+
+
+def two_layer_noise(electronics: Electronics) -> TwoLayerNoise:
+    even = current_variances(electronics, np.zeros(1), together=True).item()
+    return TwoLayerNoise(1e-3 * electronics.responsivity, 2 * CHARGE * electronics.bandwidth, even)
+
+
+def two_layer_place_variance(place: Any, half: Any, light: Any, noise: TwoLayerNoise) -> Any:
+    """place: in half sizes `half`, mm.  light: the current, A.  Floats, or arrays of one shape."""
+    inside = select(place > 1, 1.0, select(place < -1, -1.0, place))
+    square = inside**2
+    inverse = abs(light) / (light * light)  # There is no number without light.
+    return half**2 * (
+        (noise.shot * inverse) * (1 - square) + (2 * noise.even * inverse * inverse) * (1 + square)
+    )
+
+
+def two_layer_power_variance(light: Any, noise: TwoLayerNoise) -> Any:
+    return (noise.shot * abs(light) / 2 + noise.even) / noise.gain**2
 
 
 def end_sums(kind: str, parts: Floats) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from math import hypot
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from ..core.knowledge import Knowledge, Prior
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
-from ..model.arrays import as_vectors, half_sizes, readings, spot_size
+from ..model.arrays import as_vectors, readings, spot_size
 from . import problem
 from .chance import Chance, count_checks, widening_of
 
@@ -52,14 +53,26 @@ def find_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
 
 
 def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
-    noise, floor = sensor.noise, power_floor(sensor)
-    distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
+    floor = power_floor(sensor)
+    light = np.stack([least_light(sensor), other_light(sensor) + problem.DARK_SIGMAS * floor])
+    found = limits_under(sensor, floor, light, eight)
+    noise, light, half_sizes = np.array(found.noise), np.array(light), np.array(found.half_sizes)
+    return problem.ScreeningLimits(noise, light, half_sizes, eight, np.array(found.rounding))
+
+
+def limits_under(sensor: Sensor, floor: float, light: Any, eight: bool) -> problem.ScreeningLimits:
+    """The screening limits as plain numbers.
+
+    floor: of `power_floor`.  light: as in `problem.ScreeningLimits`.
+    """
+    noise, cut = sensor.noise, edge_cut_width(sensor)
+    distance = max(hypot(psd.radius, psd.height) for psd in sensor.psds)
     return problem.ScreeningLimits(
-        noise=np.array([noise.position, noise.at_power, floor]),
-        light=np.stack([least_light(sensor), other_light(sensor) + problem.DARK_SIGMAS * floor]),
-        half_sizes=half_sizes(sensor) - edge_cut_width(sensor),
+        noise=(noise.position, noise.at_power, floor),
+        light=light,
+        half_sizes=tuple((psd.size_y / 2 - cut, psd.size_z / 2 - cut) for psd in sensor.psds),
         eight=eight,
-        rounding=problem.ROUNDING * np.array([distance, sensor.beam.power]),
+        rounding=(problem.ROUNDING * distance, problem.ROUNDING * sensor.beam.power),
     )
 
 

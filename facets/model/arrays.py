@@ -14,7 +14,7 @@ from ..core.errors import InputError
 from ..core.sensor import EFFECTS as EFFECTS
 from ..core.sensor import LIGHT_EFFECTS, Sensor
 from ..core.units import Floats
-from ..optics.effects import LightEffects, LightOptions
+from ..optics.effects import UNBOUNDED, LightEffects, LightOptions
 from ..optics.forward import Geometry, Openings, build_geometry
 from ..optics.parameters import BEAM, FACET, PSD
 from ..optics.parameters import parameter_axes as axes_of
@@ -47,7 +47,12 @@ def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
 
 def geometry_of(sensor: Sensor) -> Geometry:
     """The sensor's vectors, in plain floats."""
-    light = light_effects(sensor) if sensor.light.on else None
+    return geometry_under(sensor, light_numbers(sensor) if sensor.light.on else None)
+
+
+def geometry_under(sensor: Sensor, numbers: dict[str, Any] | None) -> Geometry:
+    """The sensor's vectors under light of these `light_numbers`; None for ideal light."""
+    light = None if numbers is None else LightEffects(numbers, options(sensor))
     return build_geometry(parameters(sensor), openings(sensor), light)
 
 
@@ -61,22 +66,30 @@ def options(sensor: Sensor, profiled: bool = False) -> LightOptions:
 
     profiled: whether derivatives by the beam's profile are wanted, Gaussian or not.
     """
-    y, z = half_sizes(sensor).T.tolist()
-    halves: Any = tuple(zip(y, z, strict=True))
     light = sensor.light
     return LightOptions(
         True,
         light.index is not None,
         light.polarization is not None,
         profiled or light.has_profile,
-        halves,
+        detector_halves(sensor),
         MIN_EDGE_DISTANCE_MM,
     )
 
 
+def detector_halves(sensor: Sensor) -> Any:
+    """`half_sizes` as plain floats."""
+    return tuple((psd.size_y / 2, psd.size_z / 2) for psd in sensor.psds)
+
+
 def light_effects(sensor: Sensor, profiled: bool = False) -> LightEffects:
     """The effects of real light in the form that the optics takes.  profiled: as in `options`."""
-    return LightEffects(group_by_field(effects(sensor).tolist()), options(sensor, profiled))
+    return LightEffects(light_numbers(sensor), options(sensor, profiled))
+
+
+def light_numbers(sensor: Sensor) -> dict[str, Any]:
+    """The numbers of the bench's light by the fields of `BenchLight`."""
+    return group_by_field(effects(sensor).tolist())
 
 
 def group_by_field(values: Sequence[Any]) -> dict[str, Any]:
@@ -180,9 +193,8 @@ def slopes_at(
 def openings(sensor: Sensor) -> Openings:
     """The sensor's apertures in the form that the optics takes."""
     given = sensor.apertures
-    y, z = half_sizes(sensor).T if given.detectors else np.full((2, 3), np.inf)
-    halves = tuple(zip(y.tolist(), z.tolist(), strict=True))
-    return Openings(given.cut, 2 * given.beam, given.tip, given.rim, given.gap, halves)  # type: ignore[arg-type]
+    halves = detector_halves(sensor) if given.detectors else (UNBOUNDED, UNBOUNDED, UNBOUNDED)
+    return Openings(given.cut, 2 * given.beam, given.tip, given.rim, given.gap, halves)
 
 
 def packed_vectors(sensor: Sensor) -> Floats:
@@ -437,7 +449,7 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
 
 def half_sizes(sensor: Sensor) -> Floats:
     """Half sizes of the detectors' sensitive areas along y and z: (3, 2)."""
-    return np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds])
+    return np.array(detector_halves(sensor))
 
 
 def spot_size(sensor: Sensor) -> float:

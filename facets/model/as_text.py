@@ -146,10 +146,20 @@ def fill_linearisation(geometry: Geometry, exact: bool, x: Floats, found: Floats
     powered, lit = replace_power(geometry, power), geometry.light.options.on
     text = bench_gradient if lit else gradient
     formula = text.linearise if exact or not lit else bench_gradient.linearise_nearly
-    for k, (values, rows) in enumerate(formula(powered, tuple(state))):
+    put_linearisation(powered, formula(powered, tuple(state)), found)
+
+
+def put_linearisation(geometry: Geometry, detectors: Any, found: Any) -> None:
+    """Put the values in the first row of found (10, 10), then each one's derivatives by the eight
+    components of the state and the beam's power."""
+    lit = geometry.light.options.on
+    for k in range(3):
+        values, rows = detectors[k]
         for i in range(3):
             n = 3 * k + i
-            found[0, n], found[1 + n, :8] = values[i], rows[i]
-            found[1 + n, 8] = 0.0 if i < 2 else values[i] / power
+            found[0, n] = values[i]
+            for c in range(8):
+                found[1 + n, c] = rows[i][c]
+            found[1 + n, 8] = 0.0 if i < 2 else values[i] / geometry.power
             if lit:
-                found[1 + n, 8] = power_derivative(powered, values, k, i)
+                found[1 + n, 8] = power_derivative(geometry, values, k, i)

@@ -211,7 +211,7 @@ def build_light(
     own = effects.numbers
     (area,) = own["tip"]
     radius = sqrt(area / pi(area)) if real(area) > 0 else area * 0
-    curvature = own["curvature_xx"] + own["curvature_xy"] + own["curvature_yy"]
+    curvature = (*own["curvature_xx"], *own["curvature_xy"], *own["curvature_yy"])
     first, second = ray_turn(curvature, x, y, spread[0]), ray_turn(curvature, x, y, spread[1])
     normal = cross(whitening[0], whitening[1])
     u = unit_vector((dot(spread[0], x), dot(spread[0], y)))  # the first of the beam's own axes

@@ -1,12 +1,13 @@
-"""The optics' own functions as JavaScript, so that a page computes as Python does.
+"""The package's own functions as JavaScript, so that a page computes as Python does.
 
-The functions of `facets.optics` are written in the part of Python that a compiler for floats
-understands: arithmetic, comparisons, loops over ranges, tuples, named tuples, and calls of each
-other. This module translates that part to JavaScript, statement by statement, from the requested
-functions on to all that they call. Floats of both languages are the same IEEE doubles and
-operations keep their order, so that results differ by no more than the elementary functions do.
-Code that depends on the number type is translated for floats. JavaScript lacks erf and erfc;
-`numbers.js` has these.
+The functions of `facets.optics`, and the solver's of `facets.estimation`, are written in the part
+of Python that a compiler for floats understands: arithmetic, comparisons, loops over ranges,
+tuples, named tuples, elements of arrays, and calls of each other. This module translates that part
+to JavaScript, statement by statement, from the requested functions on to all that they call. Floats
+of both languages are the same IEEE doubles and operations keep their order, so that results differ
+by no more than the elementary functions do. Code that depends on the number type is translated for
+floats. Arrays are nested lists, whose rows are parts of them as in NumPy. JavaScript lacks erf and
+erfc; `numbers.js` has these.
 
 An unknown construction is refused with its file and line.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 import math
 import textwrap
 from collections.abc import Callable, Iterable
@@ -35,20 +37,29 @@ KNOWN: dict[Any, str] = {
     math.erf: "erf",
     math.erfc: "erfc",
     math.isfinite: "Number.isFinite",
+    math.hypot: "Math.hypot",
     dispatch.erf: "erf",
     dispatch.erfc: "erfc",
     dispatch.nan_unless_positive: "defined",
     dispatch.maximum: "larger",
+    dispatch.select: "choose",
+    dispatch.real: "Number",
     abs: "Math.abs",
     int: "Math.trunc",
+    float: "Number",
     bool: "Boolean",
     min: "least",
     max: "most",
+    tuple: "Array.from",
+    range: "range",
+    zip: "zip",
+    enumerate: "enumerate",
 }
 OPERATORS: dict[type, str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**",
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "===", ast.NotEq: "!==",
-    ast.And: "&&", ast.Or: "||", ast.USub: "-", ast.Not: "!",
+    ast.Is: "===", ast.IsNot: "!==", ast.And: "&&", ast.Or: "||", ast.USub: "-", ast.Not: "!",
+    ast.BitAnd: "&", ast.BitOr: "|",
 }  # fmt: skip
 NOT_FINITE = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
 #: JavaScript's reserved words.
@@ -72,12 +83,16 @@ def name_of(thing: Any) -> str:
 
 
 def literal(value: Any) -> str:
-    """Write numbers and truth values in nested tuples and arrays, named tuples by their fields."""
+    """Write numbers, truth values and words in nested tuples and arrays, and named tuples and
+    dictionaries by their keys."""
     if isinstance(value, np.ndarray):
         return literal(value.tolist())
     if hasattr(value, "_fields"):
-        parts = (f"{name}: {literal(getattr(value, name))}" for name in value._fields)
-        return "{" + ", ".join(parts) + "}"
+        value = value._asdict()
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name}: {literal(each)}" for name, each in value.items()) + "}"
+    if isinstance(value, str):
+        return json.dumps(value)
     if isinstance(value, tuple | list | range):
         return "[" + ", ".join(map(literal, value)) + "]"
     if isinstance(value, bool | np.bool_):
@@ -114,10 +129,10 @@ def _constructor(kind: Any) -> str:
     fields = [_safe(field) for field in kind._fields]
     usual = {_safe(name): literal(value) for name, value in kind._field_defaults.items()}
     given = ", ".join(f"{field} = {usual[field]}" if field in usual else field for field in fields)
-    parts = ", ".join(fields)
+    parts, own = ", ".join(fields), ", ".join(f"this.{field}" for field in fields)
     return (
         f"function {name_of(kind)}({given}) {{\n"
-        f"  return {{{parts}, *[Symbol.iterator]() {{ yield* [{parts}]; }}}};\n}}"
+        f"  return {{{parts}, *[Symbol.iterator]() {{ yield* [{own}]; }}}};\n}}"
     )
 
 
@@ -226,6 +241,8 @@ class Function:
                 return value
             case ast.AnnAssign(value=ast.expr() as value):
                 return f"{self.target(node.target)} = {self.expression(value)}"
+            case ast.AugAssign(op=ast.Add(), value=ast.List() | ast.ListComp() as more):
+                return f"{self.target(node.target)}.push(...{self.expression(more)})"
             case ast.AugAssign():
                 place = self.target(node.target)
                 return f"{place} = {self.binary(node.op, place, self.expression(node.value), node)}"
@@ -277,7 +294,7 @@ class Function:
         return EXPRESSIONS[type(node)](self, node)
 
     def constant(self, node: ast.Constant) -> str:
-        if not isinstance(node.value, bool | int | float):
+        if not isinstance(node.value, bool | int | float | str | None):
             raise self.refuse(node)
         return literal(node.value)
 
@@ -328,10 +345,23 @@ class Function:
         value = self.expression(node.value)
         index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         for each in index:
-            if isinstance(each, ast.Slice | ast.UnaryOp):
+            if isinstance(each, ast.UnaryOp) or getattr(each, "step", None):
                 raise self.refuse(node)
-            value += f"[{self.expression(each)}]"
+            value += (
+                self.part(each) if isinstance(each, ast.Slice) else f"[{self.expression(each)}]"
+            )
         return value
+
+    def part(self, node: ast.Slice) -> str:
+        start = self.expression(node.lower) if node.lower else "0"
+        return f".slice({start}{f', {self.expression(node.upper)}' if node.upper else ''})"
+
+    def comprehension(self, node: ast.ListComp | ast.GeneratorExp) -> str:
+        (loop,) = node.generators
+        if loop.ifs:
+            raise self.refuse(node)
+        each = f"({self.target(loop.target)}) => {self.expression(node.elt)}"
+        return f"Array.from({self.expression(loop.iter)}, {each})"
 
     def attribute(self, node: ast.Attribute) -> str:
         if isinstance(node.value, ast.Name) and node.value.id not in self.locals:
@@ -342,16 +372,42 @@ class Function:
 
     def call(self, node: ast.Call) -> str:
         found = self.callee(node.func)
+        if found is len:
+            return f"{self.expression(node.args[0])}.length"
+        if found is getattr:
+            return "{}[{}]".format(*map(self.expression, node.args))
+        if isinstance(node.func, ast.Attribute) and found is None:
+            return self.call_of_tuple(node, node.func)
         if found is float and isinstance(node.args[0], ast.Constant):
             return literal(float(node.args[0].value))  # type: ignore[arg-type]
         if found is dispatch.pi:
             return "Math.PI"
         if found in KNOWN:
-            return f"{KNOWN[found]}({', '.join(map(self.expression, node.args))})"
+            given = ", ".join(map(self.expression, node.args))
+            alone = found in (min, max) and len(node.args) == 1
+            return f"{KNOWN[found]}({'...' * alone}{given})"
         if not isinstance(found, type | FunctionType):
             raise self.refuse(node)
         name = self.module_value(found, found.__name__, found.__module__, node)
         return f"{name}({', '.join(self.ordered_arguments(found, node))})"
+
+    def call_of_tuple(self, node: ast.Call, method: ast.Attribute) -> str:
+        """Write a named tuple with other values, or the call of a function that is its field."""
+        owner = self.expression(method.value)
+        if method.attr == "_replace" and not node.args:
+            given = (f"{_safe(str(k.arg))}: {self.expression(k.value)}" for k in node.keywords)
+            return f"({{...{owner}, {', '.join(given)}}})"
+        if method.attr not in self.fields_of(method.value) or node.keywords:
+            raise self.refuse(node)
+        return f"{owner}.{method.attr}({', '.join(map(self.expression, node.args))})"
+
+    def fields_of(self, node: ast.expr) -> tuple[str, ...]:
+        """Return the fields of an argument that is annotated as a named tuple."""
+        for argument in self.definition.args.args:
+            if isinstance(node, ast.Name) and argument.arg == node.id and argument.annotation:
+                kind = self.value_of(ast.unparse(argument.annotation))
+                return getattr(kind, "_fields", ())
+        return ()
 
     def ordered_arguments(self, function: Any, node: ast.Call) -> list[str]:
         """Return a call's arguments in the order of the function's parameters."""
@@ -369,8 +425,9 @@ class Function:
         """Return the called function, resolved as Python does."""
         if isinstance(node, ast.Name):
             return self.value_of(node.id)
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            return getattr(self.value_of(node.value.id), node.attr, None)
+        owner = node.value if isinstance(node, ast.Attribute) else None
+        if isinstance(owner, ast.Name) and owner.id not in self.locals:
+            return getattr(self.value_of(owner.id), node.attr, None)  # type: ignore[attr-defined]
         return None
 
     def value_of(self, name: str) -> Any:
@@ -415,6 +472,8 @@ EXPRESSIONS: dict[type, Callable[[Function, Any], str]] = {
     ast.Compare: Function.comparison,
     ast.IfExp: Function.choice,
     ast.Call: Function.call,
+    ast.ListComp: Function.comprehension,
+    ast.GeneratorExp: Function.comprehension,
 }
 
 

@@ -1,22 +1,52 @@
-"""The model of one sensor as JavaScript: its numbers, and the optics that they go into."""
+"""The model of one sensor as JavaScript: its numbers, and the texts that they go into."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass
 from importlib.resources import files
-from typing import Any
+from itertools import product
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from ...core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ...core.sensor import Sensor
-from ...model.arrays import geometry_of
-from ...optics import bench_light, curved_light, cut_light, detected, forward, limits, rays
+from ...detectors import noise
+from ...estimation import chance, doubts, gauss_newton, plan
+from ...estimation.solution import Status
+from ...model import arrays, as_text
+from ...optics import (
+    bench_gradient,
+    bench_light,
+    curved_light,
+    cut_light,
+    detected,
+    forward,
+    gradient,
+    limits,
+    rays,
+)
 from .javascript import javascript, literal, name_of
 
-#: The optics' readings: of ideal light, of truncated light, of a bench's light, and of both.
-READINGS: dict[tuple[bool, bool], Callable[..., Any]] = {
-    (False, False): forward.readings,
-    (True, False): detected.readings,
-    (False, True): bench_light.readings,
-    (True, True): cut_light.readings,
+
+class Texts(NamedTuple):
+    """The optics' texts of one kind of light.
+
+    linearise: the derivatives with which the solver steps; None where the text of these is not of
+    the kind that can be translated.
+    """
+
+    readings: Callable[..., Any]
+    linearise: Callable[..., Any] | None
+
+
+#: Of ideal light, of truncated light, of a bench's light, and of both.
+TEXTS: dict[tuple[bool, bool], Texts] = {
+    (False, False): Texts(forward.readings, gradient.linearise),
+    (True, False): Texts(detected.readings, detected.linearise_where_cut),
+    (False, True): Texts(bench_light.readings, bench_gradient.linearise_nearly),
+    (True, True): Texts(cut_light.readings, None),
 }
 #: The functions with which `light.js` draws.
 DRAWN = (
@@ -27,25 +57,68 @@ DRAWN = (
     rays.flight,
     rays.land,
 )
+#: The functions that `solver.js` and the model call.
+SOLVED = (
+    arrays.geometry_under,
+    forward.replace_power,
+    as_text.put_linearisation,
+    plan.limits_under,
+    noise.simple_place_variance,
+    noise.simple_power_variance,
+    noise.two_layer_place_variance,
+    noise.two_layer_power_variance,
+    gauss_newton.estimate_each,
+)
+#: What can be known of beam and power.
+BEAM: tuple[BeamKnowledge, ...] = ("free", "known")
+POWER: tuple[PowerKnowledge, ...] = ("known", "unknown")
+#: What the page's sensor leaves out: it has no part in readings and estimates.
+UNUSED = ("correction", "calibration", "imperfections", "thermal", "delays")
+#: The properties of a sensor's parts that the texts read.
+PROPERTIES = ("cut", "on", "has_profile")
 
 MODEL = """\
 const Model = (() => {{
 {numbers}
-{optics}
+{texts}
 
-// The sensor at rest, as vectors; mm, mW.
-const geometry = {geometry};
+// The sensor as its configuration gives it, and the numbers of a bench's light; mm, rad, mW.
+const NOMINAL = {sensor};
+const EFFECTS = {effects};
+const SOLVER = {solver};
 // Where the outlines of light that is cut are kept.
-const workspace = [0, 1, 2].map(() => Array.from({{length: {most}}}, () => new Array({columns})));
+const workspace = zeros(3, {most}, {columns});
+// Readings with their derivatives by the state, of the kind with which the solver steps.
+const linearise = (geometry, state) => {linearise};
 
 {light}
+{noise}
+{solving}
+// The sensor at rest, as vectors, and what follows from it.
+let sensor, geometry, solver;
+function change(given) {{
+  sensor = given;
+  geometry = arrays_geometry_under(sensor, EFFECTS);
+  solver = Solver.create(sensor, geometry);
+}}
+change(NOMINAL);
 return {{
-  geometry,
+  get geometry() {{ return geometry; }},
+  // The sensor in use: `Model.change(sensor)` takes another; `Model.nominal` is the first.
+  get sensor() {{ return sensor; }},
+  nominal: NOMINAL,
+  change,
   // The nine readings (psi, zeta, power of a, b, c; mm, mW) at a state (8,); mm, rad.
   readings: (state) => {readings}(geometry, state{workspace}).flat(),
   // What there is to draw at a state; see light.js.
   drawing: (state) => Light.drawing(geometry, state),
   onFacet: Light.onFacet,
+  // The pose from nine readings; see solver.js.
+  solve: (values, options) => solver.solve(values, options),
+  refusal: (options) => solver.refusal(options),
+  // The standard deviations of nine readings, and readings with noise; see noise.js.
+  deviations: (values) => Noise.deviations(sensor, values),
+  noisy: (values, seed) => Noise.sample(sensor, values, seed),
 }};
 }})();
 """
@@ -57,16 +130,101 @@ def text_of(name: str) -> str:
 
 
 def model(sensor: Sensor) -> str:
-    """Return JavaScript that defines `Model`: readings and drawing of a sensor at a state."""
+    """Return JavaScript that defines `Model`: readings, drawing and poses of a sensor."""
     cut = sensor.apertures.cut
-    readings = READINGS[cut, sensor.light.on]
+    readings, linearise = TEXTS[cut, sensor.light.on]
+    workspace = ", workspace" if cut else ""
+    solved = (*SOLVED, linearise) if linearise else SOLVED
     return MODEL.format(
         numbers=text_of("numbers.js"),
-        optics=javascript(readings, *DRAWN),
-        geometry=literal(geometry_of(sensor)),
+        texts=javascript(readings, *DRAWN, *solved),
+        sensor=literal(as_data(sensor)),
+        effects=literal(arrays.light_numbers(sensor) if sensor.light.on else None),
+        solver=literal(solver_data(sensor)),
         light=text_of("light.js"),
+        noise=text_of("noise.js"),
+        solving=text_of("solver.js"),
         readings=name_of(readings),
-        workspace=", workspace" if cut else "",
+        linearise=f"{name_of(linearise)}(geometry, state{workspace})" if linearise else "null",
+        workspace=workspace,
         most=limits.MOST_SIDES,
         columns=limits.COLUMNS,
     )
+
+
+def as_data(thing: Any) -> Any:
+    """Return a sensor or a part of it as dictionaries of its fields, in the units of the code."""
+    if isinstance(thing, tuple):
+        return tuple(map(as_data, thing))
+    if not is_dataclass(thing):
+        return thing
+    names = [field.name for field in fields(thing) if field.name not in UNUSED]
+    names += [name for name in PROPERTIES if hasattr(thing, name)]
+    return {name: as_data(getattr(thing, name)) for name in names}
+
+
+def solver_data(sensor: Sensor) -> dict[str, Any]:
+    """The numbers of an estimate that do not change with the sensor's place and size.
+
+    plans: by what is known of beam and power.  limits: of the readings.  noise: see
+    `electronic_noise`.  refusal: why the page
+    cannot solve; empty where it can.
+    """
+    found = plan.make_limits(sensor, False)
+    return {
+        "plans": {
+            f'"{beam} {power}"': plan_data(sensor, Knowledge(beam=beam, power=power))
+            for beam, power in product(BEAM, POWER)
+        },
+        "limits": {"floor": float(found.noise[2]), "light": found.light},
+        "noise": electronic_noise(sensor),
+        "statuses": [status.label for status in Status],
+        "refusal": refusal(sensor),
+    }
+
+
+def electronic_noise(sensor: Sensor) -> noise.TwoLayerNoise | None:
+    """The noise of duo-lateral detectors' currents; None without electronics or with others."""
+    found = sensor.electronics
+    return noise.two_layer_noise(found) if found and noise.has_two_layers(found) else None
+
+
+def plan_data(sensor: Sensor, knowledge: Knowledge) -> dict[str, Any]:
+    """One plan of `estimation.plan`.
+
+    none: `count_checks` without a detector.  limits: the largest residual by the number of checks.
+    power: whether the mean of the power is the sensor's.
+    """
+    todo = plan.make_plan(sensor, knowledge)
+    likely = plan.chance_of(sensor, todo)
+    folds = 6 in todo.free and doubts.has_fold(sensor)
+    return {
+        "means": todo.means[0],
+        "power": knowledge.power in ("known", "unknown"),
+        "weights": todo.weights,
+        "free": todo.free,
+        "none": likely.none,
+        "limits": likely.limits(np.arange(len(chance.LIMITS), dtype=np.int8)),
+        "refusal": FOLD if folds else "",
+    }
+
+
+FOLD = (
+    "Two poses of this sensor can give the same readings. `facets solve` looks for the second one; "
+    "this page does not, and shows no pose where the beam's place is unknown."
+)
+
+
+def refusal(sensor: Sensor) -> str:
+    """Say why the page cannot solve the readings of a sensor; empty where it can."""
+    if TEXTS[sensor.apertures.cut, sensor.light.on].linearise is None:
+        return (
+            "This page does not solve readings of light that apertures cut on coated facets or "
+            "beside background light; `facets solve` does."
+        )
+    if sensor.electronics is not None and not noise.has_two_layers(sensor.electronics):
+        return (
+            f"This page knows the noise of duo-lateral detectors, not of {sensor.electronics.kind} "
+            "ones, and so cannot weigh their readings; `facets solve` does."
+        )
+    return ""

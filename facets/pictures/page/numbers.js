@@ -1,9 +1,19 @@
 // Mathematics that JavaScript lacks, and what decides by the values of numbers.
 
 // Python's min and max keep the first of two unless the second is beyond it, NaN or not.
-function least(a, b) { return b < a ? b : a; }
-function most(a, b) { return b > a ? b : a; }
+function least(...values) { return values.reduce((a, b) => (b < a ? b : a)); }
+function most(...values) { return values.reduce((a, b) => (b > a ? b : a)); }
 function larger(a, b) { return a > b ? a : b; }
+function choose(condition, a, b) { return condition ? a : b; }
+
+function range(count) { return Array.from({length: count}, (_, n) => n); }
+function zip(first, ...others) { return first.map((x, n) => [x, ...others.map((list) => list[n])]); }
+function enumerate(list) { return list.map((x, n) => [n, x]); }
+
+// An array of zeros as nested lists: zeros(3, 4) has three rows of four.
+function zeros(count, ...more) {
+  return Array.from({length: count}, () => (more.length ? zeros(...more) : 0));
+}
 
 // `value` where a, b and c are above zero, else NaN.
 function defined(value, a, b, c) { return a > 0 && b > 0 && c > 0 ? value : NaN; }

@@ -1,0 +1,71 @@
+// From nine readings to the mirror's pose: the package's own estimate, for one reading at a time.
+//
+//   const solver = Solver.create(sensor, geometry, readings);
+//   solver.solve(values, {beam: "free" | "known", power: "known" | "unknown"})
+//     -> {status, converged, ok, state, power, used, steps, residual, checks, limit, covariance,
+//         uncertainty}; lengths in mm, angles in rad, power in mW; NaN where there is no pose.
+//   solver.refusal({beam, power})   why this page cannot solve so; "" where it can
+//
+// gauss_newton_estimate_each and all that it calls are the package's text. Here are only its
+// arguments, as facets.estimation.plan makes them, and its results in words.
+
+const Solver = (() => {
+  const memory = {layers: zeros(9, 10, 10), rows: zeros(21, 10), outlines: workspace};
+  const nothing = (...shape) => (shape.length === 1 ? Array(shape[0]).fill(NaN)
+    : Array.from({length: shape[0]}, () => nothing(...shape.slice(1))));
+
+  function create(sensor, geometry) {
+    const {floor, light} = SOLVER.limits;
+    const limits = plan_limits_under(sensor, floor, light, false);
+    const model = {
+      packed: null,
+      address(x, found) {
+        const powered = forward_replace_power(geometry, x[8]);
+        as_text_put_linearisation(powered, linearise(powered, x.slice(0, 8)), found);
+      },
+    };
+
+    function start(plan, values) {
+      const means = [plan.means[0], plan.means[1], plan.power ? sensor.beam.power : plan.means[2]];
+      const seen = values.filter((value, n) => n % 3 === 2 && !Number.isNaN(value))
+        .reduce((sum, value) => sum + value, 0);
+      const unknown = plan.weights[2] === 0 && plan.free.at(-1) === 8;
+      const power = unknown && Number.isFinite(seen) && seen > 0 ? seen : means[2];
+      return {means, begin: [means[0], means[1], 0, 0, 0, 0, means[0], means[1], power]};
+    }
+
+    function solve(values, {beam = "free", power = "known", start: near} = {}) {
+      const plan = SOLVER.plans[`${beam} ${power}`], {means, begin} = start(plan, values);
+      if (near) begin.splice(0, 6, ...near.slice(0, 6));
+      const results = {
+        states: zeros(1, 9), used: zeros(1, 3), status: [0], steps: [0], residuals: [0],
+        covariances: zeros(1, 8, 8),
+      };
+      const problem = {
+        means: [means], weight: plan.weights, free: plan.free, starts: [begin],
+        previous: false, max_steps: 50, damped: true, accept_unchecked: false,
+      };
+      const sigmas = sensor.electronics ? [Noise.deviations(sensor, values)] : [];
+      gauss_newton_estimate_each(model, {values: [values], sigmas}, limits, problem, results, memory);
+      return told(plan, results);
+    }
+
+    function told(plan, results) {
+      const status = SOLVER.statuses[results.status[0]], converged = status === "converged";
+      const used = results.used[0].map(Boolean), count = used.filter(Boolean).length;
+      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks];
+      const covariance = converged ? results.covariances[0] : nothing(8, 8);
+      return {
+        status, converged, ok: converged && !(results.residuals[0] > limit),
+        state: results.states[0].slice(0, 8), power: results.states[0][8], used,
+        steps: results.steps[0], residual: results.residuals[0], checks, limit, covariance,
+        uncertainty: covariance.map((row, n) => Math.sqrt(row[n])),
+      };
+    }
+
+    return {solve, refusal: ({beam = "free", power = "known"} = {}) =>
+      SOLVER.refusal || SOLVER.plans[`${beam} ${power}`].refusal};
+  }
+
+  return {create};
+})();

@@ -1,0 +1,92 @@
+"""The page's solver is the package's: the same poses, statuses and uncertainties in a browser."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser import Browser
+from sensors import SENSORS
+
+import facets
+from facets import BenchLight
+from facets.pictures.page.model import model
+
+CUT = replace(
+    SENSORS["skewed0"],
+    apertures=facets.Apertures(beam=1.0, detectors=True, rim=5.0, tip=0.01, gap=0.005),
+)
+COATED = BenchLight(index=(1.4, 7.5), background=((1e-4, 1.0, 2.0),) * 3)
+KINDS = {
+    "plain": facets.Sensor(),
+    "skewed": SENSORS["skewed1"],
+    "electronics": facets.load("bench").sensor,
+    "cut": CUT,
+}
+ASKED = [("free", "known"), ("known", "known"), ("known", "unknown"), ("free", "unknown")]
+needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
+#: Half widths of states in which each kind has poses, and some that it must refuse; mm and rad.
+BOX = np.array([0.15, 0.15, 0.4, 0.005, 0.005, 0.012, 0.05, 0.05])
+SOLVE = """READINGS.map((values) => ASKED.map(([beam, power]) => {
+  const found = Model.solve(values.map(Number), {beam, power});
+  return {...found, state: found.state.map(String), uncertainty: found.uncertainty.map(String),
+    residual: String(found.residual), limit: String(found.limit), covariance: null};
+}))"""
+
+
+def readings_of(sensor, seed):
+    """Readings of 200 states, and as many with noise; some states are far off."""
+    rng = np.random.default_rng(seed)
+    states = rng.uniform(-1, 1, (200, 8)) * BOX
+    states[::10] *= 5
+    exact = facets.readings(sensor, states)
+    masked = np.where(np.repeat(facets.reaches(sensor, states), 3, axis=1), exact, np.nan)
+    return np.concatenate([masked, facets.add_noise(sensor, exact, rng)])
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    page = tmp_path_factory.mktemp("page") / "empty.html"
+    page.write_text("<!doctype html><body>", "utf-8")
+    with Browser(f"file://{page}") as found:
+        yield found
+        assert not found.errors
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KINDS)
+def test_the_page_solves_as_the_package_does(browser, name):
+    """200 states and 200 with noise, by all that can be known of the beam."""
+    sensor = KINDS[name]
+    given = readings_of(sensor, seed=list(KINDS).index(name))
+    texts = json.dumps([[str(value) for value in row] for row in given.tolist()])
+    asked = SOLVE.replace("READINGS", texts.replace("nan", "NaN")).replace(
+        "ASKED", json.dumps(ASKED)
+    )
+    told = browser.ask("(() => {" + model(sensor) + f"return {asked};" + "})()")
+    converged = 0
+    for n, (beam, power) in enumerate(ASKED):
+        wanted, found = (
+            facets.solve(sensor, given, beam=beam, power=power),
+            [row[n] for row in told],
+        )
+        labels = [facets.Status(int(status)).label for status in wanted.status]
+        assert [one["status"] for one in found] == labels
+        assert [one["ok"] for one in found] == wanted.ok.tolist()
+        for what in ("state", "uncertainty", "residual", "limit"):
+            theirs = np.array([one[what] for one in found], float)
+            ours = getattr(wanted, what)
+            assert np.allclose(theirs, ours, rtol=1e-9, atol=1e-9, equal_nan=True), (what, beam)
+        converged += wanted.converged.sum()
+    assert converged > 300
+
+
+def test_a_sensor_whose_solver_cannot_be_carried_says_so():
+    assert "cut on coated facets" in model(replace(CUT, light=COATED))
+    electronics = facets.Electronics(kind="tetra-lateral")
+    assert "not of tetra-lateral ones" in model(replace(KINDS["plain"], electronics=electronics))
+    assert "Two poses of this sensor" in model(facets.load("singular").sensor)
