@@ -29,6 +29,7 @@ _HOMES = {
     "POSE": "core.names",
     "READING": "core.names",
     "STATE": "core.names",
+    "MeasuredObject": "core.rigid_body",
     "Rules": "core.rules",
     "Apertures": "core.sensor",
     "Beam": "core.sensor",
@@ -58,6 +59,10 @@ _HOMES = {
     "solve": "estimation.solver",
     "difference_uncertainty": "estimation.differences",
     "mean_uncertainty": "estimation.differences",
+    "ZeroPose": "estimation.differences",
+    "zero_pose": "estimation.differences",
+    "ObjectPose": "estimation.object_pose",
+    "transform": "estimation.object_pose",
     "unseen_errors": "estimation.reliability",
     "AxisRange": "characterization.ranges",
     "Boundary": "characterization.outlines",
@@ -93,6 +98,7 @@ if TYPE_CHECKING:
     from .core.names import POSE as POSE
     from .core.names import READING as READING
     from .core.names import STATE as STATE
+    from .core.rigid_body import MeasuredObject as MeasuredObject
     from .core.rules import Rules as Rules
     from .core.sensor import Apertures as Apertures
     from .core.sensor import Beam as Beam
@@ -111,8 +117,12 @@ if TYPE_CHECKING:
     from .design.search import optimize as optimize
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
+    from .estimation.differences import ZeroPose as ZeroPose
     from .estimation.differences import difference_uncertainty as difference_uncertainty
     from .estimation.differences import mean_uncertainty as mean_uncertainty
+    from .estimation.differences import zero_pose as zero_pose
+    from .estimation.object_pose import ObjectPose as ObjectPose
+    from .estimation.object_pose import transform as transform
     from .estimation.prepared import Solver as Solver
     from .estimation.reliability import unseen_errors as unseen_errors
     from .estimation.solution import Solution as Solution

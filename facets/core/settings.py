@@ -13,6 +13,7 @@ from .keys import Key, block_of, block_of_keys, item_of, key
 from .knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
 from .layout import Layout
 from .motions import Motion
+from .rigid_body import MIRROR, MeasuredObject
 from .rules import Rules
 from .sensor import Electronics, Sensor
 from .units import Floats
@@ -20,6 +21,11 @@ from .units import Floats
 MAX_BAUD = 100_000_000
 PLACE_MM: dict[str, Any] = {"ge": -MAX_LENGTH_MM, "le": MAX_LENGTH_MM}
 Pair = tuple[float, float]
+
+
+def drop_mirror(body: MeasuredObject) -> MeasuredObject | None:
+    """Return None for an object that is the mirror itself."""
+    return None if body == MIRROR else body
 
 
 def check_line(value: str) -> str:
@@ -348,3 +354,11 @@ class Config:
         "calibrate", {}, "what `facets calibrate` takes and finds", block=block_of(Calibrate)
     )
     layout: Layout = key("optimize", {}, "what `facets optimize` looks for", block=block_of(Layout))
+    object: MeasuredObject | None = key(
+        "object",
+        {},
+        "point of interest on the measured object, and the object's axes; without it results are "
+        "those of the mirror's apex alone",
+        block=block_of(MeasuredObject),
+        convert=drop_mirror,
+    )

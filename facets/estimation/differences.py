@@ -16,11 +16,16 @@ taken to have no covariance from one state to another, so that a difference has 
 model itself errs by (`MODEL_ERROR`) hardly changes over short ways: its covariance between two
 states is its variance times exp(-d^2 / 2), with d the shifts of the spot and of the apex beside
 the beam, over `SPOT_LENGTH_MM` and `APEX_LENGTH_MM`.
+
+The displacement of an object from a zero pose follows both poses by the derivatives A_1 and A_2 of
+the composed motion. They take the place of -1 and 1: the calibration's part is
+(A_1 G_1 + A_2 G_2) C (A_1 G_1 + A_2 G_2)'.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +34,7 @@ from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.sensor import Sensor
-from ..core.units import Floats
+from ..core.units import Booleans, Floats
 from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..model.arrays import as_rows, as_vectors
 from .plan import Plan, make_plan
@@ -203,12 +208,20 @@ def covariance_of_difference(
     """(n, 8, 8) by the calibration, of states (n, 8) less others."""
     one, other = (end.slopes for end in ends)
     assert one is not None
+    return covariance_of_sum(known, (-one, other), common_shares(known, ends, states))
+
+
+def covariance_of_sum(
+    known: Calibration, slopes: tuple[Floats, Floats | None], shares: Floats
+) -> Floats:
+    """(n, m, m) by the calibration, of the sum of two quantities with these derivatives (n, m, p)
+    by the parameters, of whose variances they have `shares` (n, p) in common."""
+    one, other = slopes
     assert other is not None
-    shares = common_shares(known, ends, states)[:, None, :]
-    common, own = np.sqrt(shares), np.sqrt(1 - shares)
-    whole = carry_over(known, (other - one) * common)
-    for slopes in (one, other):
-        whole += carry_over(known, slopes * own)
+    common, own = np.sqrt(shares)[:, None, :], np.sqrt(1 - shares)[:, None, :]
+    whole = carry_over(known, (other + one) * common)
+    for part in (one, other):
+        whole += carry_over(known, part * own)
     return whole
 
 
@@ -228,3 +241,199 @@ def common_shares(
         elif name in MODEL_ERROR:
             shares[:, n] = near[:, MODEL_ERROR.index(name)]
     return shares
+
+
+@dataclass(frozen=True)
+class ZeroPose:
+    """A measured reference pose of the mirror; from `facets.zero_pose`.
+
+    Attributes
+    ----------
+    state
+        (8,) mm, rad: the mean of the samples.
+    samples
+        Number of samples in the mean.
+    sensor
+        The sensor that measured it.
+    plan
+        The unknowns and priors with which it was solved.
+    propagation
+        How the state follows noise, priors and parameters.
+    scatter
+        (6,) of the samples: their standard deviation over that of their noise; NaN for fewer than
+        ten samples. Above about 1.5 the mirror did not stand still.
+    same_calibration
+        Whether the errors of the calibration are those of the poses that are compared with it.
+    """
+
+    state: Floats
+    samples: int
+    sensor: Sensor
+    plan: Plan
+    propagation: Propagation
+    scatter: Floats
+    same_calibration: bool = True
+
+    @property
+    def statistical(self) -> Floats:
+        """(6, 6) covariance of the pose by noise and priors."""
+        found: Floats = covariance_of_mean(self.propagation, self.samples)[0, :6, :6]
+        return found
+
+
+#: Least number of samples whose scatter is compared with their noise.
+SCATTER_SAMPLES = 10
+
+
+@check_arguments
+def zero_pose(
+    sensor: Sensor,
+    states: ArrayLike,
+    samples: int | None = None,
+    *,
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
+    temperature: float | None = None,
+) -> ZeroPose:
+    """Compute a reference pose of the mirror, from which `facets.transform` gives displacements.
+
+    Parameters
+    ----------
+    sensor
+        The sensor; with `Sensor.calibration` its errors are common to this pose and the others.
+    states
+        States (..., 8) of samples at the reference; mm and rad, world frame. Rows with NaN do not
+        count.
+    samples
+        Number of samples whose mean `states` already is; by default the number of rows.
+    beam, power
+        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+    temperature
+        Mean temperature of the samples, degrees Celsius, for a sensor that follows it.
+
+    Returns
+    -------
+    ZeroPose
+        The mean of the states, and how its errors follow noise, priors and calibration.
+
+    Raises
+    ------
+    InputError
+        If no row has a finite state, or an argument has a wrong shape or value.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> sensor, head = facets.Sensor(), facets.MeasuredObject((0, 0, 50))
+    >>> zero = facets.zero_pose(sensor, np.zeros((100, 8)))
+    >>> state = np.array([0, 0, 0, 0, 0.001, 0, 0, 0])
+    >>> f"{1e3 * facets.transform(state, head, zero).pose[0]:.1f} um along x"
+    '50.0 um along x'
+    """
+    if samples is not None and samples < 1:
+        raise InputError(f"samples is {samples}; allowed: 1 or more")
+    knowledge = Knowledge(beam=beam, power=power)
+    rows, _ = as_rows(states, 8, "states")
+    warmer = 0.0 if temperature is None else temperature - sensor.thermal.reference
+    plan = make_plan(sensor, knowledge, shape=(len(rows),))
+    return make_zero(sensor, rows, plan, samples, warmer)
+
+
+def make_zero(
+    sensor: Sensor, states: Floats, plan: Plan, samples: int | None = None, warmer: float = 0.0
+) -> ZeroPose:
+    """`zero_pose` by a plan.  warmer: than the reference temperature of the calibration, K."""
+    rows = states[np.isfinite(states).all(axis=1)]
+    if not len(rows):
+        raise InputError("the zero has no solved pose; take samples with light on all detectors")
+    mean = rows.mean(axis=0, keepdims=True)
+    found = propagate(
+        sensor, sensor.calibration, mean, np.ones((1, 3), bool), plan.free, plan.weights,
+        np.array([warmer]),
+    )  # fmt: skip
+    scatter = np.full(6, np.nan)
+    if len(rows) >= SCATTER_SAMPLES:
+        scatter = rows[:, :6].std(axis=0, ddof=1) / root_of_diagonal(found.noise)[0, :6]
+    return ZeroPose(mean[0], samples or len(rows), sensor, plan, found, scatter)
+
+
+class CovarianceParts(NamedTuple):
+    """Covariances (n, m, m), and their parts by noise and calibration; None where there is none."""
+
+    whole: Floats | None
+    noise: Floats | None
+    calibration: Floats | None
+
+
+class MeasuredPoses(NamedTuple):
+    """States (n, 8), the detectors (n, 3) that took part, and covariances (n, 8, 8)."""
+
+    states: Floats
+    used: Booleans
+    covariances: CovarianceParts
+
+
+#: The part of covariances (n, 8, 8) that belongs to the pose.
+POSE_BLOCK = np.s_[:, :6, :6]
+
+
+def displacement_covariance(
+    poses: MeasuredPoses,
+    zero: ZeroPose,
+    slopes: tuple[Floats, Floats],
+    members: Booleans,
+    warmer: Floats,
+) -> CovarianceParts:
+    """The covariances (n, 6, 6) of displacements from a zero.
+
+    slopes: (n, 6, 6) derivatives of the displacements by the mirror's pose and by the zero.
+    members: (n,) whether a pose is a sample of the zero, which then has its errors.
+    warmer: (n,) than the reference temperature of the calibration, K.
+    """
+    known, (whole, noise, calibration) = zero.sensor.calibration, poses.covariances
+    assert whole is not None
+    if (known is None) != (calibration is None):
+        raise InputError(
+            "the solution and the zero come from different sensors: only one has a calibration "
+            "covariance; compute the zero with the sensor of the solution"
+        )
+
+    def combine(own: Floats, start: Floats) -> Floats:
+        """Carry independent errors of the poses, which are common to the zero and its samples."""
+        by_pose, by_zero = slopes
+        common = np.where(members[:, None, None], by_pose @ start @ transpose(by_zero), 0.0)
+        return carry(by_pose, own[POSE_BLOCK]) + carry(by_zero, start) + common + transpose(common)
+
+    if known is None or noise is None or calibration is None:
+        return CovarianceParts(combine(whole, zero.statistical), None, None)
+    by_calibration = np.empty((len(whole), 6, 6))
+    for part in slices_of(len(whole)):
+        states, plan = poses.states[part], zero.plan
+        other = propagate(
+            zero.sensor, known, states, poses.used[part], plan.free, plan.weights, warmer[part]
+        )
+        ends = [
+            by[part] @ end.slopes[:, :6]
+            for by, end in zip(slopes, (other, zero.propagation), strict=True)
+            if end.slopes is not None
+        ]
+        shares = common_shares(known, (zero.propagation, other), (zero.state[None], states))
+        shares[members[part]] = 1.0
+        shares *= zero.same_calibration
+        by_calibration[part] = covariance_of_sum(known, (ends[1], ends[0]), shares)
+    return CovarianceParts(
+        combine(whole - calibration, zero.statistical) + by_calibration,
+        combine(noise, zero.propagation.noise[0, :6, :6] / zero.samples),
+        by_calibration,
+    )
+
+
+def transpose(matrices: Floats) -> Floats:
+    """The transposes of matrices (..., m, k)."""
+    return np.swapaxes(matrices, -1, -2)
+
+
+def carry(slopes: Floats, covariance: Floats) -> Floats:
+    """The covariance (..., m, m) of what follows (..., k, k) by derivatives (..., m, k)."""
+    found: Floats = slopes @ covariance @ transpose(slopes)
+    return found

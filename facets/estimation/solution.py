@@ -40,8 +40,55 @@ class Status(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
+class UncertainResult:
+    """Standard uncertainties of a result with a covariance, and their parts.
+
+    A subclass has the attributes `covariance`, `noise_covariance` and `calibration_covariance`, as
+    `Solution` describes them.
+    """
+
+    covariance: Floats | None
+    noise_covariance: Floats | None
+    calibration_covariance: Floats | None
+
+    @property
+    def uncertainty(self) -> Floats:
+        """Combined standard uncertainty of each component: (..., 8) of a state, (..., 6) of an
+        object's pose; mm and rad."""
+        if self.covariance is None:
+            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
+        return root_of_diagonal(self.covariance)
+
+    @property
+    def noise_uncertainty(self) -> Floats:
+        """The part of `uncertainty` by the noise of the readings; mm and rad.
+
+        A mean over n samples of one pose has 1 / sqrt(n) of it. Raises `InputError` where the
+        sensor has no calibration covariance.
+        """
+        return root_of_diagonal(self.require_part(self.noise_covariance))
+
+    @property
+    def calibration_uncertainty(self) -> Floats:
+        """The part of `uncertainty` by the calibration; mm and rad.
+
+        A mean over samples keeps it. Raises `InputError` where the sensor has no calibration
+        covariance.
+        """
+        return root_of_diagonal(self.require_part(self.calibration_covariance))
+
+    def require_part(self, covariance: Floats | None) -> Floats:
+        if covariance is None:
+            raise InputError(
+                "the uncertainty has no parts: the sensor has no calibration covariance, or solve "
+                "was called with covariance=False; facets.mean_uncertainty and "
+                "facets.difference_uncertainty take a sensor without one, too"
+            )
+        return covariance
+
+
 @dataclass(frozen=True)
-class Solution:
+class Solution(UncertainResult):
     """Estimated states, one for each reading; (...) is the leading shape of the readings.
 
     Attributes
@@ -125,40 +172,6 @@ class Solution:
         of the spots.
         """
         return self.converged & ~self.misfit
-
-    @property
-    def uncertainty(self) -> Floats:
-        """Combined standard uncertainty of each component of the state: (..., 8), mm and rad."""
-        if self.covariance is None:
-            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
-        return root_of_diagonal(self.covariance)
-
-    @property
-    def noise_uncertainty(self) -> Floats:
-        """The part of `uncertainty` by the noise of the readings: (..., 8), mm and rad.
-
-        A mean over n samples of one pose has 1 / sqrt(n) of it. Raises `InputError` where the
-        sensor has no calibration covariance.
-        """
-        return root_of_diagonal(self.require_part(self.noise_covariance))
-
-    @property
-    def calibration_uncertainty(self) -> Floats:
-        """The part of `uncertainty` by the calibration: (..., 8), mm and rad.
-
-        A mean over samples keeps it. Raises `InputError` where the sensor has no calibration
-        covariance.
-        """
-        return root_of_diagonal(self.require_part(self.calibration_covariance))
-
-    def require_part(self, covariance: Floats | None) -> Floats:
-        if covariance is None:
-            raise InputError(
-                "the uncertainty has no parts: the sensor has no calibration covariance, or solve "
-                "was called with covariance=False; facets.mean_uncertainty and "
-                "facets.difference_uncertainty take a sensor without one, too"
-            )
-        return covariance
 
 
 def root_of_diagonal(covariance: Floats) -> Floats:

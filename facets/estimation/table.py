@@ -11,24 +11,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ..core.units import Booleans, Floats
+from ..core.names import DETECTORS, POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.units import Booleans, Floats, unit_of
 from ..detectors.correction import correct
 from ..detectors.skew import align
 from ..files import tables
 from ..model.arrays import is_near_edge, readings
 from .compiling import Task, compile_for
 from .misfit import Misfit
+from .object_pose import transform
 from .plan import make_plan
 from .reliability import unseen_errors
-from .solution import Solution, Status
+from .solution import Solution, Status, UncertainResult
 from .solver import solve
 from .uncertainty_parts import uncertainty_parts
 
 if TYPE_CHECKING:
     from ..core.knowledge import Knowledge
+    from ..core.rigid_body import MeasuredObject
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
+    from .differences import ZeroPose
 
 UNPARSABLE = "unparsable"
 #: Which readings are places, in the order of `Thermal.places`.
@@ -264,19 +267,65 @@ def pose_columns(solution: Solution, status: Any) -> dict[str, Any]:
 UNCERTAINTY_PARTS = ("noise", "calibration")
 
 
-def uncertainty_columns(solution: Solution) -> dict[str, Floats]:
-    """Standard uncertainties of a solution as columns: u_tx_mm, ...; with a calibration also the
-    parts of these, u_noise_tx_mm, ... and u_calibration_tx_mm, ..."""
-    sizes = {"": solution.uncertainty}
-    if solution.calibration_covariance is not None:
-        sizes |= {
-            f"{part}_": getattr(solution, f"{part}_uncertainty") for part in UNCERTAINTY_PARTS
-        }
+def uncertainty_columns(result: UncertainResult, prefix: str = "") -> dict[str, Floats]:
+    """Standard uncertainties of a solution, or of poses of an object, as columns: u_tx_mm, ...;
+    with a calibration also the parts of these, u_noise_tx_mm, ... and u_calibration_tx_mm, ...
+
+    prefix: of the pose's names, such as object_.
+    """
+    sizes = {"": result.uncertainty}
+    if result.calibration_covariance is not None:
+        sizes |= {f"{part}_": getattr(result, f"{part}_uncertainty") for part in UNCERTAINTY_PARTS}
     return {
-        f"u_{part}{name}": size[:, i] / STATE_UNITS[i]
+        f"u_{part}{prefix}{name}": size[:, i] / STATE_UNITS[i]
         for part, size in sizes.items()
-        for i, name in enumerate(STATE_COLUMNS)
+        for i, name in enumerate(STATE_COLUMNS[: size.shape[1]])
     }
+
+
+def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, Floats]:
+    """The covariance of poses as 21 columns, those on and above its diagonal: cov_tx_tx_mm2,
+    cov_tx_roll_mm_mrad, ..., cov_yaw_yaw_mrad2."""
+    assert result.covariance is not None
+    columns = {}
+    for i, j in zip(*np.triu_indices(6), strict=True):
+        one, other = (unit_of(POSE[k]).unit for k in (i, j))
+        unit = f"{one}2" if one == other else f"{one}_{other}"
+        scale = STATE_UNITS[i] * STATE_UNITS[j]
+        columns[f"cov_{prefix}{POSE[i]}_{POSE[j]}_{unit}"] = result.covariance[:, i, j] / scale
+    return columns
+
+
+def object_columns(
+    solution: Solution,
+    body: MeasuredObject | None,
+    zero: ZeroPose | None = None,
+    *,
+    members: Booleans | None = None,
+    temperature: Floats | None = None,
+    covariance: bool = False,
+) -> dict[str, Floats]:
+    """The columns of a table of poses that follow from those of the mirror.
+
+    With an object its absolute pose, object_tx_mm, ..., u_object_tx_mm, ...; with a zero its
+    displacement (the mirror's without an object), displacement_tx_mm, ...,
+    u_displacement_tx_mm, ...; on request covariances, the mirror's first.
+    members, temperature: (n,), as of `transform`.
+    """
+    columns = covariance_columns(solution) if covariance else {}
+    poses = {} if body is None else {"object_": transform(solution, body)}
+    if zero is not None:
+        poses["displacement_"] = transform(
+            solution, body, zero, members=members, temperature=temperature
+        )
+    for prefix, found in poses.items():
+        columns |= {
+            f"{prefix}{name}": found.pose[:, i] / STATE_UNITS[i]
+            for i, name in enumerate(STATE_COLUMNS[:6])
+        }
+        columns |= uncertainty_columns(found, prefix)
+        columns |= covariance_columns(found, prefix) if covariance else {}
+    return columns
 
 
 #: For a table of poses that is solved with a known beam.

@@ -30,10 +30,12 @@ def command_line() -> str:
 
 
 def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]:
-    """Entries for the head of a table: config and its hash, version, seed, command, time."""
+    """Entries for the head of a table: config and its hash, the measured object, version, seed,
+    command, time."""
     known = {
         "config": config.name,
         "config_sha256": config.sha256,
+        "object": None if config.object is None else config.object.text,
         "facets": __version__,
         "seed": None if seed is None else str(seed),
         "command": command_line(),

@@ -1,0 +1,153 @@
+"""From the mirror's pose to that of the measured object, with its covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.arguments import as_floats, check_arguments
+from ..core.errors import InputError
+from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, object_poses
+from ..core.units import Floats
+from ..model.arrays import as_rows
+from .differences import (
+    POSE_BLOCK,
+    CovarianceParts,
+    MeasuredPoses,
+    ZeroPose,
+    carry,
+    displacement_covariance,
+)
+from .solution import Solution, UncertainResult
+
+
+@dataclass(frozen=True)
+class ObjectPose(UncertainResult):
+    """Poses of an object, or its displacements from a zero; from `facets.transform`.
+
+    Attributes
+    ----------
+    pose
+        (..., 6) x, y, z, roll, pitch, yaw; mm, rad; NaN where the mirror's pose is not known. An
+        absolute pose is in the world frame, a displacement in the object's axes at the zero.
+    status
+        (...) of `facets.Status`, as in the solution; None where bare states were transformed.
+    covariance
+        (..., 6, 6) of the pose, or None where the solution has none.
+    noise_covariance, calibration_covariance
+        (..., 6, 6) its parts, as in `facets.Solution`.
+    is_displacement
+        Whether `pose` is a displacement from a zero.
+    """
+
+    pose: Floats
+    status: NDArray[np.int8] | None
+    covariance: Floats | None
+    noise_covariance: Floats | None
+    calibration_covariance: Floats | None
+    is_displacement: bool
+
+
+@check_arguments
+def transform(
+    solution: Solution | ArrayLike,
+    object: MeasuredObject | None = None,
+    zero: ZeroPose | ArrayLike | None = None,
+    *,
+    members: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> ObjectPose:
+    """Compute the pose of an object on the mirror, or its displacement from a zero.
+
+    Parameters
+    ----------
+    solution
+        A solution, or states (..., 8) or poses (..., 6) of the mirror; mm and rad, world frame.
+    object
+        The point of interest and the object's axes, such as `Config.object`; None: the apex and
+        the mirror's own axes.
+    zero
+        The reference pose of the mirror for displacements: a `ZeroPose` from `facets.zero_pose`,
+        or a state (8,) or pose (6,) that is known exactly. None: absolute poses.
+    members
+        (...) whether each pose is one of the samples of the zero, whose noise both have in common;
+        by default none is.
+    temperature
+        (...) degrees Celsius, for a zero and a sensor that follows it (`Sensor.thermal`).
+
+    Returns
+    -------
+    ObjectPose
+        Poses (..., 6) with covariances (..., 6, 6) where the solution has a covariance. NaN where
+        the mirror's pose is NaN. Within 0.6 degrees of a pitch of 90 degrees roll and yaw are not
+        unique: they and the uncertainties of all angles are NaN. Roll and yaw of an absolute pose
+        lie within half a turn of the object's orientation.
+
+    Raises
+    ------
+    InputError
+        If an argument has a wrong shape or value, or the zero comes from another sensor.
+
+    Notes
+    -----
+    With the mirror at t, R, the point p and the orientation Q, the absolute pose is t + R p, R Q,
+    and the displacement is the rigid-body motion X0^-1 X from the object's pose X0 at the zero, not
+    a difference of components. The covariance is A S A' with A the exact derivatives of the motion
+    and S the covariance of the mirror's pose, correlations included: a point 50 mm from the apex
+    also moves by 50 um for each mrad. The covariance of a displacement counts what the two poses
+    have in common once: the calibration's errors, and the noise of the `members`.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> solution = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
+    >>> tip = facets.transform(solution, facets.MeasuredObject(point=(0, 0, 50)))
+    >>> [f"{1e3 * u:.2f} um" for u in (solution.uncertainty[0], tip.uncertainty[0])]  # of x
+    ['0.07 um', '0.20 um']
+    """
+    body = MIRROR if object is None else object
+    states, used, status, parts = unpack(solution)
+    rows, shape = as_rows(states, 6 if states.shape[-1:] == (6,) else 8, "solution")
+    if zero is None:
+        pose, slopes = object_poses(rows[:, :6], body)
+    else:
+        start = zero.state if isinstance(zero, ZeroPose) else as_floats(zero, "zero")
+        if start.shape not in ((6,), (8,)):
+            raise InputError(f"zero has shape {start.shape}; needed: (6,) or (8,), one pose")
+        pose, slopes, slopes_zero = object_displacements(rows[:, :6], start[:6], body)
+    if isinstance(zero, ZeroPose) and parts.whole is not None:
+        is_member = as_row(members, len(rows), "members", 0.0) > 0
+        warmer = as_row(temperature, len(rows), "temperature", np.nan)
+        warmer = np.nan_to_num(warmer - zero.sensor.thermal.reference)
+        poses = MeasuredPoses(rows, used.reshape(-1, 3), parts)
+        parts = displacement_covariance(poses, zero, (slopes, slopes_zero), is_member, warmer)
+    else:
+        parts = CovarianceParts(
+            *(None if p is None else carry(slopes, p[POSE_BLOCK]) for p in parts)
+        )
+    whole, noise, calibration = (None if p is None else p.reshape(*shape, 6, 6) for p in parts)
+    return ObjectPose(pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None)
+
+
+def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, CovarianceParts]:
+    """States (..., 8 or 6), the used detectors (..., 3), statuses and covariances (n, 8, 8) of a
+    solution or of bare states."""
+    if not isinstance(solution, Solution):
+        return as_floats(solution, "solution"), None, None, CovarianceParts(None, None, None)
+    own = solution.covariance, solution.noise_covariance, solution.calibration_covariance
+    parts = (None if part is None else part.reshape(-1, 8, 8) for part in own)
+    return solution.state, solution.used, solution.status, CovarianceParts(*parts)
+
+
+def as_row(values: ArrayLike | None, count: int, what: str, default: float) -> Floats:
+    """An argument with one number for each pose as (n,); `default` where it was left out."""
+    if values is None:
+        return np.full(count, default)
+    row = as_floats(np.asarray(values, dtype=float), what).reshape(-1)
+    if len(row) != count:
+        raise InputError(f"{what} has {len(row)} values; needed: {count}, one for each pose")
+    return row

@@ -1,0 +1,159 @@
+"""Uncertainties of objects' poses and displacements: 95 % intervals hold over noise and rigs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import facets
+from facets.model.arrays import parameters
+from facets.model.many import evaluate, vectors_of
+
+HEAD = facets.MeasuredObject((10.0, -20.0, 50.0), (0.2, -0.4, 2.0))
+FAR = facets.MeasuredObject((0.0, 0.0, -200.0))
+STATE = np.array([0.02, -0.03, 0.1, 5e-3, 8e-3, -1e-2, 0, 0])
+START = np.array([-0.02, 0.01, -0.2, -4e-3, 3e-3, 5e-3, 0, 0])
+COUNT = 10_000
+KNOWN = {"beam": "known", "power": "unknown"}
+#: A calibration that knows less than a good one, so that its part counts beside the noise.
+SIGMAS = {"psd_a.radius": 2e-3, "psd_b.height": 1e-3, "psd_c.azimuth": 1e-5, "psd_a.roll": 2e-4,
+          "facet_b.inclination": 4e-6, "facet_c.azimuth": 6e-6, "beam.tilt_x": 5e-6}  # fmt: skip
+
+
+def calibrated() -> facets.Sensor:
+    """A sensor whose parameters are known with correlated errors."""
+    sigma = np.array(list(SIGMAS.values()))
+    mixing = np.random.default_rng(1).standard_normal((len(sigma), 2 * len(sigma)))
+    covariance = np.corrcoef(mixing) * np.outer(sigma, sigma)
+    known = facets.Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
+    return replace(facets.load("paper").sensor, calibration=known)
+
+
+def motion(state, body) -> tuple[np.ndarray, Rotation]:
+    """Position and axes of the object by quaternions."""
+    turn = Rotation.from_euler("xyz", state[3:6])
+    return state[:3] + turn.apply(body.point), turn * Rotation.from_euler("xyz", body.orientation)
+
+
+def pose_of(place, turn) -> np.ndarray:
+    return np.append(place, turn.as_euler("xyz"))
+
+
+def check_intervals(found: facets.ObjectPose, truth: np.ndarray) -> None:
+    """95 % intervals of the components hold, and the 95 % region of all six."""
+    error = found.pose - truth
+    shares = (np.abs(error) < 1.96 * found.uncertainty).mean(axis=0)
+    assert ((shares > 0.93) & (shares < 0.97)).all(), shares
+    squares = (error * np.linalg.solve(found.covariance, error[:, :, None])[:, :, 0]).sum(axis=1)
+    assert 0.93 < (squares < 12.5916).mean() < 0.97  # chi-square of six numbers
+
+
+@pytest.mark.parametrize("body", [HEAD, FAR])
+@pytest.mark.parametrize("beam", ["free", "known"])
+def test_intervals_at_points_hold_over_noise(body, beam):
+    sensor, rng = facets.load("paper").sensor, np.random.default_rng(4)
+    noisy = facets.add_noise(sensor, facets.readings(sensor, np.tile(STATE, (COUNT, 1))), rng)
+    solution = facets.solve(sensor, noisy, beam=beam)
+    check_intervals(facets.transform(solution, body), pose_of(*motion(STATE, body)))
+    before = facets.add_noise(sensor, facets.readings(sensor, np.tile(START, (100, 1))), rng)
+    zero = facets.zero_pose(sensor, facets.solve(sensor, before, beam=beam).state, beam=beam)
+    assert (np.abs(zero.scatter - 1) < 0.3).all()
+    # The zero's own error is one for all: subtract what it does to the mean.
+    found = facets.transform(solution, body, START)
+    (place, turn), (start, turn_zero) = motion(STATE, body), motion(START, body)
+    truth = pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
+    check_intervals(found, truth)
+    measured = facets.transform(solution, body, zero)
+    assert (measured.uncertainty > found.uncertainty).all()
+    assert (np.abs(measured.pose - found.pose)[0] < 5 * measured.uncertainty[0] / 7).all()
+
+
+@pytest.mark.parametrize("count", [1000, pytest.param(COUNT, marks=pytest.mark.study)])
+def test_intervals_of_displacements_hold_over_rigs_and_noise(count):
+    """Each rig is another draw of the calibration, with a zero of its own: the mean of four
+    samples. The displacement of one of these is known better than by independent noise."""
+    sensor, rng, samples = calibrated(), np.random.default_rng(5), 4
+    known = sensor.calibration
+    rigs = np.tile(parameters(sensor), (count, 1))
+    draws = rng.multivariate_normal(np.zeros(len(known.names)), np.array(known.covariance), count)
+    rigs[:, [facets.PARAMETERS.index(name) for name in known.names]] += draws
+    states = np.tile(np.stack([START] * samples + [STATE]), (count, 1))
+    owner = np.repeat(np.arange(count), samples + 1)
+    reading = facets.add_noise(sensor, evaluate("readings", vectors_of(rigs), owner, states), rng)
+    solution = facets.solve(sensor, reading.reshape(count, samples + 1, 9), **KNOWN)
+    check_intervals(part_of(facets.transform(solution, HEAD), np.s_[:, samples]),
+                    pose_of(*motion(STATE, HEAD)))  # fmt: skip
+    members = np.arange(samples + 1) < samples
+    found = []
+    for n, states in enumerate(solution.state):
+        zero = facets.zero_pose(sensor, states[members], **KNOWN)
+        own = part_of(solution, n)
+        found.append(facets.transform(own, HEAD, zero, members=members))
+    (place, turn), (start, turn_zero) = motion(STATE, HEAD), motion(START, HEAD)
+    moved = pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
+    for row, truth in ((samples, moved), (0, np.zeros(6))):
+        some = [part_of(one, row) for one in found]
+        pose, covariance = (np.stack([getattr(one, k) for one in some])
+                            for k in ("pose", "covariance"))  # fmt: skip
+        check_intervals(replace(some[0], pose=pose, covariance=covariance), truth)
+    with_all = some[0].noise_covariance + some[0].calibration_covariance
+    np.testing.assert_allclose(some[0].covariance, with_all, rtol=0.01, atol=1e-18)
+
+
+def part_of(found, which):
+    """Some rows of a solution or of poses of an object."""
+    rows = {k: v[which] for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+    return replace(found, **rows)
+
+
+def test_a_zero_of_one_sample_is_exact_for_that_sample():
+    sensor = calibrated()
+    near = START + 0.02 * (STATE - START)
+    solution = facets.solve(sensor, facets.readings(sensor, np.stack([START, near])), **KNOWN)
+    zero = facets.zero_pose(sensor, solution.state[:1], **KNOWN)
+    found = facets.transform(solution, HEAD, zero, members=[True, False])
+    np.testing.assert_allclose(found.pose[0], 0, atol=1e-15)
+    np.testing.assert_allclose(found.covariance[0], 0, atol=1e-14)
+    # The calibration errs by nearly the same at both poses, unless it may be another one.
+    apart = replace(zero, same_calibration=False)
+    parts = [facets.transform(solution, HEAD, z).calibration_uncertainty[1] for z in (zero, apart)]
+    own = facets.transform(solution, HEAD).calibration_uncertainty[1]
+    assert (20 * parts[0] < own).all()
+    assert (parts[1] > own).all()
+
+
+def test_poses_without_a_solution_stay_nan_and_bare_states_have_no_covariance():
+    sensor = facets.load("paper").sensor
+    reading = facets.readings(sensor, np.tile(STATE, (2, 3, 1)))
+    reading[1, 2] = np.nan
+    solution = facets.solve(sensor, reading)
+    for zero in (None, START, START[:6], facets.zero_pose(sensor, START)):
+        found = facets.transform(solution, HEAD, zero)
+        assert found.pose.shape == (2, 3, 6)
+        assert found.status is solution.status
+        assert found.is_displacement == (zero is not None)
+        assert np.isnan(found.pose[1, 2]).all()
+        assert np.isnan(found.uncertainty[1, 2]).all()
+        assert np.isfinite(found.uncertainty[0]).all()
+    bare = facets.transform(solution.state, HEAD)
+    np.testing.assert_array_equal(bare.pose, facets.transform(solution, HEAD).pose)
+    np.testing.assert_allclose(facets.transform(STATE[:6], HEAD).pose, bare.pose[0, 0], rtol=1e-12)
+    with pytest.raises(facets.InputError, match="no covariance"):
+        bare.uncertainty  # noqa: B018
+    one = facets.solve(sensor, reading[0, 0])
+    first = facets.transform(solution, HEAD).uncertainty[0, 0]
+    np.testing.assert_allclose(facets.transform(one, HEAD).uncertainty, first, rtol=1e-6)
+
+
+def test_zeros_that_cannot_be():
+    sensor = calibrated()
+    solution = facets.solve(sensor, facets.readings(sensor, STATE), **KNOWN)
+    with pytest.raises(facets.InputError, match="no solved pose"):
+        facets.zero_pose(sensor, np.full((3, 8), np.nan))
+    with pytest.raises(facets.InputError, match="different sensors"):
+        facets.transform(solution, HEAD, facets.zero_pose(facets.load("paper").sensor, START))
+    with pytest.raises(facets.InputError, match="zero has shape"):
+        facets.transform(solution, HEAD, np.zeros((2, 8)))
+    with pytest.raises(facets.InputError, match="members has 3 values"):
+        facets.transform(solution, HEAD, facets.zero_pose(sensor, START), members=[1, 0, 0])
