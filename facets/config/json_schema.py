@@ -154,6 +154,9 @@ def _list_in_words(node: dict[str, Any]) -> str:
     inner = node["items"] if "items" in node else node["prefixItems"][0]
     count = node.get("minItems", "")
     many = COUNTS.get(count, str(count))
+    if "$ref" in inner:
+        keys = ", ".join(_follow_reference(inner)["properties"])
+        return f"a list of up to {node['maxItems']} blocks, each of the keys {keys}"
     if inner.get("type") == "array":
         return f"a list of {many} pairs of numbers{_range_in_words(inner['prefixItems'][0])}"
     return f"a list of {many} numbers{_range_in_words(inner)}"

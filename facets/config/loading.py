@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..core.arguments import check_arguments
+from ..core.channels import AuxiliaryChannel, is_taken
 from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
 from ..core.names import DETECTORS
@@ -94,6 +95,7 @@ def _resolve(tree: Marked) -> dict[str, Any]:
         ),
         *_locate_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
+        *_channel_conflicts(tree, resolved["acquire"]["channels"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),
         *_layout_conflicts(tree, resolved["optimize"]),
     ]
@@ -302,6 +304,24 @@ def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
         weights = [("optimize", "weights", name) for name in keys["weights"]]
         reason = "the aim is weighted, but every one of optimize.weights is 0"
         problems.append(message(tree, [("optimize", "aim"), *weights], reason))
+    return problems
+
+
+def _channel_conflicts(tree: Marked, channels: list[dict[str, Any]]) -> list[str]:
+    """Check that each auxiliary channel has a column of its own, and a scale that can be undone."""
+    problems, columns = [], dict[str, int]()
+    for place, keys in enumerate(channels):
+        path = ("acquire", "channels", place)
+        column = block_of(AuxiliaryChannel).read(keys).column
+        if is_taken(column):
+            reason = f"its column {column} has another meaning in tables of poses; give another"
+            problems.append(message(tree, [(*path, "name")], f"{reason} name or unit"))
+        elif column in columns:
+            paths = [(*path, "name"), ("acquire", "channels", columns[column], "name")]
+            problems.append(message(tree, paths, f"two channels have the column {column}"))
+        if keys["scale"] == 0:
+            problems.append(message(tree, [(*path, "scale")], "must not be 0"))
+        columns.setdefault(column, place)
     return problems
 
 

@@ -92,6 +92,8 @@ def type_of(key: Key) -> Any:
     if key.named is not None:
         blocks: Any = dict[NAME, model_of(key.named)]  # type: ignore[misc]
         return Annotated[blocks, BeforeValidator(none_to_block)]
+    if key.listed is not None:
+        return Annotated[list[model_of(key.listed)], Field(**key.bounds)]  # type: ignore[misc]
     hint = bounded_type(key.hint, key)
     if key.from_single:
         single = get_args(get_args(hint)[0])[0]

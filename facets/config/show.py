@@ -62,6 +62,9 @@ def scalar(value: Any) -> str:
     """Write a value in YAML, exact for numbers."""
     if isinstance(value, list):
         return f"[{', '.join(scalar(item) for item in value)}]"
+    if isinstance(value, dict):
+        items = (f"{scalar(key)}: {scalar(item)}" for key, item in value.items())
+        return f"{{{', '.join(items)}}}"
     if isinstance(value, str):
         bare = PLAIN.fullmatch(value) and value.lower() not in WORDS
         return value if bare else json.dumps(value, ensure_ascii=False)

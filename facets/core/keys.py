@@ -36,6 +36,7 @@ class Key:
     words: the field's value for each word that a file may say, where the field holds no words.
     block: the keys inside, where the value is a block.
     named: the keys of each block inside, where the user gives these blocks their names.
+    listed: the keys of each block of a list.
     length: of a list for a field that holds a tuple of any length.
     from_single: whether a single number stands for a pair of equal ones.
     check: returns the value, or raises `ValueError` with what is allowed.
@@ -52,6 +53,7 @@ class Key:
     words: Values | None = None
     block: KeyBlock | None = None
     named: KeyBlock | None = None
+    listed: KeyBlock | None = None
     length: int = 0
     from_single: bool = False
     check: Callable[[Any], Any] | None = None
@@ -67,6 +69,8 @@ class Key:
             value = self.block.read(value)
         elif self.named is not None:
             value = {name: self.named.read(values) for name, values in value.items()}
+        elif self.listed is not None:
+            value = tuple(self.listed.read(values) for values in value)
         else:
             value = to_code(value, self.unit)
         return value if self.convert is None else self.convert(value)

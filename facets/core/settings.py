@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from .axis_keys import MAX_LENGTH_MM
 from .calibrate import Calibrate
+from .channels import AuxiliaryChannel
 from .keys import Key, block_of, block_of_keys, item_of, key
 from .knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
 from .layout import Layout
@@ -51,6 +52,14 @@ class Acquire:
     )
     content: Literal["electrodes", "xy-sum"] = key(
         "content", "electrodes", "numbers in a line of text; binary frames state theirs"
+    )
+    channels: tuple[AuxiliaryChannel, ...] = key(
+        "channels",
+        [],
+        "auxiliary channels of each sample, such as a force, in the order of the frame; see "
+        "Formats in the documentation",
+        listed=block_of(AuxiliaryChannel),
+        max_length=15,
     )
     dark: float = key("dark_counts", 0.0, "reading of an electrode without light", ge=-1e9, le=1e9)
     timing: Literal["envelope", "arrival"] = key(

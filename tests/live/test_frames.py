@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import fields
 from itertools import pairwise
 
@@ -15,18 +16,20 @@ from facets.live.sources.frames import ELECTRODES, SIZE, XY_SUM, Samples, encode
 FORMS = ("frames", "cobs", "text")
 
 
-def samples(count: int, first: int = 0, seed: int = 1) -> Samples:
+def samples(count: int, first: int = 0, seed: int = 1, channels: int = 0) -> Samples:
     rng = np.random.default_rng(seed)
     seq = (first + np.arange(count)).astype(np.uint32)
     counts = rng.integers(-(2**31), 2**31, (count, 12)).astype(np.int32)
     counts[::3] //= 2**20  # small ones have zeros in their bytes
     kind = np.full(count, ELECTRODES, np.uint8)
     time = (100 * seq.astype(np.int64) % 2**32).astype(np.uint32)
-    return Samples(kind, np.zeros(count, np.uint8), seq, time, counts)
+    values = rng.normal(size=(count, channels)).astype(np.float32)
+    values[1::4] = np.nan
+    return Samples(kind, np.zeros(count, np.uint8), seq, time, counts, values)
 
 
-def parsed(form: str, pieces: list[bytes]) -> tuple[Samples, object]:
-    reader = parser(form, "electrodes")
+def parsed(form: str, pieces: list[bytes], channels: int = 0) -> tuple[Samples, object]:
+    reader = parser(form, "electrodes", channels)
     parts = [reader.feed(piece) for piece in pieces]
     names = [field.name for field in fields(Samples)]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
@@ -35,25 +38,32 @@ def parsed(form: str, pieces: list[bytes]) -> tuple[Samples, object]:
 
 def same(one: Samples, other: Samples) -> bool:
     names = [field.name for field in fields(Samples)]
-    return all(np.array_equal(getattr(one, n), getattr(other, n)) for n in names)
+    return all(
+        np.array_equal(getattr(one, n), getattr(other, n), equal_nan=n == "channels") for n in names
+    )
 
 
 @pytest.mark.parametrize("form", FORMS)
-@given(cuts=st.lists(st.integers(0, 3000), max_size=12), count=st.integers(0, 30))
+@given(
+    cuts=st.lists(st.integers(0, 3000), max_size=12),
+    count=st.integers(0, 30),
+    channels=st.sampled_from([0, 1, 2, 15]),
+)
 @pytest.mark.slow
-def test_any_pieces_give_the_same(form, cuts, count):
-    sent = samples(count)
+def test_any_pieces_give_the_same(form, cuts, count, channels):
+    sent = samples(count, channels=channels)
     data = encode(form, sent)
     ends = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
-    found, reader = parsed(form, [data[a:b] for a, b in pairwise(ends)] or [b""])
+    found, reader = parsed(form, [data[a:b] for a, b in pairwise(ends)] or [b""], channels)
     assert same(found, sent)
+    assert reader.other_channels is None
     assert reader.corrupt == reader.skipped == 0
 
 
 @pytest.mark.parametrize("form", ["frames", "cobs"])
-@given(data=st.data())
-def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
-    sent = samples(20)
+@given(data=st.data(), channels=st.sampled_from([0, 2]))
+def test_noise_costs_the_frames_it_hits_and_no_other(form, data, channels):
+    sent = samples(20, channels=channels)
     raw = bytearray(encode(form, sent))
     size = len(raw) // 20
     hit = data.draw(st.integers(1, 18))
@@ -65,7 +75,7 @@ def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
         del raw[place]
     else:
         raw.insert(place, raw[place])
-    found, _ = parsed(form, [bytes(raw)])
+    found, _ = parsed(form, [bytes(raw)], channels)
     rows = {row.tobytes(): n for n, row in enumerate(sent.counts)}
     assert all(row.tobytes() in rows for row in found.counts)  # nothing that was never sent
     missing = set(range(20)) - {rows[row.tobytes()] for row in found.counts}
@@ -96,3 +106,41 @@ def test_lines_that_are_not_samples_are_counted():
     assert reader.corrupt == 2
     reader = parser("text", "xy-sum")
     assert reader.feed(lines).kind.tolist() == [XY_SUM]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("sent", "named"), [(0, 2), (2, 0), (1, 2), (3, 2), (15, 0)])
+def test_another_number_of_channels_is_noticed_and_never_read(form, sent, named):
+    data = encode(form, samples(40, channels=sent))[11:]  # the first frame is torn
+    size = max(len(data) // 7, 1)
+    pieces = [data[at : at + size] for at in range(0, len(data), size)]
+    found, reader = parsed(form, pieces, named)
+    assert len(found) == 0
+    assert reader.other_channels == sent
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_torn_or_garbled_beginning_is_no_other_number_of_channels(form):
+    data = encode(form, samples(20, channels=2))
+    for cut in range(1, len(data) // 20):
+        found, reader = parsed(form, [data[cut:]], 2)
+        assert len(found) >= 19 - (form == "text")
+        assert reader.other_channels is None
+
+
+def test_a_forged_number_of_channels_is_refused():
+    raw = bytearray(pack(samples(1, channels=2)))
+    for count in (0, 1, 3, 15):
+        forged = bytearray(raw)
+        forged[2] = ELECTRODES | count << 4
+        forged[-4:] = zlib.crc32(forged[:-4]).to_bytes(4, "little")
+        found, reader = parsed("frames", [bytes(forged) + pack(samples(2, 1, channels=2))], 2)
+        assert found.seq.tolist() == [1, 2]
+        assert reader.corrupt == 1
+
+
+def test_a_line_of_text_may_lack_a_value():
+    line = b"7,700," + b",".join(b"1" for _ in range(12)) + b",0.25,\n"
+    found, reader = parsed("text", [line, line.replace(b"0.25", b"1e300"), b"x" + line], 2)
+    np.testing.assert_array_equal(found.channels, [[0.25, np.nan], [np.inf, np.nan]])
+    assert reader.corrupt == 1

@@ -21,7 +21,8 @@ CRC = "crc"
 
 
 def pose_columns(poses: Poses) -> Columns:
-    """Poses as columns of a table, with the readings that they are from."""
+    """Poses as columns of a table, with the readings that they are from and the auxiliary
+    channels."""
     solution = poses.solution
     columns: Columns = {
         "seq": poses.seq,
@@ -35,7 +36,7 @@ def pose_columns(poses: Poses) -> Columns:
         columns[name] = solution.state[:, i] / STATE_UNITS[i]
     columns |= uncertainty_columns(solution)
     columns["residual"] = solution.residual
-    return columns
+    return columns | poses.channels
 
 
 def join_columns(parts: list[Columns]) -> Columns:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import InputError
 from ...core.knowledge import Knowledge, Prior
 from ...core.units import Floats
 from ...detectors.correction import correct
@@ -75,7 +76,8 @@ class Batch:
 
     seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
     readings: (n, 9) as the detectors gave them.  flags: (n,) bits of FLAGS.  arrival: of their
-    bytes, s.  encoder: what the stage said then.
+    bytes, s.  encoder: what the stage said then.  channels: (n,) values of each auxiliary channel
+    by its column; NaN where there is none.
     """
 
     seq: NDArray[np.int64]
@@ -85,6 +87,7 @@ class Batch:
     flags: NDArray[np.uint8]
     arrival: float
     encoder: Encoder | None
+    channels: dict[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -96,12 +99,13 @@ class Batch:
             yield Batch(
                 self.seq[part], self.time[part], self.host[part], self.readings[part],
                 self.flags[part], self.arrival, self.encoder,
+                {column: values[part] for column, values in self.channels.items()},
             )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Poses:
-    """What became of some samples: the columns of `Batch`, and solution (n).
+    """What became of some samples: the columns of `Batch`, solution (n), and channels.
 
     The solution's status is one of `Status`, or SKIPPED, UNCHECKED or FULL; see LABELS.
     """
@@ -112,6 +116,7 @@ class Poses:
     readings: Floats
     solution: Solution
     flags: NDArray[np.uint8]
+    channels: dict[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -145,7 +150,8 @@ class Pipeline:
 
     def __init__(self, config: Config) -> None:
         self.config = config
-        self.parser = parser(config.acquire.format, config.acquire.content)
+        settings = config.acquire
+        self.parser = parser(settings.format, settings.content, len(settings.channels))
         self.sequence = Sequence()
         self.host_time = HostTime()
         self.tally = Tally()
@@ -168,6 +174,7 @@ class Pipeline:
         """The samples that a block completes, ready to be solved, in batches, in order."""
         restarts = self.sequence.restarts
         came = self.parser.feed(block)
+        self.refuse_other_channels()
         solved = is_pose(came)
         poses = came.where(solved) if solved.any() else None
         samples, seq, time = self.sequence.follow(
@@ -186,8 +193,27 @@ class Pipeline:
         flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
         flags |= np.where(samples.flags & PERMIT, PERMITTED, 0).astype(np.uint8)
         self.count(flags)
-        whole = Batch(seq, time, host, readings, flags, arrival, encoder)
+        channels = {
+            channel.column: channel.values(samples.channels[:, n])
+            for n, channel in enumerate(self.config.acquire.channels)
+        }
+        whole = Batch(seq, time, host, readings, flags, arrival, encoder, channels)
         return list(whole.split())
+
+    def refuse_other_channels(self) -> None:
+        """Raise `InputError` if the stream has other auxiliary channels than the configuration.
+
+        Frames of such a kind in a stream that began otherwise are refused as damaged ones are.
+        """
+        count, named = self.parser.other_channels, len(self.config.acquire.channels)
+        if count is None or self.tally.samples or self.board.came:
+            return
+        remedy = f"name all {count}, in the order of the frame" if count else "leave that key out"
+        raise InputError(
+            f"each sample of the stream has {count} auxiliary channels, but acquire.channels of "
+            f"the configuration names {named}: {remedy}, or change what the board sends; "
+            "what was recorded can be solved by `facets replay RECORDING --config CONFIG`"
+        )
 
     def host_times(self, time: NDArray[np.int64], arrival: float, restarted: bool) -> Floats:
         """The samples' times on the host's clock (n,), s, which only grow.
@@ -290,7 +316,10 @@ class Pipeline:
         for status, count in enumerate(np.bincount(solution.status).tolist()):
             if count:
                 self.tally.statuses[LABELS[status]] += count
-        return Poses(batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags)
+        return Poses(
+            batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags,
+            batch.channels,
+        )  # fmt: skip
 
     def knowledge(self, host: Floats, encoder: Encoder | None) -> Knowledge:
         """What is known of the beam at the samples' times."""
@@ -346,4 +375,8 @@ def join_poses(parts: list[Poses]) -> Poses:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("seq", "time", "host", "readings", "flags")
     }
-    return Poses(solution=Solution(**joined), **columns)
+    channels = {
+        column: np.concatenate([part.channels[column] for part in parts])
+        for column in parts[0].channels
+    }
+    return Poses(solution=Solution(**joined), channels=channels, **columns)

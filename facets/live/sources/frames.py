@@ -1,30 +1,42 @@
 """What a detector board sends: three formats, parsed in blocks, made again after noise.
 
-Every format carries the same sample: seq (u32), t_us (u32), and 12 counts (i32), four a detector.
-docs/formats.md describes the bytes for those who write firmware.
+Every format carries the same sample: seq (u32), t_us (u32), 12 counts (i32), four a detector, and
+up to 15 auxiliary channels (f32). docs/formats.md describes the bytes for those who write firmware.
 """
 
 from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cache
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 SYNC = b"\xa5\x5a"
-FRAME = np.dtype(
-    [
-        ("sync", "<u2"),
-        ("kind", "u1"),
-        ("flags", "u1"),
-        ("seq", "<u4"),
-        ("time", "<u4"),
-        ("counts", "<i4", 12),
-        ("crc", "<u4"),
-    ]
-)
+#: Largest number of auxiliary channels of a frame, which the four upper bits of its kind state.
+MAX_CHANNELS = 15
+
+
+@cache
+def frame_dtype(channels: int) -> np.dtype[np.void]:
+    """A frame with this number of auxiliary channels."""
+    return np.dtype(
+        [
+            ("sync", "<u2"),
+            ("kind", "u1"),
+            ("flags", "u1"),
+            ("seq", "<u4"),
+            ("time", "<u4"),
+            ("counts", "<i4", 12),
+            ("channels", "<f4", (channels,)),
+            ("crc", "<u4"),
+        ]
+    )
+
+
+FRAME = frame_dtype(0)
 SIZE = FRAME.itemsize
 SIGN = int.from_bytes(SYNC, "little")
 #: Frames that are checked together: after a spoilt one, no more than so many are checked again.
@@ -42,7 +54,8 @@ OVERRUN, SATURATED, MARK, PERMIT = 1, 2, 4, 8
 class Samples:
     """Samples in the order in which they came.
 
-    kind, flags: (n,) uint8.  seq, time: (n,) uint32, as sent.  counts: (n, 12) int32.
+    kind, flags: (n,) uint8.  seq, time: (n,) uint32, as sent.  counts: (n, 12) int32.  channels:
+    (n, m) float32, none by default.
     """
 
     kind: NDArray[np.uint8]
@@ -50,145 +63,177 @@ class Samples:
     seq: NDArray[np.uint32]
     time: NDArray[np.uint32]
     counts: NDArray[np.int32]
+    channels: Any = None
+
+    def __post_init__(self) -> None:
+        if self.channels is None:
+            object.__setattr__(self, "channels", np.zeros((len(self.seq), 0), np.float32))
 
     def __len__(self) -> int:
         return len(self.seq)
 
     def where(self, keep: NDArray[np.bool_] | slice) -> Samples:
         return Samples(
-            self.kind[keep], self.flags[keep], self.seq[keep], self.time[keep], self.counts[keep]
-        )
+            self.kind[keep], self.flags[keep], self.seq[keep], self.time[keep], self.counts[keep],
+            self.channels[keep],
+        )  # fmt: skip
 
 
 class Parser(Protocol):
-    """Turns blocks of bytes into samples. corrupt: frames refused; skipped: bytes passed over."""
+    """Turns blocks of bytes into samples. corrupt: frames refused; skipped: bytes passed over.
+    other_channels: number of auxiliary channels of sound frames that came instead of the expected
+    ones; None if none came."""
 
     corrupt: int
     skipped: int
+    other_channels: int | None
 
     def feed(self, block: bytes) -> Samples: ...
 
 
 def pack(samples: Samples) -> bytes:
     """Samples as fixed frames."""
-    frames = np.zeros(len(samples), FRAME)
+    channels = samples.channels.shape[1]
+    frames = np.zeros(len(samples), frame_dtype(channels))
     frames["sync"] = SIGN
-    for name in ("kind", "flags", "seq", "time", "counts"):
+    frames["kind"] = samples.kind | np.uint8(channels << 4)
+    for name in ("flags", "seq", "time", "counts", "channels"):
         frames[name] = getattr(samples, name)
-    raw = bytearray(frames.tobytes())
+    raw, size = bytearray(frames.tobytes()), frames.itemsize
     view = memoryview(raw)
-    for start in range(0, len(raw), SIZE):
-        crc = zlib.crc32(view[start : start + SIZE - 4])
-        raw[start + SIZE - 4 : start + SIZE] = crc.to_bytes(4, "little")
+    for start in range(0, len(raw), size):
+        crc = zlib.crc32(view[start : start + size - 4])
+        raw[start + size - 4 : start + size] = crc.to_bytes(4, "little")
     return bytes(raw)
 
 
 def samples_from(frames: NDArray[np.void]) -> Samples:
-    kind, flags, seq, time, counts = (
-        np.array(frames[name]) for name in ("kind", "flags", "seq", "time", "counts")
+    kind, flags, seq, time, counts, channels = (
+        np.array(frames[name]) for name in ("kind", "flags", "seq", "time", "counts", "channels")
     )
-    return Samples(kind, flags, seq, time, counts)
+    return Samples(kind & np.uint8(0x0F), flags, seq, time, counts, channels)
 
 
-def no_samples() -> Samples:
-    return samples_from(np.zeros(0, FRAME))
+def no_samples(channels: int = 0) -> Samples:
+    return samples_from(np.zeros(0, frame_dtype(channels)))
 
 
 def is_sound(frame: memoryview | bytes) -> bool:
     """Whether a frame's CRC-32 is that of its bytes."""
-    return zlib.crc32(frame[: SIZE - 4]) == int.from_bytes(frame[SIZE - 4 :], "little")
+    return zlib.crc32(frame[:-4]) == int.from_bytes(frame[-4:], "little")
 
 
-def sound_frames(view: memoryview) -> int:
+def sound_frames(view: memoryview, dtype: np.dtype[np.void] = FRAME) -> int:
     """How many sound frames, one after the other, the bytes begin with."""
-    whole = len(view) // SIZE
+    size = dtype.itemsize
+    whole = len(view) // size
     for first in range(0, whole, TOGETHER):
         count = min(TOGETHER, whole - first)
-        sound = are_sound(view[first * SIZE : (first + count) * SIZE])
+        sound = are_sound(view[first * size : (first + count) * size], dtype)
         if not sound.all():
             return first + int(sound.argmin())
     return whole
 
 
-def are_sound(view: memoryview) -> NDArray[np.bool_]:
-    """Of frames, one after the other, which have the sign and their CRC-32."""
-    frames = np.frombuffer(view, FRAME)
-    sums = [zlib.crc32(view[at : at + SIZE - 4]) for at in range(0, len(view), SIZE)]
+def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
+    """Of frames, one after the other, which have the sign, the number of channels and their
+    CRC-32."""
+    frames, size = np.frombuffer(view, dtype), dtype.itemsize
+    sums = [zlib.crc32(view[at : at + size - 4]) for at in range(0, len(view), size)]
     sound: NDArray[np.bool_] = (frames["crc"] == sums) & (frames["sync"] == SIGN)
+    sound &= frames["kind"] >> 4 == (size - SIZE) // 4
     return sound
 
 
-class FixedFrames:
-    """Format "frames": 64 bytes each, one after the other."""
+def channels_at(view: memoryview | bytes) -> int | None:
+    """Number of auxiliary channels of the sound frame with which the bytes begin; None if they
+    begin with no sound frame."""
+    channels = view[2] >> 4 if len(view) > 2 else 0
+    frame = view[: frame_dtype(channels).itemsize]
+    is_frame = len(frame) == frame_dtype(channels).itemsize and frame[:2] == SYNC
+    return channels if is_frame and is_sound(frame) else None
 
-    def __init__(self) -> None:
+
+class FixedFrames:
+    """Format "frames": 64 bytes each, and 4 for each auxiliary channel, one after the other."""
+
+    def __init__(self, channels: int = 0) -> None:
+        self.channels, self.dtype = channels, frame_dtype(channels)
         self.rest = b""
         self.corrupt = self.skipped = 0
+        self.other_channels: int | None = None
 
     def feed(self, block: bytes) -> Samples:
-        raw = self.rest + block
+        raw, size = self.rest + block, self.dtype.itemsize
         view = memoryview(raw)
         good: list[bytes | memoryview] = []
         place = 0
         while True:
             start = place
-            place += SIZE * sound_frames(view[place:])
+            place += size * sound_frames(view[place:], self.dtype)
             if place > start:
                 good.append(view[start:place])
-            if len(raw) - place < SIZE:
+            if len(raw) - place < size:
                 break
             place = self.resume(raw, view, place)
         self.rest = raw[place:]
-        return samples_from(np.frombuffer(b"".join(good), FRAME)) if good else no_samples()
+        if not good:
+            return no_samples(self.channels)
+        return samples_from(np.frombuffer(b"".join(good), self.dtype))
 
     def resume(self, raw: bytes, view: memoryview, place: int) -> int:
         """Where a sound frame begins again, or may begin in what has not come yet."""
         self.corrupt += raw.startswith(SYNC, place)
-        following = place + 1
+        following = place
         while True:
             following = raw.find(SYNC, following)
             if following < 0:
                 following = len(raw) - (raw[-1:] == SYNC[:1])
                 break
-            if len(raw) - following < SIZE or is_sound(view[following : following + SIZE]):
+            channels = channels_at(view[following:])
+            if len(raw) - following < self.dtype.itemsize or channels == self.channels:
                 break
+            self.other_channels = channels if channels is not None else self.other_channels
             following += 1
         self.skipped += following - place
         return following
 
 
 class CobsFrames:
-    """Format "cobs": the same 64 bytes, made free of zeros, each ended by a zero."""
+    """Format "cobs": the same bytes, made free of zeros, each frame ended by a zero."""
 
-    #: One byte more than the frame, since it is shorter than 254.
-    CODED = SIZE + 1
-
-    def __init__(self) -> None:
+    def __init__(self, channels: int = 0) -> None:
+        self.channels, self.dtype = channels, frame_dtype(channels)
+        #: One byte more than the frame, since it is shorter than 254.
+        self.coded = self.dtype.itemsize + 1
         self.rest = b""
         self.corrupt = self.skipped = 0
+        self.other_channels: int | None = None
 
     def feed(self, block: bytes) -> Samples:
         *parts, self.rest = (self.rest + block).split(b"\0")
-        whole = [part for part in parts if len(part) == self.CODED]
-        self.refuse([part for part in parts if part and len(part) != self.CODED])
-        if len(self.rest) > 4 * self.CODED:  # no end in sight: not this format
+        whole = [part for part in parts if len(part) == self.coded]
+        self.refuse([part for part in parts if part and len(part) != self.coded])
+        if len(self.rest) > 4 * self.coded:  # no end in sight: not this format
             self.refuse([self.rest])
             self.rest = b""
         if not whole:
-            return no_samples()
-        raw = cobs_decode(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.CODED))
-        fine = [row.startswith(SYNC) and is_sound(row) for row in map(bytes, raw)]
+            return no_samples(self.channels)
+        raw = cobs_decode(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.coded))
+        fine = are_sound(memoryview(raw.tobytes()), self.dtype)
         self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
-        kept = np.ascontiguousarray(raw[np.array(fine)])
-        return samples_from(kept.view(FRAME).ravel())
+        return samples_from(np.ascontiguousarray(raw[fine]).view(self.dtype).ravel())
 
     def refuse(self, parts: list[bytes]) -> None:
         self.corrupt += len(parts)
         self.skipped += sum(len(part) + 1 for part in parts)
+        for part in parts[-1:]:
+            frame = cobs_decode(np.frombuffer(part, np.uint8)[None])[0].tobytes()
+            self.other_channels = channels_at(frame)
 
 
 def cobs_decode(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """COBS undone, for rows (n, 65) of frames shorter than 254 bytes: (n, 64).
+    """COBS undone, for rows (n, size + 1) of frames shorter than 254 bytes: (n, size).
 
     Each code says how far the next one is; in the frame, a zero stands there. A chain that does not
     end at the row's end leaves a row whose CRC fails.
@@ -208,8 +253,9 @@ def cobs_decode(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def cobs_encode(samples: Samples) -> bytes:
     """Samples in format "cobs"."""
     raw, out = pack(samples), bytearray()
-    for start in range(0, len(raw), SIZE):
-        for part in raw[start : start + SIZE].split(b"\0"):
+    size = frame_dtype(samples.channels.shape[1]).itemsize
+    for start in range(0, len(raw), size):
+        for part in raw[start : start + size].split(b"\0"):
             out.append(len(part) + 1)
             out += part
         out.append(0)
@@ -217,15 +263,20 @@ def cobs_encode(samples: Samples) -> bytes:
 
 
 class TextLines:
-    """Format "text": lines of seq,t_us,c0,...,c11. There is no checksum: use it to try things."""
+    """Format "text": lines of seq,t_us,c0,...,c11, and of the auxiliary channels. There is no
+    checksum: use it to try things."""
 
     #: A line is never so long.
-    LONGEST = 400
+    LONGEST = 800
+    #: Lines of the same other number of channels, one after the other, that are no accident.
+    SURE = 3
 
-    def __init__(self, kind: int) -> None:
-        self.kind = kind
+    def __init__(self, kind: int, channels: int = 0) -> None:
+        self.kind, self.channels = kind, channels
         self.rest = b""
         self.corrupt = self.skipped = 0
+        self.others: list[int] = []
+        self.other_channels: int | None = None
 
     def feed(self, block: bytes) -> Samples:
         *lines, self.rest = (self.rest + block).split(b"\n")
@@ -233,8 +284,10 @@ class TextLines:
             lines, self.rest = [*lines, self.rest], b""
         rows = [row for row in map(self.numbers, lines) if row is not None]
         if not rows:
-            return no_samples()
-        table = np.array(rows, dtype=np.int64)
+            return no_samples(self.channels)
+        table = np.array([row[:14] for row in rows], dtype=np.int64)
+        with np.errstate(over="ignore"):
+            channels = np.array([row[14:] for row in rows], dtype=np.float32)
         none = np.zeros(len(table), np.uint8)
         return Samples(
             none + np.uint8(self.kind),
@@ -242,35 +295,52 @@ class TextLines:
             table[:, 0].astype(np.uint32),
             table[:, 1].astype(np.uint32),
             table[:, 2:].astype(np.int32),
+            channels,
         )
 
-    def numbers(self, line: bytes) -> list[int] | None:
+    def numbers(self, line: bytes) -> list[Any] | None:
         text = line.strip()
         if not text or text.startswith(b"#"):
             return None
         try:
-            row = [int(part) for part in text.split(b",")]
+            parts = text.split(b",")
+            row: list[Any] = [int(part) for part in parts[:14]]
+            row += [float(part) if part.strip() else np.nan for part in parts[14:]]
         except ValueError:
             row = []
-        within = len(row) == 14 and all(0 <= x < 2**32 for x in row[:2])
-        if within and all(-(2**31) <= x < 2**31 for x in row[2:]):
-            return row
+        within = len(row) >= 14 and all(0 <= x < 2**32 for x in row[:2])
+        if within and all(-(2**31) <= x < 2**31 for x in row[2:14]):
+            if len(row) == 14 + self.channels:
+                self.others = []
+                return row
+            self.watch(len(row) - 14)
         self.corrupt += 1
         self.skipped += len(line) + 1
         return None
 
+    def watch(self, channels: int) -> None:
+        """Take note of a line with another number of channels."""
+        self.others = [*self.others, channels][-self.SURE :]
+        if self.others == [channels] * self.SURE:
+            self.other_channels = channels
+
 
 def text_encode(samples: Samples) -> bytes:
     """Samples in format "text"."""
-    rows = np.column_stack([samples.seq, samples.time, samples.counts])
-    return b"".join(b",".join(b"%d" % x for x in row) + b"\n" for row in rows.tolist())
+    rows = np.column_stack([samples.seq, samples.time, samples.counts]).tolist()
+    texts = (
+        [b"%d" % x for x in row] + [b"%.9g" % x for x in values]
+        for row, values in zip(rows, samples.channels.tolist(), strict=True)
+    )
+    return b"".join(b",".join(text) + b"\n" for text in texts)
 
 
-def parser(form: str, content: str) -> Parser:
-    """form: "frames", "cobs" or "text". content: of text, "electrodes" or "xy-sum"."""
+def parser(form: str, content: str, channels: int = 0) -> Parser:
+    """form: "frames", "cobs" or "text". content: of text, "electrodes" or "xy-sum".  channels:
+    number of auxiliary channels of each sample."""
     if form == "text":
-        return TextLines(XY_SUM if content == "xy-sum" else ELECTRODES)
-    return CobsFrames() if form == "cobs" else FixedFrames()
+        return TextLines(XY_SUM if content == "xy-sum" else ELECTRODES, channels)
+    return CobsFrames(channels) if form == "cobs" else FixedFrames(channels)
 
 
 def encode(form: str, samples: Samples) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import select
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import InputError, OutputError
 from ...tracking.stage import StageModel
-from .board import TRUTH, Board, Count
+from .board import TRUTH, Board, Count, Signal
 from .faults import Faults, Schedule
 from .mirror import Mirror
 from .pty import Pty
@@ -63,8 +63,10 @@ class Bench:
         firmware: FirmwareLibrary | None = None,
         reference: bool = False,
         truth: bool = False,
+        signals: Mapping[str, Signal] | None = None,
     ) -> None:
-        """truth: whether the true state of each sample is written."""
+        """truth: whether the true state of each sample is written.  signals: what the auxiliary
+        channels show, by their names; see `Board`."""
         if config.stage.driver == "other":
             raise InputError("the virtual bench has no stage for stage.driver: other; use zaber")
         self.config, self.rate, self.folder = config, rate, folder
@@ -88,7 +90,9 @@ class Bench:
             raise OutputError(
                 f"{folder}: is not a folder that can be written in: {error.strerror}"
             ) from None
-        self.board = Board(config, rate, self.schedule, self.count, folder / "board", firmware)
+        self.board = Board(
+            config, rate, self.schedule, self.count, folder / "board", firmware, signals
+        )
         self.stage = Pty(folder / "stage")
         self.is_enabled = False
         self.cost = 1e-5

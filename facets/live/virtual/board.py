@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import InputError
 from ...core.units import Floats
 from ...detectors.correction import invert_correction
 from ...detectors.counts import counts_to_xy_sum, readings_to_counts
+from ...detectors.skew import delay_states
 from ...model.arrays import mask_missed_spots
 from ...simulation.imperfect_optics import delayed_readings
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
 
 
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
+#: What an auxiliary channel shows, in its unit: (n,) at times (n,), s, and states (n, 8).
+Signal = Callable[[Floats, Floats], Floats]
 #: What became of a sample.
 SENT, DROPPED, SPOILT = range(3)
 #: Size of what a board holds back while the host does not read; beyond it, it loses samples.
@@ -37,6 +42,11 @@ BUFFER_BYTES = 1 << 16
 UNREAD_TIMEOUT_S = 1.0
 #: A board that has heard no heartbeat for so long stops the stage, s.
 HEARTBEAT_PATIENCE_S = 0.1
+
+
+def sine_signal(times: Floats, states: Floats) -> Floats:
+    """Sine wave of amplitude 1 and 1 Hz, at times (n,), s: (n,)."""
+    return np.sin(2 * np.pi * times)
 
 
 @dataclass
@@ -70,7 +80,7 @@ def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -
     payload = solved.view("<i4").reshape(-1, 12).astype(np.int32)
 
     def alternating(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-        return np.stack([first, second], axis=1).reshape(-1, *first.shape[1:])
+        return np.stack([first, second], axis=1).reshape(2 * len(first), *first.shape[1:])
 
     return Samples(
         alternating(samples.kind, np.full_like(samples.kind, POSE)),
@@ -78,6 +88,7 @@ def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -
         alternating(samples.seq, samples.seq),
         alternating(samples.time, samples.time),
         alternating(samples.counts, payload),
+        alternating(samples.channels, np.full_like(samples.channels, np.nan)),
     )
 
 
@@ -120,10 +131,19 @@ class Board:
         count: Count,
         link: Path,
         firmware: FirmwareLibrary | None = None,
+        signals: Mapping[str, Signal] | None = None,
     ) -> None:
-        """firmware: with which the board solves each sample itself, and sends the pose after it."""
+        """firmware: with which the board solves each sample itself, and sends the pose after it.
+        signals: what the auxiliary channels of the configuration show, by their names; those that
+        are not among them show a sine wave (`sine_signal`)."""
         self.config, self.rate, self.schedule, self.count = config, rate, schedule, count
         self.firmware = firmware
+        signals = dict(signals or {})
+        self.signals = [
+            (channel, signals.pop(channel.name, sine_signal)) for channel in config.acquire.channels
+        ]
+        if signals:
+            raise InputError(f"acquire.channels names no channel {', '.join(signals)}")
         self.rng = schedule.rng
         self.port = Pty(link)
         self.pending = bytearray()
@@ -193,8 +213,18 @@ class Board:
         if self.config.acquire.content == "xy-sum":
             counts, kind = counts_to_xy_sum(electronics, counts), XY_SUM
         kinds = np.full(len(seq), kind, np.uint8)
-        number = seq.astype(np.int64) - self.born
-        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), self.clock(host), counts)
+        number = (seq.astype(np.int64) - self.born) % 2**32
+        channels = self.sample_channels(seq / self.rate, states)
+        return Samples(kinds, flags, number.astype(np.uint32), self.clock(host), counts, channels)
+
+    def sample_channels(self, times: Floats, states: Floats) -> NDArray[np.float32]:
+        """The auxiliary channels' numbers (n, m) at the bench's times (n,), s, each later by its
+        delay."""
+        raw = [
+            channel.raw(signal(times + channel.delay, delay_states(times, states, channel.delay)))
+            for channel, signal in self.signals
+        ]
+        return np.stack(raw, axis=1) if raw else np.zeros((len(times), 0), np.float32)
 
     def clock(self, host: Floats) -> NDArray[np.uint32]:
         """What the board's clock says at the host's times, us."""

@@ -1,0 +1,105 @@
+"""Auxiliary channels of a detector board's stream: force, drive current, temperature, tacho."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import MISSING, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .keys import key
+from .names import READING_COLUMNS, STATE_COLUMNS
+from .units import KEY_UNITS, Floats
+
+#: Endings of columns by the unit as people write it.
+ENDINGS = {unit.label: ending for ending, unit in reversed(KEY_UNITS.items()) if unit.label} | {
+    "1": "",
+    "°C": "c",
+}
+#: Columns that a table of poses may have beside those of the channels, and beginnings of others.
+TAKEN = frozenset(
+    {
+        *READING_COLUMNS, *STATE_COLUMNS, "seq", "board_us", "host_s", "utc_s", "time_s", "status",
+        "flags", "used", "residual", "misfit", "power_mw", "crc", "samples", "poses",
+    }
+)  # fmt: skip
+TAKEN_BEGINNINGS = (
+    "u_", "ref_", "object_", "displacement_", "filtered_", "smoothed_", "pulse_", "least_", "most_",
+    "mean_",
+)  # fmt: skip
+
+
+def check_name(value: str) -> str:
+    """Return a channel's name; raise `ValueError` for text that cannot begin a column."""
+    if not re.fullmatch("[a-z][a-z0-9_]{0,39}", value):
+        raise ValueError(
+            f"must be small letters, digits and '_', at most 40, and begin with a letter (got "
+            f"{value!r})"
+        )
+    return value
+
+
+def check_unit(value: str) -> str:
+    """Return a unit; raise `ValueError` for text that is none."""
+    if not (1 <= len(value) <= 16 and value.isprintable() and value == value.strip()):
+        raise ValueError(f"must be a unit of 1 to 16 characters; 1 for no unit (got {value!r})")
+    return value
+
+
+@dataclass(frozen=True)
+class AuxiliaryChannel:
+    """One auxiliary channel of each sample: its value is `offset` + `scale` times the number in
+    the frame."""
+
+    name: str = key(
+        "name",
+        MISSING,
+        "name, with which the column of tables begins: `force` in N is the column `force_n`",
+        check=check_name,
+    )
+    unit: str = key(
+        "unit", "1", "unit as people write it, such as N, A, degC, 1/min; 1: none", check=check_unit
+    )
+    scale: float = key("scale", 1.0, "size of one count or volt, in `unit`", ge=-1e15, le=1e15)
+    offset: float = key("offset", 0.0, "value at zero counts or volts", ge=-1e15, le=1e15)
+    delay: float = key(
+        "delay_us",
+        0.0,
+        "time from the instant of the detectors' sample to that of the channel's; negative for a "
+        "channel that shows an earlier value, such as one behind a filter. Columns hold the "
+        "values as they came",
+        ge=-1e6,
+        le=1e6,
+    )
+
+    @property
+    def column(self) -> str:
+        """Name of the channel's column: `force_n`, `temperature_c`."""
+        return "_".join(part for part in (self.name, column_ending(self.unit)) if part)
+
+    def values(self, raw: NDArray[np.float32]) -> Floats:
+        """Values of the channel in its unit; NaN for each number that is not finite."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            found: Floats = self.offset + self.scale * raw.astype(np.float64)
+        return np.where(np.isfinite(found), found, np.nan)
+
+    def raw(self, values: Floats) -> NDArray[np.float32]:
+        """The inverse of `values`, as a board sends them."""
+        with np.errstate(over="ignore"):
+            return ((values - self.offset) / self.scale).astype(np.float32)
+
+
+def column_ending(unit: str) -> str:
+    """Ending of a column for a unit: "c" for degC, "mm_s2" for mm/s^2, "n" for N."""
+    if unit in ENDINGS:
+        return ENDINGS[unit]
+    text = unit.lower().replace("µ", "u").replace("%", "percent").replace("°", "deg")
+    if text.startswith("1/"):
+        text = f"per_{text[2:]}"
+    return "_".join(re.findall("[a-z0-9]+", text.replace("^", "")))
+
+
+def is_taken(column: str) -> bool:
+    """Whether tables of poses have another column of this name."""
+    return column in TAKEN or column.startswith(TAKEN_BEGINNINGS)

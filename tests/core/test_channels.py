@@ -1,0 +1,61 @@
+"""Columns and values of auxiliary channels; a wrong declaration is refused with its line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import facets
+from facets.core.channels import AuxiliaryChannel, column_ending
+from facets.core.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("unit", "ending"),
+    [("N", "n"), ("degC", "c"), ("°C", "c"), ("mA", "ma"), ("m/s^2", "m_s2"), ("mm/s^2", "mm_s2"),
+     ("1/min", "per_min"), ("%", "percent"), ("µm", "um"), ("N m", "n_m"), ("1", ""), ("Hz", "hz")],
+)  # fmt: skip
+def test_a_column_ends_with_its_unit(unit, ending):
+    assert column_ending(unit) == ending
+
+
+def test_values_are_scaled_and_unknown_ones_are_nan():
+    channel = AuxiliaryChannel("force", "N", scale=0.5, offset=-1.0)
+    raw = np.array([4.0, np.nan, np.inf, -2.0], np.float32)
+    np.testing.assert_array_equal(channel.values(raw), [1.0, np.nan, np.nan, -2.0])
+    np.testing.assert_array_equal(channel.raw(channel.values(raw))[[0, 3]], raw[[0, 3]])
+    assert channel.column == "force_n"
+    assert AuxiliaryChannel("ratio").column == "ratio"
+
+
+def load_with(tmp_path, channels: str):
+    path = tmp_path / "own.yaml"
+    path.write_text(f"extends: bench\nacquire:\n  channels:\n{channels}")
+    return facets.load(path)
+
+
+def test_a_configuration_names_channels_in_their_order(tmp_path):
+    config = load_with(tmp_path, "  - {name: force, unit: N, delay_us: 20}\n  - {name: a_force}\n")
+    assert [channel.column for channel in config.acquire.channels] == ["force_n", "a_force"]
+    assert config.acquire.channels[0].delay == pytest.approx(20e-6)
+    assert facets.load("bench").acquire.channels == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("{name: tx, unit: mm}", "channels[0].name: its column tx_mm has another meaning"),
+        ("{name: u_force}", "has another meaning"),
+        ("{name: force, scale: 0}", "channels[0].scale: must not be 0"),
+        ("{name: a, unit: N}\n  - {name: a, unit: n}", "two channels have the column a_n"),
+        ("{name: Force}", "must be small letters"),
+        ("{name: a, unit: ' '}", "must be a unit of 1 to 16 characters"),
+        ("7", "must be a block of keys"),
+        ("\n  - ".join(f"{{name: a{n}}}" for n in range(16)), "a list of up to 15 blocks"),
+    ],
+)
+def test_a_wrong_declaration_is_refused_with_its_place(tmp_path, line, words):
+    with pytest.raises(ConfigError) as error:
+        load_with(tmp_path, f"  - {line}\n")
+    assert words in str(error.value)
+    assert "own.yaml:" in str(error.value)

@@ -1,0 +1,119 @@
+"""Auxiliary channels from the board to the pose table; see test_frames.py for their bytes."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from facets.experiments.kills import stream
+
+import facets
+from facets.core.channels import AuxiliaryChannel
+from facets.core.errors import InputError
+from facets.live import Playback, Run
+from facets.live.recording.pose_table import recorded_poses
+from facets.live.run.pipeline import Pipeline, join_poses
+from facets.live.sources.frames import Samples, encode, parser
+from facets.live.virtual import Bench, Faults
+
+BENCH = facets.load("bench")
+FORCE = AuxiliaryChannel("force", "N", scale=0.01, offset=0.5)
+HEAT = AuxiliaryChannel("temperature", "degC", delay=250e-6)
+
+
+def with_channels(*channels, form="frames"):
+    return replace(BENCH, acquire=replace(BENCH.acquire, channels=channels, format=form))
+
+
+def channel_stream(count: int) -> tuple[Samples, np.ndarray]:
+    """Samples with two channels, of which some have no value."""
+    samples = parser("frames", "electrodes").feed(stream(count))
+    values = np.random.default_rng(3).normal(size=(count, 2)).astype(np.float32)
+    values[4::7, 0], values[5::9, 1] = np.nan, np.inf
+    return replace(samples, channels=values), values
+
+
+@pytest.mark.parametrize("form", ["frames", "cobs", "text"])
+def test_channels_stand_beside_poses_and_never_change_them(form):
+    samples, values = channel_stream(600)
+    config = with_channels(FORCE, HEAT, form=form)
+    data, pipeline = encode(form, samples), Pipeline(config)
+    cuts = [0, 1000, 1001, 30_000, len(data)]
+    parts = [pipeline.feed(data[a:b], 1e-4 * b) for a, b in pairwise(cuts)]
+    found = join_poses([part for part in parts if part is not None])
+    force = np.where(np.isfinite(values[:, 0]), 0.5 + 0.01 * values[:, 0].astype(float), np.nan)
+    np.testing.assert_array_equal(found.channels["force_n"], force)
+    heat = np.where(np.isfinite(values[:, 1]), values[:, 1], np.nan)
+    np.testing.assert_allclose(found.channels["temperature_c"], heat, rtol=1e-7)
+    bare = Pipeline(BENCH).feed(stream(600), 1.0)
+    np.testing.assert_array_equal(found.solution.state, bare.solution.state)
+    np.testing.assert_array_equal(found.solution.status, bare.solution.status)
+
+
+@pytest.mark.parametrize(("sent", "named"), [(2, 0), (2, 1), (0, 2)])
+def test_a_configuration_with_other_channels_ends_with_what_to_do(sent, named):
+    samples, _ = channel_stream(60)
+    data = encode("frames", replace(samples, channels=samples.channels[:, :sent]))
+    pipeline = Pipeline(with_channels(*(FORCE, HEAT)[:named]))
+    with pytest.raises(InputError, match=f"has {sent} auxiliary .* names {named}: .* replay"):
+        pipeline.feed(data, 1.0)
+
+
+def test_frames_of_another_kind_in_the_middle_end_nothing():
+    samples, _ = channel_stream(60)
+    pipeline = Pipeline(with_channels(FORCE, HEAT))
+    whole = pipeline.feed(encode("frames", samples.where(slice(0, 40))), 1.0)
+    bare = replace(samples.where(slice(40, 60)), channels=samples.channels[40:60, :0])
+    assert pipeline.feed(encode("frames", bare), 2.0) is None
+    assert len(whole) == 40
+    assert pipeline.parser.corrupt
+
+
+@pytest.mark.slow
+def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "extends: bench\nacquire: {channels: [{name: force, unit: N, scale: 0.01, offset: 0.5}, "
+        "{name: temperature, unit: degC, delay_us: 250}]}\n"
+    )
+    config = facets.load(path)
+
+    def force(times, states):
+        return 3.0 + times + states[:, 0]
+
+    bench = Bench(
+        config, "rest", 2000, Faults(), 1, tmp_path / "b", truth=True, signals={"force": force}
+    )
+    thread = threading.Thread(target=bench.run, args=(60.0,))
+    thread.start()
+    try:
+        run = Run.from_config(
+            config, str(tmp_path / "b" / "board"), folder=tmp_path / "rec", samples=1500
+        )
+        run.acquire()
+    finally:
+        bench.last = np.inf
+        thread.join()
+    live = recorded_poses(tmp_path / "rec")
+    times = live["seq"] / 2000
+    np.testing.assert_allclose(live["force_n"], 3.0 + times, atol=1e-6)
+    sine = np.sin(2 * np.pi * (times + 250e-6))
+    np.testing.assert_allclose(live["temperature_c"], sine, atol=1e-6)
+    playback = Playback(tmp_path / "rec")
+    table = tmp_path / "poses.parquet"
+    sentences, is_same = playback.finish(playback.poses(), table, None, None, True, None)
+    assert is_same, sentences
+    columns = pq.read_table(table)
+    np.testing.assert_array_equal(columns["force_n"].to_numpy(), live["force_n"])
+
+
+def test_a_signal_without_a_channel_is_refused(tmp_path):
+    with pytest.raises(InputError, match="names no channel torque"):
+        Bench(
+            with_channels(FORCE), "rest", 2000, Faults(), 1, tmp_path / "b",
+            signals={"torque": lambda times, states: times},
+        )  # fmt: skip
