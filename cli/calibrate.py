@@ -15,7 +15,18 @@ from . import completion
 from .calibration_files import write_results
 from .calibration_text import show_verdict, show_weak
 from .console import FINDING, load_config
-from .options import ConfigName, Force, Look, Plot, PlotKind, Style, output_option, require_yaml
+from .options import (
+    ConfigName,
+    Force,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    output_option,
+    report_option,
+    require_html,
+    require_yaml,
+)
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data
@@ -90,6 +101,13 @@ Propose = Annotated[
         "calibrating; 0 calibrates.",
     ),
 ]
+Report = Annotated[
+    Path | None,
+    report_option(
+        "the calibration certificate, with uncertainties, budget, validity and findings; the "
+        "block `calibrate.statement` names sensor, reference and conditions"
+    ),
+]
 
 
 def calibrate(
@@ -102,6 +120,7 @@ def calibrate(
     dwells: Dwells = False,
     accept_misfit: AcceptMisfit = False,
     propose: Propose = 0,
+    report: Report = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
@@ -118,8 +137,10 @@ def calibrate(
     """
     settings = load_config(config)
     path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
-    if propose and (data or reference):
-        raise InputError("--propose takes no DATA: it lists poses for a future motion")
+    if propose and (data or reference or report):
+        raise InputError(
+            "--propose takes no DATA and no --report: it lists poses for a future motion"
+        )
     if propose:
         write_proposal(settings, path, propose, force)
     elif data is None:
@@ -129,7 +150,7 @@ def calibrate(
     else:
         asked = choose_effects(settings, effect or [])
         asked = replace(asked, calibrate=replace(asked.calibrate, dwells=dwells))
-        fit_rig(asked, data, reference, path, plot, force, accept_misfit, read_groups(only))
+        fit_rig(asked, data, reference, path, plot, force, accept_misfit, read_groups(only), report)
 
 
 def read_groups(only: str | None) -> list[str]:
@@ -167,10 +188,13 @@ def fit_rig(
     force: bool,
     accept_misfit: bool,
     groups: list[str],
+    report: Path | None,
 ) -> None:
     require_yaml(path)
     paths = result_files(path, plot)
-    files.tables.refuse_to_overwrite(paths, force)
+    if report is not None:
+        require_html(report)
+    files.tables.refuse_to_overwrite([*paths, *filter(None, [report])], force)
     samples, asked = read_samples(settings, data, reference)
     chosen = (
         calibration.table.choose_groups(settings.sensor, asked, groups)
@@ -202,7 +226,8 @@ def fit_rig(
         if found.sensor is not None:
             typer.echo("To write it nevertheless, add --accept-misfit.", err=True)
         raise typer.Exit(FINDING)
-    write_results(settings, found, paths)
+    sources = [data, *filter(None, [reference])]
+    write_results(settings, found, paths, sources, report)
 
 
 def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:

@@ -17,6 +17,7 @@ from facets import config as configuration
 from facets.core.errors import FacetsError
 from facets.core.names import DETECTORS
 
+from .calibration_report import write_report
 from .console import FINDING
 
 if TYPE_CHECKING:
@@ -26,8 +27,13 @@ if TYPE_CHECKING:
     from facets.core.sensor import Sensor
 
 
-def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
-    """Write the results to a temporary place and load them, so that no unreadable file is left."""
+def write_results(
+    settings: Config, found: Verdict, paths: list[Path], sources: list[Path], report: Path | None
+) -> None:
+    """Write the results to a temporary place and load them, so that no unreadable file is left.
+
+    sources: the tables that were read.  report: where the calibration certificate goes, if at all.
+    """
     path, table, covariance, picture = paths
     assert found.found is not None
     assert found.errors is not None
@@ -40,7 +46,7 @@ def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
         bent = write_grids(settings, trial, found.found, about)
         trial.write_text(as_yaml(settings, found.found, matrix, bent, about), "utf-8")
         try:
-            facets.load(trial)
+            calibrated = facets.load(trial)
         except FacetsError as error:
             typer.echo(
                 f"The fitted values make no configuration that can be loaded ({error}); nothing "
@@ -60,6 +66,9 @@ def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
                 pictures.calibration.residual_picture(found.fitted, found.found, found.errors),
                 picture,
             )
+            if report is not None:
+                write_report(settings, calibrated, found, report, sources, [trial, matrix])
+    paths = paths if report is None else [*paths, report]
     typer.echo(", ".join(str(file) if file == path else file.name for file in paths))
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from facets import design, files, pictures
-from facets.core.errors import InputError
 
 from .console import show_table
 from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
@@ -20,15 +19,9 @@ if TYPE_CHECKING:
     from facets.design.rounding import Rounded
     from facets.design.search import Optimum
     from facets.design.sheets import Rows
-    from facets.pictures.design_report import ReportSection
+    from facets.pictures.report_page import ReportSection
 
     from .tolerances import Yields
-
-
-def require_html(path: Path) -> None:
-    """Raise `InputError` if the name of a page has another suffix."""
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"{path}: a page's name ends in .html")
 
 
 def write_gallery(
@@ -143,16 +136,18 @@ def write_report(
 
     pictures.render.save_scene(sensor, np.zeros(8), scene)
     summary = f"{objective[0].upper()}{objective[1:]}."
-    head = pictures.design_report.ReportSection(
+    head = pictures.report_page.ReportSection(
         "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
         drawing=pictures.head_drawing.drawing(sensor),
     )  # fmt: skip
-    bars = pictures.design_report.inline(pictures.layout.layout_picture(table), "bars")
-    drawn = pictures.design_report.ReportSection("The same, drawn", drawing=bars)
+    bars = pictures.report_page.inline(pictures.layout.layout_picture(table), "bars")
+    drawn = pictures.report_page.ReportSection("The same, drawn", drawing=bars)
     origin = files.provenance.origin_line(settings)
     parts = [sections[0], head, *sections[1:3], drawn, *sections[3:]]
     with files.tables.Whole(page) as temporary:
-        text = pictures.design_report.report(settings.name, summary, parts, origin)
+        text = pictures.report_page.report(
+            f"The layout found for {settings.name}", summary, parts, origin
+        )
         temporary.write_text(text, "utf-8")
 
 
@@ -161,7 +156,7 @@ def sections_of(
     built: list[ReportSection], parts: Rows | None, proof: str,
 ) -> list[ReportSection]:  # fmt: skip
     """Sections of a layout's page except drawings; quantities are in words, with units."""
-    section, in_words = pictures.design_report.ReportSection, pictures.wording.rows_in_words
+    section, in_words = pictures.report_page.ReportSection, pictures.wording.rows_in_words
     found = [
         section("Requirements", rows=requirement(settings)),
         section("What changes", (), ["of the sensor", *changed[0][1:]], in_words(changed[1]),
@@ -188,7 +183,7 @@ def write_tables(settings: Config, sections: list[ReportSection], path: Path) ->
 
 def yield_sections(settings: Config, found: Yields) -> list[ReportSection]:
     """Sections of a layout's page about its yield."""
-    section = pictures.design_report.ReportSection
+    section = pictures.report_page.ReportSection
     words = (f"{found.count} heads built by simulation, as loose as calibrate.before says.",)
     parts = [section("Yield", words, *yield_rows(settings, found))]
     if found.accurate:

@@ -14,7 +14,6 @@ from facets.core.errors import InputError
 
 from . import completion
 from .console import load_config
-from .design_pages import require_html
 from .design_space import Exploration, follow_front, sample, write
 from .options import (
     Certify,
@@ -30,6 +29,7 @@ from .options import (
     output_folder,
     output_option,
     report_option,
+    require_html,
     require_yaml,
     seed_option,
 )

@@ -12,7 +12,7 @@ from facets import design, files, proof
 
 from .bounds import light_text, round_down
 from .console import FINDING, load_config, show_progress, show_table
-from .design_pages import objective_of, require_html, show_layout, write_report, write_tables
+from .design_pages import objective_of, show_layout, write_report, write_tables
 from .options import (
     Certify,
     ConfigName,
@@ -24,6 +24,7 @@ from .options import (
     heads_option,
     output_option,
     report_option,
+    require_html,
     require_yaml,
 )
 

@@ -229,3 +229,9 @@ def require_yaml(path: Path) -> None:
     """Raise `InputError` if the name of a configuration's file has another suffix."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml or .yml")
+
+
+def require_html(path: Path) -> None:
+    """Raise `InputError` if the name of a page has another suffix."""
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{path}: a page's name ends in .html")

@@ -3,6 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
+    from . import budget as budget
     from . import identifiability as identifiability
     from . import proposal as proposal
     from . import reference_join as reference_join

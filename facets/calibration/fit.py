@@ -432,12 +432,17 @@ def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats)
         covariance = add_mean_power(task, at, normal, covariance)
         values[PLACE["beam.power"]] *= 1 + float(at.opening[:, 6].mean())
         names.append("beam.power")
+    known = sensor_covariance(names, values, covariance)
+    sensor = assign_values(task.nominal, fold_mount(values))
+    return replace(sensor, calibration=known, thermal=thermal_of(values, task.data.temperature))
+
+
+def sensor_covariance(names: list[str], values: Floats, covariance: Floats) -> Calibration:
+    """The part of the unknowns' covariance that belongs to the sensor."""
     names, covariance = fold(names, values, covariance)
     kept = [n for n, name in enumerate(names) if name in OF_SENSOR or name in TEMPERATURE]
     part = covariance[np.ix_(kept, kept)]
-    known = Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
-    sensor = assign_values(task.nominal, fold_mount(values))
-    return replace(sensor, calibration=known, thermal=thermal_of(values, task.data.temperature))
+    return Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
 
 
 def thermal_of(values: Floats, temperature: float | None) -> Thermal:

@@ -452,6 +452,11 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
     return beam_sigma * float(np.hypot(share, asymmetry))
 
 
+def covariance_factor(found: Fit) -> float:
+    """The factor of a fit's covariance in the written one: chi-square where it is in doubt."""
+    return found.reduced_chi_square if is_doubtful(found) else 1.0
+
+
 def add_unseen_errors(
     sensor: Sensor, found: Fit, missed: dict[str, float], centre: float
 ) -> Sensor:
@@ -463,7 +468,7 @@ def add_unseen_errors(
         missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
     if not missed:
         return sensor
-    factor, size = found.reduced_chi_square if is_doubtful(found) else 1.0, len(known.names)
+    factor, size = covariance_factor(found), len(known.names)
     matrix = np.zeros((size + len(missed),) * 2)
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))

@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from ..core.names import ANGLES, DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import MONOMIALS, Calibration, Sensor
 from ..core.units import Floats
+from ..detectors.calibrated import TEMPERATURE
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..model.arrays import EFFECTS
@@ -26,9 +27,11 @@ from .unknowns import (
     MOUNTING,
     OF_SEAT,
     OF_SENSOR,
+    PLACE,
     POWER_DRIFT,
     SKEW,
     Choice,
+    block,
     values_of,
 )  # fmt: skip
 
@@ -400,4 +403,27 @@ def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
         "known_before": found.choice.sigma * factors,
         "change": change * factors,
         "u": found.uncertainty * factors,
+    }
+
+
+def parameter_table(nominal: Sensor, found: Fit, made: Sensor) -> dict[str, NDArray[Any]]:
+    """A table of the parameters of the sensor `made` that a calibration has written.
+
+    factor: from the unit of the code.  place: in the order of `Sensor.calibration`.
+    """
+    assert made.calibration is not None
+    names = [name for name in made.calibration.names if name in PLACE]
+    before, after = values_of(nominal), values_of(made)
+    after[block(DRIFTS)] = found.every[block(DRIFTS)]
+    at = [PLACE[name] for name in names]
+    units = [unit_of(name, nominal) for name in names]
+    factors = np.array([factor for _, factor in units])
+    per = ["/K" if name in TEMPERATURE else "" for name in names]
+    return {
+        "parameter": np.array(names),
+        "unit": np.array([unit + more for (unit, _), more in zip(units, per, strict=True)]),
+        "factor": factors,
+        "value": after[at] * factors,
+        "change": (after - before)[at] * factors,
+        "place": np.array([made.calibration.names.index(name) for name in names]),
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -185,7 +186,7 @@ class _Reader:
             return None
         if isinstance(value, int | float) and "_" in node.value:
             self._problem(line, path, f"a number has no underscores (got {node.value})")
-        return value
+        return node.value if isinstance(value, date) else value  # no key takes a date but as text
 
     def _entries(self, node: MappingNode, path: Path_) -> Iterator[tuple[str, Marked]]:
         lines: dict[str, int] = {}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from .axis_keys import MAX_LENGTH_MM, convert_fine_units, pose_block
-from .keys import Key, block_of_keys, key
+from .keys import FieldSource, Key, block_of, block_of_keys, declare, key
 from .sensor import LIGHT_CANDIDATES
 
 REFERENCE = pose_block(
@@ -96,6 +96,55 @@ EFFECTS = block_of_keys(
     dict,
 )
 
+#: The sign, digits and letters that a certificate's number may have, at the foot of each sheet.
+NUMBER = r"^[\w .,/-]*$"
+
+
+def _entry(name: str, meaning: str, **bounds: Any) -> Any:
+    """A key for a text that the user may leave out."""
+    bounds = {"min_length": 1, "max_length": 400} | bounds
+    return declare(FieldSource((Key(name, None, meaning, hint=str | None, bounds=bounds),)))
+
+
+def _condition(name: str, meaning: str, low: float, high: float) -> Any:
+    """A key for the lowest and the highest value of an ambient condition, in its own unit."""
+    hint = tuple[float, float] | None
+    return declare(
+        FieldSource((Key(name, None, meaning, hint=hint, bounds={"ge": low, "le": high}),))
+    )
+
+
+@dataclass(frozen=True)
+class Statement:
+    """Entries for the calibration certificate (`facets calibrate --report`), which copies them
+    unchecked and prints "not stated" for those left out."""
+
+    number: str | None = _entry("number", "number of the certificate", pattern=NUMBER)
+    sensor: str | None = _entry("sensor", "maker and type of the calibrated sensor")
+    serial: str | None = _entry("serial_number", "serial number of the calibrated sensor")
+    customer: str | None = _entry("customer", "name and address of the customer")
+    laboratory: str | None = _entry("laboratory", "name and address of who calibrated")
+    operator: str | None = _entry("operator", "person responsible for the calibration")
+    date: str | None = _entry("date", "date of the measurement")
+    place: str | None = _entry("place", "place of the measurement")
+    reference: str | None = _entry(
+        "reference", "maker, type and serial number of the reference instrument"
+    )
+    traceability: str | None = _entry(
+        "traceability",
+        "calibration certificates of the reference and the national standards behind them",
+    )
+    temperature: tuple[float, float] | None = _condition(
+        "temperature_c", "lowest and highest temperature during the measurement", -273, 1000
+    )
+    humidity: tuple[float, float] | None = _condition(
+        "humidity_percent", "lowest and highest relative humidity during the measurement", 0, 100
+    )
+    pressure: tuple[float, float] | None = _condition(
+        "pressure_hpa", "lowest and highest air pressure during the measurement", 0, 2000
+    )
+    remarks: str | None = _entry("remarks", "further conditions, such as the light or the mounting")
+
 
 @dataclass(frozen=True)
 class Calibrate:
@@ -136,5 +185,11 @@ class Calibrate:
     )
     outliers: float | None = key(
         "outliers", 3.0, "standard deviations beyond which a reading weighs less", gt=0, le=100
+    )
+    statement: Statement = key(
+        "statement",
+        {},
+        "what the calibration certificate says of sensor, reference and conditions",
+        block=block_of(Statement),
     )
     dwells: bool = False

@@ -4,7 +4,6 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import calibration as calibration
-    from . import design_report as design_report
     from . import exploration as exploration
     from . import exploration_page as exploration_page
     from . import film as film
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from . import page as page
     from . import ranges as ranges
     from . import render as render
+    from . import report_page as report_page
     from . import resolution as resolution
     from . import singularity as singularity
     from . import spots as spots

@@ -669,6 +669,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     }  # prices and weights
     units = (
         "_per_hour",
+        "_hpa",
         "_c",
         "_um_per_k",
         "_mm",

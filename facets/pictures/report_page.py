@@ -1,16 +1,17 @@
-"""A report of a found layout on one page: the requirements, the result, and its limits.
+"""A page of sentences, tables and drawings on a result, such as a layout or a calibration.
 
-The page is one file that needs no network and prints on a sheet or two.
+The page is one file that needs no network and prints on a few sheets.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from ..core.hues import chosen_hues
+from ..core.hues import DARK, LIGHT, chosen_hues
 from .style import svg_text
 from .wording import typeset
 
@@ -34,19 +35,36 @@ class ReportSection:
     wide: bool = False
 
 
-def report(name: str, summary: str, sections: Sequence[ReportSection], origin: str) -> str:
+def report(
+    title: str,
+    summary: str,
+    sections: Sequence[ReportSection],
+    origin: str,
+    warning: str = "",
+    sheet: str = "",
+) -> str:
+    """Fill the page.
+
+    warning: text at its top, in the colour of alarms.  sheet: text at the foot of each printed
+    sheet.  A page without drawings follows the reader's choice of light or dark.
+    """
     from jinja2 import Environment
 
-    text = files("facets.pictures").joinpath("design_report.html").read_text("utf-8")
+    text = files("facets.pictures").joinpath("report_page.html").read_text("utf-8")
     places = Environment(autoescape=True)
     places.filters["typeset"] = typeset
-    page = places.from_string(text)
-    return page.render(
-        name=name,
+    hues = chosen_hues().css
+    if not any(section.drawing for section in sections):
+        hues += f"@media screen and (prefers-color-scheme:dark){{{DARK.css}}}"
+        hues += f"@media print{{{LIGHT.css}}}"
+    return places.from_string(text).render(
+        title=title,
         summary=summary,
         sections=sections,
         origin=origin,
-        hues=chosen_hues().css,
+        warning=warning,
+        sheet=re.sub(r"[^\w .,/·-]", " ", sheet),
+        hues=hues,
     )
 
 

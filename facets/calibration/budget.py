@@ -1,0 +1,144 @@
+"""The uncertainty budget of a calibration: how much of each variance comes from which source.
+
+With F the information on all unknowns, those of the samples included, and F_s the part of it that
+source s gives, the covariance is the sum of F^-1 F_s F^-1 over the sources. The samples' own
+unknowns are eliminated as in the fit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..core.units import Floats
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
+from ..estimation.differences import propagate_in_light
+from ..estimation.plan import make_plan
+from .bundle_adjustment import OWN_COUNT, OWN_UNITS, own_information, states_of
+from .fit import Fit, Task, add_mean_power, sensor_covariance
+from .misfit import covariance_factor
+from .small_matrices import one_thread
+from .unknowns import PLACE
+
+if TYPE_CHECKING:
+    from ..core.knowledge import Knowledge
+    from ..core.sensor import Sensor
+    from .bundle_adjustment import Data
+
+#: The sources of a fit's uncertainty.
+READINGS = "noise of the calibration's readings"
+REFERENCE = "reference instrument, as stated"
+LASER = "power of the laser, from sample to sample"
+BEAM = "position of the beam, from sample to sample"
+PRIOR = "values known before the calibration"
+#: Sources that the fit does not contain, by the names that they have in the covariance.
+UNSEEN = {
+    "misfit of the model, of unknown cause": MISFIT,
+    "accuracy of the model": MODEL_ERROR,
+    "middle of the light": LIGHT_CENTRE,
+}
+#: The coverage probability of expanded uncertainties.
+COVERAGE = 0.95
+
+
+class Budget(NamedTuple):
+    """The covariance of the written parameters by source.
+
+    sensor: (p, p) each, in the order of `Sensor.calibration`.  estimated: the sources whose size
+    the residuals estimate.  freedom: degrees of freedom of that estimate.
+    """
+
+    sensor: dict[str, Floats]
+    estimated: tuple[str, ...]
+    freedom: float
+
+    def effective_freedom(self, variances: dict[str, Floats]) -> Floats:
+        """Effective degrees of freedom of sums of variances by source (Welch and Satterthwaite)."""
+        whole = np.asarray(sum(variances.values()))
+        estimated = np.asarray(sum(variances[name] for name in self.estimated))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(whole > 0, estimated / whole, 0.0)
+            return np.asarray(self.freedom / np.square(share), dtype=float)
+
+
+@one_thread
+def calibration_budget(
+    nominal: Sensor, data: Data, found: Fit, made: Sensor, robust: float | None
+) -> Budget:
+    """The budget of a fit from `nominal`, with the sensor `made` that is written."""
+    assert made.calibration is not None
+    parts, names = fitted_parts(Task(nominal, data, found.choice, robust), found)
+    factor = covariance_factor(found)
+    written = np.diag(np.array(made.calibration.covariance))
+    sensor = {}
+    for source, part in parts.items():
+        own = np.array(sensor_covariance(names, found.every, factor * part).covariance)
+        beside = len(written) - len(own)
+        sensor[source] = np.pad(own, (0, beside))
+    for source, kinds in UNSEEN.items():
+        is_kind = [name in kinds for name in made.calibration.names]
+        if any(is_kind):
+            sensor[source] = np.diag(np.where(is_kind, written, 0.0))
+    estimated = (READINGS,) if factor == 1 else tuple(parts)
+    return Budget(sensor, estimated, max(found.freedom, 1.0))
+
+
+def fitted_parts(task: Task, found: Fit) -> tuple[dict[str, Floats], list[str]]:
+    """Covariances (p, p) of the unknowns by source, and the unknowns' names: those of the fit, and
+    the laser's mean power where each sample has its own."""
+    at = task.guess(found.every, found.open)
+    _, _, normal = task.linearise(at, task.limit(at))
+    names, size = list(found.choice.names), len(found.covariance)
+    back, total = normal.back[:, :, :size], found.covariance
+    by_common, by_own = np.eye(size), np.zeros((len(back), 1, OWN_COUNT))
+    if np.isinf(found.choice.power):
+        names.append("beam.power")
+        total = add_mean_power(task, at, normal, total)
+        unit = OWN_UNITS[6] * at.values[PLACE["beam.power"]]
+        by_common = np.vstack([by_common, -unit * back[:, 6].mean(axis=0)])
+        by_own = np.zeros((len(back), size + 1, OWN_COUNT))
+        by_own[:, -1] = np.linalg.inv(normal.inner)[:, 6] * unit / len(back)
+    # The derivatives of the estimates by what was known before of each sample's own unknowns.
+    rows = by_own - by_common @ found.covariance @ np.swapaxes(back, 1, 2)
+    known = np.where(task.held, 0.0, own_information(task.own))
+
+    def part_of(own: slice) -> Floats:
+        some: Floats = np.einsum("npk,k,nqk->pq", rows[:, :, own], known[own], rows[:, :, own])
+        return some
+
+    by_prior = by_common @ found.covariance
+    parts = {
+        REFERENCE: part_of(slice(0, 6)),
+        LASER: part_of(slice(6, 7)),
+        BEAM: part_of(slice(7, 9)),
+        PRIOR: by_prior @ task.prior @ by_prior.T,
+    }
+    parts = {source: part for source, part in parts.items() if part.any()}
+    return {READINGS: total - sum(parts.values()), **parts}, names
+
+
+def pose_covariances(
+    sensor: Sensor, budget: Budget, states: Floats, knowledge: Knowledge
+) -> dict[str, Floats]:
+    """Covariances (n, 6, 6) of the poses at states (n, 8) by source of the calibration, mm and
+    rad."""
+    found = propagate_in_light(sensor, states, make_plan(sensor, knowledge, shape=states.shape[:1]))
+    assert found.slopes is not None
+    slopes = found.slopes[:, :6]
+    return {
+        source: slopes @ part @ np.swapaxes(slopes, 1, 2) for source, part in budget.sensor.items()
+    }
+
+
+def fitted_states(data: Data, found: Fit) -> Floats:
+    """The states (n, 8) of the samples of a fit."""
+    return states_of(data, found.open, found.every)
+
+
+def coverage_factor(freedom: Floats) -> Floats:
+    """The factor from a standard uncertainty to the expanded one of `COVERAGE` (Student's t)."""
+    from scipy.special import stdtrit
+
+    factor: Floats = stdtrit(np.minimum(freedom, 1e9), (1 + COVERAGE) / 2)
+    return factor
