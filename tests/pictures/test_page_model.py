@@ -24,7 +24,9 @@ KINDS = {
     "plain": facets.Sensor(),
     "skewed": SENSORS["skewed1"],
     "electronics": facets.load("bench").sensor,
+    "light": facets.load("bench-light").sensor,
     "cut": CUT,
+    "cut and coated": replace(CUT, light=COATED),
 }
 ASKED = [("free", "known"), ("known", "known"), ("known", "unknown"), ("free", "unknown")]
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
@@ -86,7 +88,6 @@ def test_the_page_solves_as_the_package_does(browser, name):
 
 
 def test_a_sensor_whose_solver_cannot_be_carried_says_so():
-    assert "cut on coated facets" in model(replace(CUT, light=COATED))
     electronics = facets.Electronics(kind="tetra-lateral")
     assert "not of tetra-lateral ones" in model(replace(KINDS["plain"], electronics=electronics))
     assert "Two poses of this sensor" in model(facets.load("singular").sensor)

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from ...scalars import dispatch
+from ...scalars import dispatch, dual
 
 #: Functions with their own JavaScript: elementary ones, and Python's built-in ones.
 KNOWN: dict[Any, str] = {
@@ -55,6 +55,23 @@ KNOWN: dict[Any, str] = {
     zip: "zip",
     enumerate: "enumerate",
 }
+#: Where numbers carry derivatives, functions and operators are those of `dual.js`.
+CARRYING: dict[Any, str] = {
+    dispatch.sqrt: "carriedSqrt",
+    dispatch.log: "carriedLog",
+    dispatch.sin: "carriedSin",
+    dispatch.cos: "carriedCos",
+    dispatch.atan2: "carriedAtan2",
+    dispatch.nan_unless_positive: "carriedDefined",
+    dispatch.maximum: "carriedLarger",
+    dispatch.real: "realOf",
+    dual.value_and_slope: "valueAndSlope",
+    dual.Dual: "new Dual",
+    complex: "new Dual",
+}
+CARRYING_OPERATORS: dict[type, str] = {
+    ast.Add: "plus", ast.Sub: "minus", ast.Mult: "times", ast.Div: "over",
+}  # fmt: skip
 OPERATORS: dict[type, str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**",
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "===", ast.NotEq: "!==",
@@ -62,24 +79,37 @@ OPERATORS: dict[type, str] = {
     ast.BitAnd: "&", ast.BitOr: "|",
 }  # fmt: skip
 NOT_FINITE = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
-#: JavaScript's reserved words.
-RESERVED = {"default", "delete", "function", "in", "new", "this", "typeof", "var", "void", "with"}
+#: JavaScript's reserved words, and the names of functions that translated texts call.
+RESERVED = {
+    "default", "delete", "function", "in", "new", "this", "typeof", "var", "void", "with",
+    "negative", "realOf", "imagOf", *KNOWN.values(), *CARRYING_OPERATORS.values(),
+}  # fmt: skip
 
 
-def javascript(*functions: Callable[..., Any]) -> str:
+def javascript(*functions: Callable[..., Any], carrying: Iterable[Callable[..., Any]] = ()) -> str:
     """Translate functions of the optics, and all that they need, to JavaScript.
 
-    Each has the name that `name_of` gives. Raises `TypeError` for an unknown construction.
+    Each has the name that `name_of` gives.  carrying: functions that are written for numbers which
+    carry derivatives, under names of their own. Raises `TypeError` for an unknown construction.
     """
     written: dict[str, str] = {}
     for function in functions:
         _write(function, written)
+    for function in carrying:
+        _write(function, written, True)
     return "\n\n".join(written.values())
 
 
-def name_of(thing: Any) -> str:
+def name_of(thing: Any, carries: bool = False) -> str:
     """The JavaScript name of a function or named tuple of the optics: `forward_readings`."""
-    return f"{thing.__module__.rpartition('.')[2]}_{thing.__name__}"
+    suffix = "_carrying" if carries and isinstance(thing, FunctionType) else ""
+    suffix = "_carrying" if makes_derivatives(thing) else suffix
+    return f"{thing.__module__.rpartition('.')[2]}_{thing.__name__}{suffix}"
+
+
+def makes_derivatives(thing: Any) -> bool:
+    """Whether a function has numbers that carry a derivative, but no argument with one."""
+    return isinstance(thing, FunctionType) and "complex" in thing.__code__.co_names
 
 
 def literal(value: Any) -> str:
@@ -105,19 +135,19 @@ def literal(value: Any) -> str:
     raise TypeError(f"{value!r} has no place in JavaScript")
 
 
-def _write(thing: Any, written: dict[str, str]) -> None:
+def _write(thing: Any, written: dict[str, str], carries: bool = False) -> None:
     """Add a function, a named tuple or a constant and, before it, everything that it needs."""
-    name = name_of(thing)
+    name, carries = name_of(thing, carries), carries or makes_derivatives(thing)
     if name in written:
         return
     written[name] = ""  # so that it is not begun again on the way
     if isinstance(thing, type):
         text = _constructor(thing)
     else:
-        function = Function(thing)
+        function = Function(thing, carries)
         text = function.text()
         for needed in function.functions:
-            _write(needed, written)
+            _write(needed, written, carries)
         for constant, value in function.constants.items():
             written.setdefault(constant, f"const {constant} = {literal(value)};")
     del written[name]
@@ -148,12 +178,15 @@ class Function:
     """The translation of one function of the optics to JavaScript.
 
     functions: the called functions.  constants: those it reads, by name; complete after `text`.
+    carries: whether numbers carry derivatives.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], carries: bool = False) -> None:
         if not isinstance(function, FunctionType):
             raise TypeError(f"{function!r} is no function of the optics")
         self.function, self.globals = function, function.__globals__
+        self.carries = carries
+        self.known = {**KNOWN, **CARRYING} if carries else KNOWN
         self.functions: list[Any] = []
         self.constants: dict[str, Any] = {}
         lines, self.first = inspect.getsourcelines(function)
@@ -174,7 +207,7 @@ class Function:
         used = sorted(_safe(name) for name in self.locals - set(self.arguments))
         if used:
             body.insert(0, f"  let {', '.join(used)};")
-        head = f"function {name_of(self.function)}({', '.join(given)}) {{"
+        head = f"function {name_of(self.function, self.carries)}({', '.join(given)}) {{"
         about = (inspect.getdoc(self.function) or "").partition("\n\n")[0].replace("*/", "* /")
         comment = "".join(f"// {line}\n" for line in about.splitlines())
         return comment + "\n".join([head, *body, "}"])
@@ -206,7 +239,7 @@ class Function:
         """Evaluate a test of the number type for floats; None for any other test."""
         if not isinstance(test, ast.Call) or not isinstance(test.func, ast.Name):
             return None
-        if self.value_of(test.func.id) is dispatch.is_float:
+        if self.value_of(test.func.id) is dispatch.is_float and not self.carries:
             return True
         return False if test.func.id == "hasattr" else None
 
@@ -307,6 +340,8 @@ class Function:
     def unary(self, node: ast.UnaryOp) -> str:
         if type(node.op) not in OPERATORS:
             raise self.refuse(node)
+        if self.carries and isinstance(node.op, ast.USub):
+            return f"negative({self.expression(node.operand)})"
         return f"({OPERATORS[type(node.op)]}{self.expression(node.operand)})"
 
     def arithmetic(self, node: ast.BinOp) -> str:
@@ -320,6 +355,8 @@ class Function:
         return "({} ? {} : {})".format(*parts)
 
     def binary(self, operator: ast.operator, left: str, right: str, node: ast.AST) -> str:
+        if self.carries and type(operator) in CARRYING_OPERATORS:
+            return f"{CARRYING_OPERATORS[type(operator)]}({left}, {right})"
         if isinstance(operator, ast.FloorDiv):
             return f"Math.floor({left} / {right})"
         if isinstance(operator, ast.Mod):  # counts are not negative
@@ -329,9 +366,10 @@ class Function:
         return f"({left} {OPERATORS[type(operator)]} {right})"
 
     def comparison(self, node: ast.Compare) -> str:
-        parts, left = [], self.expression(node.left)
+        write = self.real_part if self.carries else self.expression
+        parts, left = [], write(node.left)
         for operator, each in zip(node.ops, node.comparators, strict=True):
-            right = self.expression(each)
+            right = write(each)
             if isinstance(operator, ast.In):
                 parts.append(f"{right}.includes({left})")
             elif type(operator) in OPERATORS:
@@ -340,6 +378,9 @@ class Function:
                 raise self.refuse(node)
             left = right
         return "(" + " && ".join(parts) + ")"
+
+    def real_part(self, node: ast.expr) -> str:
+        return f"realOf({self.expression(node)})"
 
     def subscript(self, node: ast.Subscript) -> str:
         value = self.expression(node.value)
@@ -368,6 +409,8 @@ class Function:
             owner = self.value_of(node.value.id)
             if isinstance(owner, ModuleType):
                 return self.module_value(getattr(owner, node.attr), node.attr, owner.__name__, node)
+        if self.carries and node.attr in ("real", "imag"):
+            return f"{node.attr}Of({self.expression(node.value)})"
         return f"{self.expression(node.value)}.{_safe(node.attr)}"
 
     def call(self, node: ast.Call) -> str:
@@ -382,10 +425,12 @@ class Function:
             return literal(float(node.args[0].value))  # type: ignore[arg-type]
         if found is dispatch.pi:
             return "Math.PI"
-        if found in KNOWN:
+        if found is hasattr:
+            return "false"
+        if found in self.known:
             given = ", ".join(map(self.expression, node.args))
             alone = found in (min, max) and len(node.args) == 1
-            return f"{KNOWN[found]}({'...' * alone}{given})"
+            return f"{self.known[found]}({'...' * alone}{given})"
         if not isinstance(found, type | FunctionType):
             raise self.refuse(node)
         name = self.module_value(found, found.__name__, found.__module__, node)
@@ -447,7 +492,7 @@ class Function:
             return literal(value)
         if isinstance(value, FunctionType) or (isinstance(value, type) and is_named_tuple(value)):
             self.functions.append(value)
-            return name_of(value)
+            return name_of(value, self.carries)
         if isinstance(value, np.ndarray | tuple | range):
             constant = f"{module.rpartition('.')[2]}_{name}"
             self.constants[constant] = value

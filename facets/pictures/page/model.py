@@ -33,20 +33,23 @@ from .javascript import javascript, literal, name_of
 class Texts(NamedTuple):
     """The optics' texts of one kind of light.
 
-    linearise: the derivatives with which the solver steps; None where the text of these is not of
-    the kind that can be translated.
+    linearise: the derivatives with which the solver steps.  slopes: the exact ones, where those
+    leave terms out.
     """
 
     readings: Callable[..., Any]
-    linearise: Callable[..., Any] | None
+    linearise: Callable[..., Any]
+    slopes: tuple[Callable[..., Any], ...] = ()
 
 
 #: Of ideal light, of truncated light, of a bench's light, and of both.
 TEXTS: dict[tuple[bool, bool], Texts] = {
     (False, False): Texts(forward.readings, gradient.linearise),
     (True, False): Texts(detected.readings, detected.linearise_where_cut),
-    (False, True): Texts(bench_light.readings, bench_gradient.linearise_nearly),
-    (True, True): Texts(cut_light.readings, None),
+    (False, True): Texts(
+        bench_light.readings, bench_gradient.linearise_nearly, (bench_gradient.reading_slopes,)
+    ),
+    (True, True): Texts(cut_light.readings, cut_light.linearise),
 }
 #: The functions with which `light.js` draws.
 DRAWN = (
@@ -90,6 +93,8 @@ const SOLVER = {solver};
 const workspace = zeros(3, {most}, {columns});
 // Readings with their derivatives by the state, of the kind with which the solver steps.
 const linearise = (geometry, state) => {linearise};
+// The same with nothing left out, for where steps stall; null where they leave out nothing.
+const lineariseExactly = {exactly};
 
 {light}
 {noise}
@@ -124,6 +129,16 @@ return {{
 """
 
 
+#: As `bench_gradient.linearise`, whose variables NumPy makes.
+EXACTLY = """(geometry, state) => {
+  const at = bench_light_scene(geometry, state);
+  const unit = (n) => state.map((_, c) => (c === n ? 1 : 0));
+  const variables = state.map((x, n) => new Dual(x, unit(n)));
+  const slopes = bench_gradient_reading_slopes_carrying(geometry, variables, at);
+  return zip(bench_light_scene_readings(geometry, at), slopes);
+}"""
+
+
 def text_of(name: str) -> str:
     """Read a file of this folder."""
     return files(__package__).joinpath(name).read_text("utf-8")
@@ -132,12 +147,12 @@ def text_of(name: str) -> str:
 def model(sensor: Sensor) -> str:
     """Return JavaScript that defines `Model`: readings, drawing and poses of a sensor."""
     cut = sensor.apertures.cut
-    readings, linearise = TEXTS[cut, sensor.light.on]
+    readings, linearise, slopes = TEXTS[cut, sensor.light.on]
     workspace = ", workspace" if cut else ""
-    solved = (*SOLVED, linearise) if linearise else SOLVED
+    lit = (bench_light.scene, bench_light.scene_readings) if slopes else ()
     return MODEL.format(
-        numbers=text_of("numbers.js"),
-        texts=javascript(readings, *DRAWN, *solved),
+        numbers=text_of("numbers.js") + (text_of("dual.js") if sensor.light.on else ""),
+        texts=javascript(readings, linearise, *DRAWN, *SOLVED, *lit, carrying=slopes),
         sensor=literal(as_data(sensor)),
         effects=literal(arrays.light_numbers(sensor) if sensor.light.on else None),
         solver=literal(solver_data(sensor)),
@@ -145,7 +160,8 @@ def model(sensor: Sensor) -> str:
         noise=text_of("noise.js"),
         solving=text_of("solver.js"),
         readings=name_of(readings),
-        linearise=f"{name_of(linearise)}(geometry, state{workspace})" if linearise else "null",
+        linearise=f"{name_of(linearise)}(geometry, state{workspace})",
+        exactly=EXACTLY if slopes else "null",
         workspace=workspace,
         most=limits.MOST_SIDES,
         columns=limits.COLUMNS,
@@ -217,11 +233,6 @@ FOLD = (
 
 def refusal(sensor: Sensor) -> str:
     """Say why the page cannot solve the readings of a sensor; empty where it can."""
-    if TEXTS[sensor.apertures.cut, sensor.light.on].linearise is None:
-        return (
-            "This page does not solve readings of light that apertures cut on coated facets or "
-            "beside background light; `facets solve` does."
-        )
     if sensor.electronics is not None and not noise.has_two_layers(sensor.electronics):
         return (
             f"This page knows the noise of duo-lateral detectors, not of {sensor.electronics.kind} "

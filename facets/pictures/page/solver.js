@@ -17,13 +17,14 @@ const Solver = (() => {
   function create(sensor, geometry) {
     const {floor, light} = SOLVER.limits;
     const limits = plan_limits_under(sensor, floor, light, false);
-    const model = {
+    const model = (derivatives) => ({
       packed: null,
       address(x, found) {
         const powered = forward_replace_power(geometry, x[8]);
-        as_text_put_linearisation(powered, linearise(powered, x.slice(0, 8)), found);
+        as_text_put_linearisation(powered, derivatives(powered, x.slice(0, 8)), found);
       },
-    };
+    });
+    const near = model(linearise), exact = lineariseExactly && model(lineariseExactly);
 
     function start(plan, values) {
       const means = [plan.means[0], plan.means[1], plan.power ? sensor.beam.power : plan.means[2]];
@@ -34,20 +35,29 @@ const Solver = (() => {
       return {means, begin: [means[0], means[1], 0, 0, 0, 0, means[0], means[1], power]};
     }
 
-    function solve(values, {beam = "free", power = "known", start: near} = {}) {
+    function solve(values, {beam = "free", power = "known", start: first} = {}) {
       const plan = SOLVER.plans[`${beam} ${power}`], {means, begin} = start(plan, values);
-      if (near) begin.splice(0, 6, ...near.slice(0, 6));
-      const results = {
-        states: zeros(1, 9), used: zeros(1, 3), status: [0], steps: [0], residuals: [0],
-        covariances: zeros(1, 8, 8),
-      };
+      if (first) begin.splice(0, 6, ...first.slice(0, 6));
       const problem = {
         means: [means], weight: plan.weights, free: plan.free, starts: [begin],
         previous: false, max_steps: 50, damped: true, accept_unchecked: false,
       };
       const sigmas = sensor.electronics ? [Noise.deviations(sensor, values)] : [];
-      gauss_newton_estimate_each(model, {values: [values], sigmas}, limits, problem, results, memory);
+      const readings = {values: [values], sigmas};
+      let results = estimate(near, readings, problem);
+      if (exact && SOLVER.statuses[results.status[0]] === "stalled") {
+        results = estimate(exact, readings, problem);
+      }
       return told(plan, results);
+    }
+
+    function estimate(model, readings, problem) {
+      const results = {
+        states: zeros(1, 9), used: zeros(1, 3), status: [0], steps: [0], residuals: [0],
+        covariances: zeros(1, 8, 8),
+      };
+      gauss_newton_estimate_each(model, readings, limits, problem, results, memory);
+      return results;
     }
 
     function told(plan, results) {
