@@ -7,7 +7,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
 .PHONY: run test test-full lint tree types layers unit quick studies mutants portable installed lowest locked dist \
-  publishable image bench reproduce docs gallery three clean
+  publishable image bench reproduce docs gallery vendor clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper --folder results/paper --force
@@ -116,11 +116,13 @@ docs: .venv/developed
 gallery: .venv/developed
 	$(BIN)/python -m facets.experiments.gallery docs/gallery
 
-# three.js as the pages of rigs carry it; for a new version of it, see three/package.json there.
-three:
-	rm -rf build/three && mkdir -p build && cp -R facets/pictures/page/three build/three
-	cd build/three && npm install --no-audit --no-fund --no-package-lock --silent && npm run --silent build
-	cp build/three/three.min.js build/three/node_modules/three/LICENSE facets/pictures/page/three/
+# three.js and Papa Parse as the pages of rigs carry them, in the versions of vendor/package.json there.
+vendor:
+	rm -rf build/vendor && mkdir -p build && cp -R facets/pictures/page/vendor build/vendor
+	cd build/vendor && npm install --no-audit --no-fund --no-package-lock --silent && npm run --silent build
+	cp build/vendor/three.min.js build/vendor/node_modules/papaparse/papaparse.min.js facets/pictures/page/vendor/
+	cd build/vendor/node_modules && for name in three papaparse; do \
+		cp $$name/LICENSE $(CURDIR)/facets/pictures/page/vendor/$$name-LICENSE; done
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

@@ -342,7 +342,7 @@ def test_the_page_asks_nothing_of_a_network():
     text = rig_page(PAPER, "a </script> name", np.zeros(8))
     assert "default-src 'none'" in text
     assert not re.search(r"<(script|img|link|iframe)[^>]+(src|href)=(?!\"data:)", text)
-    assert text.count("</script>") == 3
+    assert text.count("</script>") == 4
     assert "a &lt;/script&gt; name" in text
     assert '"view": "mirror"' in rig_page(PAPER, "paper", np.zeros(8), "mirror")
 

@@ -298,7 +298,7 @@ const Faces = (() => {
       if (!pen || !drawing) return;
       const colours = THEMES[this.name], hues = rig.hues[this.name];
       const [sx, sy] = rig.beam.sigma, reach = 1.55 * Math.max(sx, sy) * 2;
-      const half = Math.min(pen.wide, pen.high) / 2, scale = half / reach;
+      const half = Math.min(pen.wide, pen.high) / 2, scale = this.scale = half / reach;  // pixels a mm
       const middle = [pen.wide / 2, pen.high / 2];
       // pixels to sigmas: the beam's own axes turn against the world's
       const [c, s] = [Math.cos(rig.beam.rotation), Math.sin(rig.beam.rotation)];

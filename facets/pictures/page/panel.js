@@ -1,12 +1,21 @@
-// The page about the pictures: sliders, readings, theme, and the state as text.
+// The page about the pictures: sliders, readings, theme, and the state as text. Other scripts of the
+// page work on `page`:
+//
+//   page.state(); page.readings();        // (8,) mm, rad; the model's nine readings, mm, mW
+//   page.moveTo(state, {measured, source, posed});  // a state from elsewhere, beside readings that
+//                                         // were measured there, and where these come from; posed:
+//                                         // false where the readings have no pose
+//   page.listen(({state, drawing, readings, measured}) => ...);  // now, and at each change
+//   page.rebuild();                       // after RIG or Model have changed
+//   page.say(id, text, wrong);            // a message in an element
 
-(() => {
+const page = (() => {
   const $ = (id) => document.getElementById(id);
   const parts = PAGE.components;
   const first = PAGE.state.slice();
   // in the units that are shown, so that a number that was typed stays as it is
   let shown = first.map((x, n) => tidy(x / parts[n].factor));
-  const sliders = [], PICOMETRE = 1e-9;
+  const sliders = [], listeners = [];
   // page.html?theme=light&view=mirror, for those who show the page inside another
   const asked = new URLSearchParams(location.search);
   let chosen = ["dark", "light"].find((name) => name === asked.get("theme"));
@@ -47,21 +56,84 @@
     return names.length ? `Spots ${all} lie beside their detectors, which read nothing: ${end}` : "";
   }
 
-  const scene = Rig.create($("rig"), RIG, {theme: theme(), onView: mark});
+  // Readings that were measured, at the state that is shown; null where the model's are meant.
+  let measured = null, posed = true;
+  const card = Parts.card($("card"), RIG);
+  let scene = space();
   const point = Faces.point($("point"), RIG);
   const faces = ["a", "b", "c"].map((letter, k) => Faces.detector($(`face-${letter}`), RIG, k));
-  if (!scene) {
-    $("flat").hidden = false;
-    document.body.classList.add("flat");
+  $("flat").hidden = Boolean(scene);
+
+  function space() {
+    return Rig.create($("rig"), RIG, {theme: theme(), onPick: card.open, onDrag: drag});
+  }
+
+  // The bodies anew, seen from the same place.
+  function rebuild() {
+    if (scene) {
+      const {camera: {position}, controls: {target}, mode} = scene;
+      scene.dispose();
+      scene = space();
+      scene.mode = mode;
+      scene.camera.position.copy(position);
+      scene.controls.target.copy(target);
+      scene.orbit(0, 0);
+    }
+    refresh();
+  }
+
+  // The mirror dragged along a vector of the world, or turned about it; half the picture's height is
+  // half a slider.
+  function drag(vector, turning) {
+    const end = (n) => parts[n].end * parts[n].factor, now = state();
+    if (turning) turn(now, vector.map((x) => x * end(3)));
+    else vector.forEach((x, n) => { now[n] += x * end(0); });
+    settle(now);
+  }
+
+  // A further turn about an axis of the world, by its length; exact, also of a mirror that is turned.
+  function turn(now, vector) {
+    const angle = Math.hypot(...vector) || 1e-300, axis = new THREE.Vector3(...vector).divideScalar(angle);
+    const before = new THREE.Matrix4().makeRotationFromEuler(new THREE.Euler(...now.slice(3, 6), "ZYX"));
+    const after = new THREE.Matrix4().makeRotationAxis(axis, angle).multiply(before);
+    now.splice(3, 3, ...new THREE.Euler().setFromRotationMatrix(after, "ZYX").toArray().slice(0, 3));
+  }
+
+  // A state that a hand gave: of six digits.
+  function settle(state_) {
+    stop();
+    forget();
+    shown = state_.map((x, n) => +(x / parts[n].factor).toPrecision(6));
+    shown = shown.map((x) => (Math.abs(x) < Digits.PICOMETRE_MM ? 0 : x));
+    refresh();
+  }
+
+  function forget() {
+    measured = null;
+    posed = true;
+    $("source").textContent = "what the detectors say";
+  }
+
+  function moveTo(state_, more = {}) {
+    stop();
+    forget();
+    shown = state_.map((x, n) => tidy(x / parts[n].factor));
+    measured = more.measured || null;
+    posed = more.posed !== false;
+    if (more.source) $("source").textContent = more.source;
+    refresh();
   }
 
   function refresh() {
     const now = state(), drawing = Model.drawing(now), readings = Model.readings(now);
-    if (scene) scene.update(drawing, readings);
-    for (const picture of [point, ...faces]) picture.update(drawing, readings);
-    tell(drawing, readings);
+    const seen = measured || readings;
+    if (scene) scene.update(drawing, posed ? seen : readings);
+    for (const picture of [point, ...faces]) picture.update(posed || picture === point ? drawing : null, seen);
+    card.update(now, seen);
+    tell(drawing, seen);
+    for (const listener of listeners) listener({state: now, drawing, readings, measured});
     sliders.forEach(({range, number}, n) => {
-      if (document.activeElement !== number) number.value = tidy(shown[n]);
+      if (document.activeElement !== number) number.value = handy(shown[n]);
       if (document.activeElement !== range || +range.value !== shown[n]) range.value = shown[n];
     });
     if (document.activeElement !== $("text")) $("text").value = words();
@@ -69,11 +141,13 @@
   }
 
   function tell(drawing, readings) {
-    const remarks = [0, 1, 2].map((k) => remark(drawing, readings, k)), off = left(readings);
+    const remarks = measured ? [] : [0, 1, 2].map((k) => remark(drawing, readings, k)), off = left(readings);
+    $("notes").hidden = Boolean(measured);
     readings.forEach((value, n) => {
       const cell = document.querySelector(`td[data-reading="${n}"]`), lost = Number.isNaN(value);
       cell.dataset.value = String(value);
-      cell.textContent = lost ? "lost" : n % 3 === 2 ? digits(value, 5) : digits(value, 4, PICOMETRE);
+      cell.textContent = lost ? "lost"
+        : n % 3 === 2 ? Digits.fixed(value, 5) : Digits.fixed(value, 4, Digits.PICOMETRE_MM);
       cell.className = lost || off.includes("ABC"[Math.floor(n / 3)]) ? "lost" : "";
     });
     share(readings);
@@ -91,24 +165,13 @@
       bar.style.width = `${100 * Math.min(powers[k] / RIG.beam.power, 1)}%`;
     });
     const sum = powers.reduce((a, b) => a + b);
-    $("sum").textContent = `The three share ${digits(sum, 5)} mW of the beam’s ` +
-      `${RIG.beam.power} mW.`;
+    $("sum").textContent = `The three share ${Digits.fixed(sum, 5)} mW of the beam’s ` +
+      `${Digits.short(RIG.beam.power, 5)} mW.`;
   }
 
-  // With a true minus sign, as a person writes it. A place of less than a picometre is the rounding
-  // of numbers of some hundred mm; a power has none, and what is not zero never looks like it.
-  function digits(value, places, nothing = 0) {
-    if (Math.abs(value) < nothing) value = 0;
-    if (value !== 0 && Math.abs(value) < 0.5 * 10 ** -places) return powerOfTen(value);
-    const text = value.toFixed(places);
-    return (Number(text) === 0 ? text.replace("-", "") : text).replace(/-/g, "\u2212");
-  }
-
-  // 6.2 × 10⁻¹⁷
-  function powerOfTen(value) {
-    const [number, exponent] = value.toExponential(1).split("e");
-    const raised = [...String(+exponent)].map((sign) => sign === "-" ? "\u207b" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[+sign]);
-    return `${number.replace("-", "\u2212")} × 10${raised.join("")}`;
+  // A number in a narrow field; the field that is typed into has all digits.
+  function handy(x) {
+    return Math.abs(x) < 1e-4 ? +x.toPrecision(2) : +x.toFixed(4);
   }
 
   function words() {
@@ -162,23 +225,24 @@
     try {
       shown = read(text);
       stop();
-      say("");
+      forget();
+      say("said", "");
     } catch (error) {
-      say(error.message, true);
+      say("said", error.message, true);
       return;
     }
     refresh();
   }
 
-  function say(text, wrong = false) {
-    $("said").textContent = text;
-    $("said").classList.toggle("wrong", wrong);
+  function say(id, text, wrong = false) {
+    $(id).textContent = text;
+    $(id).classList.toggle("wrong", wrong);
   }
 
   async function copy(text, what) {
     try {
       await navigator.clipboard.writeText(text);
-      say(`${what} is on the clipboard.`);
+      say("said", `${what} is on the clipboard.`);
     } catch {
       const field = document.createElement("textarea");
       field.value = text;
@@ -186,7 +250,7 @@
       field.select();
       const done = document.execCommand("copy");
       field.remove();
-      say(done ? `${what} is on the clipboard.` : `This browser keeps its clipboard to itself: ${text}`,
+      say("said", done ? `${what} is on the clipboard.` : `This browser keeps its clipboard to itself: ${text}`,
         !done);
     }
   }
@@ -208,6 +272,7 @@
     number.addEventListener("input", () => {
       if (number.value !== "" && Number.isFinite(+number.value)) move(n, +number.value);
     });
+    number.addEventListener("focus", () => { number.value = tidy(shown[n]); });
     number.addEventListener("blur", refresh);
     range.addEventListener("dblclick", () => move(n, 0));
     row.append(name, range, number, unit);
@@ -217,6 +282,7 @@
 
   function move(n, value) {
     stop();
+    forget();
     shown[n] = value;
     refresh();
   }
@@ -224,6 +290,7 @@
   // One component alone, half way to where its slider ends.
   function attempt(symbol) {
     stop();
+    forget();
     shown = parts.map((part) => (part.symbol === symbol ? part.end / 2 : 0));
     refresh();
   }
@@ -231,6 +298,7 @@
   // A motion of all components, each at its own pace, until something else moves the state.
   let playing = 0;
   function play() {
+    forget();
     const paces = [3, 4, 5, 2, 3, 1, 0, 0], begin = performance.now();
     const step = (now) => {
       const turn = (now - begin) / 12000 * 2 * Math.PI;
@@ -278,12 +346,6 @@
     for (const picture of [scene, point, ...faces]) if (picture) picture.theme(name);
   }
 
-  function mark(name) {
-    for (const button of document.querySelectorAll("#looks button")) {
-      button.setAttribute("aria-pressed", button.dataset.look === name);
-    }
-  }
-
   $("sliders").append(...parts.map(slider));
   document.querySelector("tbody").append(...rows());
   $("notes").append(...PAGE.sentences.map((text) =>
@@ -296,10 +358,8 @@
     button.addEventListener("click", () => attempt(button.dataset.try));
   }
   $("reset").addEventListener("click", () => {
-    stop();
-    shown = first.map((x, n) => tidy(x / parts[n].factor));
-    say("");
-    refresh();
+    moveTo(first);
+    say("said", "");
     if (scene) scene.look("rig");
   });
   $("theme").addEventListener("click", () => {
@@ -310,8 +370,8 @@
   $("copy-json").addEventListener("click", () => copy(
     JSON.stringify(Object.fromEntries(parts.map((part, n) => [part.key, shown[n]]))), "The state"));
   $("copy-link").addEventListener("click", () => copy(address(), "The link"));
-  for (const button of document.querySelectorAll("#looks button")) {
-    button.addEventListener("click", () => scene && scene.look(button.dataset.look));
+  for (const button of document.querySelectorAll("[data-part]")) {
+    button.addEventListener("click", () => card.open(button.dataset.part));
   }
   matchMedia("(prefers-color-scheme: light)").addEventListener("change", dress);
   addEventListener("hashchange", () => accept(location.hash));
@@ -319,13 +379,22 @@
     try {
       shown = read(location.hash);
     } catch (error) {
-      say(error.message, true);
+      say("said", error.message, true);
     }
   }
   dress();
   refresh();
   const view = asked.get("view") || PAGE.view;
   if (scene && ["mirror", "A", "B", "C"].includes(view)) scene.look(view, false);
-  // for other scripts: what is on the page, and a way to move it
-  globalThis.page = {scene, point, faces, accept, readings: () => Model.readings(state())};
+  return {
+    point, faces, card, accept, state, refresh, rebuild, turn, settle, say, theme, moveTo, components: parts,
+    get scene() { return scene; },
+    readings: () => Model.readings(state()),
+    measured: () => measured,
+    isPlaying: () => Boolean(playing),
+    listen(listener) {
+      listeners.push(listener);
+      refresh();
+    },
+  };
 })();

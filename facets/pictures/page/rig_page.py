@@ -32,7 +32,9 @@ WORDS = {
     "by": "beam, y",
 }
 #: The parts of the page within scripts, which must not contain a script's end tag.
-SCRIPTS = ("THREE", "MODEL", "DATA", "SCENE", "FACES", "PANEL")
+SCRIPTS = ("THREE", "PAPA", "MODEL", "DATA", "SCRIPTS")
+#: The page's own scripts, in the order in which they need each other.
+OWN_SCRIPTS = ("digits", "scene", "faces", "parts", "panel", "tables", "hands")
 #: Round ends of a slider, times a power of ten.
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
@@ -56,14 +58,14 @@ def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str
     parts = {
         "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),
         "NAME": html.escape(name),
+        "BASE": text_of("base.css"),
         "STYLE": text_of("page.css"),
-        "LICENCE": text_of("three/LICENSE"),
-        "THREE": text_of("three/three.min.js"),
+        "LICENCE": text_of("vendor/three-LICENSE") + text_of("vendor/papaparse-LICENSE"),
+        "THREE": text_of("vendor/three.min.js"),
+        "PAPA": text_of("vendor/papaparse.min.js"),
         "MODEL": model(sensor),
         "DATA": f"const RIG = {data(rig(sensor))};\nconst PAGE = {data(settings)};",
-        "SCENE": text_of("scene.js"),
-        "FACES": text_of("faces.js"),
-        "PANEL": text_of("panel.js"),
+        "SCRIPTS": "\n".join(text_of(f"{name}.js") for name in OWN_SCRIPTS),
     }
     text = text_of("page.html")
     for mark, part in parts.items():

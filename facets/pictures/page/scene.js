@@ -1,10 +1,15 @@
 // The rig as an object in space: mirror head, detectors, laser, base plate, and the light on them.
 //
-//   const scene = Rig.create(element, RIG, {theme: "dark", onView: (name) => ...});
+//   const scene = Rig.create(element, RIG, {theme: "dark", onPick, onDrag});
 //   scene.update(Model.drawing(state), readings);   // the drawing of light.js; nine readings or null
 //   scene.look("rig" | "mirror" | "A" | "B" | "C"); scene.theme("light"); scene.dispose();
+//   scene.orbit(left, up, closer);                  // the camera, by angles (rad) and a factor
+//   scene.draw(); scene.copy(pen, wide);            // what is seen, with its labels, on another canvas
 //
-// RIG: what rig_data.py writes; `element` gets a canvas and labels and may change its size.
+// RIG: what rig_data.py writes; `element` gets a canvas, labels and buttons of views, and may change
+// its size. onPick(name): of a part that was clicked. onDrag(vector, turning): the mirror was dragged
+// along a vector of the world, or is to turn about it, in halves of the picture's height; without
+// onDrag, or while `scene.mode` is "view", all drags turn the camera.
 // `create` returns null where there is no WebGL. Lengths in mm, z up, the world frame of the model.
 
 const Rig = (() => {
@@ -304,7 +309,8 @@ const Rig = (() => {
 
   class View {
     constructor(element, rig, renderer, options) {
-      Object.assign(this, {element, rig, renderer, options, look_: materials(), labels: []});
+      Object.assign(this, {ended: new AbortController(), element, rig, renderer, options, look_: materials(), labels: [], parts: []});
+      this.mode = options.onDrag ? "move" : "view";
       renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
       renderer.shadowMap.enabled = true;
       renderer.shadowMap.type = THREE.PCFShadowMap;
@@ -322,6 +328,8 @@ const Rig = (() => {
       this.controls.maxDistance = 6 * this.reach;
       this.controls.addEventListener("change", () => this.ask());
       this.controls.addEventListener("start", () => { this.own = true; });
+      this.hands();
+      this.views();
       this.theme(options.theme || "dark");
       this.watcher = new ResizeObserver(() => this.fit());
       this.watcher.observe(element);
@@ -333,13 +341,13 @@ const Rig = (() => {
       const {scene, rig, look_: look, floor, reach} = this;
       const wide = reach + 45;
       const plate = rod(wide, floor - 12, floor, look.plate, 96);
-      scene.add(plate, this.holes(wide));
+      scene.add(this.part("plate", plate), this.holes(wide));
       this.head = head(rig, look);
       this.head.matrixAutoUpdate = false;
-      scene.add(this.head);
+      scene.add(this.part("mirror", this.head));
       const table = this.head.foot - 6;
-      scene.add(rod(4.4 * rig.mirror.rim, table - 8, table, look.black));
-      scene.add(rod(5.2 * rig.mirror.rim, floor, table - 8, look.body, 6));
+      scene.add(this.part("stage", rod(4.4 * rig.mirror.rim, table - 8, table, look.black)));
+      scene.add(this.part("stage", rod(5.2 * rig.mirror.rim, floor, table - 8, look.body, 6)));
       rig.detectors.forEach((one, k) => this.place(one, detector(one, look.hues[k], look)));
       this.dimensions();
       this.laser();
@@ -390,7 +398,7 @@ const Rig = (() => {
       const post = rod(6.35, this.floor, top, this.look_.metal);
       const foot = rod(13, this.floor, this.floor + 6, this.look_.black);
       for (const part of [post, foot]) part.position.set(x, y, 0);
-      this.scene.add(body, post, foot);
+      this.scene.add(this.part(one.letter, body), this.part("post", post), this.part("post", foot));
       const out = along(one.centre, 6, one.axes[0]);
       this.label(one.letter, [out[0], out[1], z + one.half[1] + 22], "detector");
     }
@@ -425,9 +433,17 @@ const Rig = (() => {
       const arm = box(far, 14, 14, look.black, [x / 2, y / 2, LASER + 46]);
       arm.rotation.z = angle;
       const ring = rod(17, LASER + 39, LASER + 53, look.black);
-      this.scene.add(group, post, foot, arm, ring);
+      this.scene.add(this.part("laser", group), post, foot, arm, ring);
+      for (const part of [post, foot, arm, ring]) this.part("pillar", part);
       this.label("laser", [0, 0, LASER + 104], "part");
       this.label("mirror", [0, 0, 0], "part mirror");
+    }
+
+    // Makes a body one that can be clicked.
+    part(name, body) {
+      body.userData.part = name;
+      this.parts.push(body);
+      return body;
     }
 
     // From where the rig is seen at first: a little beside the first detector.
@@ -464,6 +480,120 @@ const Rig = (() => {
       element.textContent = text;
       this.element.append(element);
       this.labels.push({element, place, kind});
+    }
+
+    views() {
+      const row = this.looks = document.createElement("div");
+      row.className = "looks";
+      row.setAttribute("role", "group");
+      row.setAttribute("aria-label", "Views");
+      for (const name of ["rig", "mirror", "A", "B", "C"]) {
+        const button = document.createElement("button");
+        Object.assign(button, {type: "button", textContent: name[0].toUpperCase() + name.slice(1)});
+        button.dataset.look = name;
+        button.title = `Look at ${name.length > 1 ? `the ${name}` : `detector ${name}`}`;
+        button.addEventListener("click", () => this.look(name));
+        row.append(button);
+      }
+      this.element.append(row);
+    }
+
+    // What a pointer does: on the mirror it drags the mirror, elsewhere it turns the camera; a short
+    // press picks a part.
+    hands() {
+      const {element} = this, canvas = this.renderer.domElement;
+      const place = ({clientX, clientY}) => {
+        const box = canvas.getBoundingClientRect();
+        return [clientX - box.left, clientY - box.top];
+      };
+      this.listen("pointerdown", (event) => {
+        if (!event.isPrimary || event.button || event.target !== canvas) return;
+        const at = place(event);
+        this.press = {at, first: at, id: event.pointerId, time: performance.now(), held: this.grabs(at)};
+        if (!this.press.held) return;
+        event.stopPropagation();
+        element.setPointerCapture(event.pointerId);
+      });
+      this.listen("pointermove", (event) => {
+        if (!this.press) canvas.classList.toggle("grabs", event.target === canvas && this.grabs(place(event)));
+        if (!this.press || !this.press.held || event.pointerId !== this.press.id) return;
+        const at = place(event), turning = (this.mode === "turn") !== event.shiftKey;
+        this.drag(at[0] - this.press.at[0], this.press.at[1] - at[1], turning);
+        this.press.at = at;
+      });
+      this.listen("pointerup", (event) => {
+        const {press} = this, at = place(event);
+        this.press = null;
+        if (!press || performance.now() - press.time > 500) return;
+        if (Math.hypot(at[0] - press.first[0], at[1] - press.first[1]) < 5) this.pick(at);
+      });
+      this.listen("pointercancel", () => { this.press = null; });
+    }
+
+    listen(name, act) {
+      this.element.addEventListener(name, act, {capture: true, signal: this.ended.signal});
+    }
+
+    // Whether a drag from a place of the picture would take the mirror: as large as a fingertip at least.
+    grabs([x, y]) {
+      if (this.mode === "view" || !this.drawn) return false;
+      const {clientWidth: wide, clientHeight: high} = this.element, {rim} = this.rig.mirror;
+      const middle = V(this.drawn.apex).add(new THREE.Vector3(0, 0, -0.6 * rim));
+      const pixels = high / 2 / Math.tan(this.camera.fov * Math.PI / 360)
+        * rim / this.camera.position.distanceTo(middle);
+      const seen = middle.project(this.camera);
+      const off = Math.hypot((seen.x + 1) / 2 * wide - x, (1 - seen.y) / 2 * high - y);
+      return seen.z < 1 && off < Math.max(pixels, 24);
+    }
+
+    // A drag by pixels to the right and up, in the plane of the picture. A turn is about the axis
+    // across the drag, so that what faces the viewer goes the way of the pointer.
+    drag(x, y, turning) {
+      const half = this.element.clientHeight / 2, [a, b] = [x / half, y / half];
+      const right = new THREE.Vector3().setFromMatrixColumn(this.camera.matrixWorld, 0);
+      const up = new THREE.Vector3().setFromMatrixColumn(this.camera.matrixWorld, 1);
+      const vector = turning ? up.multiplyScalar(a).addScaledVector(right, -b)
+        : right.multiplyScalar(a).addScaledVector(up, b);
+      this.options.onDrag(vector.toArray(), turning);
+    }
+
+    pick([x, y]) {
+      const {clientWidth: wide, clientHeight: high} = this.element, ray = new THREE.Raycaster();
+      ray.setFromCamera(new THREE.Vector2(2 * x / wide - 1, 1 - 2 * y / high), this.camera);
+      let [body] = ray.intersectObjects(this.parts, true).map(({object}) => object);
+      while (body && !body.userData.part) body = body.parent;
+      if (body && this.options.onPick) this.options.onPick(body.userData.part);
+    }
+
+    orbit(left, up, closer = 1) {
+      const {position} = this.camera, {target, minDistance, maxDistance} = this.controls;
+      const [x, y, z] = position.clone().sub(target).toArray(), far = Math.hypot(x, y, z);
+      const azimuth = Math.atan2(y, x) - left, most = Math.PI / 2 - 0.01;
+      const height = Math.min(Math.max(Math.asin(z / far) + up, -most), most);
+      const distance = Math.min(Math.max(far / closer, minDistance), maxDistance);
+      position.set(Math.cos(height) * Math.cos(azimuth), Math.cos(height) * Math.sin(azimuth),
+        Math.sin(height)).multiplyScalar(distance).add(target);
+      this.own = true;
+      this.controls.update();
+      this.ask();
+    }
+
+    // The picture with its labels, on a pen whose pixels are so many times as wide.
+    copy(pen, wide) {
+      const {clientWidth, clientHeight} = this.element, scale = wide / clientWidth;
+      this.draw();
+      pen.drawImage(this.renderer.domElement, 0, 0, wide, clientHeight * scale);
+      pen.textAlign = "center";
+      pen.textBaseline = "middle";
+      for (const {element} of this.labels) {
+        const box = element.getBoundingClientRect(), base = this.element.getBoundingClientRect();
+        if (!box.width) continue;
+        const style = getComputedStyle(element);
+        pen.font = `${style.fontWeight} ${parseFloat(style.fontSize) * scale}px ${style.fontFamily}`;
+        pen.fillStyle = style.color;
+        pen.fillText(element.textContent, (box.left + box.width / 2 - base.left) * scale,
+          (box.top + box.height / 2 - base.top) * scale);
+      }
     }
 
     // drawing: of light.js.  readings: nine, mm and mW, or null; NaN where a value is lost.
@@ -545,7 +675,7 @@ const Rig = (() => {
         target = [apex[0], apex[1], apex[2] - 0.62 * rig.mirror.rim];
         from = along(target, rig.mirror.rim, [2.9, -4.1, 3.1]);
       } else if (name === "rig") {
-        const narrow = Math.max(1, 1.45 / this.camera.aspect);
+        const narrow = Math.max(1.08, 1.5 / this.camera.aspect);
         // the detector opposite and the laser's pillar stand to both sides of the beam
         const azimuth = this.front(), flat = 2.7 * Math.cos(azimuth), deep = 2.7 * Math.sin(azimuth);
         target = [0, 0, 0.07 * reach];
@@ -557,7 +687,9 @@ const Rig = (() => {
           1.5 * size, one.axes[2]);
       }
       Object.assign(this, {view: name, own: false});
-      if (this.options.onView) this.options.onView(name);
+      for (const button of this.looks.children) {
+        button.setAttribute("aria-pressed", button.dataset.look === name);
+      }
       const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
       const begin = [this.camera.position.clone(), this.controls.target.clone()];
       const goal = [V(from), V(target)], time = performance.now();
@@ -635,8 +767,10 @@ const Rig = (() => {
     dispose() {
       cancelAnimationFrame(this.asked);
       cancelAnimationFrame(this.flight);
+      this.ended.abort();
       this.watcher.disconnect();
       this.controls.dispose();
+      this.looks.remove();
       this.renderer.dispose();
       this.renderer.domElement.remove();
       this.labels.forEach(({element}) => element.remove());

@@ -16,7 +16,7 @@ def rig_scripts(sensor: Sensor) -> dict[str, str]:
     `faces.js`.
     """
     return {
-        "three.min.js": text_of("three/three.min.js"),
+        "three.min.js": text_of("vendor/three.min.js"),
         "model.js": model(sensor),
         "data.js": f"const RIG = {json.dumps(rig(sensor))};\n",
         "scene.js": text_of("scene.js"),
