@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import MISSING, dataclass
 
 import numpy as np
@@ -88,6 +89,16 @@ class AuxiliaryChannel:
         """The inverse of `values`, as a board sends them."""
         with np.errstate(over="ignore"):
             return ((values - self.offset) / self.scale).astype(np.float32)
+
+
+def describe_channels(channels: Iterable[AuxiliaryChannel]) -> dict[str, str]:
+    """Entries for the head of a table: the unit of each channel, and its delay if it has one."""
+    found = {}
+    for channel in channels:
+        found[f"unit of {channel.column}"] = channel.unit
+        if channel.delay:
+            found[f"delay of {channel.column}"] = f"{1e6 * channel.delay:.6g} us"
+    return found
 
 
 def column_ending(unit: str) -> str:

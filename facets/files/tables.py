@@ -396,12 +396,16 @@ def unit_of_column(name: str) -> str:
 
 
 def add_units(schema: Any, about: Mapping[str, str]) -> Any:
-    """Add each field's unit (key `unit`) and `about` to an Arrow schema."""
+    """Add each field's unit (key `unit`) and `about` to an Arrow schema.
+
+    An entry "unit of NAME" of `about` goes before the unit at the end of a column's name.
+    """
     import pyarrow as pa
 
     fields = [
-        field.with_metadata({"unit": unit}) if (unit := unit_of_column(field.name)) else field
+        field.with_metadata({"unit": unit}) if unit else field
         for field in schema
+        for unit in [about.get(f"unit of {field.name}", unit_of_column(field.name))]
     ]
     return pa.schema(fields, metadata=dict(about))
 

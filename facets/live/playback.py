@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.channels import describe_channels
 from ..core.errors import InputError
 from ..core.extras import require_extra
 from ..files import provenance, tables
@@ -20,10 +21,10 @@ from .recording.replay import label, recorded_config, replay
 from .run.pipeline import Pipeline, Poses, join_poses
 from .run.pulses import PulseClock, pulse_columns
 from .run.smoothing import require_model, smoothed_columns
-from .streams.filtered_rows import FILTER_COLUMNS, RowFilter
+from .streams.filtered_rows import RowFilter
 from .streams.mcap_file import McapFile
 from .streams.publication import Publications
-from .streams.sample_rows import rows_of
+from .streams.sample_rows import FILTER_COLUMNS, row_content, rows_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -144,13 +145,17 @@ class Playback:
         live run, in columns beside the raw ones. Raises `InputError` if there are no samples.
         """
         about = provenance.provenance_header(self.config)
+        about |= describe_channels(self.config.acquire.channels)
         if filter_by:
             yield self.write_with_filter(path, list(poses), filter_by, about)
         elif smooth:
             yield self.write_with_smoothing(path, list(poses), smooth, about)
         elif is_mcap(path):
             offset = utc_offset(self.folder) or 0.0
-            with tables.Whole(path) as temporary, McapFile(temporary, about, offset) as file:
+            with (
+                tables.Whole(path) as temporary,
+                McapFile(temporary, about, offset, row_content(self.config)) as file,
+            ):
                 for part in poses:
                     file.write(part)
         else:

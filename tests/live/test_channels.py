@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from dataclasses import replace
 from itertools import pairwise
@@ -18,6 +19,18 @@ from facets.live import Playback, Run
 from facets.live.recording.pose_table import recorded_poses
 from facets.live.run.pipeline import Pipeline, join_poses
 from facets.live.sources.frames import Samples, encode, parser
+from facets.live.streams.filtered_rows import RowFilter
+from facets.live.streams.json_rows import json_of
+from facets.live.streams.publication import Publications
+from facets.live.streams.row_stream import same_columns
+from facets.live.streams.sample_rows import (
+    SAMPLE,
+    description,
+    row_content,
+    rows_of,
+    sample_dtype,
+)
+from facets.live.streams.subscription import Subscription
 from facets.live.virtual import Bench, Faults
 
 BENCH = facets.load("bench")
@@ -61,6 +74,33 @@ def test_a_configuration_with_other_channels_ends_with_what_to_do(sent, named):
     pipeline = Pipeline(with_channels(*(FORCE, HEAT)[:named]))
     with pytest.raises(InputError, match=f"has {sent} auxiliary .* names {named}: .* replay"):
         pipeline.feed(data, 1.0)
+
+
+def test_published_rows_and_texts_have_the_channels_with_their_units():
+    samples, _ = channel_stream(100)
+    config = with_channels(FORCE, HEAT)
+    poses = Pipeline(config).feed(encode("frames", samples), 1.0)
+    rows, about = rows_of(poses, 5.0), description(row_content(config))
+    assert rows.dtype == sample_dtype(about)
+    assert about["units"]["force_n"] == "N"
+    assert about["units"]["temperature_c"] == "degC"
+    assert [one["delay_us"] for one in about["channels"]] == [0.0, pytest.approx(250.0)]
+    for column in ("force_n", "temperature_c"):
+        np.testing.assert_array_equal(rows[column], poses.channels[column])
+    np.testing.assert_array_equal(rows["residual"], poses.solution.residual)
+    for some in (rows, RowFilter(config, "speed").widen(rows)):
+        texts = [json.loads(text) for text in json_of(some)]
+        assert texts[0]["channels"]["force_n"] == pytest.approx(rows["force_n"][0], rel=1e-8)
+        assert "force_n" not in texts[4]["channels"]  # it has no value
+        assert texts[4]["pose"].keys() == texts[0]["pose"].keys()
+    with (
+        Publications(["zmq://127.0.0.1:0"], config, True, utc_offset=5.0) as publications,
+        Subscription(publications.places()[0]) as subscription,
+    ):
+        publications.add_poses(poses)
+        came = next(iter(subscription))
+    assert came.tobytes() == rows[: len(came)].tobytes()
+    assert same_columns(rows).dtype == SAMPLE
 
 
 def test_frames_of_another_kind_in_the_middle_end_nothing():
@@ -109,6 +149,20 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     assert is_same, sentences
     columns = pq.read_table(table)
     np.testing.assert_array_equal(columns["force_n"].to_numpy(), live["force_n"])
+    assert columns.schema.field("force_n").metadata == {b"unit": b"N"}
+    assert columns.schema.metadata[b"delay of temperature_c"] == b"250 us"
+    assert_in_mcap(playback, tmp_path / "poses.mcap", live["force_n"])
+
+
+def assert_in_mcap(playback, path, force):
+    reader = pytest.importorskip("mcap.reader")
+    list(playback.write(path, playback.poses(), None, None))
+    with path.open("rb") as file:
+        found = list(reader.make_reader(file).iter_messages(topics=["/facets/sample"]))
+    schema = json.loads(found[0][0].data)
+    assert schema["properties"]["channels"]["properties"]["force_n"]["description"] == "N"
+    values = [json.loads(message.data)["channels"]["force_n"] for _, _, message in found]
+    np.testing.assert_allclose(values, force, rtol=1e-8)
 
 
 def test_a_signal_without_a_channel_is_refused(tmp_path):

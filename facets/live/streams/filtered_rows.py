@@ -10,14 +10,10 @@ from numpy.typing import NDArray
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ...detectors.noise import least_light
 from ..run.filtering import PoseFilter
-from .sample_rows import SAMPLE
+from .sample_rows import FILTER_COLUMNS, FILTERED, SAMPLE
 
 if TYPE_CHECKING:
     from ...core.settings import Config
-
-FILTERED = tuple(f"filtered_{name}" for name in STATE_COLUMNS[:6])
-#: The filtered pose and its standard uncertainties.
-FILTER_COLUMNS = (*FILTERED, *(f"u_{name}" for name in FILTERED))
 
 
 def widen_dtype(dtype: np.dtype[np.void]) -> np.dtype[np.void]:

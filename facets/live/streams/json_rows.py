@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from ...estimation.table import UNCERTAINTY_PARTS
+from .sample_rows import FILTER_COLUMNS, NUMBERS, PARTS
 from .sample_rows import HEAD as HEAD_COLUMNS
 
 Rows = NDArray[np.void]
@@ -36,6 +37,8 @@ def json_template(groups: dict[str, tuple[str, ...]]) -> str:
     return ",".join(parts)
 
 
+#: Columns that are no auxiliary channels.
+KNOWN = {*NUMBERS, *PARTS, *FILTER_COLUMNS}
 HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
 
 
@@ -43,10 +46,15 @@ HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
 def template_of(names: tuple[str, ...]) -> str:
     """The text of a sample with these columns."""
     parts = [HEAD, json_template(GROUPS), '"residual":%.9g']
+    channels = tuple(name for name in names if name not in KNOWN)
     parts += [
         json_template(groups)
-        for groups, first in ((PART_GROUPS, "u_noise_tx_mm"), (FILTER_GROUPS, "filtered_tx_mm"))
-        if first in names
+        for groups, is_there in (
+            (PART_GROUPS, "u_noise_tx_mm" in names),
+            ({"channels": channels}, bool(channels)),
+            (FILTER_GROUPS, FILTER_COLUMNS[0] in names),
+        )
+        if is_there
     ]
     return "{" + ",".join(parts) + "}"
 

@@ -8,6 +8,7 @@ for views in three dimensions, in metres.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,15 +29,18 @@ NANO = 1_000_000_000
 class McapFile(ClosedAtExit):
     """Appends poses; closed at the end of a `with` statement. Raises `InputError` without mcap."""
 
-    def __init__(self, path: Path, about: dict[str, str], utc_offset: float) -> None:
-        """about: how it was made.  utc_offset: of the wall clock over the monotonic one, s."""
+    def __init__(
+        self, path: Path, about: dict[str, str], utc_offset: float, content: dict[str, Any]
+    ) -> None:
+        """about: how it was made.  utc_offset: of the wall clock over the monotonic one, s.
+        content: of a row, by `row_content`."""
         writer = require_extra("mcap.writer", str(path))
         self.offset = utc_offset
         self.file = path.open("wb")
         self.writer: Any = writer.Writer(self.file)
         self.writer.start(library="facets")
         self.writer.add_metadata("facets", about)
-        self.sample = self.channel("/facets/sample", "facets.Sample", sample_schema())
+        self.sample = self.channel("/facets/sample", "facets.Sample", sample_schema(content))
         self.pose = self.channel("/facets/pose", "foxglove.PoseInFrame", pose_schema())
 
     def channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
@@ -84,14 +88,14 @@ def pose_messages(poses: Poses, times: list[int]) -> list[dict[str, Any]]:
     ]
 
 
-def numbers(names: tuple[str, ...]) -> dict[str, Any]:
-    return {
-        "type": "object",
-        "properties": {name: {"type": "number", "description": unit_of(name)} for name in names},
-    }
+def numbers(names: tuple[str, ...], channels: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+    described = {name: {"type": "number", "description": unit_of(name, channels)} for name in names}
+    return {"type": "object", "properties": described}
 
 
-def sample_schema() -> dict[str, Any]:
+def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
+    channels = content["channels"]
+    columns = tuple(channel["column"] for channel in channels)
     return {
         "title": "facets.Sample",
         "type": "object",
@@ -105,6 +109,7 @@ def sample_schema() -> dict[str, Any]:
             "u": numbers(tuple(f"u_{name}" for name in STATE_COLUMNS)),
             **{group: numbers(names) for group, names in PART_GROUPS.items()},
             "residual": {"type": "number", "description": "sigma"},
+            **({"channels": numbers(columns, channels)} if channels else {}),
         },
     }
 

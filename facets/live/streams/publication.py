@@ -29,7 +29,7 @@ from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
 from .addresses import check_address
 from .lots import LENGTH
-from .sample_rows import description, rows_of, sample_dtype
+from .sample_rows import description, row_content, rows_of, sample_dtype
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -246,7 +246,7 @@ class Publications(ClosedAtExit, Sink):
             "config_sha256": config.sha256,
             "facets": __version__,
             "statuses": {str(number): words for number, words in LABELS.items()},
-            "uncertainty_parts": config.sensor.calibration is not None,
+            **row_content(config),
         }
         pickled = b""
         if filter_by is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ...estimation.table import UNCERTAINTY_PARTS
 
 if TYPE_CHECKING:
+    from ...core.settings import Config
     from ..run.pipeline import Poses
 
 HEAD = [
@@ -33,15 +36,45 @@ SAMPLE = np.dtype([*HEAD, *((name, "<f8") for name in NUMBERS)])
 PARTS = tuple(f"u_{part}_{name}" for part in UNCERTAINTY_PARTS for name in STATE_COLUMNS)
 #: A row of a calibrated sensor: 370 bytes.
 CALIBRATED_SAMPLE = np.dtype([*SAMPLE.descr, *((name, "<f8") for name in PARTS)])
+FILTERED = tuple(f"filtered_{name}" for name in STATE_COLUMNS[:6])
+#: The filtered pose and its standard uncertainties.
+FILTER_COLUMNS = (*FILTERED, *(f"u_{name}" for name in FILTERED))
+
+
+def row_content(config: Config) -> dict[str, Any]:
+    """What rows hold beside the columns of SAMPLE, as a publication says it: whether the parts of
+    the uncertainties, and which auxiliary channels."""
+    return {
+        "uncertainty_parts": config.sensor.calibration is not None,
+        "channels": [
+            {"column": one.column, "name": one.name, "unit": one.unit, "delay_us": 1e6 * one.delay}
+            for one in config.acquire.channels
+        ],
+    }
 
 
 def sample_dtype(about: dict[str, Any]) -> np.dtype[np.void]:
     """Of the rows of a publication, by what it says of them."""
-    return CALIBRATED_SAMPLE if about.get("uncertainty_parts") else SAMPLE
+    channels = tuple(channel["column"] for channel in about.get("channels", ()))
+    return row_dtype(bool(about.get("uncertainty_parts")), channels)
 
 
-def unit_of(name: str) -> str:
-    """The unit that a column's name ends with, as people write it; empty where it has none."""
+@cache
+def row_dtype(parts: bool, channels: tuple[str, ...]) -> np.dtype[np.void]:
+    """Of rows with these auxiliary channels after the other columns."""
+    base = CALIBRATED_SAMPLE if parts else SAMPLE
+    return np.dtype([*base.descr, *((name, "<f8") for name in channels)]) if channels else base
+
+
+def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
+    """The unit of a column as people write it; empty where it has none.
+
+    channels: the auxiliary channels, as `row_content` has them; the unit of any other column is at
+    the end of its name.
+    """
+    for channel in channels:
+        if channel["column"] == name:
+            return "" if channel["unit"] == "1" else str(channel["unit"])
     end = name.rpartition("_")[2]
     known = {
         "mm": "mm",
@@ -56,13 +89,14 @@ def unit_of(name: str) -> str:
 
 
 def rows_of(poses: Poses, utc_offset: float) -> NDArray[np.void]:
-    """Rows of SAMPLE, or of CALIBRATED_SAMPLE where the poses' uncertainties have parts.
+    """Rows of SAMPLE, or of CALIBRATED_SAMPLE where the poses' uncertainties have parts, with the
+    auxiliary channels.
 
     utc_offset: of the wall clock over the host's monotonic one, s.
     """
     solution = poses.solution
     parts = solution.calibration_covariance is not None
-    dtype = CALIBRATED_SAMPLE if parts else SAMPLE
+    dtype = row_dtype(parts, tuple(poses.channels))
     count = len(dtype.names or ()) - len(HEAD)
     rows = np.empty(len(poses), [*HEAD, ("numbers", "<f8", count)])
     rows["seq"], rows["board_us"], rows["host_s"] = poses.seq, poses.time, poses.host
@@ -76,17 +110,20 @@ def rows_of(poses: Poses, utc_offset: float) -> NDArray[np.void]:
     if parts:
         numbers[:, 26:34] = solution.noise_uncertainty / units
         numbers[:, 34:42] = solution.calibration_uncertainty / units
+    for n, values in enumerate(poses.channels.values(), start=count - len(poses.channels)):
+        numbers[:, n] = values
     return rows.view(dtype)
 
 
 def description(about: dict[str, Any]) -> dict[str, Any]:
     """What a receiver must know to read rows, as JSON takes it. about: what else is to be said."""
-    return {**about, **columns_of(sample_dtype(about))}
+    return {**about, **columns_of(sample_dtype(about), about)}
 
 
-def columns_of(dtype: np.dtype[np.void]) -> dict[str, Any]:
+def columns_of(dtype: np.dtype[np.void], about: dict[str, Any]) -> dict[str, Any]:
     """The columns of rows and their units, as JSON takes them."""
+    units = {name: unit_of(name, about.get("channels", ())) for name in dtype.names or ()}
     return {
         "dtype": [list(pair) for pair in dtype.descr],
-        "units": {name: unit_of(name) for name in dtype.names or () if unit_of(name)},
+        "units": {name: unit for name, unit in units.items() if unit},
     }

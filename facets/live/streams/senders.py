@@ -112,6 +112,8 @@ class Lsl:
         pylsl = require_extra("pylsl", f"lsl:{name}")
         names = tuple(name for name, _ in about.get("dtype", ())) or SAMPLE.names or ()
         self.channels = ("status", "flags", *names[len(HEAD_COLUMNS) :])
+        auxiliary = about.get("channels", ())
+        own = {channel["column"] for channel in auxiliary}
         source = f"facets-{about.get('config_sha256', '')[:16]}"
         info = pylsl.StreamInfo(
             name or "facets", "Pose", len(self.channels), pylsl.IRREGULAR_RATE, "double64", source
@@ -120,8 +122,10 @@ class Lsl:
         for label in self.channels:
             channel = channels.append_child("channel")
             channel.append_child_value("label", label)
-            channel.append_child_value("unit", unit_of(label))
-            channel.append_child_value("type", "Pose" if "_" in label else "Status")
+            channel.append_child_value("unit", unit_of(label, auxiliary))
+            known = ("status", "flags", "residual")
+            kind = "Status" if label in known else "Auxiliary" if label in own else "Pose"
+            channel.append_child_value("type", kind)
         for key in ("config", "config_sha256", "facets"):
             info.desc().append_child_value(key, str(about.get(key, "")))
         self.outlet = pylsl.StreamOutlet(info, chunk_size=100, max_buffered=60)
@@ -242,7 +246,7 @@ def filter_of(about: dict[str, Any], pickled: bytes) -> RowFilter:
     for name in NUMBERS:
         nobody[name] = 0.1
     RowFilter(config, told["model"]).widen(nobody)
-    about |= columns_of(widen_dtype(sample_dtype(about)))
+    about |= columns_of(widen_dtype(sample_dtype(about)), about)
     return rows
 
 

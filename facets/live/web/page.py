@@ -16,6 +16,7 @@ from ...detectors.noise import least_light
 from ...model.arrays import half_sizes
 from ..run.pipeline import LABELS
 from ..streams.publication import MAX_WAITING_BYTES, Publication
+from ..streams.sample_rows import row_content
 from .guard import is_local, parse_address, place
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ def description_of(config: Config) -> dict[str, Any]:
         "config": config.name,
         "config_sha256": config.sha256,
         "statuses": {str(number): words for number, words in LABELS.items()},
-        "uncertainty_parts": sensor.calibration is not None,
+        **row_content(config),
         "components": [
             {
                 "name": name,
