@@ -72,6 +72,13 @@ def write_results(
     typer.echo(", ".join(str(file) if file == path else file.name for file in paths))
 
 
+def round_freedom(sensor: Sensor) -> float | None:
+    """The degrees of freedom of a calibration, to three digits after the point."""
+    assert sensor.calibration is not None
+    known = sensor.calibration.degrees_of_freedom
+    return None if known is None else round(known, 3)
+
+
 def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
     assert sensor.calibration is not None
     files.tables.write_table(path, configuration.covariance.columns(sensor.calibration), about)
@@ -98,6 +105,7 @@ def as_yaml(
     keys["calibration"] = {
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
+        "degrees_of_freedom": round_freedom(found.sensor),
     }
     for letter, table in bent.items():
         keys["psd"][letter]["correction"] |= {

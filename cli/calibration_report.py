@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from facets import calibration, files, pictures
+from facets import calibration, estimation, files, pictures
 from facets.core.names import POSE
 from facets.core.units import MICRO, unit_of, write_micro
 from facets.core.version import __version__
@@ -165,7 +165,7 @@ def reference_rows(uncertainties: tuple[float, ...]) -> list[list[str]]:
 
 def expand(standard: Floats, freedom: Floats) -> tuple[Floats, list[str], list[str]]:
     """Expanded uncertainties, and their coverage factors and degrees of freedom in words."""
-    factor = calibration.budget.coverage_factor(freedom)
+    factor = estimation.coverage.coverage_factor(calibration.budget.COVERAGE, freedom)
     counts = [f"{value:.0f}" if value < 1e4 else "∞" for value in freedom.ravel().tolist()]
     return factor * standard, [f"{value:.2f}" for value in factor.ravel().tolist()], counts
 

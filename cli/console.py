@@ -11,8 +11,9 @@ import codecs
 import io
 import shutil
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import typer
@@ -65,6 +66,16 @@ def load_config(name: str) -> Config:
 def name_files(folder: Path, paths: Sequence[Path]) -> None:
     """Print the last line of a command: the files that it wrote."""
     typer.echo(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")
+
+
+def report_coverage(about: Mapping[str, str]) -> None:
+    """Print what expanded uncertainties state.  about: of `coverage.describe_coverage`."""
+    probability = 100 * float(about["coverage_probability"])
+    text = (
+        f"Expanded uncertainties: coverage probability {probability:g} %; degrees of freedom of "
+        f"the calibration: {about['calibration_degrees_of_freedom']}."
+    )
+    typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
 
 
 def leave_out_picture(path: Path, why: str) -> None:

@@ -148,6 +148,15 @@ ConfigOption = Annotated[
 RecordingName = Annotated[
     Path, typer.Argument(metavar="RECORDING", help="Folder written by `facets acquire`.")
 ]
+Coverage = Annotated[
+    float | None,
+    typer.Option(
+        "--coverage",
+        metavar="PROBABILITY",
+        help="Also state expanded uncertainties, which hold with this coverage probability, such "
+        "as 0.95, and their coverage factors k.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing results.")]
 Plot = Annotated[PlotKind, typer.Option("--plot", help="Format of the picture.")]
 Style = Annotated[

@@ -17,7 +17,7 @@ from facets import config as configuration
 from facets.core.errors import InputError
 from facets.core.names import DETECTORS, POSE
 
-from .calibration_files import write_covariance
+from .calibration_files import round_freedom, write_covariance
 from .calibration_text import wrap
 from .console import FINDING, load_config
 from .noise import solve_recording
@@ -229,6 +229,7 @@ def new_keys(settings: Config, zero: NewZero, covariance: Path) -> dict[str, Any
     new["calibration"] = {
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
+        "degrees_of_freedom": round_freedom(zero.sensor),
     }
     return {
         "sensor": changed_keys(old, new),

@@ -16,8 +16,8 @@ import typer
 from facets import estimation, files
 from facets.core.errors import InputError
 
-from .console import FINDING, load_config
-from .options import ConfigName, Force, describe_default, output_option
+from .console import FINDING, load_config, report_coverage
+from .options import ConfigName, Coverage, Force, describe_default, output_option
 
 if TYPE_CHECKING:
     from facets.config import Config, Solve
@@ -110,13 +110,15 @@ def solve(
     method: MethodName = None,
     start: StartPose = None,
     accept_unchecked: AcceptUnchecked = False,
+    coverage: Coverage = None,
 ) -> None:
     """Solve a table of readings for poses.
 
     Writes one row for each row of READINGS: the pose with its standard uncertainties (mm, mrad; um,
     urad) and a status. A row that cannot be solved gets a status and no pose. If READINGS has the
-    columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. Exit
-    status 1 if no row could be solved, or if most of them do not fit.
+    columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior.
+    --coverage adds expanded uncertainties. Exit status 1 if no row could be solved, or if most of
+    them do not fit.
     """
     settings = load_config(config)
     given = {"beam": beam, "power": power, "method": method, "start": start}
@@ -124,6 +126,9 @@ def solve(
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
     if accept_unchecked:
         options = replace(options, accept_unchecked=True)
+    about = files.provenance.provenance_header(settings)
+    if coverage is not None:
+        about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
     files.tables.ending(output)
     if output.exists() and readings.exists() and output.samefile(readings):
         raise InputError(f"{output}: is the table of readings itself")
@@ -135,10 +140,13 @@ def solve(
             options,
             readings,
             output,
-            files.provenance.provenance_header(settings),
+            about,
             advance,
+            coverage=coverage,
         )
     report(count, output, settings, options)
+    if coverage is not None:
+        report_coverage(about)
     if not count.solved_count or misfit(count):
         raise typer.Exit(FINDING)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
+from ..estimation.coverage import effective_degrees_of_freedom
 from ..estimation.differences import propagate_in_light
 from ..estimation.plan import make_plan
 from .bundle_adjustment import OWN_COUNT, OWN_UNITS, own_information, states_of
@@ -57,9 +58,7 @@ class Budget(NamedTuple):
         """Effective degrees of freedom of sums of variances by source (Welch and Satterthwaite)."""
         whole = np.asarray(sum(variances.values()))
         estimated = np.asarray(sum(variances[name] for name in self.estimated))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(whole > 0, estimated / whole, 0.0)
-            return np.asarray(self.freedom / np.square(share), dtype=float)
+        return effective_degrees_of_freedom(whole, estimated, self.freedom)
 
 
 @one_thread
@@ -134,11 +133,3 @@ def pose_covariances(
 def fitted_states(data: Data, found: Fit) -> Floats:
     """The states (n, 8) of the samples of a fit."""
     return states_of(data, found.open, found.every)
-
-
-def coverage_factor(freedom: Floats) -> Floats:
-    """The factor from a standard uncertainty to the expanded one of `COVERAGE` (Student's t)."""
-    from scipy.special import stdtrit
-
-    factor: Floats = stdtrit(np.minimum(freedom, 1e9), (1 + COVERAGE) / 2)
-    return factor

@@ -297,7 +297,7 @@ class Task:
         redundancy = redundancies(found, weights, normal, covariance)
         chi_square, freedom = self.misfit(at, limit, redundancy)
         try:
-            sensor = calibrated_sensor(self, at, normal, covariance)
+            sensor = calibrated_sensor(self, at, normal, covariance, freedom)
         except InputError as error:  # the mirror's turn, put into its facets, may leave no pyramid
             sensor, cause = self.nominal, f"what it found makes no sensor ({error})"
         return Fit(
@@ -421,8 +421,11 @@ def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Flo
 # ---- from the fit to the sensor that is written
 
 
-def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Sensor:
-    """The calibrated sensor with the covariance of its parameters.
+def calibrated_sensor(
+    task: Task, at: Guess, normal: Normal, covariance: Floats, freedom: float
+) -> Sensor:
+    """The calibrated sensor with the covariance of its parameters, and the degrees of freedom of
+    the residuals: those of the covariance that was known before, if these are fewer or unknown.
 
     The power is the mean over the samples if each had its own; the facets include the mirror's
     rotation on the reference; the mirror's place and the drifts are left out.
@@ -433,6 +436,7 @@ def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats)
         values[PLACE["beam.power"]] *= 1 + float(at.opening[:, 6].mean())
         names.append("beam.power")
     known = sensor_covariance(names, values, covariance)
+    known = replace(known, degrees_of_freedom=joint_freedom(task, freedom))
     sensor = assign_values(task.nominal, fold_mount(values))
     return replace(sensor, calibration=known, thermal=thermal_of(values, task.data.temperature))
 
@@ -443,6 +447,15 @@ def sensor_covariance(names: list[str], values: Floats, covariance: Floats) -> C
     kept = [n for n, name in enumerate(names) if name in OF_SENSOR or name in TEMPERATURE]
     part = covariance[np.ix_(kept, kept)]
     return Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
+
+
+def joint_freedom(task: Task, freedom: float) -> float | None:
+    """The degrees of freedom of a covariance by residuals, and by what was known before."""
+    before = task.choice.joint
+    if before is None:
+        return max(freedom, 1.0)
+    known = before.degrees_of_freedom
+    return None if known is None else max(min(freedom, known), 1.0)
 
 
 def thermal_of(values: Floats, temperature: float | None) -> Thermal:

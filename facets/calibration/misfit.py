@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..core.names import ANGLES, DETECTORS, POSE
-from ..core.sensor import Calibration, Sensor
+from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..model.arrays import EFFECTS
@@ -473,4 +473,5 @@ def add_unseen_errors(
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))
     names = (*known.names, *missed)
-    return replace(sensor, calibration=Calibration(names, tuple(map(tuple, matrix.tolist()))))
+    joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
+    return replace(sensor, calibration=joint)

@@ -471,4 +471,5 @@ def add_covariance(sensor: Sensor, known: Calibration, covariance: Floats, cross
     sums[[names.index(name) for name in CHANGES], range(size, size + count)] = 1.0
     matrix = sums @ joint @ sums.T
     matrix = (matrix + matrix.T) / 2
-    return replace(sensor, calibration=Calibration(names, tuple(map(tuple, matrix.tolist()))))
+    now = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
+    return replace(sensor, calibration=now)

@@ -3,6 +3,7 @@ results."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import ANGLES, DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ..core.sensor import MONOMIALS, Calibration, Sensor
+from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import TEMPERATURE
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
@@ -302,7 +303,9 @@ def choose_groups(sensor: Sensor, settings: Calibrate, groups: Sequence[str]) ->
         matrix[names.index(name), names.index(name)] += before[name] ** 2
     sigma = dict(zip(names, np.sqrt(np.diag(matrix)).tolist(), strict=True))
     sigma |= {name: before[name] for name in before if name in MOUNTING}
-    joint = Calibration(tuple(names), tuple(map(tuple, matrix.tolist())))
+    joint = replace(
+        sensor.calibration, names=tuple(names), covariance=tuple(map(tuple, matrix.tolist()))
+    )
     return Choice(tuple(sigma), np.array(list(sigma.values())), plain.power, joint=joint)
 
 

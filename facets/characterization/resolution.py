@@ -25,9 +25,13 @@ from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
 from ..estimation.compiling import compile_for
+from ..estimation.coverage import coverage_factor, effective_degrees_of_freedom
 from ..estimation.uncertainty_parts import parameter_derivatives
 from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, states_of
+
+#: The source of an uncertainty that a calibration leaves; the last one.
+CALIBRATION = "calibration"
 
 
 class Estimator(NamedTuple):
@@ -72,7 +76,7 @@ def estimators(beam_sigma: float) -> list[Estimator]:
 def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[str, ...]:
     """Sources of the uncertainty: the columns of a budget."""
     known = () if how is None or not isinstance(how.power, Prior) else ("beam power",)
-    calibration = ("calibration",) if sensor.calibration else ()
+    calibration = (CALIBRATION,) if sensor.calibration else ()
     return (*noise_sources(sensor), "beam position", *known, *calibration)
 
 
@@ -227,6 +231,8 @@ class Resolution:
     """One estimator's standard uncertainties, mm and rad: (6,) at rest and their maxima.
 
     worst_state: (6, 8) states of each axis's maximum.  budget: (6, s) variances at rest, by source.
+    worst_budget: (6, s) each axis's own at its maximum.  degrees_of_freedom: of the calibration,
+    NaN where unknown.
     """
 
     how: Estimator
@@ -235,6 +241,19 @@ class Resolution:
     worst: Floats
     worst_state: Floats
     budget: Floats
+    worst_budget: Floats
+    degrees_of_freedom: float
+
+    def coverage(self, probability: float) -> tuple[tuple[Floats, Floats], ...]:
+        """Effective degrees of freedom and coverage factors (6,) at rest, and at each maximum."""
+        found = []
+        for budget in (self.budget, self.worst_budget):
+            part = budget[:, -1] if self.sources[-1] == CALIBRATION else np.zeros(len(budget))
+            freedom = effective_degrees_of_freedom(
+                budget.sum(axis=1), part, self.degrees_of_freedom
+            )
+            found.append((freedom, coverage_factor(probability, freedom)))
+        return tuple(found)
 
     @property
     def shares(self) -> Floats:
@@ -247,8 +266,10 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
     """Compute the resolutions of estimators over the range of each axis."""
     compile_for(sensor, "readings", "footprints", "derivatives")
     states = sweep_states(sensor, rules)
-    rest = np.zeros((1, 8))
-    found = []
+    rest, known, found = np.zeros((1, 8)), sensor.calibration, []
+    freedom = (
+        np.nan if known is None or known.degrees_of_freedom is None else (known.degrees_of_freedom)
+    )
     for how in hows:
         sigma = uncertainties(sensor, states, how)
         if np.isnan(sigma).all(axis=0).any():
@@ -257,5 +278,11 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
         budget = budgets(sensor, rest, how)[0]
         nominal = np.sqrt(budget.sum(axis=1))
         largest = sigma[worst, np.arange(6)]
-        found.append(Resolution(how, sources(sensor, how), nominal, largest, states[worst], budget))
+        there = states[worst]
+        of_worst = budgets(sensor, there, how)[np.arange(6), np.arange(6)]
+        found.append(
+            Resolution(
+                how, sources(sensor, how), nominal, largest, there, budget, of_worst, freedom
+            )
+        )
     return found

@@ -34,10 +34,20 @@ def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
     return {key: np.array(column) for key, column in rows.items()}
 
 
-def resolution_columns(found: Sequence[Resolution]) -> dict[str, Any]:
-    """Resolutions, one row for each estimator and axis; um and urad."""
+def resolution_columns(
+    found: Sequence[Resolution], coverage: float | None = None
+) -> dict[str, Any]:
+    """Resolutions, one row for each estimator and axis; um and urad.  coverage: probability of
+    expanded uncertainties, with their coverage factors, or None for none."""
     rows = [resolution_row(row, i) for row in found for i in range(len(POSE))]
-    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    if coverage is not None:
+        places = zip(*(row.coverage(coverage) for row in found), strict=True)
+        for place, numbers in zip(("at_rest", "worst"), places, strict=True):
+            freedom, factor = (np.concatenate(part) for part in zip(*numbers, strict=True))
+            columns[f"expanded_{place}"] = factor * columns[f"u_{place}"]
+            columns |= {f"k_{place}": factor, f"degrees_of_freedom_{place}": freedom}
+    return columns
 
 
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:

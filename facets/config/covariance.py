@@ -10,14 +10,14 @@ from ..detectors.calibrated import KNOWN
 from ..files.tables import read_numbers
 
 
-def read(path: Path) -> Calibration:
+def read(path: Path, degrees_of_freedom: float | None = None) -> Calibration:
     """Read a covariance; raise `InputError` if the file holds no square table of numbers."""
     names, rows = read_numbers(path)
     unknown = [name for name in names if name not in KNOWN]
     if unknown:
         raise InputError(f"{path}: unknown parameter of the sensor: {', '.join(unknown)}")
     try:
-        return Calibration(tuple(names), tuple(map(tuple, rows.tolist())))
+        return Calibration(tuple(names), tuple(map(tuple, rows.tolist())), degrees_of_freedom)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -122,9 +122,11 @@ APERTURES = replace(
 )
 
 
-def _read_calibration(file: str | None, sha256: str | None) -> Calibration | None:
+def _read_calibration(
+    file: str | None, sha256: str | None, degrees_of_freedom: float | None
+) -> Calibration | None:
     del sha256  # The search for the file verifies the checksum.
-    return None if file is None else covariance.read(Path(file))
+    return None if file is None else covariance.read(Path(file), degrees_of_freedom)
 
 
 CALIBRATION = block_of_keys(
@@ -133,6 +135,14 @@ CALIBRATION = block_of_keys(
     [
         Key("file", None, "CSV file of the covariance, path from this file", hint=str),
         _sum_of_file("sha256"),
+        Key(
+            "degrees_of_freedom",
+            None,
+            "degrees of freedom of the calibration's residuals, from which coverage factors "
+            "follow; null: unknown",
+            hint=float,
+            bounds={"gt": 0, "le": 1e9},
+        ),
     ],
     _read_calibration,
 )

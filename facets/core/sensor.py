@@ -846,16 +846,20 @@ class Calibration:
     """The covariance of the sensor's parameters after a calibration.
 
     names: of parameters (`facets.PARAMETERS`) and of corrections (`correction.NAMES`). covariance:
-    (n, n) as nested tuples, in mm, rad, mW and shares.
+    (n, n) as nested tuples, in mm, rad, mW and shares.  degrees_of_freedom: of the residuals from
+    which the size of the covariance is known; None: unknown.
     """
 
     names: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
+    degrees_of_freedom: float | None = None
 
     def __post_init__(self) -> None:
         size = len(self.names)
         square = len(self.covariance) == size and all(len(row) == size for row in self.covariance)
         _require(square, "size of the covariance", len(self.covariance), f"{size} x {size}")
+        freedom = self.degrees_of_freedom
+        _require(freedom is None or freedom > 0, "degrees of freedom", freedom, "above 0, or None")
 
 
 def _equal_thirds(kind: type[Any]) -> tuple[Any, ...]:

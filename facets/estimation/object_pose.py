@@ -41,6 +41,8 @@ class ObjectPose(UncertainResult):
         (..., 6, 6) its parts, as in `facets.Solution`.
     is_displacement
         Whether `pose` is a displacement from a zero.
+    calibration_degrees_of_freedom
+        (...) as in `facets.Solution`.
     """
 
     pose: Floats
@@ -49,6 +51,7 @@ class ObjectPose(UncertainResult):
     noise_covariance: Floats | None
     calibration_covariance: Floats | None
     is_displacement: bool
+    calibration_degrees_of_freedom: Floats | None = None
 
 
 @check_arguments
@@ -130,7 +133,10 @@ def transform(
             *(None if p is None else carry(slopes, p[POSE_BLOCK]) for p in parts)
         )
     whole, noise, calibration = (None if p is None else p.reshape(*shape, 6, 6) for p in parts)
-    return ObjectPose(pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None)
+    known = getattr(solution, "calibration_degrees_of_freedom", None)
+    return ObjectPose(
+        pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None, known
+    )
 
 
 def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, CovarianceParts]:

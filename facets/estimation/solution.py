@@ -14,6 +14,7 @@ from ..core.errors import InputError
 from ..core.units import Floats
 from . import problem
 from .chance import Chance
+from .coverage import coverage_factor, effective_degrees_of_freedom
 from .uncertainty_parts import UncertaintyParts
 
 
@@ -43,13 +44,14 @@ class Status(IntEnum):
 class UncertainResult:
     """Standard uncertainties of a result with a covariance, and their parts.
 
-    A subclass has the attributes `covariance`, `noise_covariance` and `calibration_covariance`, as
-    `Solution` describes them.
+    A subclass has the attributes `covariance`, `noise_covariance`, `calibration_covariance` and
+    `calibration_degrees_of_freedom`, as `Solution` describes them.
     """
 
     covariance: Floats | None
     noise_covariance: Floats | None
     calibration_covariance: Floats | None
+    calibration_degrees_of_freedom: Floats | None
 
     @property
     def uncertainty(self) -> Floats:
@@ -76,6 +78,50 @@ class UncertainResult:
         covariance.
         """
         return root_of_diagonal(self.require_part(self.calibration_covariance))
+
+    @property
+    def degrees_of_freedom(self) -> Floats:
+        """Effective degrees of freedom of `uncertainty`, by Welch and Satterthwaite.
+
+        Noise and priors count as known, with infinitely many. NaN where those of the calibration
+        are unknown, as in configurations that hold no `sensor.calibration.degrees_of_freedom`.
+        """
+        variance = self.uncertainty**2
+        found: Floats = np.full(variance.shape, np.inf)
+        if self.calibration_covariance is not None:
+            part = np.diagonal(self.calibration_covariance, axis1=-2, axis2=-1)
+            known = np.asarray(self.calibration_degrees_of_freedom, float)[..., None]
+            found = effective_degrees_of_freedom(variance, part, known)
+        found[np.isnan(variance)] = np.nan
+        return found
+
+    def coverage_factor(self, probability: float = 0.95) -> Floats:
+        """Coverage factor of each component's interval; NaN without a pose.
+
+        The quantile of Student's t distribution for `degrees_of_freedom`; of the normal
+        distribution where these are infinite or unknown.
+        """
+        factor = coverage_factor(probability, self.degrees_of_freedom)
+        factor[np.isnan(self.uncertainty)] = np.nan
+        return factor
+
+    def expanded_uncertainty(self, probability: float = 0.95) -> Floats:
+        """Expanded uncertainty of each component; mm and rad.
+
+        `coverage_factor` times `uncertainty`: the true value lies within it of the estimate with
+        this probability.
+
+        Examples
+        --------
+        >>> import numpy as np, facets
+        >>> known = facets.Calibration(("psd_a.height",), ((1e-4,),), degrees_of_freedom=5)
+        >>> sensor = facets.Sensor(calibration=known)  # known to 10 um, from a short calibration
+        >>> found = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
+        >>> k, within = found.coverage_factor()[2], 1e3 * found.expanded_uncertainty()[2]
+        >>> f"k {k:.2f}, z within {within:.1f} um"
+        'k 2.35, z within 8.6 um'
+        """
+        return self.coverage_factor(probability) * self.uncertainty
 
     def require_part(self, covariance: Floats | None) -> Floats:
         if covariance is None:
@@ -118,6 +164,8 @@ class Solution(UncertainResult):
         no calibration covariance (`Sensor.calibration`).
     calibration_covariance
         (..., 8, 8) the part of `covariance` by the calibration; None likewise.
+    calibration_degrees_of_freedom
+        (...) of that part (`Calibration.degrees_of_freedom`), NaN where unknown; None likewise.
 
     Notes
     -----
@@ -148,6 +196,7 @@ class Solution(UncertainResult):
     covariance: Floats | None
     noise_covariance: Floats | None = None
     calibration_covariance: Floats | None = None
+    calibration_degrees_of_freedom: Floats | None = None
 
     @property
     def converged(self) -> NDArray[np.bool_]:
@@ -200,6 +249,9 @@ def solution(
         covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
         noise_covariance=None if parts is None else parts.noise.reshape(*shape, 8, 8),
         calibration_covariance=None if parts is None else parts.calibration.reshape(*shape, 8, 8),
+        calibration_degrees_of_freedom=(
+            None if parts is None else np.full(shape, parts.degrees_of_freedom)
+        ),
     )
 
 
@@ -222,9 +274,11 @@ class FirstRow:
         state, status, power, used, steps, residual = (view.copy() for view in self.views)
         checks = self.chance.checks(used)
         limit = self.chance.limits(checks)
-        both = () if parts is None else (parts.noise[0], parts.calibration[0])
+        known: Any = ()
+        if parts is not None:
+            known = parts.noise[0], parts.calibration[0], np.array(parts.degrees_of_freedom)
         return Solution(
-            state, status, power, used, steps, residual, checks, limit, covariance, *both
+            state, status, power, used, steps, residual, checks, limit, covariance, *known
         )
 
 
@@ -245,6 +299,7 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
     ),
     "noise_covariance": lambda numbers: None,
     "calibration_covariance": lambda numbers: None,
+    "calibration_degrees_of_freedom": lambda numbers: None,
 }
 
 
@@ -277,6 +332,8 @@ class SolutionOfOne(Solution):
         if parts is not None:
             found.__dict__["noise_covariance"] = parts.noise[0]
             found.__dict__["calibration_covariance"] = parts.calibration[0]
+            freedom = np.array(parts.degrees_of_freedom)
+            found.__dict__["calibration_degrees_of_freedom"] = freedom
         return found
 
     def __getattr__(self, name: str) -> Any:

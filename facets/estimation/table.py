@@ -283,6 +283,27 @@ def uncertainty_columns(result: UncertainResult, prefix: str = "") -> dict[str, 
     }
 
 
+def expanded_columns(
+    result: UncertainResult, probability: float, prefix: str = ""
+) -> dict[str, Floats]:
+    """Expanded uncertainties as columns, expanded_tx_mm, ..., with their coverage factors k_tx,
+    ...; with a calibration also the degrees of freedom, degrees_of_freedom_tx, ..., NaN where
+    unknown.  prefix: of the pose's names, such as object_."""
+    sizes = result.expanded_uncertainty(probability)
+    names = STATE_COLUMNS[: sizes.shape[1]]
+    numbers = {"k": result.coverage_factor(probability)}
+    if result.calibration_covariance is not None:
+        numbers["degrees_of_freedom"] = result.degrees_of_freedom
+    columns = {
+        f"expanded_{prefix}{name}": sizes[:, i] / STATE_UNITS[i] for i, name in enumerate(names)
+    }
+    return columns | {
+        f"{kind}_{prefix}{name.partition('_')[0]}": values[:, i]
+        for kind, values in numbers.items()
+        for i, name in enumerate(names)
+    }
+
+
 def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, Floats]:
     """The covariance of poses as 21 columns, those on and above its diagonal: cov_tx_tx_mm2,
     cov_tx_roll_mm_mrad, ..., cov_yaw_yaw_mrad2."""
@@ -304,15 +325,18 @@ def object_columns(
     members: Booleans | None = None,
     temperature: Floats | None = None,
     covariance: bool = False,
+    coverage: float | None = None,
 ) -> dict[str, Floats]:
     """The columns of a table of poses that follow from those of the mirror.
 
     With an object its absolute pose, object_tx_mm, ..., u_object_tx_mm, ...; with a zero its
     displacement (the mirror's without an object), displacement_tx_mm, ...,
-    u_displacement_tx_mm, ...; on request covariances, the mirror's first.
+    u_displacement_tx_mm, ...; on request covariances, the mirror's first, and expanded
+    uncertainties with a coverage probability.
     members, temperature: (n,), as of `transform`.
     """
     columns = covariance_columns(solution) if covariance else {}
+    columns |= {} if coverage is None else expanded_columns(solution, coverage)
     poses = {} if body is None else {"object_": transform(solution, body)}
     if zero is not None:
         poses["displacement_"] = transform(
@@ -325,6 +349,7 @@ def object_columns(
         }
         columns |= uncertainty_columns(found, prefix)
         columns |= covariance_columns(found, prefix) if covariance else {}
+        columns |= {} if coverage is None else expanded_columns(found, coverage, prefix)
     return columns
 
 
@@ -342,12 +367,14 @@ def solve_table(
     about: dict[str, str],
     progress: Callable[[int], None] = lambda _: None,
     rows: int = tables.CHUNK,
+    coverage: float | None = None,
 ) -> StatusCounts:
     """Solves each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
 
     Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; time_s is carried through, and bx_mm,
     by_mm say where the beam is, unless it is free; an estimate of that raises `InputError`, see
-    `require_known_beam`. progress: called with the number of bytes read.
+    `require_known_beam`. progress: called with the number of bytes read.  coverage: probability of
+    the expanded uncertainties, or None for none.
     """
     tables.ending(poses)
     compile_for_poses(config.sensor, options)
@@ -366,6 +393,8 @@ def solve_table(
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
                 columns = pose_columns(solution, status)
                 columns["misfit"] = solution.misfit.astype(int)
+                if coverage is not None:
+                    columns |= expanded_columns(solution, coverage)
                 writer.write({**time, **columns})
                 count.add(
                     config.sensor, options, readings_in(chunk), solution, status, place_in(chunk),

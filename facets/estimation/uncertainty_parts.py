@@ -52,10 +52,11 @@ class Propagation(NamedTuple):
 
 class UncertaintyParts(NamedTuple):
     """Covariances (n, 8, 8) of states by the readings' noise and by the calibration; NaN where a
-    state is not finite."""
+    state is not finite.  degrees_of_freedom: of the calibration; NaN: unknown."""
 
     noise: Floats
     calibration: Floats
+    degrees_of_freedom: float
 
 
 def uncertainty_parts(
@@ -76,7 +77,8 @@ def uncertainty_parts(
         )  # fmt: skip
         noise[part] = found.noise
         calibration[part] = carry_over(sensor.calibration, found.slopes)
-    return UncertaintyParts(noise, calibration)
+    known = sensor.calibration.degrees_of_freedom
+    return UncertaintyParts(noise, calibration, np.nan if known is None else known)
 
 
 def carry_over(known: Calibration, slopes: Floats | None) -> Floats:

@@ -16,6 +16,7 @@ from facets.calibration.unknowns import Choice
 from facets.calibration.verdict import verdict
 from facets.core.sensor import Calibration
 from facets.detectors.noise import standard_deviations
+from facets.estimation.coverage import coverage_factor
 
 NOMINAL = facets.Sensor()
 NAMES, SIGMA = ("psd_a.height", "facet_b.inclination", "apex.x"), np.array([0.05, 5e-4, 0.02])
@@ -59,8 +60,8 @@ def test_degrees_of_freedom_are_those_of_the_estimated_part():
     freedom = parts.effective_freedom({"noise": np.array([1.0, 1.0]), "rest": np.array([1.0, 0.0])})
     np.testing.assert_allclose(freedom, [32.0, 8.0])
     # the t distribution's 97.5 % points, of printed tables
-    np.testing.assert_allclose(budget.coverage_factor(freedom), [2.037, 2.306], atol=5e-4)
-    assert budget.coverage_factor(np.array(np.inf)) == pytest.approx(1.95996, abs=1e-5)
+    np.testing.assert_allclose(coverage_factor(budget.COVERAGE, freedom), [2.037, 2.306], atol=5e-4)
+    assert coverage_factor(budget.COVERAGE) == pytest.approx(1.95996, abs=1e-5)
 
 
 def test_a_misfit_is_a_source_of_its_own():

@@ -52,6 +52,9 @@ def test_short_fits_end_where_a_long_one_does():
     assert again.loss == pytest.approx(whole.loss, abs=0.01)
     off = (again.values - whole.values) / whole.uncertainty
     assert np.abs(off).max() < 0.1
+    known = whole.sensor.calibration.degrees_of_freedom
+    assert known == whole.freedom
+    assert 260 < known < 330  # of 360 numbers, less what the unknowns take up
 
 
 def test_a_fit_comes_back_from_far_away():

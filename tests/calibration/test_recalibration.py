@@ -106,7 +106,13 @@ def test_a_changed_gain_is_found_and_the_rest_stays_known():
     assert (after.uncertainty[heights] < 0.7 * alone.uncertainty[heights]).all()
     off = (after.values - rig.values[ALL.places])[heights] / after.uncertainty[heights]
     assert np.abs(off).max() < 4
-    assert set(after.sensor.calibration.names) == set(ALL.names)
+    known = after.sensor.calibration
+    assert set(known.names) == set(ALL.names)
+    assert known.degrees_of_freedom == after.freedom < before.freedom
+    old = replace(before.sensor.calibration, degrees_of_freedom=None)
+    older = replace(before.sensor, calibration=old)
+    again = fit(older, few, choose_groups(older, ASKED, ["gains", "beam"]))
+    assert again.sensor.calibration.degrees_of_freedom is None
 
 
 def test_what_cannot_be_recalibrated_is_said():

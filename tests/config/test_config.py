@@ -657,6 +657,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
     counts |= {"scale", "offset"}  # of an auxiliary channel, in the unit that the user names
     counts |= {
+        "degrees_of_freedom",
         "index",
         "profile",
         "asymmetry",

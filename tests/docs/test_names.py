@@ -25,9 +25,20 @@ ELSEWHERE = {
 #: Columns that the code puts together.
 COLUMNS = {
     f"{what}_{name}"
-    for what in ("ref", "u", "u_noise", "u_calibration", "smooth", "filtered", "u_filtered")
+    for what in (
+        "ref",
+        "u",
+        "u_noise",
+        "u_calibration",
+        "smooth",
+        "filtered",
+        "u_filtered",
+        "expanded",
+    )
     for name in (*STATE_COLUMNS, "")
 } | {f"{what}_{letter}" for what in ("psi", "zeta", "power") for letter in "abc"}
+COLUMNS |= {f"{what}_{end}" for what in ("k", "degrees_of_freedom") for end in ("tx", "at_rest")}
+COLUMNS |= {f"{what}_{place}" for what in ("expanded", "k") for place in ("at_rest", "worst")}
 
 
 @cache

@@ -309,6 +309,7 @@ class Pipeline:
             covariance=unknown,
             noise_covariance=part,
             calibration_covariance=part,
+            calibration_degrees_of_freedom=None if part is None else np.full(n, np.nan),
         )
         return self.finish(batch, empty)
 

@@ -1,0 +1,133 @@
+"""Coverage factors, effective degrees of freedom and expanded uncertainties."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import command
+from scipy import stats
+
+import facets
+from facets.config import covariance
+from facets.core.names import READING_COLUMNS
+from facets.estimation.coverage import (
+    coverage_factor,
+    effective_degrees_of_freedom,
+    region_factor,
+)
+from facets.files.tables import write_table
+from facets.live.run.pipeline import Poses, join_poses
+
+KNOWN = facets.Calibration(("psd_a.height",), ((1e-4,),), 5.0)
+SENSOR = replace(facets.load("paper").sensor, calibration=KNOWN)
+
+
+def test_degrees_of_freedom_follow_welch_and_satterthwaite():
+    """By hand: variances 16 + 9 with 4 degrees of freedom of the 9 have 4 (25 / 9)^2."""
+    assert effective_degrees_of_freedom(25, 9, 4) == pytest.approx(30.864, abs=1e-3)
+    assert effective_degrees_of_freedom([1.0, 0.0], 0, np.nan).tolist() == [np.inf, np.inf]
+    assert np.isnan(effective_degrees_of_freedom(25, 9, np.nan))
+
+
+def test_coverage_factors_are_those_of_the_printed_tables():
+    """JCGM 100, table G.2, and JCGM 102, table 1."""
+    table = {4: 2.78, 10: 2.23, 20: 2.09, 50: 2.01, np.inf: 1.96, np.nan: 1.96}
+    assert coverage_factor(0.95, [*table]) == pytest.approx([*table.values()], abs=5e-3)
+    assert coverage_factor(0.99, 5) == pytest.approx(4.03, abs=5e-3)
+    assert [region_factor(0.95, m) for m in (1, 2, 3)] == pytest.approx(
+        [1.96, 2.45, 2.80], abs=5e-3
+    )
+    # Hotelling: m n / (n - m + 1) times the quantile 4.256 of F with 2 and 9 degrees of freedom.
+    assert region_factor(0.95, 2, 10) == pytest.approx(np.sqrt(20 / 9 * 4.256), abs=1e-3)
+    assert np.isnan(region_factor(0.95, 6, 5))
+
+
+@pytest.mark.parametrize("probability", [0, 1, -0.5, np.nan])
+def test_a_coverage_probability_is_between_0_and_1(probability):
+    with pytest.raises(facets.InputError, match="allowed: between 0 and 1"):
+        coverage_factor(probability)
+
+
+def test_a_short_calibration_needs_a_larger_factor():
+    readings = facets.readings(SENSOR, np.zeros((3, 8)))
+    readings[2] = np.nan
+    found = facets.solve(SENSOR, readings, beam="known")
+    part = found.calibration_uncertainty[0, :6] ** 2 / found.uncertainty[0, :6] ** 2
+    assert found.degrees_of_freedom[0, :6] == pytest.approx(5 / part**2)
+    assert found.coverage_factor(0.95)[0, :6] == pytest.approx(stats.t.ppf(0.975, 5 / part**2))
+    expanded = found.expanded_uncertainty(0.95)
+    assert expanded[0] == pytest.approx(found.coverage_factor(0.95)[0] * found.uncertainty[0])
+    assert np.isnan(found.coverage_factor()[2]).all()
+    assert np.isnan(expanded[2]).all()
+    single = facets.solve(SENSOR, readings[0], beam="known")
+    assert single.expanded_uncertainty(0.95) == pytest.approx(expanded[0])
+    line = Poses(*(np.zeros(3),) * 3, readings, found, np.zeros(3, np.uint8))
+    joined = join_poses([line, line]).solution
+    assert joined.expanded_uncertainty(0.95)[:3] == pytest.approx(expanded, nan_ok=True)
+
+
+def test_the_factor_is_normal_without_a_calibration_and_where_its_freedom_is_unknown():
+    for known, freedom in ((None, np.inf), (replace(KNOWN, degrees_of_freedom=None), np.nan)):
+        sensor = replace(SENSOR, calibration=known)
+        found = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
+        assert found.degrees_of_freedom[2] == pytest.approx(freedom, nan_ok=True)
+        assert found.coverage_factor(0.95)[2] == pytest.approx(1.95996, abs=1e-5)
+
+
+def test_intervals_of_short_calibrations_hold():
+    """The heights are calibrated from five residuals each time: the intervals hold by Student's
+    factor in 93 to 97 % of the cases, and by that of the normal distribution in fewer."""
+    rng, n, freedom = np.random.default_rng(5), 4000, 5
+    reading = facets.readings(SENSOR, np.zeros(8))
+    exact = facets.solve(SENSOR, reading, beam="known")
+    noise, part = exact.noise_uncertainty[2], exact.calibration_uncertainty[2]
+    error = noise * rng.standard_normal(n) + part * rng.standard_normal(n)
+    stated = part * np.sqrt(rng.chisquare(freedom, n) / freedom)
+    whole = noise**2 + stated**2
+    factor = coverage_factor(0.95, effective_degrees_of_freedom(whole, stated**2, freedom))
+    shares = [(np.abs(error) < k * np.sqrt(whole)).mean() for k in (factor, 1.96)]
+    assert 0.93 < shares[0] < 0.97, shares
+    assert shares[1] < 0.91
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """A calibrated configuration and a table of readings."""
+    write_table(tmp_path / "c.csv", covariance.columns(KNOWN), {})
+    path = tmp_path / "mine.yaml"
+    text = "extends: paper\nsensor: {calibration: {file: c.csv, degrees_of_freedom: 5}}\n"
+    path.write_text(text, "utf-8")
+    rows = facets.readings(SENSOR, np.zeros((2, 8)))
+    write_table(tmp_path / "r.csv", dict(zip(READING_COLUMNS, rows.T, strict=True)), {})
+    return path
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_solve_writes_expanded_uncertainties(bench, tmp_path, is_known):
+    if not is_known:
+        bench.write_text(bench.read_text("utf-8").replace(", degrees_of_freedom: 5", ""), "utf-8")
+    words = ["solve", "mine.yaml", "r.csv", "-o", "poses.csv", "--beam", "known", "--coverage"]
+    run = command(*words, "0.99", cwd=tmp_path)
+    said = " ".join(run.stdout.split())
+    assert "coverage probability 99 %" in said
+    assert ("degrees of freedom of the calibration: 5." in said) == is_known
+    assert ("unknown; coverage factors are those of the normal" in said) != is_known
+    assert "# coverage_probability: 0.99" in (tmp_path / "poses.csv").read_text("utf-8")
+    found = pd.read_csv(tmp_path / "poses.csv", comment="#").iloc[0]
+    assert found.expanded_tz_mm == pytest.approx(found.k_tz * found.u_tz_mm)
+    freedom = found.degrees_of_freedom_tz
+    assert np.isnan(freedom) != is_known
+    assert found.k_tz == pytest.approx(stats.t.ppf(0.995, freedom if is_known else 1e9), rel=1e-6)
+    assert command(*words, "95", cwd=tmp_path).returncode == 2
+
+
+def test_resolution_writes_expanded_uncertainties(bench, tmp_path):
+    run = command("resolution", bench.name, "-d", "out", "--coverage", "0.95", cwd=tmp_path)
+    assert "expanded uncertainty, 95 %, at rest" in run.stdout
+    found = pd.read_csv(tmp_path / "out" / "resolution.csv", comment="#")
+    z = found[(found.axis == "tz") & (found.estimator == "beam known")].iloc[0]
+    exact = facets.solve(SENSOR, facets.readings(SENSOR, np.zeros(8)), beam="known")
+    assert z.degrees_of_freedom_at_rest == pytest.approx(exact.degrees_of_freedom[2], rel=1e-6)
+    assert z.expanded_at_rest == pytest.approx(1e3 * exact.expanded_uncertainty(0.95)[2], rel=1e-6)
+    assert z.expanded_worst == pytest.approx(z.k_worst * z.u_worst)
