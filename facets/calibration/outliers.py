@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..estimation.dwells import median
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations
 from .fit import NORMAL_MEDIAN, Fit, fit
@@ -57,14 +58,6 @@ def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
     """(9,) how well the model of real light holds the readings: mm and mW.  place: of a place."""
     found = np.full(9, place)
     found[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
-    return found
-
-
-def median(values: Floats) -> Floats:
-    """Medians (m,) of columns (n, m) without missing values; 0 for an empty column."""
-    there = np.isfinite(values).any(axis=0)
-    found = np.zeros(values.shape[1])
-    found[there] = np.nanmedian(values[:, there], axis=0)
     return found
 
 

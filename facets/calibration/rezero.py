@@ -30,12 +30,12 @@ from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations
+from ..estimation.dwells import dwell_means, mean
 from ..estimation.solution import Status
 from ..estimation.solver import solve
 from ..estimation.uncertainty_parts import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from .bundle_adjustment import PLACES, Data
-from .dwells import dwell_means, mean
 from .fit import GAINS
 from .linear_prediction import chance_of
 from .samples import add_converter_steps

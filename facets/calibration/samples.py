@@ -11,9 +11,9 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations, step_variances
+from ..estimation.dwells import mean
 from ..model.arrays import edge_distance, is_near_edge, readings
 from .bundle_adjustment import OWN_COUNT, Data, deviations, states_of
-from .dwells import mean
 from .misfit import KINDS, Finding
 from .unknowns import values_of
 

@@ -15,12 +15,12 @@ from ..core.names import ANGLES, DETECTORS, READING_COLUMNS, STATE_COLUMNS, STAT
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import TEMPERATURE
+from ..estimation.dwells import FEWEST, WITHIN, dwell_means
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
 from .bundle_adjustment import Data
-from .dwells import FEWEST, WITHIN, dwell_means
 from .fit import Fit
 from .unknowns import (
     BACKLASH,

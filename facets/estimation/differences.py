@@ -243,6 +243,28 @@ def common_shares(
     return shares
 
 
+def lasting_covariance(sensor: Sensor, found: Propagation, states: Floats) -> Floats:
+    """The covariance (n, 8, n, 8) of what states (n, 8) err by in every sample alike.
+
+    It holds the calibration's part, with what two states have in common as in a difference, and
+    that of the priors, which err by the same at all states: the beam must have stood still. What
+    two visits of the same state err by is the same.
+    """
+    count = len(states)
+    whole: Floats = np.einsum("aip,bjp->aibj", found.priors, found.priors)
+    known = sensor.calibration
+    if known is None:
+        return whole
+    assert found.slopes is not None
+    for n in range(count):
+        one = found._replace(readings=found.readings[n : n + 1])
+        common = np.sqrt(common_shares(known, (one, found), (states[n : n + 1], states)))
+        common[n] = 1.0
+        first = (found.slopes[n] * common[:, None, :]) @ np.array(known.covariance)
+        whole[n] += np.einsum("bip,bjp->ibj", first, found.slopes * common[:, None, :])
+    return whole
+
+
 @dataclass(frozen=True)
 class ZeroPose:
     """A measured reference pose of the mirror; from `facets.zero_pose`.

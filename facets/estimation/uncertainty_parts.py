@@ -41,13 +41,16 @@ class Propagation(NamedTuple):
 
     noise: (n, 8, 8) covariance by the readings' noise.  statistical: that by the priors of beam
     and power included.  slopes: (n, 8, p) derivatives by the calibrated parameters, or None without
-    a calibration.  readings: (n, 9) of the model.
+    a calibration.  readings: (n, 9) of the model.  priors: (n, 8, 3) what one standard deviation of
+    the lasting error of the priors of bx, by and the power does to the state, so that statistical
+    is noise + priors priors'.
     """
 
     noise: Floats
     statistical: Floats
     slopes: Floats | None
     readings: Floats
+    priors: Floats
 
 
 class UncertaintyParts(NamedTuple):
@@ -129,16 +132,19 @@ def propagate(
         return whole[:, :8]
 
     square, both = (9, 9), np.ix_(free, free)
-    random = information + np.diag((before * jitter_share(sensor, before))[free] * units**2)
+    share = jitter_share(sensor, before)
+    random = information + np.diag((before * share)[free] * units**2)
+    lasting = inverse * (np.sqrt(before * (1 - share))[free] * units) * units[:, None]
     noise = state_part(inverse @ random @ inverse * scale, both, square)
     statistical = state_part(inverse * scale, both, square)
+    priors = state_part(lasting, both, square)[:, :, 6:]
     slopes = None
     if known is not None:
         off = parameter_derivatives(sensor, known, states, seen, warmer)
         off = np.nan_to_num(off * weigh[:, :, None])
         moved = np.linalg.solve(inner, across @ off) * units[:, None]
         slopes = state_part(moved, (free,), (9, off.shape[2]))
-    return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen)
+    return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen, priors)
 
 
 def jitter_share(sensor: Sensor, before: Floats) -> Floats:

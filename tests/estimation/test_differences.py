@@ -8,7 +8,10 @@ from pages import DOCS, blocks
 
 import facets
 from facets.calibration.unknowns import ALL, assign_values, values_of
+from facets.core.knowledge import Knowledge
 from facets.detectors.calibrated import MISFIT, MODEL_ERROR
+from facets.estimation.differences import lasting_covariance, propagate_in_light
+from facets.estimation.plan import make_plan
 
 #: A calibration that knows less than a good one, so that its part counts beside the noise.
 SIGMAS = {
@@ -131,6 +134,32 @@ def test_the_model_errs_by_the_same_at_poses_that_are_near_each_other():
     np.testing.assert_allclose(sizes[MISFIT[1]], np.sqrt(2), rtol=0.06)
     same, short, middle, long = sizes[MODEL_ERROR[1]]
     assert same < 1e-3 < short < 0.1 < middle < 1 < long < 1.5
+
+
+def test_states_err_together_as_their_differences_say():
+    """The joint covariance of two states gives each one's own and that of the step, and a prior
+    shifts both by the same."""
+    both = np.stack([START, END])
+    names = (*SIGMAS, MISFIT[1], MODEL_ERROR[1])
+    sensor = replace(calibrated(), calibration=calibrated(names).calibration)
+    sigma = np.sqrt(np.diag(sensor.calibration.covariance))
+    known = facets.Calibration(names, tuple(map(tuple, np.diag(sigma**2).tolist())))
+    sensor = replace(sensor, calibration=known)
+    plan = make_plan(sensor, Knowledge(**KNOWN))
+    found = propagate_in_light(sensor, both, plan)
+    joint = lasting_covariance(sensor, found, both)
+    np.testing.assert_allclose(joint, joint.transpose(2, 3, 0, 1), atol=1e-18)
+    step = joint[0, :, 0] + joint[1, :, 1] - joint[0, :, 1] - joint[1, :, 0]
+    expected = facets.difference_uncertainty(sensor, START, END, 10**12, **KNOWN)
+    np.testing.assert_allclose(np.sqrt(np.diag(step)), expected, rtol=1e-6)
+    prior = facets.Prior((0.0, 0.0), 1e-4)
+    sensor = replace(sensor, calibration=None)
+    found = propagate_in_light(sensor, both, make_plan(sensor, Knowledge(beam=prior)))
+    lasting = found.statistical - found.noise
+    by_priors = found.priors @ np.swapaxes(found.priors, 1, 2)
+    np.testing.assert_allclose(by_priors, lasting, rtol=1e-6, atol=1e-12)
+    joint = lasting_covariance(sensor, found, both)
+    np.testing.assert_allclose(joint[0, :2, 1, :2], 1e-8 * np.eye(2), rtol=0.05, atol=2e-10)
 
 
 def test_many_states_and_bad_arguments():

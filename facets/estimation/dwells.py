@@ -17,7 +17,6 @@ import numpy as np
 
 from ..core.names import READING_COLUMNS
 from ..core.units import Floats
-from .outliers import median
 
 #: A stand has so many rows at least.
 FEWEST = 32
@@ -29,6 +28,16 @@ ENDS = 0.05
 PARTS = 4
 #: Standard deviations from the median beyond which a row is left out of a stand's mean.
 FAR = 12.0
+#: Blocks of rows, whose means are compared, in the shortest stand of an axis.
+BLOCKS = 12
+#: An axis stands still while the means of blocks stay within this number of their standard
+#: deviations, which one block in 45,000 leaves by chance.
+STEP_SIGMAS = 6.0
+#: The smallest step of an axis that is looked for where there is no noise, in the unit of the
+#: coordinate.
+LEAST_STEP = 1e-7
+#: A normal distribution's standard deviation over the median size of a difference of two.
+QUARTILES_OF_STEP = 1 / (0.67449 * 2**0.5)
 #: The distance of a normal distribution's quartiles, in standard deviations.
 QUARTILES = 1.349
 #: The median of a variance of `PARTS` normal deviates, over its mean: chi-square of 3, by 3.
@@ -45,10 +54,13 @@ class Dwells(NamedTuple):
     left_out: int
 
 
-def stands(pose: Floats, sigma: Floats, seat: Floats | None = None) -> list[slice]:
+def stands(
+    pose: Floats, sigma: Floats, seat: Floats | None = None, fewest: int = FEWEST
+) -> list[slice]:
     """Find the rows during which the reference stands still.
 
     pose: (n, d) of the axes that it measures.  sigma: (d,).  seat: (n,), constant during a stand.
+    fewest: rows of a stand.
     """
     bad = np.asarray(~np.isfinite(pose).all(axis=1))
     scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
@@ -58,13 +70,37 @@ def stands(pose: Floats, sigma: Floats, seat: Floats | None = None) -> list[slic
             start += 1
             continue
         end = start_of_next(scaled, seat, start)
-        if end - start >= FEWEST:
+        if end - start >= fewest:
             off = int(ENDS * (end - start))
             found.append(slice(start + off, end - off))
             start = end
         else:
             start += 1 if end - start < 2 else (end - start) // 2
     return found
+
+
+def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
+    """Find the rows during which an axis stands still, from its noisy coordinate alone.
+
+    place: (n,) as the sensor measures it; NaN where there is no pose.  shortest: rows of the
+    shortest stand. Means of blocks are compared, so that noise hides smaller steps less.
+    """
+    size = max(1, shortest // BLOCKS)
+    count = len(place) // size
+    blocks = block_means(place[: count * size].reshape(count, size))
+    steps = np.abs(np.diff(blocks))
+    noise = float(np.nanmedian(steps)) * QUARTILES_OF_STEP if np.isfinite(steps).any() else 0.0
+    sigma = np.array([max(STEP_SIGMAS * noise, LEAST_STEP) / WITHIN])
+    found = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(2, shortest // size)))
+    return [slice(part.start * size, part.stop * size) for part in found]
+
+
+def block_means(rows: Floats) -> Floats:
+    """The means (n,) of rows (n, k) without their missing values."""
+    there = np.isfinite(rows)
+    with np.errstate(invalid="ignore"):
+        means: Floats = np.where(there, rows, 0.0).sum(axis=1) / there.sum(axis=1)
+    return means
 
 
 def start_of_next(scaled: Floats, seat: Floats | None, start: int) -> int:
@@ -121,17 +157,25 @@ def shares(means: Floats) -> Floats:
 
 
 def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
-    """The variance (9,) of one row, from the scatter of the means of parts of all stands.
+    """The variance (d,) of one row (n, d), from the scatter of the means of parts of all stands.
 
-    share: (m, 9) of the noise. For white noise it is the row's variance; for noise that lasts
+    share: (m, d) of the noise. For white noise it is the row's variance; for noise that lasts
     longer than a part, much more.
     """
     found = []
     for part, over in zip(parts, share, strict=True):
         rows = readings[part]
         length = len(rows) // PARTS
-        means = rows[: PARTS * length].reshape(PARTS, length, 9).mean(axis=1)
+        means = rows[: PARTS * length].reshape(PARTS, length, -1).mean(axis=1)
         found.append(length * means.var(axis=0, ddof=1) / over**2)
     if not found:
-        return np.full(9, np.nan)
+        return np.full(readings.shape[1], np.nan)
     return median(np.array(found)) / MEDIAN_OF_VARIANCE
+
+
+def median(values: Floats) -> Floats:
+    """Medians (m,) of columns (n, m) without missing values; 0 for an empty column."""
+    there = np.isfinite(values).any(axis=0)
+    found = np.zeros(values.shape[1])
+    found[there] = np.nanmedian(values[:, there], axis=0)
+    return found

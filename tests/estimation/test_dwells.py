@@ -11,10 +11,10 @@ import pytest
 import facets
 from facets import InputError, standard_deviations
 from facets.calibration.bundle_adjustment import Data
-from facets.calibration.dwells import dwell_means, stands
 from facets.calibration.samples import add_converter_steps
 from facets.calibration.table import gather_samples
 from facets.core.names import READING_COLUMNS, STATE_UNITS
+from facets.estimation.dwells import dwell_means, stands, stands_of_axis
 
 SIGMA = np.array([1e-3, 2e-3])
 
@@ -142,3 +142,19 @@ def test_a_reference_that_does_not_stand_still_is_told():
     config, _, columns = columns_of(rng, 8, 100)
     with pytest.raises(InputError, match=r"stands still 8 times.*Leave out --dwells"):
         gather_samples(Path("t.csv"), columns, replace(config.calibrate, dwells=True))
+
+
+def test_an_axis_stands_still_where_its_noisy_coordinate_does():
+    """Steps of two standard deviations of a row, with missing rows, are found; noise alone is one
+    stand."""
+    rng = np.random.default_rng(3)
+    places = np.repeat([0.0, 2.0, 4.0, 2.0], 500)
+    place = places + rng.standard_normal(len(places))
+    place[rng.integers(0, len(place), 40)] = np.nan
+    found = stands_of_axis(place, 300)
+    assert len(found) == 4
+    for k, part in enumerate(found):
+        assert 500 * k <= part.start < part.stop <= 500 * (k + 1)
+        assert part.stop - part.start > 400
+    assert len(stands_of_axis(rng.standard_normal(2000), 300)) == 1
+    assert stands_of_axis(np.full(100, np.nan), 30) == []
