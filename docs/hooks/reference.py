@@ -201,7 +201,10 @@ def row(path: tuple[str, ...], kind: str = "") -> str:
 def block_link(path: tuple[str, ...], found: dict[str, Any], kind: str) -> str:
     """Where the keys of a block are told."""
     if kind:
-        return "a place"
+        axes = list(found.get("properties", {}))
+        if not axes:
+            return "named blocks, below"
+        return "a place" if "tx_mm" in axes else ", ".join(f"`{axis}`" for axis in axes)
     if is_single(path[:-1], path[-1]):
         return "the keys above, and `azimuth_deg`"
     named = not found.get("properties") and path != ("motions",)
@@ -231,6 +234,14 @@ def motions() -> Iterator[str]:
         for key in block["properties"]:
             if key != "kind":
                 yield row(("motions", "NAME", key), kind)
+        for key in block["properties"]:
+            path = ("motions", "NAME", key, "NAME")
+            inner = entry(path, example(kind)) if key != "kind" else None
+            if inner and is_block(inner):
+                yield f"\nA block of `{key}`: {sentence(inner)}\n"
+                yield "\n| key | meaning | allowed | default |\n| --- | --- | --- | --- |"
+                for own in inner["properties"]:
+                    yield row((*path, own), kind)
         yield ""
     axes = ", ".join(f"`{axis}`" for axis in schema["$defs"]["Place"]["properties"])
     yield f"A place holds {axes}, with zero for each one that is left out.\n"

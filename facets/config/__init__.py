@@ -14,6 +14,7 @@ _HOMES = {
     "Steps": ".core.motions",
     "Sweep": ".core.motions",
     "Table": ".core.motions",
+    "Vibration": ".core.motions",
     "fingerprint": "loading",
     "load": "loading",
     "schema": "json_schema",
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from ..core.motions import Steps as Steps
     from ..core.motions import Sweep as Sweep
     from ..core.motions import Table as Table
+    from ..core.motions import Vibration as Vibration
     from ..core.settings import Config as Config
     from ..core.settings import Solve as Solve
     from . import covariance as covariance

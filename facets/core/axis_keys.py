@@ -124,3 +124,19 @@ PER_AXIS = pose_block(
     None,
     None,
 )
+COMPLIANCE = block_of_keys(
+    "Compliance",
+    "Displacement of the mirror by a static force of 1 N.",
+    [
+        Key(
+            f"{axis}_urad" if axis in ANGLES else f"{axis}_um",
+            0.0,
+            f"displacement on {axis}",
+            "urad" if axis in ANGLES else "um",
+            float,
+            _symmetric_bounds(MAX_UM_OR_URAD),
+        )
+        for axis in POSE
+    ],
+    _tuple,
+)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass
+from math import inf
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
-from .axis_keys import BOX, CYCLES, PHASES, PLACE, State
-from .keys import key
+from .axis_keys import BOX, COMPLIANCE, CYCLES, PHASES, PLACE, Pose, State
+from .keys import block_of, key
 
 SAMPLES: dict[str, Any] = {"meaning": "number of readings", "ge": 1, "le": 1_000_000_000}
 RATE: dict[str, Any] = {"gt": 0, "le": 1e9}
@@ -86,5 +87,40 @@ class Table:
     rate: float = key("rate_hz", 1000.0, "readings per second where the file has no time_s", **RATE)
 
 
-Motion = Steps | Sweep | Sine | Random | Table
-KINDS = (Steps, Sweep, Sine, Random, Table)
+@dataclass(frozen=True)
+class Mode:
+    """A mode of vibration, by the displacement of the mirror that a static force gives in it."""
+
+    frequency: float = key("frequency_hz", MISSING, "undamped natural frequency", gt=0, le=1e6)
+    damping: float = key("damping_percent", 1.0, "share of critical damping", gt=0, lt=100)
+    compliance: Pose = key("per_newton", {}, "displacement by a static force", block=COMPLIANCE)
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """A body on springs that a shaker drives; the force is the auxiliary channel force_n.
+
+    Force and displacement repeat without a transient, so that their ratio at each harmonic of the
+    repetition is the response of the modes.
+    """
+
+    kind: ClassVar[str] = "vibration"
+    modes: dict[str, Mode] = key(
+        "modes", MISSING, "modes of vibration, by name", named=block_of(Mode)
+    )
+    centre: State = key("centre", {}, "place without a force", block=PLACE)
+    drive: Literal["random", "burst", "sweep"] = key(
+        "drive",
+        "random",
+        "random: noise in the band; burst: such noise in the first half only, each time; sweep: a "
+        "sinusoid whose frequency goes through the band",
+    )
+    force: float = key("force_n", 1.0, "root mean square of the force", gt=0, le=1e6)
+    low: float = key("from_hz", 1.0, "lower end of the band", ge=0, le=1e6)
+    high: float = key("to_hz", None, "upper end; null: 0.4 of rate_hz", gt=0, le=1e6, null=inf)
+    samples: int = key("samples", 20_000, **SAMPLES)
+    rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
+
+
+Motion = Steps | Sweep | Sine | Random | Table | Vibration
+KINDS = (Steps, Sweep, Sine, Random, Table, Vibration)

@@ -67,7 +67,7 @@ class KeyUnit(NamedTuple):
     """A unit with which the names of configuration keys end.
 
     label: as people write it.  to_code: converts from this unit to that of the code (mm, rad, mW,
-    s, V, A, ohm, Hz, K).  to_key: converts back.
+    s, V, A, ohm, Hz, K, N).  to_key: converts back.
     """
 
     label: str
@@ -109,6 +109,7 @@ KEY_UNITS = {
     "mm_s2": KeyUnit("mm/s^2"),
     "v": KeyUnit("V"),
     "k": KeyUnit("K"),
+    "n": KeyUnit("N"),
     "a_w": KeyUnit("A/W"),
     "na": _multiply("nA", 1e-9, 1e9),
     "kohm": _multiply("kohm", 1e3, 1e-3),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.motions import Motion, Sine, Steps, Sweep, Table
+from ..core.motions import Motion, Sine, Steps, Sweep, Table, Vibration
 from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.settings import Config
 from ..core.units import Floats
 from ..files.tables import read_chunks
+from .vibration import shake
 
 
 def find_motion(config: Config, name: str) -> Motion:
@@ -23,7 +25,8 @@ def find_motion(config: Config, name: str) -> Motion:
 
 
 def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions."""
+    """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions and
+    forces."""
     if isinstance(motion, Table):
         time, state = read_motion_table(motion.file, motion.rate)
         if motion.samples_per_step == 1:
@@ -38,12 +41,21 @@ def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     if isinstance(motion, Sweep):
         return time, np.linspace(motion.start, motion.stop, motion.samples)
     centre = np.array(motion.centre)
+    if isinstance(motion, Vibration):
+        moved = shake(motion, rng)[1]
+        return time, centre + np.pad(moved, ((0, 0), (0, 2)))
     if isinstance(motion, Sine):
         share = np.arange(motion.samples)[:, None] / motion.samples
         angle = 2 * np.pi * np.array(motion.cycles) * share + np.array(motion.phase)
         return time, centre + np.array(motion.amplitude) * np.sin(angle)
     box = np.array(motion.box)
     return time, rng.uniform(centre - box, centre + box, (motion.samples, 8))
+
+
+def shaker_force(motion: Motion, rng: np.random.Generator) -> Floats | None:
+    """Force (n,) of a vibration's shaker, N, at the states that `states` gives for the same
+    `rng`, which stays as it is; None for other motions."""
+    return shake(motion, deepcopy(rng))[0] if isinstance(motion, Vibration) else None
 
 
 def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:

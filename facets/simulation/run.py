@@ -22,7 +22,7 @@ from ..estimation.table import compile_for_poses, labels, pose_columns, solve_re
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
 from .imperfect_optics import delayed_readings
-from .motion import states
+from .motion import shaker_force, states
 from .reference import reference_columns, reference_poses
 
 
@@ -32,7 +32,7 @@ class Segment:
 
     time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as solved, NaN for a detector that its
     spot misses.  place: (n, 2) the reported place of the beam, mm.  reached: (n, 3) whether the
-    spots lie on their detectors.
+    spots lie on their detectors.  force: (n,) of a vibration's shaker, N.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Segment:
     place: Floats
     reached: NDArray[np.bool_]
     solution: Solution
+    force: Floats | None = None
 
     @property
     def error(self) -> Floats:
@@ -108,13 +109,14 @@ def simulate_motion(
     config: Config, name: str, noise: bool, rng: np.random.Generator, track: bool = False
 ) -> Segment:
     """Simulate and solve one motion."""
+    force = shaker_force(config.motions[name], rng)
     time, truth = states(config.motions[name], rng)
     if track:
         truth = simulate_following(config.sensor, config.stage, time, truth)
     seen, reached = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
     solution = solve_readings(config.sensor, config.solve, seen, place, time)
-    return Segment(name, time, truth, seen, place, reached, solution)
+    return Segment(name, time, truth, seen, place, reached, solution, force)
 
 
 @check_arguments
@@ -234,7 +236,12 @@ def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
 
 
 def time_columns(segments: Sequence[Segment]) -> dict[str, Any]:
-    return {
+    """The motion's name and time of each row, and the force where there is a shaker."""
+    columns: dict[str, Any] = {
         "motion": np.concatenate([np.repeat(s.name, len(s.time)) for s in segments]),
         "time_s": np.concatenate([segment.time for segment in segments]),
     }
+    if any(segment.force is not None for segment in segments):
+        parts = [np.full(len(s.time), np.nan) if s.force is None else s.force for s in segments]
+        columns["force_n"] = np.concatenate(parts)
+    return columns

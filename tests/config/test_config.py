@@ -701,6 +701,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_ms",
         "_mm_s",
         "_mm_s2",
+        "_n",
     )
     for block, node in schema()["$defs"].items():
         for name, key in node["properties"].items():

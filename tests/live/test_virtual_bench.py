@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 import facets
-from facets.core.motions import Random, Sine
+from facets.core.motions import Mode, Random, Sine, Vibration
 from facets.core.names import STATE_UNITS
 from facets.live.virtual import Bench, Faults
+from facets.simulation.vibration import shake
 
 CONFIG = facets.load("bench")
 ZERO = (0.0,) * 8
@@ -63,3 +64,17 @@ def test_a_reference_reads_the_pose_as_well_as_the_configuration_says(tmp_path):
     sigma = np.array(CONFIG.calibrate.reference) / STATE_UNITS[:6]
     assert (error.abs().max() < 6 * sigma).all()
     assert (error.std() > 0.3 * sigma).all()
+
+
+def test_a_shaken_mirror_follows_its_force_from_the_beginning(tmp_path):
+    motion = Vibration({"bounce": Mode(60.0, 0.01, (0.0, 0.0, 0.01, 0.0, 0.0, 0.0))}, samples=500)
+    made = bench(tmp_path, motion)
+    try:
+        time = np.arange(1200) / 1000
+        force, state = made.mirror.force(time), made.mirror.interpolate(time)
+    finally:
+        made.begin = 0.0
+        made.end()
+    expected = shake(motion, np.random.default_rng(1))
+    assert force == pytest.approx(np.tile(expected[0], 3)[:1200])
+    assert state[:, 2] == pytest.approx(np.tile(expected[1][:, 2], 3)[:1200], abs=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.units import Floats
 from ...model.arrays import readings
-from ...simulation.motion import find_motion, states
+from ...simulation.motion import find_motion, shaker_force, states
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -24,11 +24,17 @@ class Mirror:
     """The truth: where the mirror is at any time, going through a motion again and again.
 
     It stands at the motion's beginning until `begin` (s), then comes to speed within RAMP_S.
+    forces: (n, 1) of a vibration's shaker at the motion's times, N; None for other motions.
     """
 
     def __init__(self, config: Config, name: str, seed: int) -> None:
         self.sensor = config.sensor
-        times, self.states = states(find_motion(config, name), np.random.default_rng(seed))
+        motion, rng = find_motion(config, name), np.random.default_rng(seed)
+        force = shaker_force(motion, rng)
+        self.forces = None if force is None else force[:, None]
+        #: A shaken body follows its force; a mirror that is moved comes to speed.
+        self.ramp = RAMP_S if force is None else 0.0
+        times, self.states = states(motion, rng)
         self.times = times - times[0]
         step = self.times[-1] / (len(times) - 1) if len(times) > 1 else 1.0
         self.period = float(self.times[-1] + step)
@@ -46,11 +52,18 @@ class Mirror:
         """States (n, 8) at times (n,), s."""
         return self.between(time_, self.states)
 
+    def force(self, time_: Floats) -> Floats | None:
+        """Force (n,) of the shaker at times (n,), s, in N; None without a shaker."""
+        return None if self.forces is None else self.between(time_, self.forces)[:, 0]
+
     def between(self, time_: Floats, nodes: Floats) -> Floats:
         """What is `nodes` (m, d) at the times of the motion, at any times (n,), s: (n, d)."""
         passed = np.maximum(time_ - self.begin, 0.0)
-        ramped = np.where(passed < RAMP_S, passed**2 / (2 * RAMP_S), passed - RAMP_S / 2)
-        phase = np.mod(ramped, self.period)
+        if self.ramp:
+            passed = np.where(
+                passed < self.ramp, passed**2 / (2 * self.ramp), passed - self.ramp / 2
+            )
+        phase = np.mod(passed, self.period)
         last = np.searchsorted(self.nodes, phase, side="right") - 1
         share = (phase - self.nodes[last]) / (self.nodes[last + 1] - self.nodes[last])
         here: Floats = nodes[last]

@@ -1,0 +1,100 @@
+"""A shaken body moves as the equations of motion of its mass and springs say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import linalg, signal
+
+import facets
+from facets import InputError
+from facets.core.motions import Mode, Vibration
+from facets.simulation.motion import shaker_force, states
+from facets.simulation.run import pose_table, reading_table
+from facets.simulation.vibration import receptance, shake
+
+#: A body of 50 g and 20 kg mm^2 on springs, z (mm) and pitch (rad): forces in mN per mm, moments in
+#: mN mm per rad. The force acts beside the centre of mass.
+MASS = np.diag([0.05, 20.0])
+STIFFNESS = np.array([[8000.0, 15_000.0], [15_000.0, 6e6]])
+DAMPING = 5e-5 * STIFFNESS
+ARM = np.array([1.0, 12.0])
+
+
+def body(**changes):
+    """The body as a motion, by its modes."""
+    squares, shapes = linalg.eigh(STIFFNESS, MASS)
+    modes = {}
+    for n, square in enumerate(squares):
+        moved = 1e3 * shapes[:, n] * (shapes[:, n] @ ARM) / square  # by 1 N
+        omega = np.sqrt(square)
+        compliance = (0.0, 0.0, moved[0], 0.0, moved[1], 0.0)
+        modes[f"mode{n}"] = Mode(omega / (2 * np.pi), 2.5e-5 * omega, compliance)
+    return replace(Vibration(modes, low=5.0, high=180.0, samples=4000), **changes)
+
+
+def test_the_receptance_is_that_of_the_body():
+    frequency = np.array([0.0, 20.0, 61.0, 66.0, 88.0, 150.0])
+    found = receptance(body(), frequency)
+    for row, f in zip(found, frequency, strict=True):
+        omega = 2 * np.pi * f
+        dynamic = STIFFNESS + 1j * omega * DAMPING - omega**2 * MASS
+        assert row[[2, 4]] == pytest.approx(1e3 * np.linalg.solve(dynamic, ARM), rel=1e-9)
+    assert not found[:, [0, 1, 3, 5]].any()
+
+
+@pytest.mark.parametrize("drive", ["random", "burst", "sweep"])
+def test_the_body_moves_as_its_equations_of_motion_say(drive):
+    """Integrated in time, over as many repetitions as the transient takes."""
+    motion = body(drive=drive)
+    force, moved = shake(motion, np.random.default_rng(2))
+    fine, repeats = 16, 3
+    inverse = np.linalg.inv(MASS)
+    a = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ STIFFNESS, -inverse @ DAMPING]])
+    b = np.concatenate([np.zeros(2), inverse @ ARM])[:, None]
+    system = signal.StateSpace(a, b, np.eye(2, 4), np.zeros((2, 1)))
+    driven = np.tile(signal.resample(1e3 * force, fine * len(force)), repeats)
+    time = np.arange(len(driven)) / (fine * motion.rate)
+    _, out, _ = signal.lsim(system, driven, time)
+    last = out[-fine * len(force) :: fine]
+    assert (np.abs(moved[:, [2, 4]] - last).max(axis=0) < 2e-3 * np.abs(last).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("drive", ["random", "burst", "sweep"])
+def test_a_force_stays_in_its_band(drive):
+    motion = body(drive=drive, force=2.5, low=30.0, high=120.0)
+    force, _ = shake(motion, np.random.default_rng(1))
+    power = np.abs(np.fft.rfft(force)) ** 2
+    frequency = np.fft.rfftfreq(len(force), 1 / motion.rate)
+    inside = (frequency >= 30) & (frequency <= 120)
+    assert np.sqrt(np.mean(force**2)) == pytest.approx(2.5)
+    assert power[~inside].sum() < 1e-20 * power.sum()
+    assert np.sqrt(power[inside][10:-10]).min() > 1e-4 * np.sqrt(power.max())
+    halves = np.sqrt(np.mean(force.reshape(2, -1) ** 2, axis=1))
+    assert (halves[1] < 0.1 * halves[0]) == (drive == "burst")
+
+
+def test_the_force_is_that_of_the_states():
+    rng = np.random.default_rng(7)
+    motion = body(centre=(0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    force = shaker_force(motion, rng)
+    _, state = states(motion, rng)
+    assert shake(motion, np.random.default_rng(7))[0].tolist() == force.tolist()
+    assert state[:, 2] == pytest.approx(0.5 + shake(motion, np.random.default_rng(7))[1][:, 2])
+
+
+def test_a_band_without_a_frequency_is_refused():
+    with pytest.raises(InputError, match="no frequency; allowed: from_hz below to_hz"):
+        shake(body(low=50.0, high=40.0), np.random.default_rng(1))
+
+
+def test_simulated_tables_have_the_force():
+    config = facets.load("bench")
+    short = body(samples=64)
+    config = replace(config, motions={"rest": config.motions["rest"], "shaken": short})
+    segments = facets.simulate(config, seed=1)
+    for table in (pose_table(segments), reading_table(segments)):
+        assert np.isnan(table["force_n"][:1000]).all()
+        assert table["force_n"][1000:].tolist() == segments[1].force.tolist()
+    still = facets.simulate(config, ["rest"], seed=1)
+    assert "force_n" not in pose_table(still)
