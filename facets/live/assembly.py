@@ -121,7 +121,8 @@ class Run:
             Addresses at which samples are published, and the model of a filter whose poses are
             published beside the raw ones.
         web, page_scripts
-            Address `[HOST:]PORT` of a page that shows the run, and its scripts for the drawing.
+            Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
+            `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
         tell : callable
             Receives messages for the user at the beginning, line by line.
 
@@ -192,6 +193,8 @@ class Run:
             tell(f"publishing at {', '.join(self.publications.places())}")
         if web is None:
             return
+        if page_scripts is None:
+            raise InputError("a page (web) needs page_scripts; give rig_scripts of the sensor")
         status = partial(status_of, self.live)
         self.page = WebPage(self.config, web, status, {"kind": "acquire"}, drawn=page_scripts)
         self.publications.all.append(self.page)

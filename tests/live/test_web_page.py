@@ -23,6 +23,7 @@ from facets.pictures.page.scripts import rig_scripts
 pytest.importorskip("aiohttp")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 CONFIG = facets.load("bench")
+DRAWN = rig_scripts(CONFIG.sensor)
 STATES = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
 
 
@@ -208,8 +209,7 @@ def give(page, rows):
 
 @pytest.mark.slow
 def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
-    drawn = rig_scripts(CONFIG.sensor)
-    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=drawn)
+    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=DRAWN)
     try:
         give(page, rows_of(100))
         with Browser(page.url, webgl=True) as browser:
@@ -227,7 +227,7 @@ def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
 @pytest.mark.slow
 def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
     live = Live(Pipeline(CONFIG))
-    page = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"})
+    page = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"}, drawn=DRAWN)
     try:
         page.show()
         with Browser(page.url) as browser:
@@ -278,7 +278,7 @@ def test_a_stopped_stage_has_a_button_that_resumes_it():
     live, pressed = Live(Pipeline(CONFIG)), []
     words = status_of(live)
     stage = {"there": True, "state": "stopped: no pose", "stopped": "no pose", "moves": 3}
-    page = WebPage(CONFIG, "0", lambda: words | {"stage": stage}, {"kind": "acquire"})
+    page = WebPage(CONFIG, "0", lambda: words | {"stage": stage}, {"kind": "acquire"}, drawn=DRAWN)
     page.resume = lambda: pressed.append(True)
     button = "document.getElementById('resume')"
     try:

@@ -107,7 +107,7 @@ def answer(page, path, **headers):
 
 def begun():
     live = Live(Pipeline(CONFIG))
-    one = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"})
+    one = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"}, drawn={})
     one.live = live
     return one
 
@@ -328,7 +328,7 @@ def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path):
 
 def test_another_address_is_bound_only_when_asked_for_and_with_a_warning():
     live = Live(Pipeline(CONFIG))
-    wide = WebPage(CONFIG, "0.0.0.0:0", lambda: status_of(live), {"kind": "acquire"})
+    wide = WebPage(CONFIG, "0.0.0.0:0", lambda: status_of(live), {"kind": "acquire"}, drawn={})
     try:
         assert not wide.local
         assert any(text.startswith("warning:") for text in wide.greeting())

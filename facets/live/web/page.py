@@ -53,12 +53,13 @@ class WebPage(Publication):
         status: Callable[[], dict[str, Any]],
         more: dict[str, Any],
         patient: bool = False,
-        drawn: dict[str, str] | None = None,
+        *,
+        drawn: dict[str, str],
     ) -> None:
         """Raises `InputError` where `web`, [HOST:]PORT, is no address or cannot be used.
 
-        more: what the page is to know beside the configuration.  drawn: scripts for the drawing in
-        three dimensions, by their names, in the order in which they are to be loaded.
+        more: what the page is to know beside the configuration.  drawn: the style and the scripts
+        that draw the rig, by their names: `rig_scripts` of `facets.pictures.page.scripts`.
         """
         host, port = parse_address(web)
         token = secrets.token_urlsafe(18)
@@ -68,8 +69,7 @@ class WebPage(Publication):
         self.size, self.next = 0, 0.0
         self.local = is_local(host)
         about = {**description_of(config), **more}
-        scripts = {f"rig/{name}": text for name, text in (drawn or {}).items()}
-        about["scripts"] = list(scripts)
+        scripts = {f"rig/{name}": text for name, text in drawn.items()}
         about["page"] = {"token": token, "host": host, "port": port, "drawn": scripts}
         super().__init__(f"http://{place(host, port)}", about, patient)
         self.address = f"http://{place(host, self.port or port)}"

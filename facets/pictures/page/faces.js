@@ -1,18 +1,19 @@
 // The three detectors' faces with their spots, and the beam on the mirror's point: flat pictures on
 // canvases, which need no WebGL.
 //
-//   const face = Faces.detector(canvas, RIG, 0, {trail: 200});     // detector A
+//   const face = Faces.detector(canvas, RIG, 0, {bar: true});      // detector A
 //   const point = Faces.point(canvas, RIG);                        // seen along the beam
 //   face.update(Model.drawing(state), readings); face.theme("light");
 //
 // The irradiance is that of the model, at every pixel: the place is followed back into the beam.
-// drawing may be null where no pose is known; then only what is measured is drawn. trail: how many
-// of the latest places are kept as a line; `clear` forgets them.
+// drawing may be null where no pose is known; then only what is measured is drawn. A third argument
+// of a face's update may have a trail, places (psi, zeta) before with the newest last, and a trouble in
+// words. Option bar: whether the share of the beam's power is drawn below.
 
 const Faces = (() => {
   const THEMES = {
-    dark: {face: "#12161d", edge: "#596270", grid: "#2a313b", ink: "#e6ebf1", quiet: "#9aa5b1", ground: "#161a20"},
-    light: {face: "#f3f5f7", edge: "#8a929c", grid: "#dde1e6", ink: "#1c2128", quiet: "#5d6671", ground: "#ffffff"},
+    dark: {face: "#12161d", edge: "#596270", grid: "#2a313b", ink: "#e6ebf1", quiet: "#9aa5b1", ground: "#161a20", bad: "#ff8a80"},
+    light: {face: "#f3f5f7", edge: "#8a929c", grid: "#dde1e6", ink: "#1c2128", quiet: "#5d6671", ground: "#ffffff", bad: "#b3261e"},
   };
   const rgb = (hue) => [1, 3, 5].map((n) => parseInt(hue.slice(n, n + 2), 16));
 
@@ -28,14 +29,10 @@ const Faces = (() => {
       this.draw();
     }
 
-    update(drawing, readings) {
-      this.drawing = drawing;
-      this.readings = readings;
-      this.keep();
+    update(drawing, readings, more = {}) {
+      Object.assign(this, {drawing, readings, ...more});
       this.draw();
     }
-
-    keep() {}
 
     // A pen in units of CSS pixels; null while the canvas is not shown.
     pen() {
@@ -78,18 +75,8 @@ const Faces = (() => {
   class DetectorFace extends Picture {
     constructor(canvas, rig, k, options) {
       super(canvas, rig);
-      Object.assign(this, {k, most: options.trail || 0, trail: []});
+      Object.assign(this, {k, bar: options.bar, trail: [], trouble: ""});
       this.draw();
-    }
-
-    clear() {
-      this.trail = [];
-      this.draw();
-    }
-
-    keep() {
-      const spot = this.spot();
-      if (this.most && spot) this.trail = [...this.trail.slice(1 - this.most), spot];
     }
 
     // (psi, zeta) where both were measured.
@@ -117,6 +104,22 @@ const Faces = (() => {
       pen.restore();
       const spot = this.spot();
       if (spot) this.centroid(pen, view, spot, Math.abs(spot[0]) <= y && Math.abs(spot[1]) <= z, y, z);
+      if (this.bar) this.share(pen);
+      if (!this.trouble) return;
+      pen.fillStyle = THEMES[this.name].bad;
+      pen.font = "600 13px system-ui, sans-serif";
+      pen.textAlign = "center";
+      pen.fillText(this.trouble, pen.wide / 2, view.y(0.45 * z));
+    }
+
+    // The detector's share of the beam's power: a third where the mirror is centred.
+    share(pen) {
+      const power = this.readings ? this.readings[3 * this.k + 2] : NaN;
+      if (Number.isNaN(power)) return;
+      pen.fillStyle = THEMES[this.name].edge;
+      pen.fillRect(0, pen.high - 4, pen.wide, 4);
+      pen.fillStyle = this.rig.hues[this.name][this.k];
+      pen.fillRect(0, pen.high - 4, pen.wide * Math.min(Math.max(power / this.rig.beam.power, 0), 1), 4);
     }
 
     ground(pen, view, box, y, z) {
@@ -179,6 +182,7 @@ const Faces = (() => {
       pen.lineWidth = 1.2;
       this.trail.slice(1).forEach((spot, n) => {
         const before = this.trail[n];
+        if (!Number.isFinite(before[0] + before[1] + spot[0] + spot[1])) return;
         pen.globalAlpha = 0.08 + 0.6 * (n + 1) / this.trail.length;
         pen.beginPath();
         pen.moveTo(view.x(before[0]), view.y(before[1]));

@@ -1,4 +1,4 @@
-"""The scripts that draw a rig, for a page that receives its states from elsewhere."""
+"""What draws a rig, for a page that receives its states from elsewhere."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from .rig_data import rig
 
 
 def rig_scripts(sensor: Sensor) -> dict[str, str]:
-    """Return the scripts by name, in loading order.
+    """Return the shared style and the scripts by name, in loading order.
 
-    They define `THREE`, `Model`, `RIG`, `Rig` and `Faces`; see the heads of `scene.js` and
-    `faces.js`.
+    They define `THREE`, `Digits`, `Model`, `RIG`, `Rig`, `Faces` and `Parts`; see their heads.
     """
+    own = ("digits", "scene", "faces", "parts")
     return {
+        "base.css": text_of("base.css"),
         "three.min.js": text_of("vendor/three.min.js"),
         "model.js": model(sensor),
         "data.js": f"const RIG = {json.dumps(rig(sensor))};\n",
-        "scene.js": text_of("scene.js"),
-        "faces.js": text_of("faces.js"),
+        **{f"{name}.js": text_of(f"{name}.js") for name in own},
     }

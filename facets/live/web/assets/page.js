@@ -1,11 +1,10 @@
 // The page: takes what the server tells, and shows it as a person wants it.
 
-import { Faces } from "./faces.js";
-import { grouped, seconds, three, utc } from "./numbers.js";
-import { Scene } from "./scene.js";
 import { Store } from "./store.js";
 import { Strips } from "./strips.js";
+import { View } from "./view.js";
 
+const { grouped, minus, seconds, three, utc, written } = Digits;
 const by = (id) => document.getElementById(id);
 const STALE = 1.0; // s without a sample after which numbers are said to be old
 const TRAIL = 2.0; // s of the spots' way that is drawn
@@ -15,7 +14,7 @@ const run = { line: null, hello: null, store: null, sample: null, status: null, 
   heard: 0, sampled: 0, seq: null, events: 0 };
 // What is looked at. at: a time, null for the newest.
 const look = { paused: false, from: 0, to: 20, at: null, hover: null, playing: false };
-let strips = null, faces = null, scene = null, fresh = true;
+let strips = null, scene = null, fresh = true;
 
 // Connection ------------------------------------------------------------------------------------
 
@@ -60,11 +59,10 @@ function begin(hello) {
   if (known) return;
   if (hello.kind === "replay") by("span").value = "all";
   strips = new Strips(by("strips"), hello.components, { zoom, wheel, follow, hover });
-  faces = new Faces(by("faces"), hello);
-  scene = new Scene(by("scene"), hello);
+  scene = new View(by("scene"), by("faces"), by("card"), hello);
   scene.theme(document.documentElement.dataset.theme);
   // for tests and for those who look behind the page
-  window.facets = { run, look, strips, faces, scene };
+  window.facets = { run, look, strips, scene };
 }
 
 function hear(news) {
@@ -175,7 +173,7 @@ function keep() {
 function theme(name) {
   document.documentElement.dataset.theme = name;
   by("theme").textContent = name === "dark" ? "Light" : "Dark";
-  scene?.theme?.(name);
+  scene?.theme(name);
   fresh = true;
 }
 const asked = new URLSearchParams(location.search).get("theme");
@@ -243,8 +241,7 @@ function draw() {
   const sample = shown();
   const why = sample ? sample.status : look.at === null ? "no sample yet" : "no sample then";
   strips.write(sample, why);
-  faces.show(sample, range ? run.store.trail(look.at ?? newest(), TRAIL) : []);
-  scene.show(sample, why);
+  scene.show(sample, why, range ? run.store.trail(look.at ?? newest(), TRAIL) : []);
   const at = look.at ?? sample?.t ?? null;
   const origin = run.hello.origin_utc ?? null;
   by("when").textContent = sample || look.at !== null
@@ -273,7 +270,7 @@ function frame(now) {
   }
   if (strips && fresh) { fresh = false; draw(); }
   header();
-  scene?.frame?.(now);
+  scene?.frame(now);
   requestAnimationFrame(frame);
 }
 
@@ -291,11 +288,6 @@ function list(root, items) {
   }));
 }
 
-function written(value) {
-  if (Number.isInteger(value)) return grouped(value);
-  return Math.abs(value) >= 1000 ? grouped(Math.round(value)) : String(+value.toPrecision(4)).replace("-", "−");
-}
-
 function describe() {
   const status = run.status;
   if (!status) return;
@@ -311,7 +303,7 @@ function describe() {
 
 function stage(now) {
   if (!now.there) return [{ name: "place", value: null, why: now.why }];
-  const pair = (xy, digits) => (xy && xy.every((v) => v !== null) ? xy.map((v) => v.toFixed(digits).replace("-", "−")).join(", ") : null);
+  const pair = (xy, digits) => (xy && xy.every((v) => v !== null) ? xy.map((v) => minus(v.toFixed(digits))).join(", ") : null);
   const error = now.error ? now.error.map((v) => 1e3 * v) : null;
   return [
     { name: "state", value: now.state, bad: now.state !== "following" },

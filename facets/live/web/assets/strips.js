@@ -1,6 +1,6 @@
 // Strips over time: a pose's components with their uncertainty.
 
-import { decimals, fine, signed } from "./numbers.js";
+const { decimals, fine, minus, signed } = Digits;
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -37,7 +37,7 @@ export class Strips {
   draw(plot, last) {
     const place = plot.box.querySelector(".plot");
     const line = (more) => ({ points: { show: false }, ...more });
-    const axis = { stroke: () => css("--soft"), grid: { stroke: () => css("--grid"), width: 1 },
+    const axis = { stroke: () => css("--quiet"), grid: { stroke: () => css("--grid"), width: 1 },
       ticks: { stroke: () => css("--grid"), width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
     plot.u = new uPlot({
       width: Math.max(100, place.clientWidth), height: Math.max(40, place.clientHeight),
@@ -48,7 +48,7 @@ export class Strips {
       series: [{},
         line({ stroke: null, width: 0 }), line({ stroke: null, width: 0 }),
         line({ stroke: null, width: 0 }), line({ stroke: null, width: 0 }),
-        line({ stroke: () => css("--line"), width: 1.25 })],
+        line({ stroke: () => css("--trace"), width: 1.25 })],
       bands: [{ series: [1, 2], fill: () => css("--range") }, { series: [3, 4], fill: () => css("--sigma") }],
       axes: [{ ...axis, show: last, size: 26, values: (_, at) => at.map((t) => `${+t.toFixed(4)} s`) },
         { ...axis, size: 58, space: 18, values: (u, at) => this.ticks(plot, u, at) }],
@@ -82,12 +82,12 @@ export class Strips {
     const note = plot.box.querySelector(".scale");
     if (span > 0.02 * 1.5 || !at.length) {
       note.textContent = unit;
-      return at.map((v) => String(+v.toFixed(4)).replace("-", "−"));
+      return at.map((v) => minus(String(+v.toFixed(4))));
     }
     const digits = Math.max(2, Math.ceil(-Math.log10(span)));
     const base = +((min + max) / 2).toFixed(digits);
     note.textContent = base === 0 ? small : `${small} from ${signed(base, digits)} ${unit}`;
-    return at.map((v) => String(+(1e3 * (v - base)).toFixed(4)).replace("-", "−"));
+    return at.map((v) => minus(String(+(1e3 * (v - base)).toFixed(4))));
   }
 
   select(u) {
@@ -117,7 +117,7 @@ export class Strips {
     if (plot.at !== null && plot.at !== undefined) {
       const x = u.valToPos(plot.at, "x", true);
       if (x >= bbox.left && x <= bbox.left + bbox.width) {
-        ctx.fillStyle = css("--soft");
+        ctx.fillStyle = css("--quiet");
         ctx.fillRect(x, bbox.top, devicePixelRatio, bbox.height);
       }
     }
