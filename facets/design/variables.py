@@ -14,8 +14,7 @@ from ..core.units import Floats
 from ..detectors.noise import electrode_currents, standard_deviations
 from ..model.arrays import parameters, sensor_with
 from ..model.many import evaluate, pack_all
-from ..optics.forward import Geometry
-from ..scalars.dispatch import cos, sin
+from ..optics.forward import Geometry, sub_beam_height
 from ..scalars.nesting import leaves
 
 #: Where the parts of a sensor's 30 parameters begin: the beam, the facets, the detectors.
@@ -181,7 +180,7 @@ def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[lis
     own = parameters(sensor)
     for facet, psd in zip(FACETS, PSDS, strict=True):
         if facet in moved and psd + 2 not in moved:
-            moved[psd + 2] = moved.get(psd, own[psd]) / tangent(2 * moved[facet])
+            moved[psd + 2] = sub_beam_height(moved.get(psd, own[psd]), moved[facet])
     sizes = [value.get("size_mm", min(psd.size_y, psd.size_z)) for psd in sensor.psds]
     return [moved.get(i, number) for i, number in enumerate(own)], sizes
 
@@ -223,10 +222,6 @@ def gain_of(sensor: Sensor, names: Sequence[str], x: Any) -> Any:
     if GAIN not in names:
         return sensor.electronics.transimpedance
     return x[list(names).index(GAIN)] * unit_of(GAIN)
-
-
-def tangent(angle: Any) -> Any:
-    return sin(angle) / cos(angle)
 
 
 def heads_of(p: Sequence[Any]) -> list[Any]:

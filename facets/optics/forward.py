@@ -91,6 +91,12 @@ def psd_centre(radius: Number, azimuth: Number, height: Number) -> Vector:
     return radius * cos(azimuth), radius * sin(azimuth), height
 
 
+def sub_beam_height(radius: Number, inclination: Number) -> Number:
+    """The height above the apex at which the level or sloping sub-beam of a facet, under a beam
+    straight down, passes a distance from the axis."""
+    return radius / (sin(2 * inclination) / cos(2 * inclination))
+
+
 def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matrix:
     """A detector's x, y and z axes: outward, sideways and up, then rotated."""
     return columns(rotation(roll, pitch, azimuth + yaw))

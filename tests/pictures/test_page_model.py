@@ -1,4 +1,4 @@
-"""The page's solver is the package's: the same poses, statuses and uncertainties in a browser."""
+"""The page's model is the package's: equal poses, statuses, uncertainties and ranges."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from browser import Browser
 from sensors import SENSORS
 
 import facets
-from facets import BenchLight
+from facets import BenchLight, Rules
+from facets.characterization import ranges
+from facets.detectors.noise import least_light
+from facets.model.arrays import geometry_of
+from facets.pictures.page import clearance
 from facets.pictures.page.model import model
 
 CUT = replace(
@@ -64,14 +68,15 @@ def browser(tmp_path_factory):
 def test_the_page_solves_as_the_package_does(browser, name):
     """200 states and 200 with noise, by all that can be known of the beam."""
     sensor = KINDS[name]
+    combinations = ASKED if name == "plain" else ASKED[:2]
     given = readings_of(sensor, seed=list(KINDS).index(name))
     texts = json.dumps([[str(value) for value in row] for row in given.tolist()])
     asked = SOLVE.replace("READINGS", texts.replace("nan", "NaN")).replace(
-        "ASKED", json.dumps(ASKED)
+        "ASKED", json.dumps(combinations)
     )
     told = browser.ask("(() => {" + model(sensor) + f"return {asked};" + "})()")
     converged = 0
-    for n, (beam, power) in enumerate(ASKED):
+    for n, (beam, power) in enumerate(combinations):
         wanted, found = (
             facets.solve(sensor, given, beam=beam, power=power),
             [row[n] for row in told],
@@ -91,3 +96,50 @@ def test_a_sensor_whose_solver_cannot_be_carried_says_so():
     electronics = facets.Electronics(kind="tetra-lateral")
     assert "not of tetra-lateral ones" in model(replace(KINDS["plain"], electronics=electronics))
     assert "Two poses of this sensor" in model(facets.load("singular").sensor)
+
+
+def poses(count, seed):
+    """Half of them in the range of a rig, and some far off."""
+    found = np.random.default_rng(seed).uniform(-1, 1, (count, 6)) * [0.3, 0.3, 8, 0.02, 0.02, 0.03]
+    found[::7] *= 5
+    return found
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_margins_of_one_pose_are_those_of_many(whole):
+    sensor, rules = replace(CUT, apertures=facets.Apertures(rim=0.6)), Rules(whole_spot=whole)
+    geometry, needed = geometry_of(sensor), least_light(sensor, rules.snr)
+    given = poses(60, 3)
+    wanted = ranges.clearances(sensor, given, rules)
+    for pose, margins in zip(given, wanted, strict=True):
+        state = (*pose.tolist(), 0.0, 0.0)
+        reading = facets.readings(sensor, state).reshape(3, 3)
+        ends = clearance.ends_of_spots(geometry, state)
+        assert clearance.spot_clearance(sensor, ends, reading, whole) == pytest.approx(margins[0])
+        light = clearance.light_clearance(reading, needed, (0.0, 0.0, 0.0))
+        assert light == pytest.approx(margins[1])
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plain", "electronics", "light"])
+def test_the_page_knows_the_range_as_the_package_does(browser, name):
+    sensor = KINDS[name]
+    rules = Rules(coarsest=(4e-3, 4e-3, 3.5e-3, np.inf, np.inf, 1.4e-5), condition=3e4)
+    rules = Rules() if sensor.light.on else rules
+    given = poses(100, 2)
+    told = browser.ask(
+        "(() => {"
+        + model(sensor, rules)
+        + f"""
+        const text = (pose) => Model.clearances(pose).map(String);
+        return {{axes: Model.axisRanges(), causes: Model.causes,
+          margins: {json.dumps(given.tolist())}.map(text)}}; }})()"""
+    )
+    count = 2 if sensor.light.on else 4  # under light, conditioning is that of the solver's steps
+    found = np.array(told["margins"]).astype(float)[:, :count]
+    wanted = ranges.clearances(sensor, given, rules)[:, :count]
+    assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9, equal_nan=True)
+    for axis, one in zip(facets.axis_ranges(sensor, rules, np.zeros(6)), told["axes"], strict=True):
+        assert [one["low"], one["high"]] == pytest.approx([axis.low, axis.high], abs=1e-7)
+        assert [one["lowCause"], one["highCause"]] == [axis.low_cause, axis.high_cause]

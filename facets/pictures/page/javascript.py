@@ -419,6 +419,8 @@ class Function:
             return f"{self.expression(node.args[0])}.length"
         if found is getattr:
             return "{}[{}]".format(*map(self.expression, node.args))
+        if isinstance(node.func, ast.Attribute) and found is None and node.func.attr == "append":
+            return f"{self.expression(node.func.value)}.push({self.expression(node.args[0])})"
         if isinstance(node.func, ast.Attribute) and found is None:
             return self.call_of_tuple(node, node.func)
         if found is float and isinstance(node.args[0], ast.Constant):

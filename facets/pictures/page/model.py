@@ -10,7 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...characterization import ranges
 from ...core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ...core.names import FINE_UNITS
+from ...core.rules import Rules
 from ...core.sensor import Sensor
 from ...detectors import noise
 from ...estimation import chance, doubts, gauss_newton, plan
@@ -27,6 +30,7 @@ from ...optics import (
     limits,
     rays,
 )
+from . import clearance
 from .javascript import javascript, literal, name_of
 
 
@@ -71,6 +75,9 @@ SOLVED = (
     noise.two_layer_place_variance,
     noise.two_layer_power_variance,
     gauss_newton.estimate_each,
+    clearance.ends_of_spots,
+    clearance.spot_clearance,
+    clearance.light_clearance,
 )
 #: What can be known of beam and power.
 BEAM: tuple[BeamKnowledge, ...] = ("free", "known")
@@ -89,6 +96,7 @@ const Model = (() => {{
 const NOMINAL = {sensor};
 const EFFECTS = {effects};
 const SOLVER = {solver};
+const RANGE = {range};
 // Where the outlines of light that is cut are kept.
 const workspace = zeros(3, {most}, {columns});
 // Readings with their derivatives by the state, of the kind with which the solver steps.
@@ -99,12 +107,15 @@ const lineariseExactly = {exactly};
 {light}
 {noise}
 {solving}
+{ranging}
 // The sensor at rest, as vectors, and what follows from it.
-let sensor, geometry, solver;
+let sensor, geometry, solver, ranges;
+const readings = (state) => {readings}(geometry, state{workspace}).flat();
 function change(given) {{
   sensor = given;
   geometry = arrays_geometry_under(sensor, EFFECTS);
   solver = Solver.create(sensor, geometry);
+  ranges = Ranges.create(sensor, geometry, readings);
 }}
 change(NOMINAL);
 return {{
@@ -114,13 +125,18 @@ return {{
   nominal: NOMINAL,
   change,
   // The nine readings (psi, zeta, power of a, b, c; mm, mW) at a state (8,); mm, rad.
-  readings: (state) => {readings}(geometry, state{workspace}).flat(),
+  readings,
   // What there is to draw at a state; see light.js.
   drawing: (state) => Light.drawing(geometry, state),
   onFacet: Light.onFacet,
   // The pose from nine readings; see solver.js.
   solve: (values, options) => solver.solve(values, options),
   refusal: (options) => solver.refusal(options),
+  // How far the mirror may go, and why no farther; see range.js.
+  causes: Ranges.causes,
+  axisRanges: () => ranges.axes(),
+  exit: (way) => ranges.exit(way),
+  clearances: (pose) => ranges.clearances(pose),
   // The standard deviations of nine readings, and readings with noise; see noise.js.
   deviations: (values) => Noise.deviations(sensor, values),
   noisy: (values, seed) => Noise.sample(sensor, values, seed),
@@ -144,8 +160,11 @@ def text_of(name: str) -> str:
     return files(__package__).joinpath(name).read_text("utf-8")
 
 
-def model(sensor: Sensor) -> str:
-    """Return JavaScript that defines `Model`: readings, drawing and poses of a sensor."""
+def model(sensor: Sensor, rules: Rules | None = None) -> str:
+    """Return JavaScript that defines `Model`: readings, drawing, poses and ranges of a sensor.
+
+    rules: of the range; by default those of a configuration that states none.
+    """
     cut = sensor.apertures.cut
     readings, linearise, slopes = TEXTS[cut, sensor.light.on]
     workspace = ", workspace" if cut else ""
@@ -156,6 +175,8 @@ def model(sensor: Sensor) -> str:
         sensor=literal(as_data(sensor)),
         effects=literal(arrays.light_numbers(sensor) if sensor.light.on else None),
         solver=literal(solver_data(sensor)),
+        range=literal(range_data(sensor, rules or Rules())),
+        ranging=text_of("range.js"),
         light=text_of("light.js"),
         noise=text_of("noise.js"),
         solving=text_of("solver.js"),
@@ -196,6 +217,19 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
         "noise": electronic_noise(sensor),
         "statuses": [status.label for status in Status],
         "refusal": refusal(sensor),
+    }
+
+
+def range_data(sensor: Sensor, rules: Rules) -> dict[str, Any]:
+    """The limits of the range that do not change with the sensor's place and size."""
+    return {
+        "causes": ranges.CAUSES,
+        "farthest": ranges.FARTHEST_MM_RAD,
+        "units": FINE_UNITS,
+        "rules": as_data(rules),
+        "needed": noise.least_light(sensor, rules.snr),
+        "other": noise.other_light(sensor),
+        "no_light": ranges.NO_LIGHT,
     }
 
 

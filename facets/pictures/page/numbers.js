@@ -43,3 +43,32 @@ function gauss(x) {
   const short = Math.fround(x), rest = x - short;
   return Math.exp(-short * short) * Math.exp(-rest * (short + x));
 }
+
+// Of a matrix, row by row: its singular values, and the roots of the sums of squares of the rows of
+// its pseudo-inverse. One-sided Jacobi rotations make its columns orthogonal.
+function decompose(rows) {
+  const count = rows[0].length, columns = range(count).map((c) => rows.map((row) => row[c]));
+  const turns = range(count).map((c) => range(count).map((r) => (r === c ? 1 : 0)));
+  const dot = (a, b) => a.reduce((sum, x, n) => sum + x * b[n], 0);
+  for (let sweep = 0, large = true; large && sweep < 60; sweep++) {
+    large = false;
+    for (let i = 0; i < count; i++) {
+      for (let j = i + 1; j < count; j++) {
+        const [a, b, c] = [dot(columns[i], columns[i]), dot(columns[j], columns[j]), dot(columns[i], columns[j])];
+        if (!(Math.abs(c) > 1e-15 * Math.sqrt(a * b))) continue;
+        large = true;
+        const z = (b - a) / (2 * c), t = (z < 0 ? -1 : 1) / (Math.abs(z) + Math.hypot(1, z));
+        const cosine = 1 / Math.hypot(1, t), sine = cosine * t;
+        for (const both of [columns, turns]) {
+          const [x, y] = [both[i], both[j]];
+          both[i] = x.map((each, n) => cosine * each - sine * y[n]);
+          both[j] = x.map((each, n) => sine * each + cosine * y[n]);
+        }
+      }
+    }
+  }
+  const singular = columns.map((column) => Math.sqrt(dot(column, column)));
+  return {
+    singular, deviations: range(count).map((r) => Math.hypot(...turns.map((turn, n) => turn[r] / singular[n]))),
+  };
+}

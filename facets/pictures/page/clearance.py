@@ -1,0 +1,66 @@
+"""The margins of one pose inside its range, for `range.js`; `characterization.ranges` has them for
+arrays of poses."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+from ...core.sensor import Sensor
+from ...optics.curved_light import apparent_scene
+from ...optics.footprint import collimated_slopes, curved_slopes, footprint
+from ...optics.forward import Geometry, dark_scene
+from ...scalars.dispatch import log
+
+#: The sense in which each end of a spot counts against its limit, as in `arrays.edge_distances`.
+SENSES = (1.0, -1.0, 1.0, -1.0, -1.0)
+#: Lowest light over its limit that has a logarithm.
+LEAST_RATIO = 1e-300
+
+
+def ends_of_spots(geometry: Geometry, state: tuple[float, ...]) -> Any:
+    """The footprints (3, 5) at a state, mm."""
+    at = dark_scene(geometry, state)
+    if geometry.light.options.on:
+        at = apparent_scene(geometry, at)
+        return tuple(footprint(geometry, at, k, curved_slopes(geometry, at, k)) for k in range(3))
+    return tuple(footprint(geometry, at, k, collimated_slopes(geometry, at, k)) for k in range(3))
+
+
+def spot_clearance(sensor: Sensor, ends: Any, reading: Any, whole: bool) -> float:
+    """The least margin of a spot, as of `ranges.spot_clearances`.
+
+    ends: of `ends_of_spots`.  reading: (3, 3), mm and mW.  whole: whether the whole spot counts.
+    """
+    least = inf
+    for k in range(3):
+        psi, zeta, own = reading[k][0], reading[k][1], ends[k]
+        psd = sensor.psds[k]
+        bare = own[0] != own[0] and psi == psi
+        if bare or not whole:
+            own = (psi, psi, zeta, zeta, -inf if bare and whole else own[4])
+        y, z = psd.size_y / 2, psd.size_z / 2
+        limits = (y, y, z, z, sensor.apertures.rim)
+        for i in range(5):
+            distance = limits[i] + SENSES[i] * own[i]
+            distance = distance / limits[i] if i < 4 else distance
+            if distance != distance:
+                return -1.0
+            least = min(least, distance)
+    return max(least, -1.0)
+
+
+def light_clearance(reading: Any, needed: Any, other: Any) -> float:
+    """The margin of light, as of `ranges.light_clearances`.
+
+    needed: least power of each detector, background included.  other: the background's; mW.
+    """
+    least: float = inf
+    for k in range(3):
+        share = (reading[k][2] - other[k]) / (needed[k] - other[k])
+        if share != share:
+            least = LEAST_RATIO
+            break
+        least = min(least, share)
+    clearance: float = log(max(least, LEAST_RATIO))
+    return clearance
