@@ -178,6 +178,33 @@ At = Annotated[
         autocompletion=completion.assignments(completion.state_names),
     ),
 ]
+Point = Annotated[
+    str | None,
+    typer.Option(
+        "--point",
+        metavar="X,Y,Z",
+        help="Point of interest whose pose is computed: x, y and z relative to the apex in the "
+        "mirror's frame, in mm, such as 0,0,50.  [default: the configuration's, `object.point_mm`]",
+    ),
+]
+Zero = Annotated[
+    str | None,
+    typer.Option(
+        "--zero",
+        metavar="SECONDSs|row:N|FILE",
+        help="Reference pose: also give displacements from the mean of the first seconds (such as "
+        "2s), from a row (row:1 is the first), or from the mean pose of a table of poses (CSV or "
+        "Parquet).",
+    ),
+]
+Covariance = Annotated[
+    bool,
+    typer.Option(
+        "--covariance",
+        help="Also write the whole covariance of each pose, as the 21 columns cov_tx_tx_mm2 and so "
+        "on.",
+    ),
+]
 Certify = Annotated[
     int,
     typer.Option(

@@ -1,9 +1,12 @@
-"""Poses and states on the command line: `tz_mm=1,yaw_mrad=2`."""
+"""Poses, points and zeros on the command line: `tz_mm=1,yaw_mrad=2`, `0,0,50`, `2s`."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facets.core.errors import InputError
@@ -11,7 +14,9 @@ from facets.core.names import POSE, STATE_COLUMNS, STATE_UNITS
 from facets.core.plain_numbers import assignments, plain_number
 
 if TYPE_CHECKING:
+    from facets.config import Config
     from facets.core.units import Floats
+    from facets.estimation.zero import ZeroRequest
 
 
 def pose_of(text: str | None) -> Floats:
@@ -52,3 +57,40 @@ def pair_of(text: str) -> tuple[str, str]:
     if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
         raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, such as tx,ty")
     return names[0], names[1]
+
+
+def choose_point(settings: Config, text: str | None) -> Config:
+    """The configuration with the object at the point '0,0,50' of --point; the orientation stays."""
+    from facets.core.rigid_body import MIRROR
+
+    if text is None:
+        return settings
+    try:
+        x, y, z = (plain_number(part) for part in text.split(","))
+        body = replace(settings.object or MIRROR, point=(x, y, z))
+    except (ValueError, InputError):
+        raise InputError(
+            f"--point is {text!r}; allowed: three numbers in mm up to 10,000 in magnitude, such as "
+            "0,0,50"
+        ) from None
+    return replace(settings, object=body)
+
+
+def zero_of(text: str | None) -> ZeroRequest | None:
+    """Read '2s', 'row:1' or the name of a table as the zero of displacements."""
+    from facets.estimation.zero import ZeroRequest
+    from facets.files import tables
+
+    if text is None:
+        return None
+    if re.fullmatch(r"(\d+\.?\d*|\.\d+)s", text) and float(text[:-1]) > 0:
+        return ZeroRequest(seconds=float(text[:-1]))
+    if re.fullmatch(r"row:0*[1-9]\d{0,14}", text):
+        return ZeroRequest(row=int(text[4:]))
+    if Path(text).suffix.lower() not in tables.ENDINGS:
+        raise InputError(
+            f"--zero is {text!r}; allowed: seconds such as 2s, a row such as row:1 (the first), or "
+            "a table of poses, FILE.csv or FILE.parquet"
+        )
+    tables.require_table(Path(text))
+    return ZeroRequest(file=Path(text))

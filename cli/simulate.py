@@ -5,33 +5,41 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from textwrap import fill
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from facets import core, files, pictures, simulation
+from facets import core, estimation, files, pictures, simulation
 
 from .console import FINDING, load_config, name_files, show_table
 from .options import (
     ConfigName,
+    Covariance,
     Force,
     Look,
     Plot,
+    Point,
     Style,
     Table,
     TableKind,
     Track,
     WithReference,
+    Zero,
     folder_option,
     motion_option,
     output_folder,
     seed_option,
 )
 from .options import PlotKind as PlotKind
+from .places import choose_point, zero_of
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.simulation.run import Segment
+    from facets.core.rigid_body import MeasuredObject
+    from facets.estimation.differences import ZeroPose
+    from facets.estimation.zero import ZeroRequest
+    from facets.simulation.run import AxisErrors, Segment
 
 
 Motions = Annotated[
@@ -75,24 +83,34 @@ def simulate(
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
+    point: Point = None,
+    zero: Zero = None,
+    covariance: Covariance = False,
 ) -> None:
     """Simulate a configuration's motions and report pose errors.
 
     Simulates the readings along each motion, with noise, and solves them for poses. Writes a table
     of readings (the input of `facets solve`), a table of poses, a picture and a record of the run
-    into the folder. With --track the stage of the configuration moves the beam. Exit status 1 if no
-    sample of a motion could be solved.
+    into the folder. With --track the stage of the configuration moves the beam. With an object in
+    the configuration or --point, the errors of its pose are reported, too; with --zero the table of
+    poses has the displacements from the zero of each motion. Exit status 1 if no sample of a motion
+    could be solved.
     """
     start = time.perf_counter()
-    settings = load_config(config)
+    settings, request = choose_point(load_config(config), point), zero_of(zero)
     paths = files_of(output_folder(folder, settings.name), table, plot)
     files.tables.refuse_to_overwrite(paths.all, force)
     segments = simulation.run.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
+    zeros = simulation.run.find_zeros(settings, segments, request)
+    poses = simulation.run.pose_table(segments, settings.object, request, zeros, covariance)
+    about = files.provenance.provenance_header(settings, drawn) | zero_entry(request, zeros)
     with files.tables.ResultSet():
-        write(settings, segments, paths, drawn, with_reference, start)
-    for segment in segments:
-        print_segment(segment)
+        write(settings, segments, poses, about, paths, drawn, with_reference, start)
+    for segment, own in zip(segments, zeros, strict=True):
+        print_segment(segment, settings.object)
+        for sentence in estimation.zero.zero_findings(own) if own else ():
+            typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  ") + "\n")
     name_files(paths.folder, paths.all)
     if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
@@ -106,36 +124,53 @@ def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
 def write(
     settings: Config,
     segments: list[Segment],
+    poses: dict[str, Any],
+    about: dict[str, str],
     paths: Files,
     seed: int,
     reference: bool,
     start: float,
 ) -> None:
     """Write the results; the record comes last, because it states the duration."""
-    about = files.provenance.provenance_header(settings, seed)
     columns = simulation.run.reading_table(segments)
     if reference:
         columns |= simulation.run.reference_table(segments, settings.calibrate.reference, seed)
     files.tables.write_table(paths.readings, columns, about)
-    files.tables.write_table(paths.poses, simulation.run.pose_table(segments), about)
+    files.tables.write_table(paths.poses, poses, about)
     pictures.style.save(pictures.motion.motion_picture(segments), paths.picture)
-    results = {segment.name: simulation.run.statuses(segment) for segment in segments}
+    results: dict[str, Any] = {key: about[key] for key in ("zero",) if key in about}
+    results |= {segment.name: simulation.run.statuses(segment) for segment in segments}
     seconds = time.perf_counter() - start
     files.provenance.write_record(paths.record, settings, seed, seconds, results, paths.all)
 
 
-def print_segment(segment: Segment) -> None:
-    """Print the errors of one motion by axis, then the outcome of its samples."""
+def zero_entry(request: ZeroRequest | None, zeros: list[ZeroPose | None]) -> dict[str, str]:
+    """The zeros of the motions for the head of the tables."""
+    if request is None:
+        return {}
+    texts = dict.fromkeys(estimation.zero.zero_text(request, zero) for zero in zeros if zero)
+    return {"zero": "; ".join(texts)}
+
+
+def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
+    """Print the errors of one motion by axis, of mirror and object, then the outcome of its
+    samples."""
+    print_errors(segment.name, simulation.run.axes(segment))
+    if body is not None:
+        print_errors(f"{segment.name}: the object", simulation.run.axes(segment, body))
+    typer.echo(outcome(segment) + "\n")
+
+
+def print_errors(title: str, axes: list[AxisErrors]) -> None:
     headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
     rows = []
-    for axis in simulation.run.axes(segment):
+    for axis in axes:
         unit, factor, fine_unit, fine = core.units.unit_of(axis.name)
         moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
         sizes = (axis.largest, axis.rms, axis.uncertainty)
         errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
         rows.append([axis.name, *(moved if axis.is_varied else ("", "", "")), *errors, fine_unit])
-    show_table(segment.name, headings, rows, left=(0, 3, 7))
-    typer.echo(outcome(segment) + "\n")
+    show_table(title, headings, rows, left=(0, 3, 7))
 
 
 def outcome(segment: Segment) -> str:

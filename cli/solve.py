@@ -17,7 +17,17 @@ from facets import estimation, files
 from facets.core.errors import InputError
 
 from .console import FINDING, load_config, report_coverage
-from .options import ConfigName, Coverage, Force, describe_default, output_option
+from .options import (
+    ConfigName,
+    Covariance,
+    Coverage,
+    Force,
+    Point,
+    Zero,
+    describe_default,
+    output_option,
+)
+from .places import choose_point, zero_of
 
 if TYPE_CHECKING:
     from facets.config import Config, Solve
@@ -111,16 +121,22 @@ def solve(
     start: StartPose = None,
     accept_unchecked: AcceptUnchecked = False,
     coverage: Coverage = None,
+    point: Point = None,
+    zero: Zero = None,
+    covariance: Covariance = False,
 ) -> None:
     """Solve a table of readings for poses.
 
     Writes one row for each row of READINGS: the pose with its standard uncertainties (mm, mrad; um,
     urad) and a status. A row that cannot be solved gets a status and no pose. If READINGS has the
-    columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior.
+    columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. With
+    an object in the configuration or --point, each row also has the pose of that object
+    (object_tx_mm and so on), and with --zero its displacement (displacement_tx_mm and so on).
     --coverage adds expanded uncertainties. Exit status 1 if no row could be solved, or if most of
     them do not fit.
     """
-    settings = load_config(config)
+    settings = choose_point(load_config(config), point)
+    request = zero_of(zero)
     given = {"beam": beam, "power": power, "method": method, "start": start}
     chosen = {key: word.value for key, word in given.items() if word is not None}
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
@@ -143,6 +159,8 @@ def solve(
             about,
             advance,
             coverage=coverage,
+            zero=request,
+            covariance=covariance,
         )
     report(count, output, settings, options)
     if coverage is not None:
@@ -186,6 +204,7 @@ def report(count: StatusCounts, output: Path, settings: Config, options: Solve) 
         edge_sentence(count),
         unseen_sentence(count),
         temperature_sentence(count, settings, options),
+        *(estimation.zero.zero_findings(count.zero) if count.zero else ()),
     )
     for sentence in (count.misfit.sentence, *beside):
         if sentence:

@@ -6,5 +6,6 @@ if TYPE_CHECKING:
     from . import coverage as coverage
     from . import solution as solution
     from . import table as table
+    from . import zero as zero
 else:
     __getattr__ = load_on_use(__name__)

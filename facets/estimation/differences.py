@@ -191,9 +191,13 @@ def step_uncertainties(
 
 
 def propagate_in_light(sensor: Sensor, states: Floats, plan: Plan) -> Propagation:
-    """`propagate` of states (n, 8) with light on all three detectors."""
+    """`propagate` of states (n, 8) with light on all three detectors; NaN where one has no
+    reading."""
     used = np.ones((len(states), 3), dtype=bool)
-    return propagate(sensor, sensor.calibration, states, used, plan.free, plan.weights)
+    found = propagate(sensor, sensor.calibration, states, used, plan.free, plan.weights)
+    is_dark = np.isnan(found.readings).any(axis=1)
+    found.noise[is_dark], found.statistical[is_dark] = np.nan, np.nan
+    return found
 
 
 def covariance_of_mean(found: Propagation, samples: int) -> Floats:
@@ -283,7 +287,7 @@ class ZeroPose:
         How the state follows noise, priors and parameters.
     scatter
         (6,) of the samples: their standard deviation over that of their noise; NaN for fewer than
-        ten samples. Above about 1.5 the mirror did not stand still.
+        30 samples. Above about 1.5 the mirror did not stand still.
     same_calibration
         Whether the errors of the calibration are those of the poses that are compared with it.
     """
@@ -296,15 +300,9 @@ class ZeroPose:
     scatter: Floats
     same_calibration: bool = True
 
-    @property
-    def statistical(self) -> Floats:
-        """(6, 6) covariance of the pose by noise and priors."""
-        found: Floats = covariance_of_mean(self.propagation, self.samples)[0, :6, :6]
-        return found
-
 
 #: Least number of samples whose scatter is compared with their noise.
-SCATTER_SAMPLES = 10
+SCATTER_SAMPLES = 30
 
 
 @check_arguments
@@ -367,12 +365,20 @@ def make_zero(
     """`zero_pose` by a plan.  warmer: than the reference temperature of the calibration, K."""
     rows = states[np.isfinite(states).all(axis=1)]
     if not len(rows):
-        raise InputError("the zero has no solved pose; take samples with light on all detectors")
+        raise InputError(
+            "the zero has no solved pose that fits its readings; choose samples with light on all "
+            "detectors"
+        )
     mean = rows.mean(axis=0, keepdims=True)
     found = propagate(
         sensor, sensor.calibration, mean, np.ones((1, 3), bool), plan.free, plan.weights,
         np.array([warmer]),
     )  # fmt: skip
+    if np.isnan(found.readings).any():
+        raise InputError(
+            "at the mean pose of the zero a detector has no light, so that it cannot have been "
+            "measured with this sensor; choose another zero"
+        )
     scatter = np.full(6, np.nan)
     if len(rows) >= SCATTER_SAMPLES:
         scatter = rows[:, :6].std(axis=0, ddof=1) / root_of_diagonal(found.noise)[0, :6]
@@ -420,14 +426,22 @@ def displacement_covariance(
             "covariance; compute the zero with the sensor of the solution"
         )
 
-    def combine(own: Floats, start: Floats) -> Floats:
-        """Carry independent errors of the poses, which are common to the zero and its samples."""
-        by_pose, by_zero = slopes
-        common = np.where(members[:, None, None], by_pose @ start @ transpose(by_zero), 0.0)
-        return carry(by_pose, own[POSE_BLOCK]) + carry(by_zero, start) + common + transpose(common)
+    by_pose, by_zero = slopes
+    each, count = zero.propagation.noise[0, :6, :6], zero.samples
+    priors = zero.propagation.statistical[0, :6, :6] - each
+
+    def combine(own: Floats, prior: Floats) -> Floats:
+        """Carry the noise of poses and zero, and what both know beforehand.
+
+        A sample of the zero is a share of its mean, and has the zero's errors of the priors.
+        """
+        apart = carry(by_pose, own[POSE_BLOCK]) + carry(by_zero, each / count + prior)
+        rest = carry(by_zero, each * (count - 1) / count**2)
+        within = carry(by_pose + by_zero / count, each) + rest + carry(by_pose + by_zero, prior)
+        return np.where(members[:, None, None], within, apart)
 
     if known is None or noise is None or calibration is None:
-        return CovarianceParts(combine(whole, zero.statistical), None, None)
+        return CovarianceParts(combine(whole, priors), None, None)
     by_calibration = np.empty((len(whole), 6, 6))
     for part in slices_of(len(whole)):
         states, plan = poses.states[part], zero.plan
@@ -444,8 +458,8 @@ def displacement_covariance(
         shares *= zero.same_calibration
         by_calibration[part] = covariance_of_sum(known, (ends[1], ends[0]), shares)
     return CovarianceParts(
-        combine(whole - calibration, zero.statistical) + by_calibration,
-        combine(noise, zero.propagation.noise[0, :6, :6] / zero.samples),
+        combine(whole - calibration, priors) + by_calibration,
+        combine(noise, np.zeros_like(priors)),
         by_calibration,
     )
 

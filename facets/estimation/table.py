@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from .reliability import unseen_errors
 from .solution import Solution, Status, UncertainResult
 from .solver import solve
 from .uncertainty_parts import uncertainty_parts
+from .zero import SolvedPart, ZeroRequest, find_zero, zero_text
 
 if TYPE_CHECKING:
     from ..core.knowledge import Knowledge
@@ -52,7 +53,7 @@ class StatusCounts:
     checks them.  edges: rows that were solved with a spot near an edge that the model lacks.
     unseen: (2,) by how much one spoilt place and one spoilt power can put a pose off unseen, in
     standard uncertainties, at most; NaN where nothing was solved.  lacks_temperature: whether the
-    sensor follows the temperature, and the table does not have it.
+    sensor follows the temperature, and the table does not have it.  zero: of the displacements.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
@@ -62,6 +63,7 @@ class StatusCounts:
     edges: int = 0
     unseen: Floats = field(default_factory=lambda: np.full(2, np.nan))
     lacks_temperature: bool = False
+    zero: ZeroPose | None = None
 
     def add(
         self,
@@ -368,13 +370,16 @@ def solve_table(
     progress: Callable[[int], None] = lambda _: None,
     rows: int = tables.CHUNK,
     coverage: float | None = None,
+    zero: ZeroRequest | None = None,
+    covariance: bool = False,
 ) -> StatusCounts:
     """Solves each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
 
     Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; time_s is carried through, and bx_mm,
     by_mm say where the beam is, unless it is free; an estimate of that raises `InputError`, see
     `require_known_beam`. progress: called with the number of bytes read.  coverage: probability of
-    the expanded uncertainties, or None for none.
+    the expanded uncertainties, or None for none.  zero, covariance: which columns of
+    `object_columns` the poses have.
     """
     tables.ending(poses)
     compile_for_poses(config.sensor, options)
@@ -383,22 +388,30 @@ def solve_table(
         beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
     chunks = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
     count = StatusCounts()
+    parts: Iterator[SolvedPart]
+    solved = ((c, solve_chunk(config.sensor, options, c)) for c in known_places(readings, chunks))
+    if zero is None:
+        parts = (SolvedPart(c, found, np.zeros(len(c.lines), dtype=bool)) for c, found in solved)
+    else:
+        count.zero, parts = find_zero(zero, config, options, solved)
+        about = about | {"zero": zero_text(zero, count.zero)}
     with tables.Whole(poses) as temporary:
         writer = tables.Writer(temporary, about)
         try:
-            for chunk in chunks:
-                require_known_beam(readings, chunk, KNOWN_ADVICE)
-                solution = solve_chunk(config.sensor, options, chunk)
+            for chunk, solution, members in parts:
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
+                temperature = chunk.columns.get("temperature_c")
                 columns = pose_columns(solution, status)
                 columns["misfit"] = solution.misfit.astype(int)
-                if coverage is not None:
-                    columns |= expanded_columns(solution, coverage)
+                columns |= object_columns(
+                    solution, config.object, count.zero, members=members, temperature=temperature,
+                    covariance=covariance, coverage=coverage,
+                )  # fmt: skip
                 writer.write({**time, **columns})
                 count.add(
                     config.sensor, options, readings_in(chunk), solution, status, place_in(chunk),
-                    chunk.columns.get("time_s"), chunk.columns.get("temperature_c"),
+                    chunk.columns.get("time_s"), temperature,
                 )  # fmt: skip
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
@@ -408,3 +421,10 @@ def solve_table(
         finally:
             writer.close()
     return count
+
+
+def known_places(path: Path, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:
+    """Yield the pieces of a table whose places of the beam, if it has any, are known."""
+    for chunk in chunks:
+        require_known_beam(path, chunk, KNOWN_ADVICE)
+        yield chunk

@@ -389,8 +389,14 @@ class Writer:
                 part.close()
 
 
+#: Units of covariances, by the ends of their columns' names.
+PRODUCT_UNITS = {"_mm2": "mm^2", "_mm_mrad": "mm mrad", "_mrad2": "mrad^2", "": ""}
+
+
 def unit_of_column(name: str) -> str:
     """The unit at the end of a column's name, in its usual spelling, or an empty text."""
+    if name.startswith("cov_"):
+        return next(label for ending, label in PRODUCT_UNITS.items() if name.endswith(ending))
     ending = unit_in(name)
     return KEY_UNITS[ending].label if ending else ""
 

@@ -12,13 +12,23 @@ from numpy.typing import NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.rigid_body import MIRROR, MeasuredObject
 from ..core.sensor import Sensor
 from ..core.settings import Config, Solve
 from ..core.units import Floats
 from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise
+from ..estimation.differences import ZeroPose
+from ..estimation.object_pose import transform
 from ..estimation.solution import Solution, Status
-from ..estimation.table import compile_for_poses, labels, pose_columns, solve_readings
+from ..estimation.table import (
+    compile_for_poses,
+    labels,
+    object_columns,
+    pose_columns,
+    solve_readings,
+)
+from ..estimation.zero import ZeroRequest, zero_of_samples, zero_of_table
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
 from .imperfect_optics import delayed_readings
@@ -178,13 +188,20 @@ def simulate(
     ]
 
 
-def axes(segment: Segment) -> list[AxisErrors]:
-    """Compute the six axes' errors over the solved samples; NaN if there are none."""
+def axes(segment: Segment, body: MeasuredObject = MIRROR) -> list[AxisErrors]:
+    """Compute the six axes' errors over the solved samples; NaN if there are none.
+
+    body: the object whose pose the axes are those of.
+    """
     ok = segment.solution.converged
+    errors, uncertainty, truth = segment.error, segment.solution.uncertainty, segment.truth
+    if body != MIRROR:
+        found, truth = transform(segment.solution, body), transform(truth, body).pose
+        errors, uncertainty = found.pose - truth, found.uncertainty
     rows = []
     for i, name in enumerate(POSE):
-        error, sigma = segment.error[ok, i], segment.solution.uncertainty[ok, i]
-        true = segment.truth[:, i]
+        error, sigma = errors[ok, i], uncertainty[ok, i]
+        true = truth[:, i]
         known = len(error) > 0
         rows.append(
             AxisErrors(
@@ -223,16 +240,76 @@ def reference_table(
     return reference_columns(reference_poses(truth, sigma, rng))
 
 
-def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
-    """True states, estimates and their uncertainties of all segments as columns."""
-    truth = np.concatenate([segment.truth for segment in segments]) / STATE_UNITS
+def find_zeros(
+    config: Config, segments: Sequence[Segment], request: ZeroRequest | None
+) -> list[ZeroPose | None]:
+    """The zero of each segment."""
+    if request is None:
+        return [None] * len(segments)
+    if request.file is not None:
+        return [zero_of_table(request.file, config, config.solve)] * len(segments)
+    zeros: list[ZeroPose | None] = []
+    for segment in segments:
+        members = members_of(segment, request)
+        if not members.any():
+            raise InputError(f"--zero is {request.text}, which motion {segment.name} does not have")
+        states = segment.solution.state[members & segment.solution.ok]
+        zeros.append(zero_of_samples(config, config.solve, states))
+    return zeros
+
+
+def members_of(segment: Segment, request: ZeroRequest) -> NDArray[np.bool_]:
+    """Whether each sample of a segment belongs to its zero: (n,)."""
+    rows = 1 + np.arange(len(segment.time))
+    return request.members(rows, segment.time, float(segment.time[0]))
+
+
+def pose_table(
+    segments: Sequence[Segment],
+    body: MeasuredObject | None = None,
+    request: ZeroRequest | None = None,
+    zeros: Sequence[ZeroPose | None] | None = None,
+    covariance: bool = False,
+) -> dict[str, Any]:
+    """True states, estimates and their uncertainties of all segments as columns.
+
+    body, covariance: as of `object_columns`.  request, zeros: the zero of each segment, from
+    `find_zeros`.
+    """
     columns = time_columns(segments)
-    columns |= {f"true_{name}": truth[:, i] for i, name in enumerate(STATE_COLUMNS)}
-    parts = [
-        pose_columns(s.solution, labels(s.solution, np.zeros(len(s.time), dtype=bool)))
-        for s in segments
-    ]
+    parts = []
+    for segment, zero in zip(segments, zeros or [None] * len(segments), strict=True):
+        members = None if request is None else members_of(segment, request)
+        solution = segment.solution
+        part = true_columns(segment, body, zero, members)
+        part |= pose_columns(solution, labels(solution, np.zeros(len(segment.time), dtype=bool)))
+        part |= object_columns(solution, body, zero, members=members, covariance=covariance)
+        parts.append(part)
     return columns | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def true_columns(
+    segment: Segment,
+    body: MeasuredObject | None,
+    zero: ZeroPose | None,
+    members: NDArray[np.bool_] | None,
+) -> dict[str, Any]:
+    """True states, and true poses and displacements of the object, as columns.
+
+    A displacement is that from the true mean pose of the zero's samples; from the zero itself where
+    it comes from a file.
+    """
+    poses = {"": segment.truth}
+    if body is not None:
+        poses["object_"] = transform(segment.truth, body).pose
+    if zero is not None and members is not None:
+        start = segment.truth[members].mean(axis=0) if members.any() else zero.state
+        poses["displacement_"] = transform(segment.truth, body, start).pose
+    return {
+        f"true_{prefix}{name}": pose[:, i] / STATE_UNITS[i]
+        for prefix, pose in poses.items()
+        for i, name in enumerate(STATE_COLUMNS[: pose.shape[1]])
+    }
 
 
 def time_columns(segments: Sequence[Segment]) -> dict[str, Any]:

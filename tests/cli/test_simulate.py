@@ -180,3 +180,47 @@ def test_chunks_do_not_show(tmp_path):
         results.append(poses(out))
     for other in results[1:]:
         pd.testing.assert_frame_equal(results[0], other)
+
+
+def test_objects_and_zeros_are_columns_that_cover_the_truth(folder):
+    """`simulate` and `solve` give the same columns of the object and of its displacements."""
+    words = ("--point", "-10,0,50", "--zero", "row:201", "--covariance")
+    done = command("simulate", "paper", "--motion", "yaw-sweep", "-d", "moved", *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "yaw-sweep: the object" in done.stdout
+    table = poses(folder / "moved" / "poses.csv")
+    for prefix in ("object_", "displacement_"):
+        for name in ("tx_mm", "ty_mm", "yaw_mrad"):
+            error = table[f"{prefix}{name}"] - table[f"true_{prefix}{name}"]
+            inside = error.abs() < 1.96 * table[f"u_{prefix}{name}"]
+            assert inside.drop(index=200).mean() > 0.85
+    head = (folder / "moved" / "poses.csv").read_text().splitlines()[:9]
+    assert any(line.startswith("# object: point -10, 0, 50 mm, orientation 0") for line in head)
+    assert any(line.startswith("# zero: row 201, 1 sample: tx_mm") for line in head)
+    assert "row 201, 1 sample:" in " ".join((folder / "moved" / "run.yaml").read_text().split())
+    readings = str(folder / "moved" / "readings.csv")
+    done = command("solve", "paper", readings, "-o", "moved.csv", *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    again = poses(folder / "moved.csv")
+    names = [name for name in again if "object" in name or "displacement" in name]
+    assert len(names) == 4 * 6 + 2 * 21
+    np.testing.assert_array_equal(again[names], table[names])
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--zero", "2 s"), "--zero is '2 s'; allowed: seconds such as 2s"),
+        (("--zero", "row:0"), "a row such as row:1"),
+        (("--zero", "none.csv"), "none.csv: no such file"),
+        (("--zero", "row:402"), "row 402, which motion yaw-sweep does not have"),
+        (("--point", "0,50"), "--point is '0,50'; allowed: three numbers in mm"),
+        (("--point", "0,0,1e5"), "up to 10,000"),
+    ],
+    ids=str,
+)
+def test_objects_and_zeros_that_cannot_be(words, says, tmp_path):
+    done = command("simulate", "paper", "--motion", "yaw-sweep", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -22,6 +22,12 @@ FILE = re.compile(r"\.(bin|csv|html|json|md|parquet|png|py|yaml)$")
 ELSEWHERE = {
     "aligned", "bps", "collect_while_completing", "fromfile", "git", "make", "open_daq", "t_us",
 }  # fmt: skip
+#: What columns of objects, displacements and covariances begin with.
+OBJECTS = (
+    f"{what}{whose}"
+    for what in ("", "true_", "u_", "u_noise_", "u_calibration_")
+    for whose in ("object", "displacement")
+)
 #: Columns that the code puts together.
 COLUMNS = {
     f"{what}_{name}"
@@ -34,11 +40,17 @@ COLUMNS = {
         "filtered",
         "u_filtered",
         "expanded",
+        *OBJECTS,
     )
     for name in (*STATE_COLUMNS, "")
 } | {f"{what}_{letter}" for what in ("psi", "zeta", "power") for letter in "abc"}
 COLUMNS |= {f"{what}_{end}" for what in ("k", "degrees_of_freedom") for end in ("tx", "at_rest")}
 COLUMNS |= {f"{what}_{place}" for what in ("expanded", "k") for place in ("at_rest", "worst")}
+COLUMNS |= {
+    f"cov_{whose}{name}"
+    for whose in ("", "object_", "displacement_")
+    for name in ("tx_tx_mm2", "tx_roll_mm_mrad", "tx_pitch_mm_mrad", "yaw_yaw_mrad2")
+}
 
 
 @cache

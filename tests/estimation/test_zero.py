@@ -1,0 +1,104 @@
+"""Zeros of tables: which samples they are, also across the pieces of a table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import facets
+from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from facets.estimation.table import object_columns, solve_table
+from facets.estimation.zero import ZeroRequest, zero_findings, zero_of_table
+from facets.files.tables import read_head, unit_of_column, write_table
+
+CONFIG = replace(facets.load("paper"), object=facets.MeasuredObject((0, 0, 50.0)))
+COUNT = 200
+
+
+@pytest.fixture(scope="module")
+def readings(tmp_path_factory) -> Path:
+    """A mirror at rest for 0.1 s, then moving; the eighth reading is spoilt, and the time begins
+    again in the middle."""
+    path = tmp_path_factory.mktemp("zero") / "readings.csv"
+    states = np.zeros((COUNT, 8))
+    states[100:, 4] = np.linspace(0, 1e-3, 100)
+    rows = facets.add_noise(
+        CONFIG.sensor, facets.readings(CONFIG.sensor, states), np.random.default_rng(2)
+    )
+    rows[7, 2] *= 3
+    time = np.arange(COUNT) % 150 * 1e-3 + 5
+    columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
+    write_table(path, {"time_s": time} | columns, {})
+    return path
+
+
+def solve(readings: Path, name: str, request: ZeroRequest | None, rows: int, **more):
+    path = readings.with_name(name)
+    count = solve_table(CONFIG, CONFIG.solve, readings, path, {"config_sha256": CONFIG.sha256},
+                        rows=rows, zero=request, **more)  # fmt: skip
+    return pd.read_csv(path, comment="#"), count
+
+
+@pytest.mark.parametrize("rows", [1000, 30, 1])
+def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
+    found, count = solve(readings, "poses.csv", ZeroRequest(seconds=0.1), rows)
+    assert count.zero is not None
+    assert count.zero.samples == 99
+    mean = found[list(STATE_COLUMNS)][:100].drop(index=7).mean().to_numpy() * STATE_UNITS
+    np.testing.assert_allclose(count.zero.state, mean, atol=1e-12)
+    assert "first 0.1 s, 99 samples" in read_head(readings.with_name("poses.csv"))["zero"]
+    moved = found.displacement_tx_mm[199] - 50 * np.sin(1e-3)
+    assert abs(moved) < 4 * found.u_displacement_tx_mm[199]
+    same, _ = solve(readings, "row.csv", ZeroRequest(row=150), rows)
+    assert (same.filter(regex="^displacement_").iloc[149].abs() < 1e-12).all()
+    assert (same.filter(regex="^u_displacement_").iloc[149] == 0).all()
+    assert same.displacement_tx_mm[199] == pytest.approx(50 * 49 / 99 * 1e-3, abs=0.02)
+
+
+def test_a_saved_pose_is_a_zero(readings):
+    solve(readings, "saved.csv", None, 1000)
+    path = readings.with_name("saved.csv")
+    zero = zero_of_table(path, CONFIG, CONFIG.solve)
+    assert (zero.samples, zero.same_calibration) == (COUNT - 1, True)
+    assert "mirror moved" in zero_findings(zero)[0]
+    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
+    other = replace(CONFIG, sha256="0", sensor=replace(CONFIG.sensor, calibration=known))
+    zero = zero_of_table(path, other, CONFIG.solve)
+    assert not zero.same_calibration
+    assert "independent" in zero_findings(zero)[1]
+    path.write_text(",".join(STATE_COLUMNS[:6]) + "\n0,0,0.1,0,0,0\n")
+    zero = zero_of_table(path, CONFIG, CONFIG.solve)
+    np.testing.assert_array_equal(zero.state, [0, 0, 0.1, 0, 0, 0, 0, 0])
+    assert zero_findings(zero) == []
+    path.write_text(",".join(STATE_COLUMNS[:6]) + "\n90,0,0.1,0,0,0\n")
+    with pytest.raises(facets.InputError, match=r"saved.csv: at the mean pose .* no light"):
+        zero_of_table(path, CONFIG, CONFIG.solve)
+
+
+def test_zeros_that_the_table_does_not_have(readings):
+    with pytest.raises(facets.InputError, match="row 201, but the table has 200 rows"):
+        solve(readings, "no.csv", ZeroRequest(row=201), 30)
+    with pytest.raises(facets.InputError, match="no solved pose that fits"):
+        solve(readings, "no.csv", ZeroRequest(row=8), 30)
+    assert not readings.with_name("no.csv").exists()
+    bare = readings.with_name("bare.csv")
+    pd.read_csv(readings).drop(columns="time_s").to_csv(bare, index=False)
+    with pytest.raises(facets.InputError, match="no column time_s; use --zero row:N"):
+        solve(bare, "no.csv", ZeroRequest(seconds=1.0), 30)
+
+
+def test_columns_hold_the_whole_covariance():
+    solution = facets.solve(CONFIG.sensor, facets.readings(CONFIG.sensor, np.zeros((2, 8))))
+    columns = object_columns(solution, CONFIG.object, covariance=True)
+    matrix = facets.transform(solution, CONFIG.object).covariance
+    np.testing.assert_allclose(columns["cov_object_tx_pitch_mm_mrad"], 1e3 * matrix[:, 0, 4])
+    np.testing.assert_allclose(columns["cov_pitch_yaw_mrad2"], 1e6 * solution.covariance[:, 4, 5])
+    np.testing.assert_allclose(columns["cov_tx_tx_mm2"], solution.covariance[:, 0, 0])
+    assert sum(name.startswith("cov_object_") for name in columns) == 21
+    units = [unit_of_column(name) for name in columns if name.startswith("cov_")]
+    assert set(units) == {"mm^2", "mm mrad", "mrad^2"}
+    assert object_columns(solution, None) == {}
