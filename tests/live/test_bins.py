@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS
-from facets.live.streams.sample_rows import SAMPLE
-from facets.live.web.bins import COLUMNS, AllBins, Bins
+from facets.live.streams.sample_rows import row_dtype
+from facets.live.web.bins import COLUMNS, AllBins, Bins, bin_columns
+
+CHANNELS = ("force_n", "temperature_c")
 
 
 def some_rows(count, seed, status=True):
-    """Rows with random numbers; some without a pose, some readings unknown."""
+    """Rows with random numbers; some without a pose, some readings and channels unknown."""
     rng = np.random.default_rng(seed)
-    rows = np.zeros(count, SAMPLE)
-    for name in SAMPLE.names[6:]:
+    dtype = row_dtype(False, CHANNELS)
+    rows = np.zeros(count, dtype)
+    for name in dtype.names[6:]:
         rows[name] = rng.normal(size=count)
     rows["host_s"] = 50.0 + np.sort(rng.uniform(0, 3, count))
     rows["seq"] = np.arange(count)
@@ -23,6 +26,7 @@ def some_rows(count, seed, status=True):
         for name in STATE_COLUMNS:
             rows[name][rows["status"] != 0] = np.nan
             rows[f"u_{name}"][rows["status"] != 0] = np.nan
+        rows["force_n"][rng.random(count) < 0.5] = np.nan
         rows["power_b_mw"][rng.random(count) < 0.3] = np.nan
     return rows
 
@@ -44,6 +48,11 @@ def plain(rows, times, width):
             one[f"most_{name}"] = values.max() if len(good) else np.nan
             one[f"mean_{name}"] = values.mean() if len(good) else np.nan
             one[f"u_{name}"] = sigmas.max() if len(good) else np.nan
+        for name in CHANNELS:
+            known = mine[name][np.isfinite(mine[name])]
+            one[f"least_{name}"] = known.min() if len(known) else np.nan
+            one[f"most_{name}"] = known.max() if len(known) else np.nan
+            one[f"mean_{name}"] = known.mean() if len(known) else np.nan
         found[number] = one
     return found
 
@@ -52,7 +61,7 @@ def assert_same(bins, expected):
     assert bins.present_numbers() == sorted(expected)
     numbers, table = bins.values(np.array(bins.present_numbers()))
     for number, row in zip(numbers.tolist(), table, strict=True):
-        for name, value in zip(COLUMNS, row, strict=True):
+        for name, value in zip(bin_columns(CHANNELS), row, strict=True):
             np.testing.assert_allclose(value, expected[number][name], rtol=1e-6, atol=1e-6)
 
 
@@ -69,7 +78,7 @@ def add_in_parts(bins, rows, times, seed):
 def test_bins_are_those_of_a_plain_count_whatever_the_order(seed):
     rows = some_rows(3_000, seed)
     times = rows["host_s"] - 50.0
-    bins = Bins(0.01, 1_000)
+    bins = Bins(0.01, 1_000, CHANNELS)
     add_in_parts(bins, rows, times, seed)
     assert_same(bins, plain(rows, times, 0.01))
 
@@ -77,7 +86,7 @@ def test_bins_are_those_of_a_plain_count_whatever_the_order(seed):
 def test_a_run_that_grows_is_told_in_wider_bins():
     rows = some_rows(3_000, 7)
     times = rows["host_s"] - 50.0
-    bins = AllBins(0.001, 256)
+    bins = AllBins(0.001, 256, CHANNELS)
     add_in_parts(bins, rows, times, 7)
     assert bins.width == pytest.approx(0.016)
     assert bins.age == 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import facets
 from facets.live import Live
 from facets.live.recording.pose_table import recorded_poses
 from facets.live.run.pipeline import Pipeline
+from facets.live.sources.frames import FixedFrames, pack
 from facets.live.streams.sample_rows import SAMPLE
 from facets.live.web.page import WebPage
 from facets.live.web.status import status_of
@@ -89,6 +91,40 @@ def test_a_recording_on_the_page_is_that_of_the_record(recorded):
             browser.await_true("document.body.dataset.state === 'ended' && facets.run.end")
             assert "has ended" in browser.ask("document.getElementById('doubts').textContent")
             assert numbers(browser)["tx"] == poses["tx_mm"][last]  # it keeps the last data
+
+
+@pytest.mark.slow
+def test_channels_have_strips_with_name_and_unit(tmp_path):
+    samples = FixedFrames().feed(stream(2_000))
+    force = np.sin(np.arange(2_000) / 300).astype(np.float32)
+    force[::5] = np.nan
+    heat = np.full(2_000, 21.5, np.float32)
+    data = pack(replace(samples, channels=np.stack([force, heat], axis=1)))
+    (tmp_path / "board.bin").write_bytes(data)
+    (tmp_path / "own.yaml").write_text(
+        "extends: bench\nacquire: {channels: [{name: force, unit: N, scale: 2}, "
+        "{name: temperature, unit: degC}]}\n"
+    )
+    result = command(
+        "acquire", "own.yaml", "--port", "file:board.bin", "--folder", "rec", "--plain",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    with Program("replay", "rec", "--web", "127.0.0.1:0", cwd=tmp_path) as replay:
+        replay.await_output("the page stays at ")
+        with Browser(replay.stderr.partition("the page is at ")[2].split()[0]) as browser:
+            browser.await_true("facets.run.status.finished && facets.run.sample")
+            browser.await_true("document.querySelector('[data-name=force] .number').dataset.value")
+            text = browser.ask("document.querySelector('[data-name=force]').innerText")
+            assert f"{2 * force[-1]:.5g} N" in text
+            heat_text = browser.ask("document.querySelector('[data-name=temperature]').innerText")
+            assert "21.5 degC" in heat_text
+            view = browser.ask("facets.run.store.view(0, 1e9, 1e9)")
+            assert max(filter(None, view["most"][8])) == pytest.approx(2.0, rel=1e-4)
+            assert min(filter(None, view["least"][8])) == pytest.approx(-2.0, rel=1e-4)
+            assert set(view["mean"][9]) == {21.5}
+            assert set(view["u"][8]) == {None}
+            assert not browser.errors
 
 
 def assert_means_are_those_of_the_record(browser, poses):

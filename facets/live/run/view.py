@@ -99,6 +99,10 @@ def sample(live: Live) -> dict[str, Any]:
     found["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
     found["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
     found["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
+    if poses.channels:
+        found["channels"] = {
+            name: round_digits(values[-1]) for name, values in poses.channels.items()
+        }
     return found
 
 
@@ -351,8 +355,17 @@ def light(live: Live, k: int, power: float) -> str:
     return f"{1e3 * power:.1f} µW" if power > least_light(sensor)[k] else "no light"
 
 
+def channels_in_words(channels: dict[str, float | None]) -> str:
+    """The newest values of the auxiliary channels."""
+    return "   ".join(
+        f"{column} {'-' if value is None else f'{value:.5g}'}" for column, value in channels.items()
+    )
+
+
 def more(now: dict[str, Any]) -> Iterator[str]:
-    """Of what a run may have beside its samples: stage, board, publications, flags."""
+    """Of what a run may have beside its poses: channels, stage, board, publications, flags."""
+    if "channels" in now:
+        yield channels_in_words(now["channels"])
     if "stage" in now:
         error = now.get("tracking_error") or [None, None]
         shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)

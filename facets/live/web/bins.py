@@ -20,6 +20,16 @@ COLUMNS = (
     *READING_COLUMNS,
     *(f"{part}{name}" for part in ("least_", "most_", "mean_", "u_") for name in STATE_COLUMNS),
 )
+
+
+def bin_columns(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """COLUMNS, and the least, the largest and the mean of each auxiliary channel."""
+    return (
+        *COLUMNS,
+        *(f"{part}{name}" for part in ("least_", "most_", "mean_") for name in channels),
+    )
+
+
 _READINGS, _STATES = len(READING_COLUMNS), len(STATE_COLUMNS)
 
 Rows = NDArray[np.void]
@@ -29,33 +39,38 @@ Numbers = NDArray[np.int64]
 class Part:
     """Sums and ends over bins of some samples: numbers (n,), and arrays with a row for each."""
 
-    def __init__(self, numbers: Numbers, rows: Rows) -> None:
-        """numbers: of the samples' bins (m,), not negative. rows: of SAMPLE, (m,)."""
+    def __init__(self, numbers: Numbers, rows: Rows, channels: tuple[str, ...]) -> None:
+        """numbers: of the samples' bins (m,), not negative. rows: of SAMPLE, (m,), with the
+        columns of auxiliary channels."""
         if len(numbers) > 1 and (np.diff(numbers) < 0).any():
             order = np.argsort(numbers, kind="stable")
             numbers, rows = numbers[order], rows[order]
         starts = np.concatenate([[0], np.flatnonzero(np.diff(numbers)) + 1])
         self.numbers: Numbers = numbers[starts]
         states, sigmas = (columns(rows, names) for names in (STATE_COLUMNS, _U_COLUMNS))
-        readings = columns(rows, READING_COLUMNS)
+        readings, extras = (columns(rows, names) for names in (READING_COLUMNS, channels))
+        held = np.isfinite(extras)
         # a sample has a pose where its status says so; no number is drawn of one that has none
         good = (rows["status"] == 0) & np.isfinite(states).all(axis=1)
         seen = np.isfinite(readings)
         self.sums: Floats = np.add.reduceat(
             np.column_stack(
                 [np.ones(len(rows)), good, np.where(seen, readings, 0.0), seen,
-                 np.where(good[:, None], states, 0.0)]
+                 np.where(good[:, None], states, 0.0), np.where(held, extras, 0.0), held]
             ),
             starts,
         )  # fmt: skip
-        self.least: Floats = np.minimum.reduceat(np.where(good[:, None], states, np.inf), starts)
-        highest = np.column_stack([states, sigmas, rows["residual"]])
+        lowest = [np.where(good[:, None], states, np.inf), np.where(held, extras, np.inf)]
+        self.least: Floats = np.minimum.reduceat(np.column_stack(lowest), starts)
+        highest = np.column_stack([states, sigmas, rows["residual"], extras])
         known = good[:, None] & ~np.isnan(highest)
+        known[:, 2 * _STATES + 1 :] = held
         self.most: Floats = np.maximum.reduceat(np.where(known, highest, -np.inf), starts)
 
 
 def columns(rows: Rows, names: tuple[str, ...]) -> Floats:
-    return np.column_stack([rows[name] for name in names])
+    """Columns of rows (n,): (n, number of names)."""
+    return np.stack([rows[name] for name in names], axis=1) if names else np.zeros((len(rows), 0))
 
 
 _U_COLUMNS = tuple(f"u_{name}" for name in STATE_COLUMNS)
@@ -66,14 +81,16 @@ class Bins:
 
     width: s.  numbers: (count,) which bin a place holds, -1 for none: bin k has the times from
     k width to (k + 1) width after the origin.  changed: bins with news since `take_changes`.
+    channels: columns of the auxiliary channels.
     """
 
-    def __init__(self, width: float, count: int) -> None:
-        self.width, self.count = width, count
+    def __init__(self, width: float, count: int, channels: tuple[str, ...] = ()) -> None:
+        self.width, self.count, self.channels = width, count, channels
+        extras = len(channels)
         self.numbers: Numbers = np.full(count, -1, np.int64)
-        self.sums = np.zeros((count, 2 + 2 * _READINGS + _STATES))
-        self.least = np.full((count, _STATES), np.inf)
-        self.most = np.full((count, 2 * _STATES + 1), -np.inf)
+        self.sums = np.zeros((count, 2 + 2 * _READINGS + _STATES + 2 * extras))
+        self.least = np.full((count, _STATES + extras), np.inf)
+        self.most = np.full((count, 2 * _STATES + 1 + extras), -np.inf)
         self.changed: set[int] = set()
 
     def add(self, times: Floats, rows: Rows) -> None:
@@ -84,7 +101,7 @@ class Bins:
         numbers = np.floor(times / self.width).astype(np.int64)
         fit = numbers >= 0
         if fit.any():
-            self.merge(Part(numbers[fit], rows[fit]))
+            self.merge(Part(numbers[fit], rows[fit], self.channels))
 
     def merge(self, part: Part) -> None:
         newest = max(int(self.numbers.max()), int(part.numbers[-1]))
@@ -107,18 +124,20 @@ class Bins:
         return sorted(self.numbers[self.numbers >= 0].tolist())
 
     def values(self, numbers: Numbers) -> tuple[Numbers, NDArray[np.float32]]:
-        """The bins of these numbers that are held: which, and their COLUMNS; NaN for unknown."""
+        """The bins of these numbers that are held: which, and their `bin_columns`; NaN for
+        unknown."""
         places = numbers % self.count
         held = self.numbers[places] == numbers
         numbers, places = numbers[held], places[held]
-        sums = self.sums[places]
+        ends = np.cumsum([2, _READINGS, _READINGS, _STATES, len(self.channels)])
+        sums, totals, seen, states, extras, held = np.split(self.sums[places], ends, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            readings = sums[:, 2 : 2 + _READINGS] / sums[:, 2 + _READINGS : 2 + 2 * _READINGS]
-            means = sums[:, 2 + 2 * _READINGS :] / sums[:, 1:2]
-        most = self.most[places]
+            readings, means, extra_means = totals / seen, states / sums[:, 1:], extras / held
+        least, most = self.least[places], self.most[places]
         table = np.column_stack(
-            [sums[:, :2], most[:, -1], readings, self.least[places], most[:, :_STATES], means,
-             most[:, _STATES:-1]]
+            [sums, most[:, 2 * _STATES], readings, least[:, :_STATES], most[:, :_STATES], means,
+             most[:, _STATES : 2 * _STATES], least[:, _STATES:], most[:, 2 * _STATES + 1 :],
+             extra_means]
         )  # fmt: skip
         table[~np.isfinite(table)] = np.nan
         return numbers, table.astype(np.float32)
@@ -130,8 +149,8 @@ class AllBins(Bins):
     age: how often they became wider.
     """
 
-    def __init__(self, width: float, count: int) -> None:
-        super().__init__(width, count)
+    def __init__(self, width: float, count: int, channels: tuple[str, ...] = ()) -> None:
+        super().__init__(width, count, channels)
         self.age = 0
 
     def add(self, times: Floats, rows: Rows) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from ...estimation.table import UNCERTAINTY_PARTS
-from .bins import COLUMNS, AllBins, Bins, Rows
+from .bins import AllBins, Bins, Rows, bin_columns
 
 #: Width of the bins of the last two minutes, s.
 NEAR_WIDTH_S = 0.01
@@ -49,7 +49,11 @@ class Hub:
         self.about = about
         self.origin: float | None = None
         whole = RECORDED_BINS if about.get("kind") == "replay" else ALL_BINS
-        self.levels: list[Bins] = [Bins(NEAR_WIDTH_S, NEAR_BINS), AllBins(ALL_WIDTH_S, whole)]
+        self.channels = tuple(channel["column"] for channel in about.get("channels", ()))
+        self.levels: list[Bins] = [
+            Bins(NEAR_WIDTH_S, NEAR_BINS, self.channels),
+            AllBins(ALL_WIDTH_S, whole, self.channels),
+        ]
         self.newest: dict[str, Any] | None = None
         self.last = -1  # the highest number of a sample
         self.status: dict[str, Any] | None = None
@@ -112,6 +116,7 @@ class Hub:
             },
             "reading": [number(row[name]) for name in READING_COLUMNS],
             "residual": number(row["residual"]),
+            "channels": [number(row[name]) for name in self.channels],
         }
 
     def hear(self, status: dict[str, Any]) -> None:
@@ -168,7 +173,8 @@ class Hub:
 
     def hello(self) -> str:
         """What a page must know to show anything."""
-        told = {"type": "hello", **self.about, "columns": COLUMNS, "states": STATE_COLUMNS}
+        columns = bin_columns(self.channels)
+        told = {"type": "hello", **self.about, "columns": columns, "states": STATE_COLUMNS}
         told["levels"] = [{"width": one.width, "count": one.count} for one in self.levels]
         return json.dumps(told)
 

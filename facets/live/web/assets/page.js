@@ -58,7 +58,7 @@ function begin(hello) {
   document.title = by("title").textContent;
   if (known) return;
   if (hello.kind === "replay") by("span").value = "all";
-  strips = new Strips(by("strips"), hello.components, { zoom, wheel, follow, hover });
+  strips = new Strips(by("strips"), hello.components, hello.channels, { zoom, wheel, follow, hover });
   scene = new View(by("scene"), by("faces"), by("card"), hello);
   scene.theme(document.documentElement.dataset.theme);
   // for tests and for those who look behind the page

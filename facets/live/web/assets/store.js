@@ -42,6 +42,7 @@ export class Store {
     this.columns = hello.columns;
     this.index = Object.fromEntries(hello.columns.map((name, i) => [name, i]));
     this.states = hello.states;
+    this.channels = hello.channels.map(({ column }) => column);
     this.levels = hello.levels.map((level) => new Level(level, hello.columns.length));
   }
 
@@ -75,41 +76,43 @@ export class Store {
 
   // What strips of so many pixels show between two times: for each group of bins its middle (s), the
   // samples in it, those with a pose, and by component least, most, mean and u; null for unknown.
+  // After the components of the state come the auxiliary channels, which need no pose and have no u.
   view(from, to, pixels) {
     const level = this.level(from), w = level.width;
     const step = Math.max(1, Math.ceil((to - from) / w / Math.max(50, pixels)));
     const first = Math.max(0, Math.floor(from / w / step) * step);
     const last = Math.min(Math.ceil(to / w), level.newest);
-    const names = this.states, n = names.length, v = level.values;
-    const at = ["least_", "most_", "mean_", "u_"].map((part) => this.index[part + names[0]]);
+    const names = [...this.states, ...this.channels], n = names.length, v = level.values;
+    const at = ["least_", "most_", "mean_", "u_"].map((part) => names.map((name) => this.index[part + name]));
     const found = { t: [], samples: [], poses: [], width: w * step,
       least: names.map(() => []), most: names.map(() => []), mean: names.map(() => []), u: names.map(() => []) };
-    const least = new Array(n), most = new Array(n), sum = new Array(n), u = new Array(n);
+    const least = new Array(n), most = new Array(n), sum = new Array(n), u = new Array(n), count = new Array(n);
     for (let start = first; start <= last; start += step) {
       let samples = 0, poses = 0;
-      least.fill(Infinity); most.fill(-Infinity); sum.fill(0); u.fill(-Infinity);
+      least.fill(Infinity); most.fill(-Infinity); sum.fill(0); u.fill(-Infinity); count.fill(0);
       for (let k = start; k < start + step; k++) {
         const o = level.offset(k);
         if (o < 0) continue;
         samples += v[o];
-        const good = v[o + 1];
-        if (!good) continue;
-        poses += good;
+        poses += v[o + 1];
         for (let i = 0; i < n; i++) {
-          least[i] = Math.min(least[i], v[o + at[0] + i]);
-          most[i] = Math.max(most[i], v[o + at[1] + i]);
-          sum[i] += good * v[o + at[2] + i];
-          u[i] = Math.max(u[i], v[o + at[3] + i]);
+          const known = i < this.states.length ? v[o + 1] : v[o], mean = v[o + at[2][i]];
+          if (!known || Number.isNaN(mean)) continue;
+          count[i] += known;
+          least[i] = Math.min(least[i], v[o + at[0][i]]);
+          most[i] = Math.max(most[i], v[o + at[1][i]]);
+          sum[i] += known * mean;
+          if (at[3][i] !== undefined) u[i] = Math.max(u[i], v[o + at[3][i]]);
         }
       }
       found.t.push((start + step / 2) * w);
       found.samples.push(samples);
       found.poses.push(poses);
       for (let i = 0; i < n; i++) {
-        found.least[i].push(poses ? least[i] : null);
-        found.most[i].push(poses ? most[i] : null);
-        found.mean[i].push(poses ? sum[i] / poses : null);
-        found.u[i].push(poses && isFinite(u[i]) ? u[i] : null);
+        found.least[i].push(count[i] ? least[i] : null);
+        found.most[i].push(count[i] ? most[i] : null);
+        found.mean[i].push(count[i] ? sum[i] / count[i] : null);
+        found.u[i].push(count[i] && isFinite(u[i]) ? u[i] : null);
       }
     }
     return found;
@@ -128,6 +131,7 @@ export class Store {
       t: (number + 0.5) * level.width, width: level.width, samples, poses, pose: poses > 0, flags: 0,
       status: poses > 0 ? `mean of ${poses} poses` : "no sample then has a pose",
       state: part("mean_" + this.states[0], n), u: part("u_" + this.states[0], n),
+      channels: this.channels.map((name) => number_of(level.values[o + this.index["mean_" + name]])),
       reading: part(this.columns[3], 9), residual: number_of(level.values[o + 2]), utc: null, bin: true,
     };
   }

@@ -1,4 +1,4 @@
-// Strips over time: a pose's components with their uncertainty.
+// Strips over time: a pose's components with their uncertainty, and auxiliary channels.
 
 const { decimals, fine, minus, signed } = Digits;
 
@@ -9,9 +9,11 @@ const PAD = 8, RIGHT = 30;
 
 export class Strips {
   // hooks: zoom(from, to), wheel(factor, at), follow(), hover(time or null)
-  constructor(root, components, hooks) {
+  constructor(root, states, channels, hooks) {
     this.root = root;
     this.hooks = hooks;
+    const components = [...states, ...channels.map(({ name, unit }, n) => (
+      { name, unit: unit === "1" ? "" : unit, shown: true, channel: n }))];
     this.plots = [];
     root.replaceChildren();
     components.forEach((one, i) => {
@@ -80,6 +82,10 @@ export class Strips {
   ticks(plot, u, at) {
     const { min, max } = u.scales.y, { unit, fine: small } = plot.component, span = max - min;
     const note = plot.box.querySelector(".scale");
+    if (plot.component.channel !== undefined) {
+      note.textContent = unit;
+      return at.map((v) => String(+v.toPrecision(6)).replace("-", "−"));
+    }
     if (span > 0.02 * 1.5 || !at.length) {
       note.textContent = unit;
       return at.map((v) => minus(String(+v.toFixed(4))));
@@ -108,8 +114,8 @@ export class Strips {
     if (!view) return;
     ctx.save();
     ctx.fillStyle = css("--bad");
-    const high = 4 * devicePixelRatio;
-    for (let k = 0; k < view.t.length; k++) {
+    const high = 4 * devicePixelRatio, bars = plot.component.channel === undefined ? view.t.length : 0;
+    for (let k = 0; k < bars; k++) {
       if (view.samples[k] <= view.poses[k]) continue;
       const x0 = u.valToPos(view.t[k] - view.width / 2, "x", true), x1 = u.valToPos(view.t[k] + view.width / 2, "x", true);
       ctx.fillRect(Math.max(x0, bbox.left), bbox.top + bbox.height - high, Math.max(1, x1 - Math.max(x0, bbox.left)), high);
@@ -130,7 +136,7 @@ export class Strips {
       const i = plot.i, mean = view.mean[i], u = view.u[i];
       plot.view = view;
       plot.at = at;
-      const [min, max] = extent(view.least[i], view.most[i], mean, u);
+      const [min, max] = extent(view.least[i], view.most[i], mean, u, plot.component.channel === undefined ? 0 : 1e-3);
       plot.u.batch(() => {
         plot.u.setData([view.t, view.most[i], view.least[i],
           mean.map((m, k) => (m === null || u[k] === null ? null : m + u[k])),
@@ -144,6 +150,10 @@ export class Strips {
   // The numbers beside the strips: of a sample, or why there are none.
   write(sample, why) {
     for (const { component, i, box } of this.plots) {
+      if (component.channel !== undefined) {
+        this.write_channel(component, box, sample?.channels[component.channel] ?? null, sample ? "" : why);
+        continue;
+      }
       const value = sample?.pose ? sample.state[i] : null, u = sample?.pose ? sample.u[i] : null;
       const number = box.querySelector(".number"), below = box.querySelector(".u");
       number.classList.toggle("why", value === null);
@@ -155,9 +165,18 @@ export class Strips {
       below.title = below.textContent;
     }
   }
+
+  write_channel(component, box, value, why) {
+    const number = box.querySelector(".number");
+    number.classList.toggle("why", value === null);
+    number.textContent = value === null ? "no value" : `${String(+value.toPrecision(5)).replace("-", "−")} ${component.unit}`;
+    number.dataset.value = value === null ? "" : value;
+    box.querySelector(".u").textContent = why;
+  }
 }
 
-function extent(least, most, mean, u) {
+// The ends of a strip. smallest: room above and below, as a share of the values.
+function extent(least, most, mean, u, smallest) {
   let low = Infinity, high = -Infinity, widest = 0;
   for (let k = 0; k < least.length; k++) {
     if (least[k] === null) continue;
@@ -166,6 +185,6 @@ function extent(least, most, mean, u) {
     widest = Math.max(widest, u[k] ?? 0);
   }
   if (low > high) return [-1, 1];
-  const room = Math.max(0.06 * (high - low), widest, 1e-9);
+  const room = Math.max(0.06 * (high - low), widest, smallest * Math.max(Math.abs(low), Math.abs(high)), 1e-9);
   return [low - room, high + room];
 }
