@@ -1,4 +1,5 @@
-// Reference firmware for a detector board: twelve electrode currents as fixed 64-byte frames.
+// Reference firmware for a detector board: twelve electrode currents as fixed 64-byte frames, and
+// four bytes more for each auxiliary channel, such as a force.
 // For a Teensy 4.x or another board with fast USB serial; README.md, "Formats", has the bytes.
 // Reads three four-channel converters; replace `convert` by what yours need.
 
@@ -6,6 +7,7 @@
 
 constexpr uint32_t PERIOD_US = 100;      // 10 kHz
 constexpr uint8_t ELECTRODES = 1;        // kind: counts of the electrodes; 2 is X, Y, SUM, spare
+constexpr uint8_t CHANNELS = 0;          // auxiliary channels, as many as acquire.channels names; up to 15
 constexpr uint8_t OVERRUN = 1, SATURATED = 2, MARK = 4, PERMIT = 8;
 constexpr int MARK_PIN = 2;              // a pulse per second, or a trigger; -1 for none
 constexpr int PERMIT_PIN = 3;            // high: the stage may move; pulled down, so that a cut wire stops
@@ -18,9 +20,10 @@ struct __attribute__((packed)) Frame {   // little-endian, as ARM is
   uint8_t kind, flags;
   uint32_t seq, time_us;
   int32_t counts[12];                    // A, B, C; each -y, +y, -z, +z
-  uint32_t crc;                          // CRC-32 (zlib, Ethernet) of the 60 bytes before it
+  float channels[CHANNELS];              // counts or volts; NAN where there is no value
+  uint32_t crc;                          // CRC-32 (zlib, Ethernet) of the bytes before it
 };
-static_assert(sizeof(Frame) == 64, "a frame has 64 bytes");
+static_assert(sizeof(Frame) == 64 + 4 * CHANNELS, "no gaps");
 
 static uint32_t table[256];
 static uint32_t next_us, seq;
@@ -65,6 +68,10 @@ static int32_t convert(int channel) {    // your converter here
   return analogRead(channel);
 }
 
+static float auxiliary(int channel) {    // and here
+  return analogRead(12 + channel);
+}
+
 void setup() {
   make_table();
   Serial.begin(3000000);
@@ -76,7 +83,7 @@ void setup() {
 
 void loop() {
   if (int32_t(micros() - next_us) < 0) return;
-  Frame f = {{0xA5, 0x5A}, ELECTRODES, 0, seq++, micros(), {}, 0};
+  Frame f = {{0xA5, 0x5A}, ELECTRODES | CHANNELS << 4, 0, seq++, micros(), {}, {}, 0};
   next_us += PERIOD_US;
   while (Serial.available()) hear(Serial.read());
   if (micros() - heard_us > PATIENCE_US) alive = false;
@@ -86,12 +93,13 @@ void loop() {
     f.counts[k] = convert(k);
     if (f.counts[k] >= TOP) f.flags |= SATURATED;
   }
+  for (int n = 0; n < CHANNELS; n++) f.channels[n] = auxiliary(n);
   if (marked) {                          // an edge since the sample before this one
     marked = false;
     f.flags |= MARK;
   }
   if (lost) f.flags |= OVERRUN;
-  f.crc = crc32(reinterpret_cast<uint8_t *>(&f), 60);
+  f.crc = crc32(reinterpret_cast<uint8_t *>(&f), sizeof f - 4);
   if (Serial.availableForWrite() < int(sizeof f)) {  // never wait: a sample lost is counted
     lost = true;
     return;

@@ -9,6 +9,7 @@ import pytest
 from programs import Program
 
 import facets
+from facets.core.channels import AuxiliaryChannel
 from facets.firmware.export import export
 from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
@@ -38,10 +39,10 @@ def library(tmp_path_factory):
     return compiled(tmp_path_factory.mktemp("firmware"), CONFIG.sensor)
 
 
-def sent(tmp_path, library, count=600, restart_at=None):
+def sent(tmp_path, library, count=600, restart_at=None, config=CONFIG):
     """What a virtual board with a solver of its own sends: bytes."""
     schedule = Schedule(Faults(), np.random.default_rng(1))
-    board = Board(CONFIG, 10_000, schedule, Count(), tmp_path / "p", FirmwareLibrary(library))
+    board = Board(config, 10_000, schedule, Count(), tmp_path / "p", FirmwareLibrary(library))
     seq = np.arange(count)
     states = np.zeros((count, 8))
     states[:, 5] = 1e-3 * np.sin(seq / 50)
@@ -75,6 +76,14 @@ def test_the_boards_poses_are_those_solved_here(tmp_path, library):
     assert board.trouble() == ""
 
 
+def test_poses_of_a_board_with_channels_are_compared_too(tmp_path, library):
+    channels = (AuxiliaryChannel("force", "N"), AuxiliaryChannel("current", "mA"))
+    config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=channels))
+    pipeline = fed(sent(tmp_path, library, 100, config=config), config)
+    assert pipeline.board.came == pipeline.board.compared == pipeline.tally.samples == 100
+    assert pipeline.board.alike
+
+
 def test_a_board_with_the_code_of_another_sensor_is_told(tmp_path):
     """A detector 0.05 mm further out than the board knows."""
     first, *others = CONFIG.sensor.psds
@@ -91,7 +100,8 @@ def test_after_a_restart_samples_are_not_compared_with_others(tmp_path, library)
     assert 500 < board.compared <= 600
 
 
-def test_the_exported_frames_are_read(tmp_path, library):
+@pytest.mark.parametrize("channels", [0, 2])
+def test_the_exported_frames_are_read(tmp_path, library, channels):
     """Bytes that the C code itself writes."""
     program = tmp_path / "frames.c"
     program.write_text(
@@ -106,8 +116,10 @@ def test_the_exported_frames_are_read(tmp_path, library):
             for (n = 0; n < 8; n++) solution.state[n] = 0.5 * n;
             solution.power = 0.25; solution.residual = 1.5; solution.status = 3;
             solution.steps = 7; solution.used[0] = 1; solution.used[2] = 1;
+            const float channels[2] = {1.25f, -3e30f};
             facets_frame_counts(frame, FACETS_FRAME_ELECTRODES, FACETS_FRAME_OVERRUN, 4000000000u,
                                 17, counts);
+            facets_frame_channels(frame, channels);
             fwrite(frame, 1, sizeof frame, stdout);
             facets_frame_pose(frame, 4000000000u, 18, &solution, 65000);
             fwrite(frame, 1, sizeof frame, stdout);
@@ -116,10 +128,11 @@ def test_the_exported_frames_are_read(tmp_path, library):
         """
     )
     folder = library.parent
-    command = ["gcc", "-I", str(folder), str(program), str(folder / "facets_frame.c"), "-o", "f"]
+    files = [str(program), str(folder / "facets_frame.c"), f"-DFACETS_CHANNELS={channels}"]
+    command = ["gcc", "-Wall", "-Werror", "-I", str(folder), *files, "-o", "f"]
     subprocess.run(command, cwd=tmp_path, check=True)
     data = subprocess.run([tmp_path / "f"], capture_output=True, check=True).stdout
-    parser = FixedFrames()
+    parser = FixedFrames(channels)
     samples = parser.feed(data)
     assert parser.corrupt == parser.skipped == 0
     assert samples.kind.tolist() == [1, POSE]
@@ -127,6 +140,8 @@ def test_the_exported_frames_are_read(tmp_path, library):
     assert samples.time.tolist() == [17, 18]
     assert samples.flags.tolist() == [1, 0]
     assert samples.counts[0].tolist() == [1, -2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2147483647]
+    expected = np.array([[1.25, -3e30], [np.nan, np.nan]], np.float32)[:, :channels]
+    np.testing.assert_array_equal(samples.channels, expected)
     one = board_solution(samples.where(samples.kind == POSE))[0]
     assert SOLVED.itemsize == 48
     assert one["state"].tolist() == [0.5 * n for n in range(8)]

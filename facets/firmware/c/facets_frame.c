@@ -28,14 +28,22 @@ static uint32_t crc32(const uint8_t *bytes, int count)
     return ~crc;
 }
 
+/* The checksum at the end of a frame. */
+static void finish(uint8_t *frame)
+{
+    put32(frame + FACETS_FRAME_SIZE - 4, crc32(frame, FACETS_FRAME_SIZE - 4));
+}
+
 static void begin(uint8_t *frame, uint8_t kind, uint8_t flags, uint32_t seq, uint32_t time)
 {
+    int n;
     frame[0] = 0xa5;
     frame[1] = 0x5a;
-    frame[2] = kind;
+    frame[2] = (uint8_t)(kind | FACETS_CHANNELS << 4);
     frame[3] = flags;
     put32(frame + 4, seq);
     put32(frame + 8, time);
+    for (n = 0; n < FACETS_CHANNELS; n++) put32(frame + 60 + 4 * n, 0x7fc00000u); /* NaN */
 }
 
 void facets_frame_counts(uint8_t *frame, uint8_t kind, uint8_t flags, uint32_t seq, uint32_t time,
@@ -44,7 +52,14 @@ void facets_frame_counts(uint8_t *frame, uint8_t kind, uint8_t flags, uint32_t s
     int n;
     begin(frame, kind, flags, seq, time);
     for (n = 0; n < 12; n++) put32(frame + 12 + 4 * n, (uint32_t)counts[n]);
-    put32(frame + 60, crc32(frame, 60));
+    finish(frame);
+}
+
+void facets_frame_channels(uint8_t *frame, const float *channels)
+{
+    int n;
+    for (n = 0; n < FACETS_CHANNELS; n++) put_float(frame + 60 + 4 * n, (facets_real)channels[n]);
+    finish(frame);
 }
 
 void facets_frame_pose(uint8_t *frame, uint32_t seq, uint32_t time,
@@ -62,7 +77,7 @@ void facets_frame_pose(uint8_t *frame, uint32_t seq, uint32_t time,
     frame[56] = (uint8_t)(microseconds & 0xff);
     frame[57] = (uint8_t)(microseconds >> 8);
     frame[58] = frame[59] = 0;
-    put32(frame + 60, crc32(frame, 60));
+    finish(frame);
 }
 
 static uint32_t get32(const uint8_t *place)

@@ -1,4 +1,4 @@
-/* The frames of 64 bytes that `facets acquire` reads: counts, and poses that a board has solved. */
+/* The frames that `facets acquire` reads: counts, and poses that a board has solved. */
 #ifndef FACETS_FRAME_H
 #define FACETS_FRAME_H
 
@@ -8,7 +8,15 @@
 extern "C" {
 #endif
 
-#define FACETS_FRAME_SIZE 64
+/* Auxiliary channels of each sample, from 0 to 15, as `acquire.channels` of the configuration names
+   them; set with -DFACETS_CHANNELS=2 for all files that include this one. */
+#ifndef FACETS_CHANNELS
+#define FACETS_CHANNELS 0
+#endif
+#if FACETS_CHANNELS < 0 || FACETS_CHANNELS > 15
+#error "a frame has 0 to 15 auxiliary channels"
+#endif
+#define FACETS_FRAME_SIZE (64 + 4 * FACETS_CHANNELS)
 #define FACETS_FRAME_ELECTRODES 1 /* counts of four electrodes of each detector */
 #define FACETS_FRAME_XY_SUM 2     /* X, Y, SUM and a spare of each detector */
 #define FACETS_FRAME_POSE 3       /* what was solved from the sample of the same number */
@@ -37,13 +45,17 @@ void facets_heartbeat_feed(facets_heartbeat *heartbeat, uint8_t byte, uint32_t n
    at every sample; once it was not so, only another heartbeat makes it so again. */
 int facets_heartbeat_is_alive(facets_heartbeat *heartbeat, uint32_t now, uint32_t patience);
 
-/* kind: electrodes or X, Y, SUM.  seq: the sample's number.  time: us.  counts: 12. */
+/* kind: electrodes or X, Y, SUM.  seq: the sample's number.  time: us.  counts: 12. The auxiliary
+   channels have no value (NaN) until facets_frame_channels gives them one. */
 void facets_frame_counts(uint8_t *frame, uint8_t kind, uint8_t flags, uint32_t seq, uint32_t time,
                          const int32_t *counts);
 
 /* solution: of the sample `seq`.  microseconds: that solving it took. */
 void facets_frame_pose(uint8_t *frame, uint32_t seq, uint32_t time,
                        const facets_solution *solution, uint16_t microseconds);
+
+/* Puts the values of the auxiliary channels into a frame of counts; NaN: no value. */
+void facets_frame_channels(uint8_t *frame, const float *channels);
 
 #ifdef __cplusplus
 }
