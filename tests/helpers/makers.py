@@ -70,7 +70,7 @@ class Timing:
 
 
 class Stream:
-    """Sampled voltages (12, n) that have not been read."""
+    """Sampled voltages (number of channels, n) that have not been read."""
 
     def __init__(self):
         self.volts, self.error = np.zeros((12, 0)), None
@@ -111,7 +111,7 @@ class AnalogMultiChannelReader:
         self.stream = task_in_stream
 
     def read_many_sample(self, data, number_of_samples_per_channel=-1, timeout=10.0):
-        assert data.shape == (12, number_of_samples_per_channel)
+        assert data.shape == (len(self.stream.volts), number_of_samples_per_channel)
         data[:] = self.stream.volts[:, :number_of_samples_per_channel]
         self.stream.volts = self.stream.volts[:, number_of_samples_per_channel:]
         return number_of_samples_per_channel

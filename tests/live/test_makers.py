@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import facets
+from facets.core.channels import AuxiliaryChannel
 from facets.detectors.counts import counts_to_xy_sum, readings_to_counts
 from facets.live.run.pipeline import Pipeline
 from facets.live.sources import check_missing, check_source
@@ -73,6 +74,17 @@ def test_a_card_gives_the_poses_of_its_light(installed):
     np.testing.assert_allclose(found.solution.state[:, 5], state[:, 5], atol=2e-6)
 
 
+def test_voltages_after_the_twelfth_are_auxiliary_channels(installed):
+    _, counts = light(20)
+    force = np.linspace(-3, 3, 20)
+    channel = AuxiliaryChannel("force", "N", scale=4.0)
+    config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=(channel,)))
+    with open_port(NAME.replace("0:11", "0:12"), 0) as port:
+        port.task.in_stream.volts = np.vstack([counts.T * (10 / 2**16), force])
+        found = Pipeline(config).feed(port.read(), 1.0)
+    np.testing.assert_allclose(found.channels["force_n"], 4 * force, rtol=1e-6)
+
+
 def test_too_much_light_is_told_as_saturation():
     counts = counts_of_volts(np.array([9.0, 10.0, 12.0, -12.0]), 16, 10.0)
     assert counts.tolist() == [58982, 65535, 65535, -65535]
@@ -83,6 +95,7 @@ def test_too_much_light_is_told_as_saturation():
     [
         ("ni:Dev2/ai0:11", PortError, "identifier is invalid"),
         ("ni:Dev1/ai0:7", PortInUse, "8 channels; needed: 12"),
+        ("ni:Dev1/ai0:27", PortInUse, "28 channels; .* up to 15 auxiliary"),
         ("ni:Dev1/ai0:11?speed=3", PortInUse, "of the options"),
         ("ni:Dev1/ai0:11?rate=fast", PortInUse, "fast"),
         ("ni:Dev1/ai0:11?rate=-1", PortInUse, "positive"),

@@ -1,8 +1,9 @@
 """National Instruments' cards as a source of samples, by the maker's package `nidaqmx`.
 
 `ni:Dev1/ai0:11?rate=10000` samples twelve voltages by the card's own clock: of detectors A, B, C,
-each at -y, +y, -z, +z, in the order of the channels. `bits` and `range` say how voltages become
-counts, and must be what `sensor.electronics` has as `adc_bits` and `adc_range_v` (16 and 10 by
+each at -y, +y, -z, +z, in the order of the channels; those after the twelfth are the auxiliary
+channels of the configuration, in V. `bits` and `range` say how voltages become counts, and must be
+what `sensor.electronics` has as `adc_bits` and `adc_range_v` (16 and 10 by
 default); `terminal` is rse, nrse, diff or default. Not tried on a card: written by the maker's
 documentation and source (nidaqmx 1.7).
 """
@@ -20,7 +21,7 @@ from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.units import Floats
-from .frames import ELECTRODES, Samples, pack
+from .frames import ELECTRODES, MAX_CHANNELS, Samples, pack
 from .source import POLL_S, PortError, PortInUse
 
 CHANNELS = 12
@@ -98,11 +99,13 @@ class Card(ClosedAtExit):
             code = getattr(error, "error_code", None)
             kind = PortInUse if code == RESERVED else PortError
             raise kind(f"{name}: cannot be opened: {error}") from None
-        if count != CHANNELS:
+        if not CHANNELS <= count <= CHANNELS + MAX_CHANNELS:
             self.close()
             raise PortInUse(
-                f"{name}: names {count} channels; needed: {CHANNELS}, four for each detector"
+                f"{name}: names {count} channels; needed: {CHANNELS}, four for each detector, and "
+                f"up to {MAX_CHANNELS} auxiliary ones after them"
             )
+        self.channels = count
         self.reader = readers.AnalogMultiChannelReader(self.task.in_stream)
         self.made = 0
 
@@ -113,14 +116,14 @@ class Card(ClosedAtExit):
             if not count:
                 time.sleep(POLL_S)
                 return b""
-            volts = np.empty((CHANNELS, count))
+            volts = np.empty((self.channels, count))
             self.reader.read_many_sample(volts, number_of_samples_per_channel=count, timeout=1.0)
         except Exception as error:  # also where nobody has read for BUFFER_S, and samples are lost
             raise PortError(f"{self.name}: went away: {error}") from None
         number = self.made + np.arange(count)
         self.made += count
-        return frames_of(counts_of_volts(volts.T, self.bits, self.full), number,
-                         1e6 * number / self.rate, ELECTRODES)  # fmt: skip
+        counts = counts_of_volts(volts[:CHANNELS].T, self.bits, self.full)
+        return frames_of(counts, number, 1e6 * number / self.rate, ELECTRODES, volts[CHANNELS:].T)
 
     def close(self) -> None:
         task, self.task = self.task, None
@@ -129,8 +132,11 @@ class Card(ClosedAtExit):
                 task.close()
 
 
-def frames_of(counts: Any, number: Any, microseconds: Any, kind: int) -> bytes:
-    """Frames of counts (n, 12) with their numbers and times (n,), which wrap."""
+def frames_of(
+    counts: Any, number: Any, microseconds: Any, kind: int, channels: Floats | None = None
+) -> bytes:
+    """Frames of counts (n, 12) with their numbers and times (n,), which wrap, and with auxiliary
+    channels (n, m)."""
     none = np.zeros(len(counts), np.uint8)
     return pack(
         Samples(
@@ -139,5 +145,6 @@ def frames_of(counts: Any, number: Any, microseconds: Any, kind: int) -> bytes:
             (number % 2**32).astype(np.uint32),
             (np.round(microseconds).astype(np.int64) % 2**32).astype(np.uint32),
             counts,
+            None if channels is None else channels.astype(np.float32),
         )
     )
