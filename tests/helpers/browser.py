@@ -30,9 +30,10 @@ WEBGL, NO_WEBGL = "--enable-unsafe-swiftshader", "--disable-3d-apis"
 
 
 class Browser:
-    """A page in Chromium that records script errors and the addresses that it loads.
+    """A page in Chromium that records its messages and the addresses that it loads.
 
-    errors: messages of the scripts.  addresses: all that the page loaded.
+    errors: what scripts threw, and all that stands on the console.  addresses: all that the page
+    loaded.
     """
 
     def __init__(self, url: str, webgl: bool = False) -> None:
@@ -53,7 +54,7 @@ class Browser:
         self.thread.start()
         try:
             self.call(self.open(self.debugger()))
-            for domain in ("Runtime", "Network", "Page"):
+            for domain in ("Runtime", "Log", "Network", "Page"):
                 self.send(f"{domain}.enable")
             self.send("Page.navigate", url=url)
         except BaseException:
@@ -89,6 +90,9 @@ class Browser:
                 self.answers.pop(words["id"]).set_result(words)
             elif words.get("method") == "Runtime.exceptionThrown":
                 self.errors.append(json.dumps(words["params"]["exceptionDetails"])[:2000])
+            elif words.get("method") in ("Runtime.consoleAPICalled", "Log.entryAdded"):
+                if "GL Driver Message" not in message.data:  # of a picture that is read
+                    self.errors.append(json.dumps(words["params"])[:2000])
             elif words.get("method") in ("Network.requestWillBeSent", "Network.webSocketCreated"):
                 found = words["params"]
                 self.addresses.append(found.get("url") or found["request"]["url"])
@@ -135,6 +139,28 @@ class Browser:
     def press(self, kind: str, x: float, y: float, **more: Any) -> None:
         """Send a mouse event."""
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+
+    def drag(self, begin: tuple[float, float], end: tuple[float, float], **more: Any) -> None:
+        """Drag the mouse from one place to another."""
+        middle = tuple((one + other) / 2 for one, other in zip(begin, end, strict=True))
+        self.press("mousePressed", *begin, button="left", clickCount=1, **more)
+        for place in (middle, end):
+            self.press("mouseMoved", *place, button="left", **more)
+        self.press("mouseReleased", *end, button="left", clickCount=1, **more)
+
+    def key(self, key: str, **more: Any) -> None:
+        """Press a key and release it."""
+        text = {"text": key} if len(key) == 1 else {}
+        self.send("Input.dispatchKeyEvent", type="keyDown", key=key, **text, **more)
+        self.send("Input.dispatchKeyEvent", type="keyUp", key=key, **more)
+
+    def resize(self, width: int, height: int) -> None:
+        """Give the page another size, and wait until it has it."""
+        self.send(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=height, deviceScaleFactor=1, mobile=False,
+        )  # fmt: skip
+        self.await_true(f"innerWidth === {width}")
 
     def close(self) -> None:
         async def end() -> None:

@@ -59,10 +59,7 @@ def drag(browser, begin, end):
     )
     x, y = (left + share * wide for share in (begin, end)), top + high / 2
     x0, x1 = x
-    browser.press("mousePressed", x0, y, button="left", clickCount=1)
-    browser.press("mouseMoved", (x0 + x1) / 2, y, button="left")
-    browser.press("mouseMoved", x1, y, button="left")
-    browser.press("mouseReleased", x1, y, button="left", clickCount=1)
+    browser.drag((x0, y), (x1, y))
 
 
 @pytest.mark.slow
@@ -200,11 +197,7 @@ def test_nothing_on_the_page_is_cut_on_a_telephone_and_on_a_screen(recorded):
         with Browser(url) as browser:
             browser.await_true("!!document.querySelector('.number')?.dataset.value")
             for width, height in ((360, 740), (768, 1024), (1440, 900)):
-                browser.send(
-                    "Emulation.setDeviceMetricsOverride",
-                    width=width, height=height, deviceScaleFactor=1, mobile=False,
-                )  # fmt: skip
-                browser.await_true(f"innerWidth === {width}")
+                browser.resize(width, height)
                 browser.await_true(FITTED)
                 browser.ask(UNITS)
                 assert browser.ask("document.documentElement.scrollWidth") <= width

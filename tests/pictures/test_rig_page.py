@@ -43,6 +43,8 @@ KINDS = {
     "not Gaussian": replace(PAPER, light=PROFILED),
     "cut and lit": replace(CUT, light=COATED),
 }
+#: A graphics driver's remark, when a test reads a picture back.
+DRIVER = "GL Driver Message"
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
 
 
@@ -52,11 +54,13 @@ def in_browser(path, profile, *flags):
         ["chromium", "--headless", "--no-sandbox", "--disable-quic", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
          f"--user-data-dir={profile}", "--window-size=1300,900", "--virtual-time-budget=6000",
-         *flags, "--dump-dom", f"file://{path}"],
+         "--enable-logging=stderr", *flags, "--dump-dom", f"file://{path}"],
         check=True, capture_output=True, timeout=570, text=True,
     )  # fmt: skip
     found = re.search(r'data-told="([^"]*)"', done.stdout)
     assert found, done.stdout[-2000:] + done.stderr[-2000:]
+    written = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert not [line for line in written if DRIVER not in line], written
     return json.loads(unescape(found.group(1)))
 
 

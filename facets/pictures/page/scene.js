@@ -30,14 +30,11 @@ const Rig = (() => {
   };
 
   function create(element, rig, options = {}) {
-    let renderer;
-    try {
-      renderer = new THREE.WebGLRenderer({
-        antialias: true, preserveDrawingBuffer: true});  // kept, so that it can be saved as a picture;
-    } catch {
-      return null;
-    }
-    return new View(element, rig, renderer, options);
+    const canvas = document.createElement("canvas");
+    // asked for here, because three.js writes to the console where there is none
+    const context = canvas.getContext("webgl2", {
+      alpha: true, antialias: true, preserveDrawingBuffer: true});  // kept, to be saved as a picture
+    return context && new View(element, rig, new THREE.WebGLRenderer({canvas, context}), options);
   }
 
   // Bodies that do not change with the theme but in colour: each material by the name of its colour.
@@ -509,6 +506,7 @@ const Rig = (() => {
       this.listen("pointerdown", (event) => {
         if (!event.isPrimary || event.button || event.target !== canvas) return;
         const at = place(event);
+        this.camera.updateMatrixWorld();  // which is as it was drawn last
         this.press = {at, first: at, id: event.pointerId, time: performance.now(), held: this.grabs(at)};
         if (!this.press.held) return;
         event.stopPropagation();
