@@ -18,15 +18,19 @@ from facets.files.whole import refuse_to_overwrite
 
 from .options import (
     ConfigName,
+    Covariance,
+    Point,
     Publish,
     Seconds,
     Track,
     Web,
+    Zero,
     filter_option,
     folder_option,
     require_yaml,
     write_option,
 )
+from .places import choose_point, zero_of
 
 if TYPE_CHECKING:
     from facets.live.assembly import Show
@@ -128,12 +132,17 @@ def acquire(
     filter_by: Annotated[str | None, filter_option("sent with --publish")] = None,
     web: Web = None,
     compare_board: CompareBoard = False,
+    point: Point = None,
+    zero: Zero = None,
+    covariance: Covariance = False,
 ) -> None:
     """Record a detector board's data and solve every sample.
 
     All received bytes are recorded before they are used. The stage moves only with --track or
     --check-stage. A stopped stage stays stopped until a person resumes it with the key r, the
-    button on the web page, or SIGUSR1. Ctrl-C, SIGTERM and closing the terminal end the run: the
+    button on the web page, or SIGUSR1. With an object in the configuration or --point, each sample
+    also has the pose of that object, and with --zero its displacement; hold the mirror still while
+    the zero is measured. Ctrl-C, SIGTERM and closing the terminal end the run: the
     stage is stopped first, and the recording is closed last.
 
     Exit status 1 if too many samples were lost, no sample arrived, most samples did not fit, the
@@ -144,7 +153,7 @@ def acquire(
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")
     refuse_file(write, check_stage)
-    settings = facets.load(config)
+    settings, request = choose_point(facets.load(config), point), zero_of(zero)
     run = live.Run.from_config(
         settings,
         port,
@@ -163,6 +172,8 @@ def acquire(
         filter_by=filter_by,
         web=web,
         page_scripts=pictures.page.scripts.rig_scripts(settings.sensor) if web else None,
+        zero=request,
+        covariance=covariance,
         tell=tell,
     )
     run_to_end(run, display(run.live, plain, json, display_rate))

@@ -12,7 +12,19 @@ import facets
 from facets import live, pictures
 
 from .console import FINDING
-from .options import ConfigOption, Force, Publish, RecordingName, Web, filter_option, output_option
+from .options import (
+    ConfigOption,
+    Covariance,
+    Force,
+    Point,
+    Publish,
+    RecordingName,
+    Web,
+    Zero,
+    filter_option,
+    output_option,
+)
+from .places import choose_point, zero_of
 
 Output = Annotated[
     Path | None,
@@ -62,18 +74,29 @@ def replay(
     filter_by: Filter = None,
     publish: Publish = None,
     web: Web = None,
+    point: Point = None,
+    zero: Zero = None,
+    covariance: Covariance = False,
 ) -> None:
     """Solve a recording again from its bytes.
 
     Solves every sample, including those that the run skipped because it was behind. With the
     recording's own configuration and the same version of facets, the poses equal the recorded ones
-    to the last bit; --compare checks this. The recording itself is not changed.
+    to the last bit; --compare checks this. The recording itself is not changed. With an object in
+    the configuration or --point, each sample also has the pose of that object, and with --zero its
+    displacement.
     """
     if recover and output is None:
         output = recording / "recovered.parquet"
     live.refuse_output(output, force, smooth, filter_by, publish or ())
     live.require_packages(publish, web)
-    playback = live.Playback(recording, facets.load(config) if config else None)
+    playback = live.Playback(
+        recording,
+        facets.load(config) if config else None,
+        change=lambda settings: choose_point(settings, point),
+        zero=zero_of(zero),
+        covariance=covariance,
+    )
     poses = playback.poses(real_time, recover)
     if publish:
         poses = playback.publish_poses(poses, publish, filter_by, tell, typer.echo)

@@ -26,8 +26,8 @@ TAKEN = frozenset(
     }
 )  # fmt: skip
 TAKEN_BEGINNINGS = (
-    "u_", "ref_", "object_", "displacement_", "filtered_", "smoothed_", "pulse_", "least_", "most_",
-    "mean_",
+    "u_", "cov_", "ref_", "object_", "displacement_", "filtered_", "smooth_", "smoothed_", "pulse_",
+    "least_", "most_", "mean_",
 )  # fmt: skip
 
 

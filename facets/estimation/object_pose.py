@@ -139,6 +139,12 @@ def transform(
     )
 
 
+def carry_pose(poses: Floats, covariances: Floats, body: MeasuredObject) -> ObjectPose:
+    """Absolute poses of an object at mirror poses (n, 6) with covariances (n, 6, 6)."""
+    found, slopes = object_poses(poses, body)
+    return ObjectPose(found, None, carry(slopes, covariances), None, None, False)
+
+
 def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, CovarianceParts]:
     """States (..., 8 or 6), the used detectors (..., 3), statuses and covariances (n, 8, 8) of a
     solution or of bare states."""

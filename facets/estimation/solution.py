@@ -223,6 +223,26 @@ class Solution(UncertainResult):
         return self.converged & ~self.misfit
 
 
+def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
+    """A solution without any pose, with one status.  has_parts: whether uncertainties have."""
+    unknown = np.full((count, 8, 8), np.nan)
+    part = unknown if has_parts else None
+    return Solution(
+        state=np.full((count, 8), np.nan),
+        status=np.full(count, status, np.int8),
+        power=np.full(count, np.nan),
+        used=np.zeros((count, 3), bool),
+        iterations=np.zeros(count, np.int32),
+        residual=np.full(count, np.nan),
+        checks=np.zeros(count, np.int8),
+        limit=np.full(count, np.inf),
+        covariance=unknown,
+        noise_covariance=part,
+        calibration_covariance=part,
+        calibration_degrees_of_freedom=np.full(count, np.nan) if has_parts else None,
+    )
+
+
 def root_of_diagonal(covariance: Floats) -> Floats:
     """Standard uncertainties (..., m) of a covariance (..., m, m)."""
     root: Floats = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))

@@ -19,7 +19,7 @@ from ..files import tables
 from ..model.arrays import is_near_edge, readings
 from .compiling import Task, compile_for
 from .misfit import Misfit
-from .object_pose import transform
+from .object_pose import ObjectPose, transform
 from .plan import make_plan
 from .reliability import unseen_errors
 from .solution import Solution, Status, UncertainResult
@@ -345,14 +345,22 @@ def object_columns(
             solution, body, zero, members=members, temperature=temperature
         )
     for prefix, found in poses.items():
-        columns |= {
-            f"{prefix}{name}": found.pose[:, i] / STATE_UNITS[i]
-            for i, name in enumerate(STATE_COLUMNS[:6])
-        }
-        columns |= uncertainty_columns(found, prefix)
-        columns |= covariance_columns(found, prefix) if covariance else {}
-        columns |= {} if coverage is None else expanded_columns(found, coverage, prefix)
+        columns |= result_columns(found, prefix, covariance, coverage)
     return columns
+
+
+def result_columns(
+    found: ObjectPose, prefix: str, covariance: bool, coverage: float | None = None
+) -> dict[str, Floats]:
+    """Poses of an object as columns with their standard uncertainties, and on request their
+    covariances and expanded uncertainties."""
+    columns = {
+        f"{prefix}{name}": found.pose[:, i] / STATE_UNITS[i]
+        for i, name in enumerate(STATE_COLUMNS[:6])
+    }
+    columns |= uncertainty_columns(found, prefix)
+    columns |= covariance_columns(found, prefix) if covariance else {}
+    return columns | ({} if coverage is None else expanded_columns(found, coverage, prefix))
 
 
 #: For a table of poses that is solved with a known beam.

@@ -12,7 +12,10 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from ..config.loading import fingerprint
 from ..core.errors import InputError
+from ..core.keys import block_of
+from ..core.rigid_body import MIRROR, MeasuredObject
 from ..files.provenance import run_record
 from ..tracking.check import StageCheck
 from .recording.writer import Recording
@@ -23,11 +26,13 @@ from .run.reader import Reader
 from .run.smoothing import require_model
 from .stage_setup import check_sentences, open_tracker, refuse_board
 from .streams.publication import Publications, require_packages
+from .streams.sample_rows import row_content
 from .web.page import WebPage
 from .web.status import status_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
+    from ..estimation.zero import ZeroRequest
 
 Tell = Callable[[str], None]
 Show = Callable[[Live], None]
@@ -57,10 +62,17 @@ class Run:
     10000
     """
 
-    def __init__(self, config: Config, max_loss: float = 0.001, compare: bool = False) -> None:
+    def __init__(
+        self,
+        config: Config,
+        max_loss: float = 0.001,
+        compare: bool = False,
+        zero: ZeroRequest | None = None,
+        covariance: bool = False,
+    ) -> None:
         """Prepare the solver; `from_config` adds the source and the sinks."""
         self.config, self.max_loss, self.compare = config, max_loss, compare
-        self.live = Live(Pipeline(config))
+        self.live = Live(Pipeline(config, zero, covariance))
         self.live.pipeline.warm_up()
         self.reader: Reader
         self.ending = Ending()
@@ -90,6 +102,8 @@ class Run:
         filter_by: str | None = None,
         web: str | None = None,
         page_scripts: dict[str, str] | None = None,
+        zero: ZeroRequest | None = None,
+        covariance: bool = False,
         tell: Tell = lambda _: None,
     ) -> Self:
         """Open the source, the recording, the publications, the page and the stage of a run.
@@ -123,6 +137,9 @@ class Run:
         web, page_scripts
             Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
             `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
+        zero, covariance
+            The samples from whose mean pose displacements are given, and whether poses have the
+            columns of their whole covariances.
         tell : callable
             Receives messages for the user at the beginning, line by line.
 
@@ -142,7 +159,7 @@ class Run:
         if check_stage:  # the check uses only the readings' place of the beam
             config = replace(config, solve=replace(config.solve, beam="free"))
         require_packages(publish, web)
-        run = cls(config, max_loss, compare)
+        run = cls(resolve_object(config), max_loss, compare, zero, covariance)
         with ExitStack() as on_failure:
             on_failure.callback(run.abandon)
             if record:
@@ -171,6 +188,8 @@ class Run:
         now = datetime.now(UTC)
         folder = folder or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
         begin = {"begin_utc": now.isoformat(), "begin_monotonic": time.monotonic()}
+        if (zero := self.live.pipeline.object_poses.request) is not None:
+            begin["zero"] = zero.text
         meta = run_record(self.config, None, 0.0, begin)
         self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
         self.live.sinks.append(self.recording)
@@ -186,8 +205,9 @@ class Run:
     ) -> None:
         """Begin to publish samples; report where.  carried: whether a stage carries the beam."""
         self.publications = Publications(
-            addresses, self.config, filter_by=filter_by, carried=carried
-        )
+            addresses, self.config, filter_by=filter_by, carried=carried,
+            objects=self.live.pipeline.object_poses,
+        )  # fmt: skip
         self.live.sinks.append(self.publications)
         if addresses:
             tell(f"publishing at {', '.join(self.publications.places())}")
@@ -196,7 +216,9 @@ class Run:
         if page_scripts is None:
             raise InputError("a page (web) needs page_scripts; give rig_scripts of the sensor")
         status = partial(status_of, self.live)
-        self.page = WebPage(self.config, web, status, {"kind": "acquire"}, drawn=page_scripts)
+        content = row_content(self.config, self.live.pipeline.object_poses)
+        more = {"kind": "acquire", **content}
+        self.page = WebPage(self.config, web, status, more, drawn=page_scripts)
         self.publications.all.append(self.page)
         for text in self.page.greeting():
             tell(text)
@@ -258,6 +280,16 @@ class Run:
         if self.check:
             good = not self.complaints()
             yield from check_sentences(self.check, self.config, self.stage_port, path, good)
+
+
+def resolve_object(config: Config) -> Config:
+    """The configuration whose keys have its object, which may be from --point, so that a recording
+    of it is solved again for the same point."""
+    keys = block_of(MeasuredObject).write(config.resolved["object"], config.object or MIRROR)
+    if keys == config.resolved["object"]:
+        return config
+    resolved = config.resolved | {"object": keys}
+    return replace(config, resolved=resolved, sha256=fingerprint(resolved))
 
 
 def refuse_options(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import numpy as np
 from ..core.channels import describe_channels
 from ..core.errors import InputError
 from ..core.extras import require_extra
+from ..estimation.zero import ZeroRequest, zero_text
 from ..files import provenance, tables
 from .recording.comparison import compare, comparison_sentences
 from .recording.index import Damage
@@ -24,7 +26,7 @@ from .run.smoothing import require_model, smoothed_columns
 from .streams.filtered_rows import RowFilter
 from .streams.mcap_file import McapFile
 from .streams.publication import Publications
-from .streams.sample_rows import FILTER_COLUMNS, row_content, rows_of
+from .streams.sample_rows import row_content, rows_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -39,6 +41,12 @@ class Playback:
         The recording.
     config : Config, optional
         The configuration for solving; the recording's own by default.
+    change : callable, optional
+        Returns the configuration with changes, such as another point of the object.
+    zero : ZeroRequest, optional
+        The samples from whose mean pose displacements are given.
+    covariance : bool
+        Whether poses have the columns of their whole covariances.
 
     Raises
     ------
@@ -55,11 +63,19 @@ class Playback:
     recordings/today: 24534 samples, 0 lost, 0 frames refused, 0 bytes passed over
     """
 
-    def __init__(self, folder: Path, config: Config | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        config: Config | None = None,
+        *,
+        change: Callable[[Config], Config] = lambda config: config,
+        zero: ZeroRequest | None = None,
+        covariance: bool = False,
+    ) -> None:
         meta_of(folder, own=config is None)
         self.folder = folder
-        self.config = config or recorded_config(folder)
-        self.pipeline, self.damage = Pipeline(self.config), Damage()
+        self.config = change(config or recorded_config(folder))
+        self.pipeline, self.damage = Pipeline(self.config, zero, covariance), Damage()
 
     def poses(
         self,
@@ -109,7 +125,10 @@ class Playback:
         tell: receives the addresses.  say: receives, at the end, the number of published samples.
         """
         offset = utc_offset(self.folder)
-        with Publications(addresses, self.config, True, offset, filter_by) as publications:
+        objects = self.pipeline.object_poses
+        with Publications(
+            addresses, self.config, True, offset, filter_by, objects=objects
+        ) as publications:
             tell(f"publishing at {', '.join(publications.places())}")
             for part in poses:
                 publications.add_poses(part)
@@ -131,8 +150,8 @@ class Playback:
         for words, count in tally.statuses.items():
             if count and words != "converged":
                 yield f"  {count} {words}"
-        board = self.pipeline.board
-        for text in (tally.misfit.sentence, board.sentence(), board.trouble()):
+        board, zero = self.pipeline.board, self.pipeline.object_poses.sentences()
+        for text in (tally.misfit.sentence, *zero, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"
 
@@ -146,6 +165,10 @@ class Playback:
         """
         about = provenance.provenance_header(self.config)
         about |= describe_channels(self.config.acquire.channels)
+        poses, objects = self.await_zero(poses), self.pipeline.object_poses
+        if objects.request is not None and objects.zero is not None:
+            about["zero"] = zero_text(objects.request, objects.zero)
+        content = row_content(self.config, objects)
         if filter_by:
             yield self.write_with_filter(path, list(poses), filter_by, about)
         elif smooth:
@@ -154,21 +177,33 @@ class Playback:
             offset = utc_offset(self.folder) or 0.0
             with (
                 tables.Whole(path) as temporary,
-                McapFile(temporary, about, offset, row_content(self.config)) as file,
+                McapFile(temporary, about, offset, content) as file,
             ):
                 for part in poses:
                     file.write(part)
         else:
             yield from self.write_table(path, poses, about)
 
+    def await_zero(self, poses: Iterable[Poses]) -> Iterator[Poses]:
+        """The same poses, taken in up to the end of the zero's samples."""
+        held, rest = [], iter(poses)
+        while self.pipeline.object_poses.is_measuring:
+            part = next(rest, None)
+            if part is None:
+                break
+            held.append(part)
+        return chain(held, rest)
+
     def write_with_filter(
         self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
     ) -> str:
         """Write the table of poses, with the poses that a live filter gives beside them."""
         refuse_nothing(path, poses)
-        rows = RowFilter(self.config, model, self.pipeline.tally.misfit.carried)
+        with_covariance = self.pipeline.object_poses.covariance
+        carried = self.pipeline.tally.misfit.carried
+        rows = RowFilter(self.config, model, carried, with_covariance)
         wide = np.concatenate([rows.widen(rows_of(part, 0.0)) for part in poses])
-        columns = {name: wide[name] for name in FILTER_COLUMNS}
+        columns = {name: wide[name] for name in rows.names}
         about = about | {"filtered": f"constant {model}"}
         tables.write_table(path, {**label(join_poses(poses)), **columns}, about)
         return f"  filtered by constant {model}; {rows.sentence}"
@@ -182,8 +217,9 @@ class Playback:
         seconds = 1e-6 * joined.time.astype(float)
         try:
             columns, result = smoothed_columns(
-                self.config, seconds, joined.solution, carried, model
-            )
+                self.config, seconds, joined.solution, carried, model,
+                self.pipeline.object_poses.covariance,
+            )  # fmt: skip
         except ValueError as error:
             raise InputError(f"{path}: not written: {error}") from None
         about = about | {"smoothed": f"constant {model}"}

@@ -21,8 +21,8 @@ CRC = "crc"
 
 
 def pose_columns(poses: Poses) -> Columns:
-    """Poses as columns of a table, with the readings that they are from and the auxiliary
-    channels."""
+    """Poses as columns of a table, with the readings that they are from, the object's poses and
+    the auxiliary channels."""
     solution = poses.solution
     columns: Columns = {
         "seq": poses.seq,
@@ -36,7 +36,7 @@ def pose_columns(poses: Poses) -> Columns:
         columns[name] = solution.state[:, i] / STATE_UNITS[i]
     columns |= uncertainty_columns(solution)
     columns["residual"] = solution.residual
-    return columns | poses.channels
+    return columns | poses.further
 
 
 def join_columns(parts: list[Columns]) -> Columns:

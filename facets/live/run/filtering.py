@@ -14,12 +14,22 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...core.units import Booleans, Floats
-from .smoothing import DOUBT, MODELS, first_spread, motion, strengths, transition
+from ...estimation.uncertainty_parts import carry_over, propagate
+from .smoothing import (
+    DOUBT,
+    MODELS,
+    first_spread,
+    motion,
+    noise_of_part,
+    plan_of,
+    strengths,
+    transition,
+)
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -48,11 +58,12 @@ LONGEST = 20_000
 @dataclass(frozen=True)
 class Filtered:
     """places: (n, d), NaN where there is none.  speeds: (n, d) a second, 0 for model "place".
-    variance: (n, d), by noise and motion alone."""
+    variance: (n, d), covariance: (n, d, d), by noise and motion alone."""
 
     places: Floats
     speeds: Floats
     variance: Floats
+    covariance: Floats
 
 
 class Filter:
@@ -113,7 +124,8 @@ class Filter:
         NaN where there is none.  noise: (d, d), covariance of each sample of the lot.
         """
         count, self.width = poses.shape
-        found = Filtered(*(np.full(poses.shape, np.nan) for _ in range(3)))
+        shapes = (*[poses.shape] * 3, (count, self.width, self.width))
+        found = Filtered(*(np.full(shape, np.nan) for shape in shapes))
         there: Booleans = np.asarray(np.isfinite(poses).all(axis=1) & np.isfinite(noise).all())
         self.recent.extend((float(time[n]), poses[n], noise) for n in np.flatnonzero(there))
         self.waited += int(there.sum())
@@ -232,7 +244,7 @@ class Filter:
         """What is known of the newest sample, in the unit of the poses."""
         found.places[n] = self.mean[self.places] * self.units
         found.speeds[n] = self.mean[1 :: self.order] * self.speeds if self.order > 1 else 0.0
-        found.variance[n] = self.variance
+        found.variance[n], found.covariance[n] = self.variance, self.covariance
 
     def update(self, move: Floats, shake: Floats, there: bool) -> bool:
         """The covariance and the gain of the next sample; whether they are as of the last one."""
@@ -248,6 +260,7 @@ class Filter:
             spread = kept @ spread @ kept.T + gain @ self.noise @ gain.T
         self.spread = spread
         self.variance = spread.diagonal()[self.places] * self.units**2
+        self.covariance = spread[self.places, self.places] * np.outer(self.units, self.units)
         change = np.abs(spread - before).diagonal()
         return bool((change <= SETTLED * before.diagonal()).all())
 
@@ -291,6 +304,15 @@ def usual_step(time: Floats) -> float:
     return float(np.median(np.diff(np.sort(time))))
 
 
+class FilteredPoses(NamedTuple):
+    """Poses (n, 6), their standard uncertainties (n, 6) and covariances (n, 6, 6) or None; mm,
+    rad."""
+
+    poses: Floats
+    uncertainty: Floats
+    covariance: Floats | None
+
+
 class PoseFilter:
     """The filter of a sensor's six axes; its uncertainty holds what no filter takes away.
 
@@ -298,30 +320,55 @@ class PoseFilter:
     the speed that the mirror has, what the electronics' bandwidth holds back.
     """
 
-    def __init__(self, config: Config, model: str = "acceleration", carried: bool = False) -> None:
-        """carried: whether a stage carries the beam."""
-        self.config, self.carried = config, carried
+    def __init__(
+        self,
+        config: Config,
+        model: str = "acceleration",
+        carried: bool = False,
+        covariance: bool = False,
+    ) -> None:
+        """carried: whether a stage carries the beam.  covariance: whether filtered poses have
+        covariances."""
+        self.config, self.carried, self.with_covariance = config, carried, covariance
         self.filter = Filter(model)
         electronics = config.sensor.electronics
         #: How late the electronics are, s.
         self.late = 0.0 if electronics is None else 1 / (2 * np.pi * electronics.bandwidth)
 
-    def add(self, time: Floats, states: Floats, uncertainty: Floats, used: Booleans
-            ) -> tuple[Floats, Floats]:  # fmt: skip
-        """Filtered poses (n, 6) and their standard uncertainties (n, 6); mm, rad.
+    def add(
+        self, time: Floats, states: Floats, uncertainty: Floats, used: Booleans
+    ) -> FilteredPoses:
+        """The filtered poses of samples.
 
         time: (n,) s.  states: (n, 8), NaN where there is none.  uncertainty: (n, 8).  used: (n, 3),
         the detectors that a pose is from.
         """
-        from .smoothing import noise_of_part
-
         good = np.flatnonzero(np.isfinite(states).all(axis=1) & used.any(axis=1))
         noise, common = np.full((6, 6), np.nan), np.full(6, np.nan)
+        middle = slice(0, 0)
         if len(good):
-            middle = good[len(good) // 2]
-            part = slice(middle, middle + 1)
-            noise = noise_of_part(self.config, states[part], used[part], self.carried)[0]
-            common = np.maximum(uncertainty[middle, :6] ** 2 - noise.diagonal(), 0.0)
+            first = good[len(good) // 2]
+            middle = slice(first, first + 1)
+            noise = noise_of_part(self.config, states[middle], used[middle], self.carried)[0]
+            common = np.maximum(uncertainty[first, :6] ** 2 - noise.diagonal(), 0.0)
         found = self.filter.add(time, states[:, :6], noise)
         held_back = np.nan_to_num(found.speeds) * self.late
-        return found.places, np.sqrt(found.variance + common + held_back**2)
+        sigma = np.sqrt(found.variance + common + held_back**2)
+        covariance = None
+        if self.with_covariance:
+            alike = np.full((6, 6), np.nan)
+            if len(good):
+                alike = self.correlation_of_common(states[middle], used[middle])
+            covariance = found.covariance + alike * np.sqrt(np.outer(common, common))
+            covariance += held_back[:, :, None] * held_back[:, None, :]
+        return FilteredPoses(found.places, sigma, covariance)
+
+    def correlation_of_common(self, state: Floats, used: Booleans) -> Floats:
+        """Correlations (6, 6) of what is the same in all samples, at a state (1, 8)."""
+        sensor, plan = self.config.sensor, plan_of(self.config, self.carried)
+        found = propagate(sensor, sensor.calibration, state, used, plan.free, plan.weights)
+        common = found.statistical - found.noise
+        if sensor.calibration is not None:
+            common += carry_over(sensor.calibration, found.slopes)
+        sizes = np.sqrt(np.maximum(common[0, :6, :6].diagonal(), np.finfo(float).tiny))
+        return np.asarray(common[0, :6, :6] / np.outer(sizes, sizes))

@@ -162,9 +162,11 @@ class Loop:
         self.give_to_sinks(poses)
 
     def give_to_sinks(self, poses: Poses) -> None:
-        """Give poses to the sinks."""
+        """Give poses to the sinks, and tell them what happened to the zero of displacements."""
         for sink in self.live.sinks:
             sink.add_poses(poses)
+        for text in self.live.pipeline.object_poses.take_news():
+            self.live.add_event("zero", text=text)
 
     def report_backlog(self) -> None:
         """Tell the sinks, once each, that the loop has fallen behind and that it has caught up."""

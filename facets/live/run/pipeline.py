@@ -27,16 +27,18 @@ from ...detectors.skew import align
 from ...estimation.estimates import prepare
 from ...estimation.misfit import Misfit
 from ...estimation.series import solve_series
-from ...estimation.solution import Solution, Status
+from ...estimation.solution import Solution, Status, empty_solution
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
 from ..sources.host_time import HostTime
 from .board_poses import BoardPoses, is_pose
 from .doubts import Doubts
+from .object_poses import ObjectPoses
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ...estimation.zero import ZeroRequest
 
 
 #: Standard uncertainty of the time of a sample relative to the time of the stage, s; it adds the
@@ -108,6 +110,7 @@ class Poses:
     """What became of some samples: the columns of `Batch`, solution (n), and channels.
 
     The solution's status is one of `Status`, or SKIPPED, UNCHECKED or FULL; see LABELS.
+    object: (n,) each of the measured object's columns; see `ObjectPoses`.
     """
 
     seq: NDArray[np.int64]
@@ -117,9 +120,15 @@ class Poses:
     solution: Solution
     flags: NDArray[np.uint8]
     channels: dict[str, Floats] = field(default_factory=dict)
+    object: dict[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.seq)
+
+    @property
+    def further(self) -> dict[str, Floats]:
+        """The columns that only some runs have: of the object, and of auxiliary channels."""
+        return {**self.object, **self.channels}
 
 
 @dataclass
@@ -148,8 +157,12 @@ class Tally:
 class Pipeline:
     """Parses, follows the counters, converts; and solves."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(
+        self, config: Config, zero: ZeroRequest | None = None, covariance: bool = False
+    ) -> None:
+        """zero, covariance: which further columns poses have, as of `ObjectPoses`."""
         self.config = config
+        self.object_poses = ObjectPoses(config, zero, covariance)
         settings = config.acquire
         self.parser = parser(settings.format, settings.content, len(settings.channels))
         self.sequence = Sequence()
@@ -248,8 +261,9 @@ class Pipeline:
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
         prepare(self.config.sensor, self.knowledge(nobody.host, nobody.encoder))
+        kept, self.object_poses = self.object_poses, ObjectPoses(self.config)
         self.solve(nobody)
-        self.tally = Tally()
+        self.object_poses, self.tally = kept, Tally()
         self.doubts = Doubts(self.doubts.floor)
 
     def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
@@ -294,24 +308,8 @@ class Pipeline:
 
     def skip(self, batch: Batch) -> Poses:
         """The batch without poses, for want of time."""
-        n = len(batch)
-        unknown = np.full((n, 8, 8), np.nan)
-        part = None if self.config.sensor.calibration is None else unknown
-        empty = Solution(
-            state=np.full((n, 8), np.nan),
-            status=np.full(n, SKIPPED, np.int8),
-            power=np.full(n, np.nan),
-            used=np.zeros((n, 3), bool),
-            iterations=np.zeros(n, np.int32),
-            residual=np.full(n, np.nan),
-            checks=np.zeros(n, np.int8),
-            limit=np.full(n, np.inf),
-            covariance=unknown,
-            noise_covariance=part,
-            calibration_covariance=part,
-            calibration_degrees_of_freedom=None if part is None else np.full(n, np.nan),
-        )
-        return self.finish(batch, empty)
+        has_parts = self.config.sensor.calibration is not None
+        return self.finish(batch, empty_solution(len(batch), SKIPPED, has_parts))
 
     def finish(self, batch: Batch, solution: Solution) -> Poses:
         for status, count in enumerate(np.bincount(solution.status).tolist()):
@@ -319,7 +317,7 @@ class Pipeline:
                 self.tally.statuses[LABELS[status]] += count
         return Poses(
             batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags,
-            batch.channels,
+            batch.channels, self.object_poses.columns(solution, batch.seq, batch.time),
         )  # fmt: skip
 
     def knowledge(self, host: Floats, encoder: Encoder | None) -> Knowledge:
@@ -376,8 +374,9 @@ def join_poses(parts: list[Poses]) -> Poses:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("seq", "time", "host", "readings", "flags")
     }
-    channels = {
-        column: np.concatenate([part.channels[column] for part in parts])
-        for column in parts[0].channels
-    }
-    return Poses(solution=Solution(**joined), channels=channels, **columns)
+    further = [
+        {name: np.concatenate([getattr(part, kind)[name] for part in parts])
+         for name in getattr(parts[0], kind)}
+        for kind in ("channels", "object")
+    ]  # fmt: skip
+    return Poses(solution=Solution(**joined), channels=further[0], object=further[1], **columns)

@@ -23,7 +23,9 @@ from ...core.errors import InputError
 from ...core.knowledge import Prior
 from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
-from ...estimation.plan import find_plan
+from ...estimation.object_pose import ObjectPose, carry_pose
+from ...estimation.plan import Plan, find_plan
+from ...estimation.table import covariance_columns, result_columns
 from ...estimation.uncertainty_parts import propagate, slices_of
 from .pipeline import jitter_of, knowledge_at_rest
 
@@ -321,14 +323,19 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
 
 def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool) -> Floats:
     """`noise_covariance` of states (n, 8) by the detectors used (n, 3)."""
+    plan = plan_of(config, carried)
+    found = propagate(config.sensor, None, states, used, plan.free, plan.weights)
+    return found.noise[:, :6, :6]
+
+
+def plan_of(config: Config, carried: bool) -> Plan:
+    """The unknowns and priors with which samples are solved."""
     known = knowledge_at_rest(config)
     if carried and known.beam != "free":
         known = replace(
             known, beam=Prior((0.0, 0.0), hypot(config.stage.accuracy, jitter_of(config)))
         )
-    plan = find_plan(config.sensor, known, config.solve.method, ())
-    found = propagate(config.sensor, None, states, used, plan.free, plan.weights)
-    return found.noise[:, :6, :6]
+    return find_plan(config.sensor, known, config.solve.method, ())
 
 
 def dynamic_error(config: Config, time: Floats, states: Floats) -> Floats:
@@ -347,10 +354,16 @@ def dynamic_error(config: Config, time: Floats, states: Floats) -> Floats:
 
 
 def smoothed_columns(
-    config: Config, time: Floats, solution: Solution, carried: bool, model: str
+    config: Config,
+    time: Floats,
+    solution: Solution,
+    carried: bool,
+    model: str,
+    covariance: bool = False,
 ) -> tuple[dict[str, Floats], Smoothed]:
     """Columns `smooth_tx_mm` ... and their standard uncertainties, beside the raw poses; and what
-    `dynamic_error` says of both, where the electronics are known.
+    `dynamic_error` says of both, where the electronics are known. With an object also
+    `smooth_object_tx_mm` ..., and on request covariances.
 
     time: (n,) s. The uncertainties hold what smoothing takes no part of, too; see
     `noise_covariance`.
@@ -372,4 +385,31 @@ def smoothed_columns(
     if config.sensor.electronics is not None:
         late = dynamic_error(config, time, found.states)
         columns |= {f"u_dynamic_{name}": late[:, n] for n, name in enumerate(names)}
-    return columns, found
+    common = solution.covariance[:, :6, :6] - noise
+    whole = found.covariance * np.outer(units, units) + fill_unknown(common)
+    return columns | smoothed_object_columns(config, found.states * units, whole, covariance), found
+
+
+def fill_unknown(covariances: Floats) -> Floats:
+    """Covariances (n, 6, 6) with that of the median total variance where there is none."""
+    total = np.trace(covariances, axis1=1, axis2=2)
+    known = np.flatnonzero(np.isfinite(total))
+    if not len(known):
+        return covariances
+    typical = covariances[known[np.argsort(total[known])[len(known) // 2]]]
+    return np.where(np.isfinite(total)[:, None, None], covariances, typical)
+
+
+def smoothed_object_columns(
+    config: Config, poses: Floats, covariances: Floats, with_covariance: bool
+) -> dict[str, Floats]:
+    """The object's columns of smoothed poses (n, 6) with covariances (n, 6, 6), mm and rad; on
+    request the covariances of poses and object."""
+    columns = {}
+    if with_covariance:
+        mirror = ObjectPose(poses, None, covariances, None, None, False)
+        columns = covariance_columns(mirror, "smooth_")
+    if config.object is not None:
+        found = carry_pose(poses, covariances, config.object)
+        columns |= result_columns(found, "smooth_object_", with_covariance)
+    return columns

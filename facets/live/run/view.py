@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 import time
-from itertools import chain
+from itertools import chain, product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.hues import DARK, LIGHT, Hues
-from ...core.names import ANGLES, DETECTORS, STATE
+from ...core.names import ANGLES, DETECTORS, POSE, STATE
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...estimation.solution import Status
@@ -96,6 +96,8 @@ def sample(live: Live) -> dict[str, Any]:
         fine = "urad" if angle else "um"
         for part, size in sizes.items():
             found[f"u_{part}{name}_{fine}"] = round_digits(size[i] * (1e6 if angle else 1e3))
+    for name, values in poses.object.items():
+        found[name] = round_digits(values[-1])
     found["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
     found["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
     found["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
@@ -178,6 +180,7 @@ def sample_sentences(live: Live) -> Iterator[str]:
             yield f"{count} {words}{without}"
     if tally.misfit.sentence:
         yield tally.misfit.sentence
+    yield from live.pipeline.object_poses.sentences()
 
 
 def loop_sentences(live: Live) -> Iterator[str]:
@@ -273,7 +276,22 @@ def pose_table(now: dict[str, Any], has_parts: bool = False) -> Any:
         sizes = [now.get(f"u_{part}{name}_{fine}") for part in ("", *(f"{p}_" for p in parts))]
         written = ["-" if size is None else f"{size:.3g} µ{fine[1:]}" for size in sizes]
         table.add_row(marked, shown, *written)
+    for name, *row in object_rows(now):
+        table.add_row(Text.assemble(("▌", hues.axes[name.split()[-1]]), name), *row)
     return table
+
+
+def object_rows(now: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Name, value and uncertainty of each axis of the object and of its displacement."""
+    units = {name: "mrad" if name in ANGLES else "mm" for name in POSE}
+    kinds = [kind for kind in ("object", "displacement") if f"{kind}_tx_mm" in now]
+    for kind, (name, unit) in product(kinds, units.items()):
+        value, size = (now[f"{u}{kind}_{name}_{unit}"] for u in ("", "u_"))
+        yield (
+            f"{kind} {name}",
+            "-" if value is None else f"{value:+.5f} {unit}",
+            "-" if size is None else f"{1e3 * size:.3g} µ{unit[1:]}",
+        )
 
 
 def counts(now: dict[str, Any]) -> list[tuple[str, str, bool]]:

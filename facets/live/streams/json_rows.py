@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -37,8 +39,26 @@ def json_template(groups: dict[str, tuple[str, ...]]) -> str:
     return ",".join(parts)
 
 
-#: Columns that are no auxiliary channels.
+#: Columns that every program's text names by itself.
 KNOWN = {*NUMBERS, *PARTS, *FILTER_COLUMNS}
+#: The beginnings of columns by the group of a text; those of no group are auxiliary channels.
+FURTHER_GROUPS = {
+    "object": re.compile(r"((u|u_noise|u_calibration)_)?(object|displacement)_|cov_(?!filtered_)"),
+    "filtered_object": re.compile(r"(u_)?filtered_|cov_filtered_"),
+    "channels": re.compile(""),
+}
+
+
+def further_groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """The columns beyond `KNOWN` by the group of a text."""
+    found: dict[str, tuple[str, ...]] = dict.fromkeys(FURTHER_GROUPS, ())
+    for name in names:
+        if name not in KNOWN:
+            group = next(one for one, begins in FURTHER_GROUPS.items() if begins.match(name))
+            found[group] += (name,)
+    return found
+
+
 HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
 
 
@@ -46,13 +66,14 @@ HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
 def template_of(names: tuple[str, ...]) -> str:
     """The text of a sample with these columns."""
     parts = [HEAD, json_template(GROUPS), '"residual":%.9g']
-    channels = tuple(name for name in names if name not in KNOWN)
+    further = further_groups(names)
     parts += [
         json_template(groups)
         for groups, is_there in (
             (PART_GROUPS, "u_noise_tx_mm" in names),
-            ({"channels": channels}, bool(channels)),
+            *(({group: further[group]}, bool(further[group])) for group in ("object", "channels")),
             (FILTER_GROUPS, FILTER_COLUMNS[0] in names),
+            ({"filtered_object": further["filtered_object"]}, bool(further["filtered_object"])),
         )
         if is_there
     ]

@@ -1,8 +1,8 @@
 """Poses of a recording as an MCAP file, which Foxglove and other tools of robotics open.
 
-Two channels in JSON, each with its schema: `/facets/sample`, all that is known of a sample, in the
+Channels in JSON, each with its schema: `/facets/sample`, all that is known of a sample, in the
 units of the tables; and `/facets/pose`, a `foxglove.PoseInFrame` of the mirror in the world's frame
-for views in three dimensions, in metres.
+for views in three dimensions, in metres. With an object `/facets/object` is the same of the object.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ import numpy as np
 
 from ...core.closing import ClosedAtExit
 from ...core.extras import require_extra
-from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from .json_rows import PART_GROUPS, json_of
 from .sample_rows import rows_of, unit_of
 
 if TYPE_CHECKING:
+    from ...core.units import Floats
     from ..run.pipeline import Poses
 
 NANO = 1_000_000_000
@@ -42,6 +43,9 @@ class McapFile(ClosedAtExit):
         self.writer.add_metadata("facets", about)
         self.sample = self.channel("/facets/sample", "facets.Sample", sample_schema(content))
         self.pose = self.channel("/facets/pose", "foxglove.PoseInFrame", pose_schema())
+        self.object: int | None = None
+        if content["object"] is not None:
+            self.object = self.channel("/facets/object", "foxglove.PoseInFrame", pose_schema())
 
     def channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
         known = self.writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
@@ -54,38 +58,42 @@ class McapFile(ClosedAtExit):
         numbers, texts = rows["seq"].tolist(), json_of(rows)
         for number, time, text in zip(numbers, times, texts, strict=True):
             self.writer.add_message(self.sample, time, text.encode(), time, number % 2**32)
-        good = np.flatnonzero(poses.solution.converged)
-        for n, message in zip(good.tolist(), pose_messages(poses, times), strict=True):
-            data = json.dumps(message, separators=(",", ":")).encode()
-            self.writer.add_message(self.pose, times[n], data, times[n], numbers[n] % 2**32)
+        found = {self.pose: poses.solution.state[:, :6]}
+        if self.object is not None:
+            columns = [poses.object[f"object_{name}"] for name in STATE_COLUMNS[:6]]
+            found[self.object] = np.column_stack(columns) * STATE_UNITS[:6]
+        for channel, states in found.items():
+            for n, message in pose_messages(states, times):
+                data = json.dumps(message, separators=(",", ":")).encode()
+                self.writer.add_message(channel, times[n], data, times[n], numbers[n] % 2**32)
 
     def close(self) -> None:
         self.writer.finish()
         self.file.close()
 
 
-def pose_messages(poses: Poses, times: list[int]) -> list[dict[str, Any]]:
-    """Of the samples that have a pose: place in m, turn as a quaternion, Rz(yaw) Ry Rx."""
+def pose_messages(poses: Floats, times: list[int]) -> list[tuple[int, dict[str, Any]]]:
+    """Of the poses (n, 6) that are known, with their numbers: place in m, turn as a quaternion,
+    Rz(yaw) Ry Rx."""
     from scipy.spatial.transform import Rotation
 
-    good = np.flatnonzero(poses.solution.converged)
+    good = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if not len(good):
         return []
-    states = poses.solution.state[good]
-    turns = Rotation.from_euler("ZYX", states[:, 5:2:-1]).as_quat()
+    turns = Rotation.from_euler("ZYX", poses[good, 5:2:-1]).as_quat()
     return [
-        {
+        (n, {
             "timestamp": {"sec": times[n] // NANO, "nsec": times[n] % NANO},
             "frame_id": "world",
             "pose": {
                 "position": dict(zip("xyz", place, strict=True)),
                 "orientation": dict(zip("xyzw", turn, strict=True)),
             },
-        }
+        })
         for n, place, turn in zip(
-            good.tolist(), (1e-3 * states[:, :3]).tolist(), turns.tolist(), strict=True
+            good.tolist(), (1e-3 * poses[good, :3]).tolist(), turns.tolist(), strict=True
         )
-    ]
+    ]  # fmt: skip
 
 
 def numbers(names: tuple[str, ...], channels: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
@@ -96,6 +104,7 @@ def numbers(names: tuple[str, ...], channels: Sequence[dict[str, Any]] = ()) -> 
 def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
     channels = content["channels"]
     columns = tuple(channel["column"] for channel in channels)
+    of_object = tuple(content["object_columns"])
     return {
         "title": "facets.Sample",
         "type": "object",
@@ -109,6 +118,7 @@ def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
             "u": numbers(tuple(f"u_{name}" for name in STATE_COLUMNS)),
             **{group: numbers(names) for group, names in PART_GROUPS.items()},
             "residual": {"type": "number", "description": "sigma"},
+            **({"object": numbers(of_object)} if of_object else {}),
             **({"channels": numbers(columns, channels)} if channels else {}),
         },
     }

@@ -32,7 +32,7 @@ from ...core.errors import FacetsError, InputError
 from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
 from ..run.pipeline import LABELS
-from .row_stream import Rows, RowStream, is_published
+from .row_stream import Rows, RowStream, is_published, kept_dtype
 from .sample_rows import SAMPLE, unit_of
 
 if TYPE_CHECKING:
@@ -40,8 +40,15 @@ if TYPE_CHECKING:
 
 #: Samples of one event page.
 PAGE = 1_000
-#: Columns of a sample; its time in UTC is the time stamp of each.
-COLUMNS = tuple(name for name in SAMPLE.names or () if name != "utc_s")
+
+
+def columns_of(dtype: np.dtype[np.void]) -> tuple[str, ...]:
+    """Columns of a sample; its time in UTC is the time stamp of each."""
+    return tuple(name for name in dtype.names or () if name != "utc_s")
+
+
+#: Columns of a sample without an object.
+COLUMNS = columns_of(SAMPLE)
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,7 @@ class PoseSensor(
             raise InputError(
                 "no port is given: pass one to PoseSensor, or set acquire.port in the configuration"
             )
+        self._dtype = kept_dtype(config)
         self._stream: RowStream | None = None
         self._interval = Interval()
         self._row: Rows | None = None
@@ -143,7 +151,7 @@ class PoseSensor(
         }
 
     async def describe(self) -> dict[str, DataKey]:
-        return {self._key(name): self._data_key(name) for name in COLUMNS}
+        return {self._key(name): self._data_key(name) for name in columns_of(self._dtype)}
 
     async def describe_collect(self) -> dict[str, DataKey]:
         return await self.describe()
@@ -163,7 +171,8 @@ class PoseSensor(
 
     @property
     def hints(self) -> Hints:
-        return {"fields": [self._key(name) for name in STATE_COLUMNS[:6]]}
+        prefix = "" if self._config.object is None else "object_"
+        return {"fields": [self._key(f"{prefix}{name}") for name in STATE_COLUMNS[:6]]}
 
     @AsyncStatus.wrap
     async def prepare(self, value: Interval) -> None:
@@ -238,8 +247,10 @@ class PoseSensor(
         return found
 
     def _describe_configuration(self) -> dict[str, str]:
+        body = self._config.object
         return {
             "config": self._config.name,
+            "object": "the mirror" if body is None else body.text,
             "config_sha256": self._config.sha256,
             "facets": __version__,
             "address": self._address,
@@ -250,7 +261,7 @@ class PoseSensor(
         return f"{self.name}-{name}"
 
     def _data_key(self, name: str) -> DataKey:
-        kind = SAMPLE[name].kind
+        kind = self._dtype[name].kind
         dtype = "string" if name == "status" else "integer" if kind in "iu" else "number"
         found = DataKey(source=self._address, dtype=dtype, shape=[])  # type: ignore[typeddict-item]
         if unit_of(name):
@@ -260,6 +271,6 @@ class PoseSensor(
 
 def list_columns(rows: Rows) -> dict[str, list[Any]]:
     """Columns of rows as lists of plain numbers, the status in words."""
-    found: dict[str, list[Any]] = {name: rows[name].tolist() for name in COLUMNS}
+    found: dict[str, list[Any]] = {name: rows[name].tolist() for name in columns_of(rows.dtype)}
     found["status"] = [LABELS.get(number, str(number)) for number in found["status"]]
     return found

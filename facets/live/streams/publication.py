@@ -33,6 +33,7 @@ from .sample_rows import description, row_content, rows_of, sample_dtype
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ..run.object_poses import ObjectPoses
 
 #: Maximum size of what waits in this process for one receiver: 1.4 s at 50,000 samples a second.
 MAX_WAITING_BYTES = 16_000_000
@@ -235,18 +236,19 @@ class Publications(ClosedAtExit, Sink):
         utc_offset: float | None = None,
         filter_by: str | None = None,
         carried: bool = False,
+        objects: ObjectPoses | None = None,
     ) -> None:
         """Raises `InputError` for an address that cannot be used; none is then open.
 
         filter_by: model of a filter, whose poses go beside the raw ones.  carried: whether a stage
-        carries the beam.
+        carries the beam.  objects: which point's poses there are, as of `row_content`.
         """
         about: dict[str, Any] = {
             "config": config.name,
             "config_sha256": config.sha256,
             "facets": __version__,
             "statuses": {str(number): words for number, words in LABELS.items()},
-            **row_content(config),
+            **row_content(config, objects),
         }
         pickled = b""
         if filter_by is not None:

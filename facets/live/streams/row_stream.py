@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import FacetsError
+from ..run.object_poses import ObjectPoses
 from ..run.poses import poses
 from .addresses import refuse_older
-from .sample_rows import SAMPLE, rows_of
+from .sample_rows import SAMPLE, row_dtype, rows_of
 from .subscription import Subscription
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class RowStream:
         comes by `check`.
         """
         self.config, self.address = config, address
+        self.dtype = kept_dtype(config)
         self.patient = address.startswith("file:")
         self.ahead = AHEAD
         self.held = HeldRows()
@@ -95,7 +97,7 @@ class RowStream:
     def rows(self) -> Iterator[Rows]:
         if self.remote is not None:
             for rows in self.remote:
-                yield same_columns(rows)
+                yield same_columns(rows, self.dtype)
             return
         offset = time.time() - time.monotonic()
 
@@ -105,7 +107,7 @@ class RowStream:
             return self.ending.is_set()
 
         for part in poses(self.config, self.address, is_over):
-            yield same_columns(rows_of(part, offset))
+            yield same_columns(rows_of(part, offset), self.dtype)
 
     def run(self) -> None:
         try:
@@ -194,17 +196,27 @@ class RowStream:
             self.remote.close()
 
 
-def same_columns(rows: Rows) -> Rows:
-    """Rows with the columns of SAMPLE. Raises `FacetsError` where one is missing."""
-    if rows.dtype == SAMPLE:
+def kept_dtype(config: Config) -> np.dtype[np.void]:
+    """Of kept rows: the columns of SAMPLE, and those of the configuration's object."""
+    return row_dtype(False, ObjectPoses(config).names)
+
+
+def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
+    """Rows with the columns of a dtype. Raises `FacetsError` where one is missing."""
+    if rows.dtype == dtype:
         return rows
-    names = SAMPLE.names or ()
+    names = dtype.names or ()
     lacks = [name for name in names if name not in (rows.dtype.names or ())]
+    if any("object_" in name for name in lacks):
+        raise FacetsError(
+            f"the publication has no {lacks[0]}, which the configuration's object needs: publish "
+            "with the same object (its configuration, or --point)"
+        )
     if lacks:
         raise FacetsError(
             f"the publication has no {', '.join(lacks)}: it is of another version of facets"
         )
-    found = np.empty(len(rows), SAMPLE)
+    found = np.empty(len(rows), dtype)
     for name in names:
         found[name] = rows[name]
     return found

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ...estimation.table import UNCERTAINTY_PARTS
+from ...files.tables import unit_of_column
+from ..run.object_poses import ObjectPoses
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -41,11 +43,15 @@ FILTERED = tuple(f"filtered_{name}" for name in STATE_COLUMNS[:6])
 FILTER_COLUMNS = (*FILTERED, *(f"u_{name}" for name in FILTERED))
 
 
-def row_content(config: Config) -> dict[str, Any]:
+def row_content(config: Config, objects: ObjectPoses | None = None) -> dict[str, Any]:
     """What rows hold beside the columns of SAMPLE, as a publication says it: whether the parts of
-    the uncertainties, and which auxiliary channels."""
+    the uncertainties, which point's pose, and which auxiliary channels.
+
+    objects: of the run; by default what the configuration alone gives.
+    """
     return {
         "uncertainty_parts": config.sensor.calibration is not None,
+        **(objects or ObjectPoses(config)).description(),
         "channels": [
             {"column": one.column, "name": one.name, "unit": one.unit, "delay_us": 1e6 * one.delay}
             for one in config.acquire.channels
@@ -55,15 +61,16 @@ def row_content(config: Config) -> dict[str, Any]:
 
 def sample_dtype(about: dict[str, Any]) -> np.dtype[np.void]:
     """Of the rows of a publication, by what it says of them."""
-    channels = tuple(channel["column"] for channel in about.get("channels", ()))
-    return row_dtype(bool(about.get("uncertainty_parts")), channels)
+    channels = [channel["column"] for channel in about.get("channels", ())]
+    further = (*about.get("object_columns", ()), *channels)
+    return row_dtype(bool(about.get("uncertainty_parts")), further)
 
 
 @cache
-def row_dtype(parts: bool, channels: tuple[str, ...]) -> np.dtype[np.void]:
-    """Of rows with these auxiliary channels after the other columns."""
+def row_dtype(parts: bool, further: tuple[str, ...]) -> np.dtype[np.void]:
+    """Of rows with these columns of the object and of auxiliary channels after the others."""
     base = CALIBRATED_SAMPLE if parts else SAMPLE
-    return np.dtype([*base.descr, *((name, "<f8") for name in channels)]) if channels else base
+    return np.dtype([*base.descr, *((name, "<f8") for name in further)]) if further else base
 
 
 def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
@@ -75,6 +82,8 @@ def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
     for channel in channels:
         if channel["column"] == name:
             return "" if channel["unit"] == "1" else str(channel["unit"])
+    if name.startswith("cov_"):
+        return unit_of_column(name)
     end = name.rpartition("_")[2]
     known = {
         "mm": "mm",
@@ -90,13 +99,14 @@ def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
 
 def rows_of(poses: Poses, utc_offset: float) -> NDArray[np.void]:
     """Rows of SAMPLE, or of CALIBRATED_SAMPLE where the poses' uncertainties have parts, with the
-    auxiliary channels.
+    object's poses and the auxiliary channels.
 
     utc_offset: of the wall clock over the host's monotonic one, s.
     """
     solution = poses.solution
     parts = solution.calibration_covariance is not None
-    dtype = row_dtype(parts, tuple(poses.channels))
+    further = poses.further
+    dtype = row_dtype(parts, tuple(further))
     count = len(dtype.names or ()) - len(HEAD)
     rows = np.empty(len(poses), [*HEAD, ("numbers", "<f8", count)])
     rows["seq"], rows["board_us"], rows["host_s"] = poses.seq, poses.time, poses.host
@@ -110,7 +120,7 @@ def rows_of(poses: Poses, utc_offset: float) -> NDArray[np.void]:
     if parts:
         numbers[:, 26:34] = solution.noise_uncertainty / units
         numbers[:, 34:42] = solution.calibration_uncertainty / units
-    for n, values in enumerate(poses.channels.values(), start=count - len(poses.channels)):
+    for n, values in enumerate(further.values(), start=count - len(further)):
         numbers[:, n] = values
     return rows.view(dtype)
 

@@ -126,7 +126,7 @@ class Lsl:
             known = ("status", "flags", "residual")
             kind = "Status" if label in known else "Auxiliary" if label in own else "Pose"
             channel.append_child_value("type", kind)
-        for key in ("config", "config_sha256", "facets"):
+        for key in ("config", "config_sha256", "facets", "object", "zero"):
             info.desc().append_child_value(key, str(about.get(key, "")))
         self.outlet = pylsl.StreamOutlet(info, chunk_size=100, max_buffered=60)
         # both count from the start of this machine where it can be; else the offset is known here
@@ -241,12 +241,13 @@ def filter_of(about: dict[str, Any], pickled: bytes) -> RowFilter:
     """
     config = pickle.loads(pickled)
     told = about["filter"]
-    rows = RowFilter(config, told["model"], told["carried"])
+    covariance = bool(about.get("covariance"))
+    rows = RowFilter(config, told["model"], told["carried"], covariance)
     nobody = np.zeros(2, SAMPLE)
     for name in NUMBERS:
         nobody[name] = 0.1
-    RowFilter(config, told["model"]).widen(nobody)
-    about |= columns_of(widen_dtype(sample_dtype(about)), about)
+    RowFilter(config, told["model"], covariance=covariance).widen(nobody)
+    about |= columns_of(widen_dtype(sample_dtype(about), rows.names), about)
     return rows
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 from ..recording.index import CLOSED
 from ..recording.reader import utc_offset
 from ..run.interruption import deferring
-from ..streams.sample_rows import rows_of
+from ..streams.sample_rows import row_content, rows_of
 from .page import WebPage
 from .status import status_of_replay
 
@@ -79,6 +79,7 @@ class ReplayPage:
         offset = utc_offset(recording)
         self.offset, self.recording = offset or 0.0, recording
         more = {"kind": "replay", "recording": str(recording), "utc_known": offset is not None}
+        more |= row_content(pipeline.config, pipeline.object_poses)
         self.page = WebPage(pipeline.config, web, self.status, more, True, drawn=drawn)
 
     def status(self) -> dict[str, Any]:
