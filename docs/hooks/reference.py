@@ -147,9 +147,9 @@ def keys_of(name: str) -> str:
     return "\n".join(table(path, found))
 
 
-def sections(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
+def sections(path: tuple[str | int, ...], block: dict[str, Any]) -> Iterator[str]:
     """The block's heading, its meaning and its keys; then the blocks inside it."""
-    name = ".".join(path) or "At the top"
+    name = ".".join(map(str, path)).replace(".0", "[n]") or "At the top"
     yield f"\n{'#' * min(2 + (len(path) > 1), 4)} {f'`{name}`' if path else name}\n"
     yield sentence(block) + "\n"
     yield from table(path, block)
@@ -163,9 +163,11 @@ def sections(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
             yield from sections((*path, key), inner)
         elif is_block(inner):  # blocks with names of one's own
             yield from sections((*path, key, "NAME"), entry((*path, key, "NAME")) or {})
+        elif "$ref" in inner.get("items", {}):  # a list of blocks
+            yield from sections((*path, key, 0), entry((*path, key, 0)) or {})
 
 
-def is_single(path: tuple[str, ...], key: str) -> bool:
+def is_single(path: tuple[str | int, ...], key: str | int) -> bool:
     """Whether this is the block of one facet or detector, whose keys are those above it."""
     return path in (("sensor", "mirror"), ("sensor", "psd")) and key in ("a", "b", "c")
 
@@ -176,7 +178,7 @@ def sentence(block: dict[str, Any]) -> str:
     return escaped(words[:1].upper() + words[1:].rstrip(".") + ".") if words else ""
 
 
-def table(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
+def table(path: tuple[str | int, ...], block: dict[str, Any]) -> Iterator[str]:
     keys: dict[str, Any] = block.get("properties", {})
     if not keys:
         return
@@ -186,7 +188,7 @@ def table(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
     yield ""
 
 
-def row(path: tuple[str, ...], kind: str = "") -> str:
+def row(path: tuple[str | int, ...], kind: str = "") -> str:
     plain = example(kind) if kind else None
     found = entry(path, plain) or {}
     key, meaning = path[-1], escaped(found.get("description", ""))
@@ -198,7 +200,7 @@ def row(path: tuple[str, ...], kind: str = "") -> str:
     return f"| `{key}` | {meaning} | {escaped(allowed_values(path, plain))} | {default} |"
 
 
-def block_link(path: tuple[str, ...], found: dict[str, Any], kind: str) -> str:
+def block_link(path: tuple[str | int, ...], found: dict[str, Any], kind: str) -> str:
     """Where the keys of a block are told."""
     if kind:
         axes = list(found.get("properties", {}))
@@ -208,7 +210,7 @@ def block_link(path: tuple[str, ...], found: dict[str, Any], kind: str) -> str:
     if is_single(path[:-1], path[-1]):
         return "the keys above, and `azimuth_deg`"
     named = not found.get("properties") and path != ("motions",)
-    return f"[{'named blocks' if named else 'a block'}](#{''.join(path)}{'name' * named})"
+    return f"[{'named blocks' if named else 'a block'}](#{''.join(map(str, path))}{'name' * named})"
 
 
 def is_block(found: dict[str, Any]) -> bool:
