@@ -197,7 +197,7 @@ def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict
     """Draw a picture, a page or a scene, by the file's suffix."""
     if path.suffix.lower() == ".html":
         pictures.page.rig_page.write_rig_page(
-            settings.sensor, settings.name, state, path, form.view
+            settings.sensor, settings.name, state, path, form.view, settings
         )
     elif path.suffix.lower() == ".gltf":
         pictures.render.save_scene(settings.sensor, state, path)

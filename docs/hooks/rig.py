@@ -25,7 +25,8 @@ def on_files(files: Any, *, config: Any) -> Any:
     """Adds the page of each sensor that a marker names."""
     texts = [file.content_string for file in files.documentation_pages()]
     for name in sorted({found for text in texts for found in RIG.findall(text)}):
-        page = rig_page(load(name).sensor, name, STATE)
+        settings = load(name)
+        page = rig_page(settings.sensor, name, STATE, config=settings)
         files.append(File.generated(config, place(name), content=page))
     return files
 

@@ -9,6 +9,7 @@ fold, and states on both sides of the fold read the same.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
-from ..model.arrays import derivatives, half_sizes, margins, readings
+from ..model.arrays import derivatives, margins, readings
 from .chance import Chance
 from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results
 
@@ -61,14 +62,22 @@ def has_fold(sensor: Sensor) -> bool:
 
 def sample_states(sensor: Sensor) -> Floats:
     """States (n, 8) about rest, as far as spots can go on their detectors; always the same."""
-    half = half_sizes(sensor).min()
-    distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
-    across = OFFSET_SHARE * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
-    turn = half / (2 * distance)
-    sizes = np.array([across, across, half, turn, turn, turn, across, across])
-    states: Floats = sizes * np.random.default_rng(1).uniform(-1, 1, (SAMPLE_COUNT, 8))
+    states: Floats = np.array(sample_sizes(sensor)) * unit_samples()
     states[:, :2] += states[:, 6:]
     return states
+
+
+def unit_samples() -> Floats:
+    return np.random.default_rng(1).uniform(-1, 1, (SAMPLE_COUNT, 8))
+
+
+def sample_sizes(sensor: Sensor) -> tuple[float, ...]:
+    """Half widths of the states on which the determinant's sign is looked at; mm and rad."""
+    half = min(min(psd.size_y, psd.size_z) / 2 for psd in sensor.psds)
+    distance = max(hypot(psd.radius, psd.height) for psd in sensor.psds)
+    across = OFFSET_SHARE * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    turn = half / (2 * distance)
+    return (across, across, half, turn, turn, turn, across, across)
 
 
 def determinant_signs(sensor: Sensor, states: Floats) -> Floats:

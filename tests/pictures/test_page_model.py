@@ -95,7 +95,6 @@ def test_the_page_solves_as_the_package_does(browser, name):
 def test_a_sensor_whose_solver_cannot_be_carried_says_so():
     electronics = facets.Electronics(kind="tetra-lateral")
     assert "not of tetra-lateral ones" in model(replace(KINDS["plain"], electronics=electronics))
-    assert "Two poses of this sensor" in model(facets.load("singular").sensor)
 
 
 def poses(count, seed):

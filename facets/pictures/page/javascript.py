@@ -51,6 +51,7 @@ KNOWN: dict[Any, str] = {
     min: "least",
     max: "most",
     tuple: "Array.from",
+    list: "Array.from",
     range: "range",
     zip: "zip",
     enumerate: "enumerate",
@@ -334,6 +335,12 @@ class Function:
     def sequence(self, node: ast.Tuple | ast.List) -> str:
         return "[" + ", ".join(map(self.expression, node.elts)) + "]"
 
+    def dictionary(self, node: ast.Dict) -> str:
+        if not all(isinstance(key, ast.Constant) for key in node.keys):
+            raise self.refuse(node)
+        pairs = zip(map(ast.unparse, filter(None, node.keys)), node.values, strict=True)
+        return "({" + ", ".join(f"{key}: {self.expression(value)}" for key, value in pairs) + "})"
+
     def spread(self, node: ast.Starred) -> str:
         return f"...{self.expression(node.value)}"
 
@@ -519,6 +526,7 @@ EXPRESSIONS: dict[type, Callable[[Function, Any], str]] = {
     ast.Compare: Function.comparison,
     ast.IfExp: Function.choice,
     ast.Call: Function.call,
+    ast.Dict: Function.dictionary,
     ast.ListComp: Function.comprehension,
     ast.GeneratorExp: Function.comprehension,
 }

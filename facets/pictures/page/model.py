@@ -32,6 +32,7 @@ from ...optics import (
 )
 from . import clearance
 from .javascript import javascript, literal, name_of
+from .rig_data import bodies
 
 
 class Texts(NamedTuple):
@@ -78,6 +79,10 @@ SOLVED = (
     clearance.ends_of_spots,
     clearance.spot_clearance,
     clearance.light_clearance,
+    gradient.linearise,
+    doubts.sample_sizes,
+    forward.sub_beam_height,
+    bodies,
 )
 #: What can be known of beam and power.
 BEAM: tuple[BeamKnowledge, ...] = ("free", "known")
@@ -129,13 +134,16 @@ return {{
   // What there is to draw at a state; see light.js.
   drawing: (state) => Light.drawing(geometry, state),
   onFacet: Light.onFacet,
+  // What rig_data.py writes of the sensor in use, and the height at which a sub-beam passes.
+  bodies: () => rig_data_bodies(sensor, geometry),
+  height: forward_sub_beam_height,
   // The pose from nine readings; see solver.js.
   solve: (values, options) => solver.solve(values, options),
   refusal: (options) => solver.refusal(options),
   // How far the mirror may go, and why no farther; see range.js.
   causes: Ranges.causes,
   axisRanges: () => ranges.axes(),
-  exit: (way) => ranges.exit(way),
+  exit: (way, tolerance) => ranges.exit(way, tolerance),
   clearances: (pose) => ranges.clearances(pose),
   // The standard deviations of nine readings, and readings with noise; see noise.js.
   deviations: (values) => Noise.deviations(sensor, values),
@@ -204,7 +212,8 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
     """The numbers of an estimate that do not change with the sensor's place and size.
 
     plans: by what is known of beam and power.  limits: of the readings.  noise: see
-    `electronic_noise`.  refusal: why the page
+    `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then says.
+    refusal: why the page
     cannot solve; empty where it can.
     """
     found = plan.make_limits(sensor, False)
@@ -214,6 +223,8 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
             for beam, power in product(BEAM, POWER)
         },
         "limits": {"floor": float(found.noise[2]), "light": found.light},
+        "samples": doubts.unit_samples().round(9),
+        "fold": FOLD,
         "noise": electronic_noise(sensor),
         "statuses": [status.label for status in Status],
         "refusal": refusal(sensor),
@@ -247,7 +258,6 @@ def plan_data(sensor: Sensor, knowledge: Knowledge) -> dict[str, Any]:
     """
     todo = plan.make_plan(sensor, knowledge)
     likely = plan.chance_of(sensor, todo)
-    folds = 6 in todo.free and doubts.has_fold(sensor)
     return {
         "means": todo.means[0],
         "power": knowledge.power in ("known", "unknown"),
@@ -255,7 +265,6 @@ def plan_data(sensor: Sensor, knowledge: Knowledge) -> dict[str, Any]:
         "free": todo.free,
         "none": likely.none,
         "limits": likely.limits(np.arange(len(chance.LIMITS), dtype=np.int8)),
-        "refusal": FOLD if folds else "",
     }
 
 

@@ -49,7 +49,11 @@ function gauss(x) {
 function decompose(rows) {
   const count = rows[0].length, columns = range(count).map((c) => rows.map((row) => row[c]));
   const turns = range(count).map((c) => range(count).map((r) => (r === c ? 1 : 0)));
-  const dot = (a, b) => a.reduce((sum, x, n) => sum + x * b[n], 0);
+  const dot = (a, b) => {
+    let sum = 0;
+    for (let n = 0; n < a.length; n++) sum += a[n] * b[n];
+    return sum;
+  };
   for (let sweep = 0, large = true; large && sweep < 60; sweep++) {
     large = false;
     for (let i = 0; i < count; i++) {
@@ -59,10 +63,10 @@ function decompose(rows) {
         large = true;
         const z = (b - a) / (2 * c), t = (z < 0 ? -1 : 1) / (Math.abs(z) + Math.hypot(1, z));
         const cosine = 1 / Math.hypot(1, t), sine = cosine * t;
-        for (const both of [columns, turns]) {
-          const [x, y] = [both[i], both[j]];
-          both[i] = x.map((each, n) => cosine * each - sine * y[n]);
-          both[j] = x.map((each, n) => sine * each + cosine * y[n]);
+        for (const [x, y] of [[columns[i], columns[j]], [turns[i], turns[j]]]) {
+          for (let n = 0; n < x.length; n++) {
+            [x[n], y[n]] = [cosine * x[n] - sine * y[n], sine * x[n] + cosine * y[n]];
+          }
         }
       }
     }

@@ -3,7 +3,7 @@
 //
 //   const ranges = Ranges.create(sensor, geometry, readings);
 //   ranges.axes()          six of {low, high, lowCause, highCause}; mm and rad
-//   ranges.exit(way)       {distance, cause} along a direction (6) of the pose, in units of it;
+//   ranges.exit(way, tolerance)  {distance, cause} along a direction (6) of the pose, in units of it;
 //                          distance up to 1
 //   ranges.clearances(pose)  the margins of one pose (6), in the order of `Ranges.causes`
 //
@@ -14,7 +14,6 @@ const Ranges = (() => {
   const {causes, farthest, units, rules, needed, other} = RANGE;
   // Shares of the farthest distance that are looked at, as ranges.STEP_SHARES.
   const shares = Array.from({length: 28}, (_, n) => 1e-3 ** (1 - n / 27));
-  const HALVINGS = 34, BEYOND = 1e-9;
 
   function create(sensor, geometry, readings) {
     function stateOf(pose) {
@@ -42,18 +41,18 @@ const Ranges = (() => {
       return [spot, light, ...(lit && ask ? information(state, values) : [Infinity, Infinity])];
     }
 
-    function exit(way) {
+    function exit(way, tolerance = 1e-9) {
       const margins = (share) => clearances(way.map((x) => share * x));
       const inside = (share) => Math.min(...margins(share)) > 0;
       if (!inside(0)) return {distance: NaN, cause: least_of(margins(0))};
       const first = shares.findIndex((share) => !inside(share));
       if (first < 0) return {distance: 1, cause: -1};
       let [low, high] = [first ? shares[first - 1] : 0, shares[first]];
-      for (let n = 0; n < HALVINGS && high - low > BEYOND / 10; n++) {
+      while (high - low > tolerance / 4) {
         const middle = (low + high) / 2;
         if (inside(middle)) low = middle; else high = middle;
       }
-      return {distance: low, cause: least_of(margins(high + BEYOND))};
+      return {distance: low, cause: least_of(margins(high + tolerance))};
     }
 
     function axes() {

@@ -8,7 +8,7 @@ from typing import Any
 from ...core.hues import DARK, LIGHT
 from ...core.sensor import Sensor
 from ...model.arrays import geometry_of
-from ...optics.forward import mirror_edges
+from ...optics.forward import Geometry, mirror_edges
 from ..scene import rim_of
 
 #: The hues of A, B and C, by the page's theme.
@@ -17,14 +17,20 @@ LETTERS = ("A", "B", "C")
 
 
 def rig(sensor: Sensor) -> dict[str, Any]:
-    """hues: by theme.  mirror: its facets' normals, the angles of its edges about its axis (rad),
-    its rim (mm).  detectors: centre, axes and half sizes (mm).  beam: direction, diameters and
-    sigmas (mm), rotation (rad), power (mW) and the radius (sigmas) at which an aperture ends it.
+    """`bodies`, and hues: of A, B and C by theme."""
+    hues = {theme: list(hues.values()) for theme, hues in HUES.items()}
+    return {"hues": hues, **bodies(sensor, geometry_of(sensor))}
+
+
+def bodies(sensor: Sensor, geometry: Geometry) -> dict[str, Any]:
+    """mirror: its facets' normals, the angles of its edges about its axis (rad), its rim (mm).
+    detectors: centre, axes and half sizes (mm).  beam: direction, diameters and sigmas (mm),
+    rotation (rad), power (mW) and the radius (sigmas) at which an aperture ends it.
+
+    `javascript.py` writes this text, too.
     """
-    geometry = geometry_of(sensor)
     beam = sensor.beam
     return {
-        "hues": {theme: list(hues.values()) for theme, hues in HUES.items()},
         "mirror": {
             "normals": [list(normal) for normal in geometry.normals],
             "edges": [math.atan2(edge[1], edge[0]) for edge in mirror_edges(geometry.normals)],

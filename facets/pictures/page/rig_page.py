@@ -10,13 +10,17 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ...config.build import resolve
+from ...config.keys import Document
 from ...core.errors import InputError
-from ...core.names import STATE, STATE_COLUMNS, STATE_UNITS
+from ...core.names import DETECTORS, STATE, STATE_COLUMNS, STATE_UNITS
 from ...core.sensor import Sensor
+from ...core.settings import Config
 from ...core.units import Floats
 from ...core.version import __version__
 from ...detectors.correction import is_corrected
 from ...files.tables import Whole
+from ..range_solid import COLOURS
 from .model import model, text_of
 from .rig_data import rig
 
@@ -34,16 +38,24 @@ WORDS = {
 #: The parts of the page within scripts, which must not contain a script's end tag.
 SCRIPTS = ("THREE", "PAPA", "MODEL", "DATA", "SCRIPTS")
 #: The page's own scripts, in the order in which they need each other.
-OWN_SCRIPTS = ("digits", "scene", "faces", "parts", "panel", "tables", "hands")
+OWN_SCRIPTS = (
+    "digits", "scene", "faces", "parts", "panel", "tables", "hands",
+    "geometry", "estimate", "limits",
+)  # fmt: skip
+#: The blocks of a configuration that the page saves.
+SAVED = ("sensor", "range", "solve")
 #: Round ends of a slider, times a power of ten.
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
-def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str:
+def rig_page(
+    sensor: Sensor, name: str, state: Floats, view: str = "rig", config: Config | None = None
+) -> str:
     """Return the page of a sensor, initially at a state (8,) in mm and rad.
 
     name: of its configuration.  view: the camera's target: "mirror", or a detector: "A"; the whole
-    rig for any other word.
+    rig for any other word.  config: the configuration, which has the rules of the range, and of
+    which the page saves a changed copy.
     """
     if not all(map(_is_finite, state)):
         raise InputError("the state has a number that is not finite")
@@ -54,6 +66,10 @@ def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str
         "view": view,
         "components": components(sensor),
         "sentences": sentences(sensor),
+        "range": {"colours": COLOURS},
+        "keys": None if config is None else stated_keys(config.resolved),
+        "omitted": omitted_keys(sensor),
+        "estimate": estimate_sentences(sensor),
     }
     parts = {
         "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),
@@ -63,7 +79,7 @@ def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str
         "LICENCE": text_of("vendor/three-LICENSE") + text_of("vendor/papaparse-LICENSE"),
         "THREE": text_of("vendor/three.min.js"),
         "PAPA": text_of("vendor/papaparse.min.js"),
-        "MODEL": model(sensor),
+        "MODEL": model(sensor, config.range if config else None),
         "DATA": f"const RIG = {data(rig(sensor))};\nconst PAGE = {data(settings)};",
         "SCRIPTS": "\n".join(text_of(f"{name}.js") for name in OWN_SCRIPTS),
     }
@@ -75,9 +91,58 @@ def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str
     return text
 
 
-def write_rig_page(sensor: Sensor, name: str, state: Floats, path: Path, view: str = "rig") -> None:
+def stated_keys(resolved: dict[str, Any]) -> dict[str, Any]:
+    """The keys of a configuration's sensor, range and solver that differ from what `facets` takes
+    where none are given. What lies in other files is left out."""
+    usual = resolve(Document.model_validate({}))
+    found = {block: differences(usual[block], resolved[block]) for block in SAVED}
+    found["sensor"].pop("calibration", None)
+    for letter in DETECTORS:
+        own = found["sensor"].get("psd", {}).get(letter, {}).get("correction", {})
+        for key in ("table", "table_sha256"):
+            own.pop(key, None)
+    return found
+
+
+def differences(usual: dict[str, Any], keys: dict[str, Any]) -> dict[str, Any]:
+    """The nested keys with other values than usual."""
+    return {
+        key: differences(usual[key], value) if isinstance(value, dict) else value
+        for key, value in keys.items()
+        if value != usual[key]
+    }
+
+
+def omitted_keys(sensor: Sensor) -> list[str]:
+    """Say what a changed copy of the configuration leaves out."""
+    found = []
+    if sensor.calibration is not None:
+        found.append("The calibration's covariance is left out: it was that of another sensor.")
+    if any(psd.correction.grid is not None for psd in sensor.psds):
+        found.append("The tables of corrections (sensor.psd.a.correction.table) are left out.")
+    return found
+
+
+def estimate_sentences(sensor: Sensor) -> list[str]:
+    """State what the page's noise and uncertainties omit."""
+    found = []
+    if sensor.electronics is not None:
+        found.append("The noise is drawn without the steps of the converter.")
+    if sensor.calibration is not None:
+        found.append("The stated uncertainties are those by noise, without the calibration's part.")
+    return found
+
+
+def write_rig_page(
+    sensor: Sensor,
+    name: str,
+    state: Floats,
+    path: Path,
+    view: str = "rig",
+    config: Config | None = None,
+) -> None:
     """Write `rig_page` to a file; a failure leaves no partial file."""
-    text = rig_page(sensor, name, state, view)
+    text = rig_page(sensor, name, state, view, config)
     with Whole(path) as temporary:
         temporary.write_text(text, "utf-8")
 

@@ -35,6 +35,38 @@ const Solver = (() => {
       return {means, begin: [means[0], means[1], 0, 0, 0, 0, means[0], means[1], power]};
     }
 
+    // Whether the determinant of the first eight readings has both signs, as doubts.has_fold.
+    let folds = null;
+    function hasFold() {
+      if (folds !== null) return folds;
+      const bare = arrays_geometry_under(sensor, null), sizes = doubts_sample_sizes(sensor), seen = new Set();
+      for (const sample of SOLVER.samples) {
+        const state = sample.map((x, n) => x * sizes[n]);
+        state[0] += state[6];
+        state[1] += state[7];
+        const rows = gradient_linearise(bare, state).flatMap(([, each]) => each).slice(0, 8);
+        if (!rows.flat().every(Number.isFinite)) continue;
+        const matrix = rows.map((row) => [...row, 0]);
+        if (!least_squares_triangularise(matrix, 8, 8)) continue;
+        seen.add(Math.sign(matrix.reduce((sign, row, n) => sign * Math.sign(row[n]), 1)));
+      }
+      folds = seen.has(1) && seen.has(-1);
+      return folds;
+    }
+
+    function refusal({beam = "free"} = {}) {
+      return SOLVER.refusal || (beam === "free" && hasFold() ? SOLVER.fold : "");
+    }
+
+    // Whether a used spot reaches past its detector's edge, where it is cut: doubts.cut_spots.
+    function isCut(state, used) {
+      if (!sensor.apertures.detectors) return false;
+      return clearance_ends_of_spots(geometry, state).some(([left, right, low, high], k) => {
+        const {size_y, size_z} = sensor.psds[k];
+        return used[k] && !(Math.min(size_y / 2 + left, size_y / 2 - right, size_z / 2 + low, size_z / 2 - high) >= 0);
+      });
+    }
+
     function solve(values, {beam = "free", power = "known", start: first} = {}) {
       const plan = SOLVER.plans[`${beam} ${power}`], {means, begin} = start(plan, values);
       if (first) begin.splice(0, 6, ...first.slice(0, 6));
@@ -61,20 +93,22 @@ const Solver = (() => {
     }
 
     function told(plan, results) {
-      const status = SOLVER.statuses[results.status[0]], converged = status === "converged";
       const used = results.used[0].map(Boolean), count = used.filter(Boolean).length;
+      const ended = SOLVER.statuses[results.status[0]];
+      const cut = ended === "converged" && isCut(results.states[0], used);
+      const status = cut ? "out of range" : ended, converged = status === "converged";
       const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks];
       const covariance = converged ? results.covariances[0] : nothing(8, 8);
       return {
         status, converged, ok: converged && !(results.residuals[0] > limit),
-        state: results.states[0].slice(0, 8), power: results.states[0][8], used,
-        steps: results.steps[0], residual: results.residuals[0], checks, limit, covariance,
+        state: converged ? results.states[0].slice(0, 8) : nothing(8),
+        power: converged ? results.states[0][8] : NaN, used, steps: results.steps[0],
+        residual: converged ? results.residuals[0] : NaN, checks, limit, covariance,
         uncertainty: covariance.map((row, n) => Math.sqrt(row[n])),
       };
     }
 
-    return {solve, refusal: ({beam = "free", power = "known"} = {}) =>
-      SOLVER.refusal || SOLVER.plans[`${beam} ${power}`].refusal};
+    return {solve, refusal};
   }
 
   return {create};
