@@ -31,6 +31,7 @@ from facets.live.streams.publication import Publications
 from facets.live.streams.row_stream import kept_dtype, same_columns
 from facets.live.streams.sample_rows import SAMPLE, description, row_content, rows_of, sample_dtype
 from facets.live.streams.subscription import Subscription
+from facets.live.web.hub import Hub
 
 BENCH = facets.load("bench")
 OBJECT = MeasuredObject(point=(10.0, -20.0, 50.0), orientation=(0.1, -0.2, 1.5))
@@ -268,3 +269,25 @@ def test_a_bluesky_device_describes_the_object():
     assert described["sensor-u_object_tx_mm"]["units"] == "mm"
     configured = asyncio.run(sensor.read_configuration())
     assert configured["sensor-object"]["value"] == OBJECT.text
+
+
+def test_pages_get_the_object_beside_the_state_and_the_channels():
+    pipeline, poses = solve(WITH_OBJECT, ZeroRequest(seconds=0.05))
+    hub = Hub({**row_content(WITH_OBJECT, pipeline.object_poses), "statuses": {}})
+    hub.take(rows_of(poses, 5.0))
+    hello = json.loads(hub.hello())
+    assert hello["object"]["point_mm"] == [10.0, -20.0, 50.0]
+    place = hello["extras"].index("displacement_tz_mm")
+    sample = hub.newest["channels"]
+    assert sample[place] == poses.object["displacement_tz_mm"][-1]
+    uncertainty = hello["extras"].index("u_displacement_tz_mm")
+    assert sample[uncertainty] == poses.object["u_displacement_tz_mm"][-1]
+    _, bins = hub.all.values(np.array([1, 200]))
+    columns = {name: bins[:, n] for n, name in enumerate(hello["columns"])}
+    assert np.isnan(columns["mean_displacement_tz_mm"][0])  # while the zero was measured
+    assert columns["poses"][0] > 0
+    inside = slice(2_000, 2_010)
+    mean = poses.object["displacement_tz_mm"][inside].mean()
+    assert columns["mean_displacement_tz_mm"][1] == pytest.approx(mean, abs=1e-3)
+    largest = poses.object["u_displacement_tz_mm"][inside].max()
+    assert columns["most_u_displacement_tz_mm"][1] == pytest.approx(largest, rel=0.1)

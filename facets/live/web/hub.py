@@ -34,6 +34,16 @@ HEAD = struct.Struct("<IIdII")
 RATE_WINDOW_S = 2.0
 
 
+def extra_columns(about: dict[str, Any]) -> tuple[str, ...]:
+    """What pages show beside the mirror's state: the object's pose and displacement, auxiliary
+    channels, and the standard uncertainties of the former."""
+    of_object = set(about.get("object_columns", ()))
+    poses = [f"{kind}_{name}" for kind in ("object", "displacement") for name in STATE_COLUMNS[:6]]
+    poses = [name for name in poses if name in of_object]
+    channels = [channel["column"] for channel in about.get("channels", ())]
+    return (*poses, *channels, *(f"u_{name}" for name in poses))
+
+
 def number(value: float) -> float | None:
     """None for what is no number, which JSON has no word for."""
     return float(value) if np.isfinite(value) else None
@@ -49,7 +59,7 @@ class Hub:
         self.about = about
         self.origin: float | None = None
         whole = RECORDED_BINS if about.get("kind") == "replay" else ALL_BINS
-        self.channels = tuple(channel["column"] for channel in about.get("channels", ()))
+        self.channels = extra_columns(about)
         self.levels: list[Bins] = [
             Bins(NEAR_WIDTH_S, NEAR_BINS, self.channels),
             AllBins(ALL_WIDTH_S, whole, self.channels),
@@ -175,6 +185,7 @@ class Hub:
         """What a page must know to show anything."""
         columns = bin_columns(self.channels)
         told = {"type": "hello", **self.about, "columns": columns, "states": STATE_COLUMNS}
+        told["extras"] = self.channels
         told["levels"] = [{"width": one.width, "count": one.count} for one in self.levels]
         return json.dumps(told)
 

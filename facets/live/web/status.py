@@ -51,7 +51,8 @@ def status_of(live: Live) -> dict[str, Any]:
 def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
     """Of a recording that is solved again, for `seconds` s by now."""
     board = pipeline.board.trouble()
-    messages = [*pipeline.doubts.said, *([board] if board else [])]
+    zero = pipeline.object_poses.messages()
+    messages = [*pipeline.doubts.said, *zero, *([board] if board else [])]
     return {
         "seconds": round(seconds, 3),
         "messages": messages,

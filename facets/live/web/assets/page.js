@@ -58,7 +58,9 @@ function begin(hello) {
   document.title = by("title").textContent;
   if (known) return;
   if (hello.kind === "replay") by("span").value = "all";
-  strips = new Strips(by("strips"), hello.components, hello.channels, { zoom, wheel, follow, hover });
+  strips = new Strips(by("strips"), hello, { zoom, wheel, follow, hover });
+  by("of").parentElement.hidden = strips.kinds.length < 2;
+  by("of").replaceChildren(...["all", ...strips.kinds].map((kind) => new Option(kind, kind)));
   scene = new View(by("scene"), by("faces"), by("card"), hello);
   scene.theme(document.documentElement.dataset.theme);
   // for tests and for those who look behind the page
@@ -146,6 +148,11 @@ function play() {
 by("pause").onclick = () => (look.paused ? follow() : pause());
 by("play").onclick = play;
 by("resume").onclick = () => run.line?.send("resume");
+by("of").onchange = () => {
+  strips.close();
+  strips = window.facets.strips = new Strips(by("strips"), run.hello, { zoom, wheel, follow, hover }, by("of").value);
+  fresh = true;
+};
 by("span").onchange = () => {
   if (look.paused) zoom(Math.max(0, look.to - span()), Math.max(look.to, 0.01));
   fresh = true;
@@ -293,12 +300,20 @@ function describe() {
   if (!status) return;
   const rate = { name: run.hello.kind === "replay" ? "solved now" : "rate now", value: run.rate, unit: "1/s", why: "no sample yet" };
   if (!run.sample) rate.value = null;
-  list(by("counts"), [rate, ...status.counts, ...status.clock]);
+  list(by("counts"), [rate, ...status.counts, ...status.clock, ...point(run.hello)]);
   list(by("stage"), stage(status.stage));
   by("resume").hidden = !status.stage.stopped || Boolean(run.end);
   list(by("goes"), [{ name: "record", value: status.recording }, ...status.published.map((one) => ({
     name: one.address, value: `${grouped(one.sent)} samples, ${grouped(one.dropped)} dropped${one.trouble ? `: ${one.trouble}` : ""}`,
     bad: one.dropped > 0 || Boolean(one.trouble) }))]);
+}
+
+// Which point the object's poses mean.
+function point({ object, zero }) {
+  const found = [];
+  if (object) found.push({ name: "object at", value: `${object.point_mm.join(", ")} mm; turned by ${object.orientation_deg.map((v) => +v.toFixed(4)).join(", ")}°` });
+  if (zero) found.push({ name: "displacement from", value: zero });
+  return found;
 }
 
 function stage(now) {

@@ -42,7 +42,7 @@ export class Store {
     this.columns = hello.columns;
     this.index = Object.fromEntries(hello.columns.map((name, i) => [name, i]));
     this.states = hello.states;
-    this.channels = hello.channels.map(({ column }) => column);
+    this.extras = hello.extras;
     this.levels = hello.levels.map((level) => new Level(level, hello.columns.length));
   }
 
@@ -76,14 +76,14 @@ export class Store {
 
   // What strips of so many pixels show between two times: for each group of bins its middle (s), the
   // samples in it, those with a pose, and by component least, most, mean and u; null for unknown.
-  // After the components of the state come the auxiliary channels, which need no pose and have no u.
+  // After the components of the state come the extras: the object's poses, then auxiliary channels.
   view(from, to, pixels) {
     const level = this.level(from), w = level.width;
     const step = Math.max(1, Math.ceil((to - from) / w / Math.max(50, pixels)));
     const first = Math.max(0, Math.floor(from / w / step) * step);
     const last = Math.min(Math.ceil(to / w), level.newest);
-    const names = [...this.states, ...this.channels], n = names.length, v = level.values;
-    const at = ["least_", "most_", "mean_", "u_"].map((part) => names.map((name) => this.index[part + name]));
+    const names = [...this.states, ...this.extras], n = names.length, v = level.values;
+    const at = ["least_", "most_", "mean_", "u_"].map((part) => names.map((name) => this.index[part + name] ?? this.index[`most_${part}${name}`]));
     const found = { t: [], samples: [], poses: [], width: w * step,
       least: names.map(() => []), most: names.map(() => []), mean: names.map(() => []), u: names.map(() => []) };
     const least = new Array(n), most = new Array(n), sum = new Array(n), u = new Array(n), count = new Array(n);
@@ -131,7 +131,7 @@ export class Store {
       t: (number + 0.5) * level.width, width: level.width, samples, poses, pose: poses > 0, flags: 0,
       status: poses > 0 ? `mean of ${poses} poses` : "no sample then has a pose",
       state: part("mean_" + this.states[0], n), u: part("u_" + this.states[0], n),
-      channels: this.channels.map((name) => number_of(level.values[o + this.index["mean_" + name]])),
+      channels: this.extras.map((name) => number_of(level.values[o + this.index["mean_" + name]])),
       reading: part(this.columns[3], 9), residual: number_of(level.values[o + 2]), utc: null, bin: true,
     };
   }

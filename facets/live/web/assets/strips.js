@@ -1,4 +1,5 @@
-// Strips over time: a pose's components with their uncertainty, and auxiliary channels.
+// Strips over time: a pose's components with their uncertainty, of the mirror and of the object, and
+// auxiliary channels.
 
 const { decimals, fine, minus, signed } = Digits;
 
@@ -9,15 +10,21 @@ const PAD = 8, RIGHT = 30;
 
 export class Strips {
   // hooks: zoom(from, to), wheel(factor, at), follow(), hover(time or null)
-  constructor(root, states, channels, hooks) {
+  // kind: whose pose is shown: that of the mirror, the object, its displacement, or all.
+  constructor(root, { components: states, channels, extras }, hooks, kind = "all") {
     this.root = root;
     this.hooks = hooks;
-    const components = [...states, ...channels.map(({ name, unit }, n) => (
-      { name, unit: unit === "1" ? "" : unit, shown: true, channel: n }))];
+    const objects = ["object", "displacement"].flatMap((kind) => states.map((one) => (
+      { ...one, name: `${kind} ${one.name}`, kind, shown: true, extra: extras.indexOf(`${kind}_${one.name}_${one.unit}`),
+        u: extras.indexOf(`u_${kind}_${one.name}_${one.unit}`) }))).filter(({ extra }) => extra >= 0);
+    const components = [...states.map((one) => ({ ...one, kind: "mirror" })), ...objects,
+      ...channels.map(({ name, unit }, n) => (
+        { name, unit: unit === "1" ? "" : unit, shown: true, channel: objects.length + n }))];
+    this.kinds = [...new Set(components.map(({ kind }) => kind).filter(Boolean))];
     this.plots = [];
     root.replaceChildren();
     components.forEach((one, i) => {
-      if (one.shown) this.plots.push(this.strip(one, i));
+      if (one.shown && (kind === "all" || [undefined, kind].includes(one.kind))) this.plots.push(this.strip(one, i));
     });
     const last = this.plots.at(-1);
     last.box.classList.add("last");
@@ -65,6 +72,11 @@ export class Strips {
       this.hooks.wheel(Math.exp(event.deltaY / 400), plot.u.posToVal(event.offsetX, "x"));
     }, { passive: false });
     plot.u.over.addEventListener("mouseleave", () => this.hooks.hover(null));
+  }
+
+  close() {
+    this.resizing.disconnect();
+    for (const { u } of this.plots) u.destroy();
   }
 
   fit() {
@@ -154,13 +166,13 @@ export class Strips {
         this.write_channel(component, box, sample?.channels[component.channel] ?? null, sample ? "" : why);
         continue;
       }
-      const value = sample?.pose ? sample.state[i] : null, u = sample?.pose ? sample.u[i] : null;
+      const [value, u] = value_of(sample, component, i);
       const number = box.querySelector(".number"), below = box.querySelector(".u");
       number.classList.toggle("why", value === null);
       number.textContent = value === null ? "no pose" : `${signed(value, decimals(u))} ${component.unit}`;
       number.dataset.value = value === null ? "" : value;
       below.textContent = value === null ? why : u === null ? "u unknown" : `u ${fine(u, component.unit)}`;
-      for (const [part, sizes] of Object.entries(value === null ? {} : sample.parts ?? {}))
+      for (const [part, sizes] of Object.entries(value === null || component.kind !== "mirror" ? {} : sample.parts ?? {}))
         if (sizes[i] !== null) below.textContent += ` · ${part} ${fine(sizes[i], component.unit)}`;
       below.title = below.textContent;
     }
@@ -173,6 +185,12 @@ export class Strips {
     number.dataset.value = value === null ? "" : value;
     box.querySelector(".u").textContent = why;
   }
+}
+
+// The value of a component in a sample, and its uncertainty; null for unknown.
+function value_of(sample, { kind, extra, u }, i) {
+  if (!sample?.pose) return [null, null];
+  return kind === "mirror" ? [sample.state[i], sample.u[i]] : [sample.channels[extra], sample.channels[u]];
 }
 
 // The ends of a strip. smallest: room above and below, as a share of the values.
