@@ -38,6 +38,8 @@ COLUMNS = {
         "u_calibration",
         "smooth",
         "filtered",
+        "smooth_object",
+        "filtered_object",
         "u_filtered",
         "expanded",
         *OBJECTS,

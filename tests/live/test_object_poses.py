@@ -122,6 +122,13 @@ def test_displacements_begin_after_the_zero_and_err_as_stated():
     assert tuple(poses.object) == Pipeline(WITH_OBJECT, request, True).object_poses.names
 
 
+def test_a_sample_is_displaced_by_nothing_from_itself():
+    _, poses = solve(WITH_OBJECT, ZeroRequest(row=1), data=DATA[: 300 * SIZE])
+    assert np.abs(numbers(poses.object, "displacement_")[0]).max() < 1e-15
+    assert numbers(poses.object, "u_displacement_")[0].max() < 1e-9
+    assert numbers(poses.object, "u_displacement_")[1].min() > 1e-8
+
+
 def test_a_zero_waits_for_light_and_says_that_the_mirror_moves():
     data = board(STATE[STILL:])
     pipeline = Pipeline(WITH_OBJECT, ZeroRequest(seconds=0.05))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.units import Floats, Integers
+from ...core.units import Booleans, Floats, Integers
 from ...estimation.object_pose import ObjectPose
 from ...estimation.solution import Status, empty_solution
 from ...estimation.table import object_columns, result_columns
@@ -80,10 +80,11 @@ class ObjectPoses:
         """
         if not self.is_needed:
             return {}
+        members = None
         if self.is_measuring:
-            self.collect(solution, seq, time / US_PER_S)
+            members = self.collect(solution, seq, time / US_PER_S)
         columns = object_columns(
-            solution, self.config.object, self.zero, covariance=self.covariance
+            solution, self.config.object, self.zero, members=members, covariance=self.covariance
         )
         if self.is_measuring:
             columns |= result_columns(
@@ -91,13 +92,14 @@ class ObjectPoses:
             )
         return columns
 
-    def collect(self, solution: Solution, seq: Integers, time: Floats) -> None:
-        """Add samples to the zero; make it when the first sample after them has come."""
+    def collect(self, solution: Solution, seq: Integers, time: Floats) -> Booleans:
+        """Add samples to the zero; make it when the first sample after them has come. Returns which
+        samples belong to it."""
         assert self.request is not None
         ok = solution.ok
         if self.first is None:
             if not ok.any():
-                return
+                return ok
             start = int(np.argmax(ok))
             self.first = int(seq[start]), float(time[start])
         number, start_time = self.first
@@ -107,6 +109,8 @@ class ObjectPoses:
         ahead = seq >= number
         if self.members and ahead.any() and not inside[ahead][-1]:
             self.measure()
+        found: Booleans = inside & ok
+        return found
 
     def measure(self) -> None:
         """Make the zero of the samples so far; begin again where they are of no use."""
