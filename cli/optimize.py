@@ -20,6 +20,7 @@ from .options import (
     Look,
     Plot,
     PlotKind,
+    Point,
     Style,
     heads_option,
     output_option,
@@ -27,6 +28,7 @@ from .options import (
     require_html,
     require_yaml,
 )
+from .places import choose_point, report_object
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -54,6 +56,7 @@ def optimize(
     report: Annotated[Path | None, report_option(REPORT)] = None,
     heads: Annotated[int, heads_option("0 skips the simulation")] = 0,
     sheets: Annotated[Path | None, typer.Option("--sheets", metavar="FILE", help=SHEETS)] = None,
+    point: Point = None,
 ) -> None:
     """Find the layout that meets a requirement best.
 
@@ -65,9 +68,11 @@ def optimize(
     status 1. Writes a configuration that extends CONFIG by the new values, rounded to values that
     can be manufactured, and beside it a table and a picture that compare it with CONFIG. With
     `optimize.production.yield_percent` the layout has margins, so that this share of the
-    manufactured heads meets the requirements.
+    manufactured heads meets the requirements. With an object in the configuration or --point, the
+    volume, the ranges and the uncertainties are those of the object's displacement from its pose at
+    the mirror's zero.
     """
-    settings = load_config(config)
+    settings = choose_point(load_config(config), point)
     path = output or Path(f"{settings.name}-optimum.yaml")
     require_yaml(path)
     paths = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
@@ -113,6 +118,7 @@ def search(settings: Config) -> Optimum:
                 "or do not meet all requirements\n"
             )
     headings, rows = design.tables.start_rows(found)
+    report_object(settings)
     show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
     if not found.best.found:
         refuse("no layout meets all that is asked for; these stand against each other:", found.best)

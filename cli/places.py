@@ -15,6 +15,7 @@ from facets.core.plain_numbers import assignments, plain_number
 
 if TYPE_CHECKING:
     from facets.config import Config
+    from facets.core.rules import Rules
     from facets.core.units import Floats
     from facets.estimation.zero import ZeroRequest
 
@@ -73,7 +74,28 @@ def choose_point(settings: Config, text: str | None) -> Config:
             f"--point is {text!r}; allowed: three numbers in mm up to 10,000 in magnitude, such as "
             "0,0,50"
         ) from None
-    return replace(settings, object=body)
+    return replace(settings, object=body, layout=replace(settings.layout, object=body))
+
+
+def object_rules(settings: Config, track: bool) -> Rules:
+    """The rules of the range, of the axes of the configuration's object."""
+    return replace(settings.range, tracking=track, object=settings.object)
+
+
+def displacement_at(settings: Config, text: str | None) -> Floats:
+    """Read the mirror's pose 'tz_mm=1' of --at in the axes of the configuration's object (6,)."""
+    from facets.core.rigid_body import object_displacements
+
+    pose, body = pose_of(text), settings.object
+    return pose if body is None else object_displacements(pose, 0 * pose, body)[0]
+
+
+def report_object(settings: Config) -> None:
+    """Print whose axes the tables have, unless they are the mirror's."""
+    import typer
+
+    if settings.object is not None:
+        typer.echo(f"axes: displacement of the object, {settings.object.text}\n")
 
 
 def zero_of(text: str | None) -> ZeroRequest | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from enum import StrEnum
 from itertools import combinations
 from pathlib import Path
@@ -21,6 +20,7 @@ from .options import (
     Look,
     Plot,
     PlotKind,
+    Point,
     Style,
     Table,
     TableKind,
@@ -28,7 +28,7 @@ from .options import (
     folder_option,
     output_folder,
 )
-from .places import pair_of, pose_of
+from .places import choose_point, displacement_at, object_rules, pair_of, report_object
 
 if TYPE_CHECKING:
     from facets.characterization.outlines import Boundary
@@ -84,19 +84,21 @@ def range_map(
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
+    point: Point = None,
 ) -> None:
     """Find the measurement range of each axis and what limits it.
 
     Prints the range of each axis and the largest box of poses with the same proportions. Traces the
     outline of the range over pairs of axes to 0.1 µm and 0.1 µrad. Writes a table of the outlines,
     a picture and a record of the run into the folder. Ctrl-C stops the tracing; the outlines traced
-    until then are written, with exit status 130.
+    until then are written, with exit status 130. With an object in the configuration or --point,
+    the axes are those of the object's displacement from its pose at the mirror's zero.
     """
     start = time.perf_counter()
-    settings = load_config(config)
-    rules = replace(settings.range, tracking=track)
+    settings = choose_point(load_config(config), point)
+    rules = object_rules(settings, track)
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
-    pose = pose_of(at)
+    pose = displacement_at(settings, at)
     place = output_folder(folder, settings.name, "range")
     paths = [place / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
     files.tables.refuse_to_overwrite(paths, force)
@@ -191,6 +193,7 @@ def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
         rows.append([axis.name, *cells, unit.unit, ", ".join(causes), f"{unit.factor * side:.4g}"])
     mode = "beam follows in x and y" if rules.tracking else "beam fixed"
     headings = ("axis", "from", "to", "total", "+-", "", "ends where", "box +-")
+    report_object(settings)
     show_table(f"{settings.name}: range of each axis, {mode}", headings, rows, left=(0, 5, 6))
     typer.echo(
         f"  the box, all six axes at once, ends where: {characterization.tables.cause_of(why)}\n"

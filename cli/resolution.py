@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,11 +19,13 @@ from .options import (
     Look,
     Plot,
     PlotKind,
+    Point,
     Style,
     Track,
     folder_option,
     output_folder,
 )
+from .places import choose_point, object_rules, report_object
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution
@@ -38,6 +39,7 @@ def resolution(
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
     coverage: Coverage = None,
+    point: Point = None,
 ) -> None:
     """Compute each axis's uncertainty, at rest and at worst.
 
@@ -45,20 +47,23 @@ def resolution(
     range of each axis, with the other axes at rest. They are computed for the paper's inversion
     and for the least-squares solver with the beam's position free, known within
     `solve.beam_sigma_um`, and known exactly. Writes a table, a picture of the noise budget at
-    rest and a record of the run into the folder. --coverage adds expanded uncertainties.
+    rest and a record of the run into the folder. --coverage adds expanded uncertainties. With an
+    object in the configuration or --point, the axes are those of the object's displacement from its
+    pose at the mirror's zero.
     """
     start = time.perf_counter()
-    settings = load_config(config)
+    settings = choose_point(load_config(config), point)
     about = files.provenance.provenance_header(settings)
     if coverage is not None:
         about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
-    rules = replace(settings.range, tracking=track)
+    rules = object_rules(settings, track)
     place = output_folder(folder, settings.name, "resolution")
     paths = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
     files.tables.refuse_to_overwrite(paths, force)
     found = characterization.resolution.resolve(
         settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)
     )
+    report_object(settings)
     show(found, coverage)
     if coverage is not None:
         report_coverage(about)

@@ -6,8 +6,8 @@ outline between them has the same accuracy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
+from ..core.rigid_body import MeasuredObject
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, unit_of
@@ -26,6 +27,7 @@ from .ranges import (
     SINGULAR,
     clearances,
     find_exits,
+    fine_slopes,
     require_inside,
     scaled_jacobian,
     standard_uncertainties,
@@ -40,7 +42,7 @@ TOLERANCE_RAD = 1e-7
 @dataclass(frozen=True)
 class Boundary:
     """The traced outline of the range over two axes: points (n, 2), mm or rad, in order, from
-    `start` (6,).
+    `start` (6,); places of the pose, or of the displacement of `object`.
 
     causes: (n,) why the range ends between each point and the next; -1 where the search ended.
     calls: of the model.
@@ -51,6 +53,7 @@ class Boundary:
     points: Floats
     causes: NDArray[np.int64]
     calls: int
+    object: MeasuredObject | None = None
 
     def poses(self, points: Floats) -> Floats:
         """Poses (n, 6) at points (n, 2) of the two axes, the others as at `start`."""
@@ -99,7 +102,8 @@ def trace(
     axes
         Two names out of `facets.POSE`.
     start
-        A pose inside the range, (6,), mm and rad; zero by default.
+        A pose inside the range, (6,), mm and rad; zero by default. With `Rules.object` the
+        displacement of the object, as the axes are.
 
     Returns
     -------
@@ -124,7 +128,7 @@ def trace(
     if not set(axes) <= set(POSE) or axes[0] == axes[1]:
         raise InputError(f"axes is {axes!r}; allowed: two different names of {', '.join(POSE)}")
     pose = require_inside(sensor, rules, np.zeros(6) if start is None else start)
-    cheap = Rules(rules.whole_spot, rules.snr, np.inf, (np.inf,) * 6, rules.tracking)
+    cheap = replace(rules, condition=np.inf, coarsest=(np.inf,) * 6)
     boundary = trace_outline(sensor, cheap, axes, pose)
     if cheap == rules:
         return boundary
@@ -150,10 +154,30 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
 
     ends, _, calls = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
     scale = 4 * np.abs(ends).max(axis=0)  # a nearly round outline, inside the ends of the rays
+    points, causes, more = refine_outline(follow, scale, fine)
+    calls += more
+    while (causes < 0).any() and (scale < reach).any():  # a long range between the two axes
+        scale = 2 * scale
+        points, causes, more = refine_outline(follow, scale, fine)
+        calls += more
+    poses = poses_on_axes(pose, axes, (points[:-1] + points[1:]) / 2)
+    between = clearances(sensor, poses, rules).argmin(axis=1)
+    ended = (causes[:-1] < 0) & (causes[1:] < 0)
+    causes = np.where(ended, -1, between)
+    return Boundary(axes, pose, points[:-1], causes, calls + len(poses), rules.object)
+
+
+def refine_outline(
+    follow: Callable[[Floats, Floats, float], tuple[Floats, Any, int]], scale: Floats, fine: Floats
+) -> tuple[Floats, Any, int]:
+    """Points of an outline from rays of the lengths `scale`, with their causes and the number of
+    model calls; rays are added until chords between points are within the tolerances `fine`.
+
+    follow: points, causes and calls of rays by their angles, lengths and tolerance.
+    """
     precise = float((fine / scale).min()) / 10
     angles = np.arange(33) * np.pi / 16
-    points, causes, more = follow(angles, scale, precise)
-    calls += more
+    points, causes, calls = follow(angles, scale, precise)
     open_ = np.arange(32)  # segments whose middle has not been examined
     while len(open_) and len(angles) < 20_000:
         middle = (angles[open_] + angles[open_ + 1]) / 2
@@ -166,10 +190,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
         causes = np.insert(causes, where, why)
         first = open_[split] + np.flatnonzero(split)  # numbers after the insertion
         open_ = np.sort(np.concatenate([first, first + 1]))
-    poses = poses_on_axes(pose, axes, (points[:-1] + points[1:]) / 2)
-    between = clearances(sensor, poses, rules).argmin(axis=1)
-    ended = (causes[:-1] < 0) & (causes[1:] < 0)
-    return Boundary(axes, pose, points[:-1], np.where(ended, -1, between), calls + len(poses))
+    return points, causes, calls
 
 
 def chord_distance(point: Floats, a: Floats, b: Floats) -> Floats:
@@ -227,12 +248,14 @@ def map_inside(
     x, y, cause = cause_grid(sensor, rules, boundary, count)
     within = cause.ravel() < 0
     poses = boundary.poses(grid_points(x, y)[within])
-    matrix = scaled_jacobian(sensor, states_of(poses, rules))
+    states = states_of(poses, rules)
+    matrix = scaled_jacobian(sensor, states)
     values = np.full(count * count, np.nan)
     if what == "condition":
         values[within] = np.log10(np.linalg.cond(matrix))
         label = "log10 of the condition number"
     else:
-        values[within] = standard_uncertainties(matrix)[:, POSE.index(what)]
+        fine = standard_uncertainties(matrix, fine_slopes(states, rules.object))
+        values[within] = fine[:, POSE.index(what)]
         label = f"standard uncertainty of {what}, {unit_of(what).fine_unit}"
     return x, y, values.reshape(count, count), label

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import FINE_UNITS, POSE
+from ..core.rigid_body import MeasuredObject, displacement_slopes, mirror_poses
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
@@ -43,8 +44,11 @@ AXIS_RAYS = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)]
 
 
 def states_of(poses: Floats, rules: Rules) -> Floats:
-    """Convert poses (n, 6) to states (n, 8), with the beam's place by the rules."""
+    """Convert poses (n, 6), or displacements of the rules' object, to states (n, 8), with the
+    beam's place by the rules."""
     state = np.zeros((len(poses), 8))
+    if rules.object is not None:
+        poses = mirror_poses(poses, rules.object)
     state[:, :6] = poses
     if rules.tracking:
         state[:, 6:] = poses[:, :2]
@@ -132,18 +136,34 @@ def information_margins(sensor: Sensor, state: Floats, rules: Rules) -> Floats:
     with np.errstate(divide="ignore"):
         out[known, 0] = np.log(rules.condition * values[:, -1] / values[:, 0])
     if np.isfinite(rules.coarsest).any():
-        sigma = standard_uncertainties(matrix[known]) * np.array(FINE_UNITS[:6])
+        fine = standard_uncertainties(matrix[known], fine_slopes(state[known], rules.object))
+        sigma = fine * np.array(FINE_UNITS[:6])
         out[known, 1] = np.log(np.array(rules.coarsest) / sigma).min(axis=1)
     else:
         out[known, 1] = np.inf
     return out
 
 
-def standard_uncertainties(matrices: Floats) -> Floats:
-    """Standard uncertainties of the pose, um and urad, (n, 6), from scaled Jacobians (n, 9, 8)."""
+def standard_uncertainties(matrices: Floats, slopes: Floats | None = None) -> Floats:
+    """Standard uncertainties of the pose, um and urad, (n, 6), from scaled Jacobians (n, 9, 8).
+
+    slopes: of `fine_slopes`, for an object's pose.
+    """
     inverse = np.linalg.pinv(matrices)
+    if slopes is not None:
+        inverse = slopes @ inverse[:, :6]
     sigma: Floats = np.sqrt((inverse**2).sum(axis=2))[:, :6]
     return sigma
+
+
+def fine_slopes(states: Floats, body: MeasuredObject | None) -> Floats | None:
+    """Derivatives (n, 6, 6) of an object's displacement by the mirror's pose at states (n, 8), per
+    um and urad in um and urad; None for the mirror itself."""
+    if body is None:
+        return None
+    units = np.array(FINE_UNITS[:6])
+    slopes: Floats = displacement_slopes(states[:, :6], body) * units / units[:, None]
+    return slopes
 
 
 class Exits(NamedTuple):
@@ -290,7 +310,8 @@ def axis_ranges(
     rules
         Limits of the range; `Config.range` contains a configuration's limits.
     start
-        The pose from which the ranges extend, (6,); mm and rad, world frame.
+        The pose from which the ranges extend, (6,); mm and rad, world frame; with `Rules.object`
+        the displacement of the object from its pose at the mirror's zero.
     tolerance
         Tolerance of an end, in units of `FARTHEST_MM_RAD`.
 

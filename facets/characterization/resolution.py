@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
+from ..core.rigid_body import MeasuredObject, displacement_slopes
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -81,7 +82,12 @@ def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[s
 
 
 @check_arguments
-def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
+def budgets(
+    sensor: Sensor,
+    states: ArrayLike,
+    how: Estimator | Knowledge,
+    object: MeasuredObject | None = None,
+) -> Floats:
     """Split the variance of each axis of the pose by its sources.
 
     Parameters
@@ -93,6 +99,9 @@ def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Fl
     how
         Knowledge of the beam (`facets.Knowledge`), or an estimator that also selects the readings
         (`facets.Estimator`).
+    object
+        Whose axes: those of the object's displacement from its pose at the mirror's zero. None:
+        those of the mirror's pose.
 
     Returns
     -------
@@ -110,11 +119,17 @@ def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Fl
     """
     knowledge, eight = (how, False) if isinstance(how, Knowledge) else (how.knowledge, how.eight)
     rows, shape = as_rows(states, 8, "states")
-    found = budgets_of_rows(sensor, rows, knowledge, eight)
+    found = budgets_of_rows(sensor, rows, knowledge, eight, object)
     return found.reshape(*shape, *found.shape[1:])
 
 
-def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight: bool) -> Floats:
+def budgets_of_rows(
+    sensor: Sensor,
+    states: Floats,
+    knowledge: Knowledge,
+    eight: bool,
+    body: MeasuredObject | None,
+) -> Floats:
     """`budgets` of states (n, 8).  eight: omits the last power."""
     reading = readings(sensor, states)
     parts = variances(sensor, reading)
@@ -129,9 +144,11 @@ def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight:
         rows = rows[:, :8]
     rows = apply_priors(rows, [beam, beam, power][: rows.shape[2] - 6])
     units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * (rows.shape[2] - 6))
-    gain = np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None]
+    gain = (np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None])[:, :6]
+    if body is not None:
+        gain = displacement_slopes(states[known, :6], body) @ gain
     out = np.full((len(states), 6, len(sources(sensor, knowledge))), np.nan)
-    square, read = gain[:, :6] ** 2, 9 - eight
+    square, read = gain**2, 9 - eight
     share = parts[known][:, :read] / sigma[known][:, :read, None] ** 2
     count = parts.shape[-1]
     out[known, :, :count] = square[:, :, :read] @ share
@@ -141,7 +158,7 @@ def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight:
         out[known, :, count + 1] = square[:, :, read + beams :].sum(axis=2)
     if sensor.calibration is not None:
         off = parameter_derivatives(sensor, sensor.calibration, states[known], reading[known])
-        moved = gain[:, :6, :read] @ (off[:, :read] / sigma[known][:, :read, None])
+        moved = gain[:, :, :read] @ (off[:, :read] / sigma[known][:, :read, None])
         cross = moved @ np.array(sensor.calibration.covariance)
         out[known, :, -1] = (cross * moved).sum(axis=2)
     return out
@@ -182,7 +199,12 @@ def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:
 
 
 @check_arguments
-def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
+def uncertainties(
+    sensor: Sensor,
+    states: ArrayLike,
+    how: Estimator | Knowledge,
+    object: MeasuredObject | None = None,
+) -> Floats:
     """Compute the least possible standard uncertainties of a pose.
 
     Parameters
@@ -194,6 +216,8 @@ def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge)
     how
         Knowledge of the beam (`facets.Knowledge`), or an estimator that also selects the readings
         (`facets.Estimator`).
+    object
+        Whose axes, as for `facets.budgets`.
 
     Returns
     -------
@@ -209,7 +233,7 @@ def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge)
     >>> f"z {1e3 * u[2]:.1f} um, yaw {1e6 * u[5]:.0f} urad"
     'z 1.5 um, yaw 6 urad'
     """
-    root: Floats = np.sqrt(budgets(sensor, states, how).sum(axis=-1))
+    root: Floats = np.sqrt(budgets(sensor, states, how, object).sum(axis=-1))
     return root
 
 
@@ -232,7 +256,7 @@ class Resolution:
 
     worst_state: (6, 8) states of each axis's maximum.  budget: (6, s) variances at rest, by source.
     worst_budget: (6, s) each axis's own at its maximum.  degrees_of_freedom: of the calibration,
-    NaN where unknown.
+    NaN where unknown.  object: whose axes these are, None: the mirror's.
     """
 
     how: Estimator
@@ -243,6 +267,7 @@ class Resolution:
     budget: Floats
     worst_budget: Floats
     degrees_of_freedom: float
+    object: MeasuredObject | None = None
 
     def coverage(self, probability: float) -> tuple[tuple[Floats, Floats], ...]:
         """Effective degrees of freedom and coverage factors (6,) at rest, and at each maximum."""
@@ -265,24 +290,24 @@ class Resolution:
 def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Resolution]:
     """Compute the resolutions of estimators over the range of each axis."""
     compile_for(sensor, "readings", "footprints", "derivatives")
-    states = sweep_states(sensor, rules)
+    states, body = sweep_states(sensor, rules), rules.object
     rest, known, found = np.zeros((1, 8)), sensor.calibration, []
     freedom = (
         np.nan if known is None or known.degrees_of_freedom is None else (known.degrees_of_freedom)
     )
     for how in hows:
-        sigma = uncertainties(sensor, states, how)
+        sigma = uncertainties(sensor, states, how, body)
         if np.isnan(sigma).all(axis=0).any():
             raise InputError(f"{how.name}: no pose in the range can be solved")
         worst = np.nanargmax(sigma, axis=0)
-        budget = budgets(sensor, rest, how)[0]
+        budget = budgets(sensor, rest, how, body)[0]
         nominal = np.sqrt(budget.sum(axis=1))
         largest = sigma[worst, np.arange(6)]
         there = states[worst]
-        of_worst = budgets(sensor, there, how)[np.arange(6), np.arange(6)]
+        of_worst = budgets(sensor, there, how, body)[np.arange(6), np.arange(6)]
         found.append(
             Resolution(
-                how, sources(sensor, how), nominal, largest, there, budget, of_worst, freedom
+                how, sources(sensor, how), nominal, largest, there, budget, of_worst, freedom, body
             )
         )
     return found

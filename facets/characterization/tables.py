@@ -27,7 +27,8 @@ def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
     rows: dict[str, list[Any]] = {key: [] for key in keys}
     for boundary in boundaries:
         factors = [unit_of(name).factor for name in boundary.axes]
-        names = [f"{name}_{unit_of(name).unit}" for name in boundary.axes]
+        what = "" if boundary.object is None else "displacement_"
+        names = [f"{what}{name}_{unit_of(name).unit}" for name in boundary.axes]
         for point, cause in zip(boundary.points * factors, boundary.causes, strict=True):
             for key, value in zip(rows, (*names, *point, cause_of(cause)), strict=True):
                 rows[key].append(value)
@@ -58,7 +59,7 @@ def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
     }
     return {
         "estimator": ascii_unit(row.how.name),
-        "axis": POSE[i],
+        "axis": POSE[i] if row.object is None else f"displacement_{POSE[i]}",
         "unit": ascii_unit(unit.fine_unit),
         "u_at_rest": unit.fine_factor * row.nominal[i],
         "u_worst": unit.fine_factor * row.worst[i],

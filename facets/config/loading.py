@@ -58,6 +58,7 @@ def load(name_or_path: str | Path) -> Config:
     settings = {name: one.value(resolved) for name, one in block_of(Config).sources.items()}
     if settings["acquire"].detectors == 2:  # Older files write it this way.
         settings["solve"] = replace(settings["solve"], accept_unchecked=True)
+    settings["layout"] = replace(settings["layout"], object=settings["object"])
     return Config(
         name=file.stem,
         path=file,

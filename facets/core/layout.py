@@ -9,6 +9,7 @@ from typing import Any, Literal
 from .axis_keys import BOX, HALF_TURN_MRAD, MAX_LENGTH_MM, PER_AXIS, State
 from .keys import Key, block_of, block_of_keys, item_of, key
 from .names import DETECTORS
+from .rigid_body import MeasuredObject
 
 Bounds = tuple[float, float]
 
@@ -201,7 +202,8 @@ class Layout:
     variables: least and largest value of each, in the unit of its name.  volume: half widths of the
     pose and of the beam's offset (8,), mm and rad.  unit, limit, accuracy: (6,) um and urad,
     infinite where not given.  production: share of the heads that must keep all requirements, 0
-    where only the design must.
+    where only the design must.  object: whose displacements and uncertainties volume, unit, limit
+    and accuracy are; None: those of the mirror's pose.
     """
 
     variables: dict[str, Bounds] = key("variables", {}, "what may change", block=VARIABLES)
@@ -266,6 +268,7 @@ class Layout:
         le=1000,
     )
     seed: int = key("seed", 1, "seed of the random numbers of the other starts", ge=0, le=2**32 - 1)
+    object: MeasuredObject | None = None
 
     @property
     def has_parts(self) -> bool:

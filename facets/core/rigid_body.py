@@ -203,6 +203,12 @@ def object_displacements(
     return np.concatenate([place, angles], axis=-1), slopes, slopes_zero
 
 
+def displacement_slopes(poses: Floats, body: MeasuredObject) -> Floats:
+    """Derivatives (..., 6, 6) of an object's displacement from its pose at the mirror's zero, by
+    the mirror's pose (..., 6); as `object_displacements` gives them."""
+    return object_displacements(poses, np.zeros(6), body)[1]
+
+
 def mirror_poses(displacements: Floats, body: MeasuredObject) -> Floats:
     """Mirror poses (..., 6) at which an object has displacements (..., 6) from its pose at the
     mirror's zero: the inverse of `object_displacements` there."""

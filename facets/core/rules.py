@@ -8,6 +8,7 @@ from .arguments import check_arguments
 from .axis_keys import PER_AXIS, convert_fine_units
 from .errors import InputError
 from .keys import key
+from .rigid_body import MeasuredObject
 
 
 @check_arguments
@@ -20,6 +21,8 @@ class Rules:
     condition: largest condition number of the Jacobian, columns in um and urad, rows in standard
     deviations.  coarsest: largest standard uncertainty of each axis of the pose, mm and rad.
     tracking: whether the beam follows the mirror in x and y; otherwise it stays at (0, 0).
+    object: whose axes the ranges are those of: the six numbers of a pose are then the object's
+    displacement from its pose at the mirror's zero; None: those of the mirror's pose.
     """
 
     whole_spot: bool = key(
@@ -46,6 +49,7 @@ class Rules:
         convert=convert_fine_units,
     )
     tracking: bool = False
+    object: MeasuredObject | None = None
 
     def __post_init__(self) -> None:
         if len(self.coarsest) != 6:

@@ -57,7 +57,7 @@ from .survey import (
     rest_reasons,
 )
 from .variables import FULL, sensor_of
-from .volume import states_of
+from .volume import mirror_states, states_of
 
 if TYPE_CHECKING:
     from ..characterization.sensitivity import Index
@@ -140,8 +140,13 @@ class Space:
 
     @cached_property
     def volume(self) -> Floats:
-        """States (n, 8): corners, faces and centre of the layout's volume."""
+        """States (n, 8): corners, faces and centre of the layout's volume, as of `volume`."""
         return np.array(states_of(self.layout, 1.0), dtype=float)
+
+    @property
+    def mirror_volume(self) -> Floats:
+        """States (n, 8) of the mirror over the volume."""
+        return mirror_states(self.volume, self.layout.object, self.layout.following)
 
     @property
     def pilot(self) -> int:
@@ -169,8 +174,8 @@ def space_of(
     """
     require_measures(objectives)
     space = Space(
-        settings.sensor, settings.range, settings.layout, sampling, count, seed, tuple(objectives),
-        every, required,
+        settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,
+        sampling, count, seed, tuple(objectives), every, required,
     )  # fmt: skip
     if not space.plain:
         return space
@@ -229,9 +234,9 @@ def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
         return 8, values, None
     if space.required and not meets(sensor, space.layout, space.volume):
         return 4, values, None
-    values[7:13] = FINE * uncertainties(sensor, rest, Knowledge())[0]
+    values[7:13] = FINE * uncertainties(sensor, rest, Knowledge(), space.layout.object)[0]
     values[13] = measures(sensor, rest)[0, 2]
-    signs = np.sign(measures(sensor, space.volume, spectra=False)[:, 0])
+    signs = np.sign(measures(sensor, space.mirror_volume, spectra=False)[:, 0])
     values[14] = float(abs(signs.sum()) == len(signs))
     return 0, values, sensor
 
@@ -350,7 +355,7 @@ def measure_designs(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, F
     for first in range(0, len(numbers), CHUNK):
         rows = slice(first, first + CHUNK)
         part, which = designs.subset(rows), numbers[rows]
-        found = measure(part, space.volume, space.layout.least_power, FINE_ENOUGH)
+        found = measure(part, space.mirror_volume, space.layout.least_power, FINE_ENOUGH)
         why[which], values[which, 1:] = found
     values[:, AT_RANGES] *= FAR
     values[possible, 0] = heads[possible]

@@ -35,7 +35,7 @@ from .variables import (
     layout_parameters,
     outcome_of,
 )
-from .volume import span_of, states_of, worst_places
+from .volume import mirror_states, span_of, states_of, worst_places
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
@@ -435,8 +435,9 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutP
         x = list((low + (high - low) * unknowns[:, : len(names)]).T[:, :, None])
         scale = unknowns[:, len(names), None, None] if "range" in extras else 1.0
         parameters, sizes = layout_parameters(sensor, names, x)
-        fixed, state = build_geometry(tuple(parameters)), columns_of_states(states * scale)
-        found = outcome_of(sensor, fixed, sizes, state, gain_of(sensor, names, x))
+        fixed = build_geometry(tuple(parameters))
+        state = columns_of_states(mirror_states(states * scale, layout.object, layout.following))
+        found = outcome_of(sensor, fixed, sizes, state, gain_of(sensor, names, x), layout.object)
         at, rim = dark_scene(fixed, state), sensor.apertures.rim
         half = half_of(sizes)
         spots = [each / half for each in ellipse_clearances(fixed, at, sizes)]

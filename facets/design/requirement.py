@@ -16,12 +16,20 @@ import numpy as np
 from ..characterization.resolution import uncertainties
 from ..core.knowledge import Knowledge
 from ..core.names import FINE_UNITS, POSE
+from ..core.rigid_body import object_displacements
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct, invert_correction
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, margins, readings
-from .volume import shares_of_volume, span_of, states_of, wide_axes, worst_places
+from .volume import (
+    mirror_states,
+    shares_of_volume,
+    span_of,
+    states_of,
+    wide_axes,
+    worst_places,
+)
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
@@ -77,7 +85,8 @@ def limits_of(
 class Requirement:
     """The requirements over the volume.
 
-    states: (m, 8), the last at rest.  power: knowledge of the laser's power, as in `solve`.  rim:
+    states: (m, 8), the last at rest; with displacements of the layout's object in place of the
+    mirror's pose, if it has one.  power: knowledge of the laser's power, as in `solve`.  rim:
     whether the mirror's light must stay within its rim.
     """
 
@@ -85,6 +94,11 @@ class Requirement:
     states: Floats
     power: Any = "known"
     rim: bool = False
+
+    @property
+    def mirror_states(self) -> Floats:
+        """The states of the mirror, (m, 8)."""
+        return mirror_states(self.states, self.layout.object, self.layout.following)
 
     @property
     def accuracy_axes(self) -> list[int]:
@@ -129,11 +143,14 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
 
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
     """(m, groups): powers and spots over their least values, uncertainties over their limits."""
-    states, limited = requirement.states, np.isfinite(requirement.layout.limit).any()
+    body, limited = requirement.layout.object, np.isfinite(requirement.layout.limit).any()
+    states = requirement.mirror_states
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
     room = margins(sensor, states)
     spots = (room[:, :, :4] / halves).reshape(len(states), 12)
-    sigmas = uncertainties(sensor, states, FREE) / UNITS if limited else np.full((1, 6), np.nan)
+    sigmas = np.full((1, 6), np.nan)
+    if limited:
+        sigmas = uncertainties(sensor, states, FREE, body) / UNITS
     rims = (room[:, :, 4] / sensor.apertures.rim).T if requirement.rim else ()
     asked = limits_of(
         requirement.layout, readings(sensor, states)[:, 2::3].T, spots.T, sigmas.T, rims
@@ -148,12 +165,16 @@ def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Float
     built: the head as it is.  thought: the head whose parameters the solver uses.  NaN where it
     finds no pose.
     """
-    raw = invert_correction(built, readings(built, requirement.states).copy())
+    states, body = requirement.mirror_states, requirement.layout.object
+    raw = invert_correction(built, readings(built, states).copy())
     found = solve(
         thought, correct(thought, raw), beam="free", power=requirement.power,
-        start=requirement.states, covariance=False, accept_unchecked=True,
+        start=states, covariance=False, accept_unchecked=True,
     )  # fmt: skip
-    off = (found.state - requirement.states)[:, :6] / UNITS
+    poses = found.state[:, :6]
+    if body is not None:
+        poses = object_displacements(poses, np.zeros(6), body)[0]
+    off = (poses - requirement.states[:, :6]) / UNITS
     beside: Floats = off - off[-1]
     return beside
 

@@ -20,6 +20,7 @@ from ..characterization.ranges import (
     LIGHT,
     PSD,
     SINGULAR,
+    fine_slopes,
     first_exits,
     least_of_rows,
     light_clearances,
@@ -145,7 +146,8 @@ def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
     (n,), at rest."""
     sigma = standard_deviations(some.sensor, reading)
     matrices = some.evaluate_rest("derivatives") * FINE_UNITS / sigma[:, :, None]
-    return standard_uncertainties(matrices), extremes(matrices)[:, 1]
+    slopes = fine_slopes(np.zeros((1, 8)), some.rules.object)
+    return standard_uncertainties(matrices, slopes), extremes(matrices)[:, 1]
 
 
 def regularity(some: Designs, volume: Floats) -> Floats:

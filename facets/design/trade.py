@@ -31,8 +31,15 @@ from .problem import (
 )
 from .requirement import EDGES, Constraint, limits_of
 from .spots import corner_clearances, rim_clearances, tip_clearance
-from .variables import Outcome, heads_of, layout_parameters, outcome_of, present_values
-from .volume import span_of
+from .variables import (
+    Outcome,
+    columns_of_states,
+    heads_of,
+    layout_parameters,
+    outcome_of,
+    present_values,
+)
+from .volume import mirror_states, span_of
 
 #: The measures that can be objectives here, since they have slopes.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
@@ -112,7 +119,7 @@ def trade_of(space: Space) -> Trade:
         halves = {
             name: scales[name] * unknowns[:, count + n, None] / 2 for n, name in enumerate(ranges)
         }
-        return trade_constraints(space, x, ray_states(some, halves), scales, states)
+        return trade_constraints(space, x, ray_states(space, some, halves), scales, states)
 
     def compute(unknowns: Floats, some: Floats) -> list[Any]:
         return [each.value for each in outputs(unknowns, some)]
@@ -162,7 +169,7 @@ def states_of(space: Space, ranges: list[str]) -> Floats:
     return np.array(rows)
 
 
-def ray_states(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
+def ray_states(space: Space, states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
     """Convert states (m, 16), of the volume or at shares of the ranges' halves (k, 1), mm and mrad,
     to the arguments of `outcome_of`."""
     ends: list[Any] = [0.0] * 8
@@ -171,7 +178,13 @@ def ray_states(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
         ends[axis] = half / FAR[axis]
         if axis < 2:
             ends[6 + axis] = ends[axis]
-    return tuple((states[:, i] + states[:, 8 + i] * ends[i]) for i in range(8))
+    places = tuple((states[:, i] + states[:, 8 + i] * ends[i]) for i in range(8))
+    if space.layout.object is None:
+        return places
+    on_ray = states[:, 8:].any(axis=1)
+    following = np.where(on_ray, space.rules.tracking, space.layout.following)
+    whole = np.stack(np.broadcast_arrays(*places), axis=-1)
+    return columns_of_states(mirror_states(whole, space.layout.object, following))
 
 
 def trade_constraints(
@@ -183,7 +196,7 @@ def trade_constraints(
     sizes = [(d, d) for d in square] if "size_mm" in space.names else own
     fixed = build_geometry(tuple(parameters))
     at, heads = dark_scene(fixed, state), heads_of(parameters)
-    found = outcome_of(space.sensor, fixed, square, state)
+    found = outcome_of(space.sensor, fixed, square, state, body=space.layout.object)
     rim, half = space.sensor.apertures.rim, float(np.mean(own)) / 2
     rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
     return [

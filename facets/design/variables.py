@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..characterization.ranges import fine_slopes
 from ..core.names import DETECTORS, FINE_UNITS
+from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..detectors.noise import electrode_currents, standard_deviations
@@ -47,13 +49,18 @@ def columns_of_states(states: Floats) -> tuple[Any, ...]:
 
 
 def outcome_of(
-    sensor: Sensor, fixed: Geometry, sizes: Sequence[Any], state: Sequence[Any], gain: Any = None
+    sensor: Sensor,
+    fixed: Geometry,
+    sizes: Sequence[Any],
+    state: Sequence[Any],
+    gain: Any = None,
+    body: MeasuredObject | None = None,
 ) -> Outcome:
     """Compute the results for k layouts at m states.
 
     fixed: vectors of floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
     state: eight numbers, each (m,) or (k, m), of `columns_of_states`.  gain: of the amplifiers,
-    ohm, if it is not the sensor's.
+    ohm, if it is not the sensor's.  body: the object whose displacement has the variances.
     """
     rows = [len(each) for each in state if each.ndim == 2]
     count = max(1, *(getattr(each, "size", 1) for each in (*leaves(fixed), *sizes, gain)), *rows)
@@ -66,7 +73,7 @@ def outcome_of(
     matrices = evaluate("derivatives", vectors, owner, states)
     sigma, headrooms = noise_of(sensor, reading.reshape(*shape, 9), sizes, gain)
     scaled = matrices * np.array(FINE_UNITS) / sigma.reshape(-1, 9)[:, :, None]
-    variances, condition = spectrum_of(scaled)
+    variances, condition = spectrum_of(scaled, fine_slopes(states, body))
     powers = reading[:, 2::3].reshape(*shape, 3)
     return Outcome(
         list(np.moveaxis(variances.reshape(*shape, 6), -1, 0)),
@@ -74,8 +81,11 @@ def outcome_of(
     )  # fmt: skip
 
 
-def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
-    """The variances of the pose (n, 6) and `Outcome.condition` (n,) of Jacobians (n, 9, 8)."""
+def spectrum_of(matrices: Floats, slopes: Floats | None = None) -> tuple[Floats, Floats]:
+    """The variances of the pose (n, 6) and `Outcome.condition` (n,) of Jacobians (n, 9, 8).
+
+    slopes: (n, 6, 6) of `fine_slopes`, for the variances of an object's pose.
+    """
     triangle = np.asarray(np.linalg.qr(matrices, mode="r")).transpose(1, 2, 0).copy()
     inverse = np.zeros_like(triangle)  # row by row from the last, of all matrices at once
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -84,7 +94,10 @@ def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
             rest = (triangle[i, i + 1 :, None] * inverse[i + 1 :, i + 1 :]).sum(axis=0)
             inverse[i, i + 1 :] = -rest * inverse[i, i]
     squares = (inverse**2).sum(axis=1)
-    return squares[:6].T, (matrices**2).sum(axis=(1, 2)) * squares.sum(axis=0)
+    variances = squares[:6].T
+    if slopes is not None:
+        variances = ((slopes @ inverse[:6].transpose(2, 0, 1)) ** 2).sum(axis=2)
+    return variances, (matrices**2).sum(axis=(1, 2)) * squares.sum(axis=0)
 
 
 def noise_of(

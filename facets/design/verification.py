@@ -6,6 +6,7 @@ command uses.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,13 +18,14 @@ from ..characterization.singularity import measures
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge
 from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
+from ..core.rigid_body import MeasuredObject, object_displacements
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import margins, readings
-from .volume import add_worst_states
+from .volume import add_worst_states, mirror_states
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
@@ -37,26 +39,36 @@ LOST = 1e9
 
 
 def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Floats:
-    """States (n, 8): those of the optimiser, random ones between them, and the ends of searches
-    from the worst of these."""
+    """States (n, 8) of the mirror: those of the optimiser, random ones between them, and the ends
+    of searches from the worst of these."""
 
-    def values(states: Floats) -> Floats:
+    def values(places: Floats) -> Floats:
+        states = mirror_states(places, layout.object, layout.following)
         room = np.nan_to_num(margins(sensor, states)[:, :, :4].reshape(-1, 12), nan=-LOST)
-        fine = np.nan_to_num(uncertainties(sensor, states, FREE), nan=LOST)
+        fine = np.nan_to_num(uncertainties(sensor, states, FREE, layout.object), nan=LOST)
         powers = readings(sensor, states)[:, 2::3]
         conditions = measures(sensor, states)[:, 2:3]
         return np.concatenate([-fine, room, powers, -conditions], axis=1)
 
-    return add_worst_states(layout, values, rng.uniform(-1, 1, (RANDOM, 8)))
+    places = add_worst_states(layout, values, rng.uniform(-1, 1, (RANDOM, 8)))
+    return mirror_states(places, layout.object, layout.following)
 
 
-def simulate_spread(sensor: Sensor, states: Floats, rng: np.random.Generator) -> Floats:
-    """The spread (6,) of axis i over solves of noisy readings at state i; mm and rad."""
+def simulate_spread(
+    sensor: Sensor, states: Floats, rng: np.random.Generator, body: MeasuredObject | None = None
+) -> Floats:
+    """The spread (6,) of axis i over solves of noisy readings at state i; mm and rad.
+
+    body: the object whose axes are meant.
+    """
     spread = np.empty(6)
     for i, state in enumerate(states):
         exact = np.broadcast_to(readings(sensor, state), (DRAWS, 9))
         found = solve(sensor, add_noise(sensor, exact, rng), start=state, covariance=False)
-        spread[i] = np.nanstd(found.state[:, i]) if found.converged.mean() > 0.999 else np.nan
+        poses = found.state[:, :6]
+        if body is not None:
+            poses = object_displacements(poses, np.zeros(6), body)[0]
+        spread[i] = np.nanstd(poses[:, i]) if found.converged.mean() > 0.999 else np.nan
     return spread
 
 
@@ -65,13 +77,13 @@ def performance(
 ) -> tuple[dict[str, float], Floats]:
     """Performance by name and unit, NaN if it cannot be computed; and the worst states (6, 8)."""
     states = worst_states(sensor, layout, rng)
-    sigma = uncertainties(sensor, states, FREE)
+    sigma = uncertainties(sensor, states, FREE, layout.object)
     found: dict[str, float] = {}
     worst = np.zeros(6, dtype=int)
     for i, (name, unit) in enumerate(zip(FINE_COLUMNS, FINE_UNITS, strict=False)):
         worst[i] = int(np.argmax(np.where(np.isnan(sigma[:, i]), np.inf, sigma[:, i])))
         found[name] = float(sigma[worst[i], i] / unit)
-    tracking = Rules(rules.whole_spot, rules.snr, rules.condition, rules.coarsest, layout.following)
+    tracking = replace(rules, tracking=layout.following, object=layout.object)
     try:
         ranges = [axis.symmetric for axis in axis_ranges(sensor, tracking, np.zeros(6))]
     except InputError:
@@ -96,7 +108,7 @@ def compare(
     rng = np.random.default_rng(seed)
     old, _ = performance(before, layout, rules, rng)
     new, worst = performance(after, layout, rules, rng)
-    spread = simulate_spread(after, worst, rng) / FINE_UNITS[:6]
+    spread = simulate_spread(after, worst, rng, layout.object) / FINE_UNITS[:6]
     drawn = np.concatenate([spread, np.full(len(new) - 6, np.nan)])
     return {
         "quantity": np.array(list(new)),

@@ -7,6 +7,9 @@ middles of the faces and the centre besides. That is no theorem: a spot's height
 square of a roll, and an uncertainty has a least where the powers balance, so that the worst can lie
 between the corners, by thousandths of the change over the volume. So a statement about the whole
 volume also takes a search between the states, from the worst of them (`worst_places`).
+
+If the layout has an object, the volume is that of the object's displacements. Its states hold these
+in place of the mirror's pose, and `mirror_states` converts them where the model is evaluated.
 """
 
 from __future__ import annotations
@@ -17,10 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.rigid_body import mirror_poses
 from ..core.units import Booleans, Floats
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
+    from ..core.rigid_body import MeasuredObject
 
 #: A search between the corners begins with steps of this share of the volume's half width, and ends
 #: with the last of these; the worst value is flat there, so that it is found to a millionth.
@@ -62,6 +67,16 @@ def states_of(layout: Layout, scale: Any) -> list[Any]:
     """States (8,) over the volume, `scale` times as large, a number or a symbol; mm and rad."""
     states = shares_of_volume(wide_axes(layout)) @ span_of(layout)
     return [[float(value) * scale for value in state] for state in states]
+
+
+def mirror_states(states: Floats, body: MeasuredObject | None, following: Any) -> Floats:
+    """States (..., 8) of the mirror, from states with the displacement of an object in place of the
+    pose.  following: whether the beam follows the mirror, (...) or for all."""
+    if body is None:
+        return states
+    poses = mirror_poses(states[..., :6], body)
+    shift = (poses[..., :2] - states[..., :2]) * np.asarray(following, dtype=float)[..., None]
+    return np.concatenate([poses, states[..., 6:] + shift], axis=-1)
 
 
 def worst_places(

@@ -78,7 +78,8 @@ def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
     if not len(points):
         style.say(panel, "no range")
     panel.autoscale_view()
-    labels = [style.place_label(name) for name in boundary.axes]
+    whose = "" if boundary.object is None else "object: "
+    labels = [whose + style.place_label(name) for name in boundary.axes]
     panel.set(xlabel=labels[0], ylabel=labels[1])
     panel.locator_params(axis="y", nbins=5)
     panel.locator_params(axis="x", nbins=4)

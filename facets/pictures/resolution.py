@@ -94,5 +94,6 @@ def legend(picture: Figure, found: Sequence[Resolution]) -> None:
     ]
     handles.append(Line2D([], [], color=hues.ink, marker="|", ls="", ms=8, mew=1.4))
     made = style.legend_below(picture, handles, [*sources, "at worst in the axis's range"], 4)
-    made.set_title("at rest, marked by the source of most of the variance; "
+    whose = "" if found[0].object is None else "displacement of the object\n"
+    made.set_title(f"{whose}at rest, marked by the source of most of the variance; "
                    "in %: the share of a second", {"size": style.LEAST})  # fmt: skip

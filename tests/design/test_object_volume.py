@@ -1,0 +1,133 @@
+"""Layouts for an object: volume, limits and uncertainties are those of its displacement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import facets
+from facets.core.names import FINE_UNITS
+from facets.design.exploration import MEASURES, designs, measure_design, measure_designs, space_of
+from facets.design.problem import problem_of
+from facets.design.requirement import errors_of, requirement_of
+from facets.design.search import optimize
+from facets.design.trade import ray_states, trade_of
+from facets.design.variables import sensor_of
+from facets.design.verification import compare
+from facets.design.volume import mirror_states, states_of
+
+CONFIG = facets.load("layout")
+TIP = facets.MeasuredObject((0.0, 0.0, 20.0), (0.0, 0.0, 0.5))
+LAYOUT = replace(CONFIG.layout, object=TIP, starts=1)
+FREE = facets.Knowledge()
+
+
+def states_by_quaternions(states: np.ndarray) -> np.ndarray:
+    """Mirror states at displacements of the tip."""
+    own, turn = (Rotation.from_euler("xyz", a) for a in (TIP.orientation, states[:, 3:6]))
+    mirror = own * turn * own.inv()
+    place = np.array(TIP.point) + own.apply(states[:, :3]) - mirror.apply(TIP.point)
+    return np.hstack([place, mirror.as_euler("xyz"), states[:, 6:]])
+
+
+def fine(sensor, states) -> np.ndarray:
+    """Uncertainties of the tip's displacement, um and urad, by the inverse of the whole
+    information and differences of the motion."""
+    step, found = 1e-5, []
+    for state in states:
+        sigma = facets.standard_deviations(sensor, facets.readings(sensor, state))
+        rows = facets.jacobian(sensor, state) / sigma[:, None]
+        covariance = np.linalg.pinv(rows.T @ rows, rcond=1e-18)[:6, :6]
+        ends = [
+            facets.transform(state[:6] + s * step * np.eye(6), TIP, np.zeros(6)).pose
+            for s in (1, -1)
+        ]
+        slopes = (ends[0] - ends[1]).T / (2 * step)
+        found.append(np.sqrt(np.diag(slopes @ covariance @ slopes.T)))
+    return np.array(found) / FINE_UNITS[:6]
+
+
+def test_the_optimum_is_that_of_the_object():
+    found = optimize(CONFIG.sensor, LAYOUT)
+    assert found.best.found
+    volume = states_by_quaternions(np.array(states_of(LAYOUT, 1.0)))
+
+    def worst(sensor):
+        room = facets.margins(sensor, volume)[:, :, :4].min()
+        units = np.array(LAYOUT.unit)
+        return float((fine(sensor, volume) / units).max()), room
+
+    sensor = sensor_of(found.sensor, found.names, found.best.x)
+    largest, room = worst(sensor)
+    assert np.sqrt(found.best.objective) == pytest.approx(largest, rel=1e-3)
+    assert room > -1e-6
+    plain = optimize(CONFIG.sensor, replace(LAYOUT, object=None))
+    other, room = worst(sensor_of(plain.sensor, plain.names, plain.best.x))
+    assert room < 0 or other > largest * 1.001  # the mirror's best layout is not that of the tip
+    table = compare(CONFIG.sensor, sensor, LAYOUT, CONFIG.range, seed=1)
+    rows = dict(zip(table["quantity"].tolist(), table["after"].tolist(), strict=True))
+    sizes = [rows[f"u_{n}"] for n in ("tz_um", "roll_urad", "yaw_urad")]
+    np.testing.assert_allclose(sizes, fine(sensor, volume).max(axis=0)[[2, 3, 5]], rtol=1e-3)
+    np.testing.assert_allclose(table["simulated"][:6], table["after"][:6], rtol=0.05)
+
+
+def test_without_an_object_nothing_changes_and_the_apex_is_the_mirror():
+    apex = replace(LAYOUT, object=facets.MeasuredObject())
+    plain = replace(LAYOUT, object=None)
+    problems = [problem_of(CONFIG.sensor, one) for one in (plain, apex)]
+    start = np.full(5, 0.5)
+    values = [p.values(p.first_guess(p.low + start * (p.high - p.low))) for p in problems]
+    np.testing.assert_allclose(*values, rtol=1e-9, atol=1e-12)
+    states = np.array(states_of(plain, 1.0))
+    assert mirror_states(states, None, False) is states
+    following = mirror_states(states[:5], TIP, True)
+    np.testing.assert_allclose(following[:, 6:] - following[:, :2], states[:5, 6:] - states[:5, :2])
+
+
+def test_errors_of_heads_are_those_of_the_object():
+    """A detector that stands 10 um higher than is thought shifts the tip by its turn, too."""
+    a, b, c = CONFIG.sensor.psds
+    built = replace(CONFIG.sensor, psds=(replace(a, height=a.height + 0.01), b, c))
+    layout = replace(LAYOUT, accuracy=(5.0,) * 6)
+    asked = requirement_of(CONFIG.sensor, layout, drifts=False)
+    errors = errors_of(asked, built, CONFIG.sensor)
+    states = states_by_quaternions(asked.states)
+    solved = facets.solve(CONFIG.sensor, facets.readings(built, states), start=states)
+    poses = facets.transform(solved, TIP).pose
+    right = facets.transform(states, TIP).pose
+    own = Rotation.from_euler("xyz", TIP.orientation)  # displacements are in the tip's axes
+    expected = own.inv().apply((poses - right)[:, :3]) * 1e3
+    np.testing.assert_allclose(errors[:, :3], expected - expected[-1], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_measures_of_designs_and_fronts_are_those_of_the_object():
+    settings = replace(CONFIG, object=TIP, layout=LAYOUT)
+    objectives = ("head_mm", "u_pitch_urad", "range_pitch_mrad")
+    space = space_of(settings, objectives, "sobol", 8, 1)
+    rows = designs(space)
+    why, many, _ = measure_designs(space, rows)
+    good = np.flatnonzero(why == 0)
+    assert len(good) > 1
+    place = MEASURES.index("range_pitch_mrad")
+    for n in good[:2]:
+        _, one = measure_design(space, rows[n])
+        np.testing.assert_allclose(many[n], one, rtol=1e-3)
+        sensor = sensor_of(CONFIG.sensor, space.names, rows[n])
+        rest = fine(sensor, np.zeros((1, 8)))[0]
+        np.testing.assert_allclose(one[7:13], rest, rtol=1e-4)
+        rules = replace(CONFIG.range, object=TIP)
+        ends = facets.axis_ranges(sensor, rules, np.zeros(6))
+        assert one[place] == pytest.approx(1e3 * ends[4].symmetric, rel=1e-3)
+    trade = trade_of(space)
+    halves = {"range_pitch_mrad": np.full((3, 1), 2.0)}  # mrad
+    columns = ray_states(space, trade.problem.states, halves)
+    ends = np.zeros((len(trade.problem.states), 8))
+    ends[:, 4] = trade.problem.states[:, 12] * 2e-3
+    ends += trade.problem.states[:, :8]
+    np.testing.assert_allclose(
+        np.stack(columns, axis=-1)[1], states_by_quaternions(ends), atol=1e-12
+    )
