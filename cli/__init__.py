@@ -49,6 +49,7 @@ COMMANDS = {
     "acquire": "acquire",
     "replay": "replay",
     "noise": "noise",
+    "response": "response",
     "emulate": "emulate",
     "render": "render",
     "export-c": "export_c",

@@ -19,6 +19,7 @@ EXTRAS = {
     "plotly": "pages",
     "pylablib": "thorlabs",
     "pylsl": "lsl",
+    "pyuff": "uff",
     "pyvista": "scenes",
 }
 

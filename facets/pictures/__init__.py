@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from . import render as render
     from . import report_page as report_page
     from . import resolution as resolution
+    from . import response as response
     from . import singularity as singularity
     from . import spots as spots
     from . import style as style

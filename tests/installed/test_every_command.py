@@ -37,6 +37,9 @@ FILES = {
         stage: {stale_ms: 500, resume: auto}
         motions:
           rest: {kind: sine, amplitude: {tx_mm: 0}, samples: 1000, rate_hz: 100}
+          shaken:
+            kind: vibration
+            modes: {bounce: {frequency_hz: 60, damping_percent: 3, per_newton: {tz_um: 20}}}
         """,
 }
 
@@ -48,6 +51,9 @@ CHAINS = {
         simulate rig --motion calibration --with-reference -d 'a rig'
         calibrate paper 'a rig/readings.csv' -o 'a rig/calibrated.yaml'
         solve 'a rig/calibrated.yaml' 'a rig/readings.csv' -o 'a rig/poses by it.csv' --beam known
+        simulate 'my bench.yaml' --motion shaken -d 'a vibration'
+        response 'a vibration/poses.csv' --config 'my bench.yaml' --input force_n
+          -d 'a response' --uff 'a body.uff'
         simulate 'my bench.yaml' --motion rest -d 'a stop'
         rezero 'a rig/calibrated.yaml' 'a stop/readings.csv' 'a stop/readings.csv' -o 'a zero.yaml'
         """,

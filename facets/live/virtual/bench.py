@@ -40,6 +40,8 @@ FEWEST = 10
 #: away from samples that come late and from a stage that is not answered: the circle of the shipped
 #: bench goes on by 0.03 mm, a tenth of the range in which there are poses.
 MAX_ADVANCE_S = 0.005
+#: Column of the auxiliary channel that shows the force of a shaker, N.
+FORCE_COLUMN = "force_n"
 #: The bench reports that its clock stood still if it did so for at least this time, s.
 REPORTED_SLIP_S = 0.05
 
@@ -90,6 +92,7 @@ class Bench:
             raise OutputError(
                 f"{folder}: is not a folder that can be written in: {error.strerror}"
             ) from None
+        signals = {**self.shaker_signals(), **(signals or {})}
         self.board = Board(
             config, rate, self.schedule, self.count, folder / "board", firmware, signals
         )
@@ -97,6 +100,12 @@ class Bench:
         self.is_enabled = False
         self.cost = 1e-5
         self.last = 0.0
+
+    def shaker_signals(self) -> dict[str, Signal]:
+        """The force of a shaker by the name of its auxiliary channel, if there are both."""
+        force = self.mirror.force
+        names = [one.name for one in self.config.acquire.channels if one.column == FORCE_COLUMN]
+        return {name: lambda time_, _: force(time_) for name in names if self.mirror.is_shaken}
 
     def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
         """For so many seconds; ends quietly on ^C. tell: called each round."""

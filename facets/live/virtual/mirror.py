@@ -24,17 +24,18 @@ class Mirror:
     """The truth: where the mirror is at any time, going through a motion again and again.
 
     It stands at the motion's beginning until `begin` (s), then comes to speed within RAMP_S.
-    forces: (n, 1) of a vibration's shaker at the motion's times, N; None for other motions.
+    forces: (n, 1) of a vibration's shaker at the motion's times, N; 0 without one.
     """
 
     def __init__(self, config: Config, name: str, seed: int) -> None:
         self.sensor = config.sensor
         motion, rng = find_motion(config, name), np.random.default_rng(seed)
         force = shaker_force(motion, rng)
-        self.forces = None if force is None else force[:, None]
-        #: A shaken body follows its force; a mirror that is moved comes to speed.
-        self.ramp = RAMP_S if force is None else 0.0
         times, self.states = states(motion, rng)
+        self.forces = np.zeros((len(times), 1)) if force is None else force[:, None]
+        self.is_shaken = force is not None
+        #: A shaken body follows its force; a mirror that is moved comes to speed.
+        self.ramp = 0.0 if self.is_shaken else RAMP_S
         self.times = times - times[0]
         step = self.times[-1] / (len(times) - 1) if len(times) > 1 else 1.0
         self.period = float(self.times[-1] + step)
@@ -52,9 +53,10 @@ class Mirror:
         """States (n, 8) at times (n,), s."""
         return self.between(time_, self.states)
 
-    def force(self, time_: Floats) -> Floats | None:
-        """Force (n,) of the shaker at times (n,), s, in N; None without a shaker."""
-        return None if self.forces is None else self.between(time_, self.forces)[:, 0]
+    def force(self, time_: Floats) -> Floats:
+        """Force (n,) of the shaker at times (n,), s, in N; 0 without a shaker."""
+        found: Floats = self.between(time_, self.forces)[:, 0]
+        return found
 
     def between(self, time_: Floats, nodes: Floats) -> Floats:
         """What is `nodes` (m, d) at the times of the motion, at any times (n,), s: (n, d)."""

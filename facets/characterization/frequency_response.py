@@ -1,0 +1,317 @@
+"""Estimate frequency response functions from a measured input and measured motions (Welch).
+
+With G the one-sided auto- and cross-spectral densities of the input x and an output y, averaged
+over overlapping segments under a Hann window,
+
+    H1 = G_xy / G_xx,   H2 = G_yy / G_yx,   coherence = |G_xy|^2 / (G_xx G_yy).
+
+Noise of the output leaves H1 unbiased and makes H2 too large; noise of the input makes H1 too
+small. The random error of |H| (Bendat and Piersol, Random Data, 4th edition, section 9.2) is
+
+    sigma(|H|) / |H| = sqrt((1 - coherence) / (2 coherence n)),
+
+n averages; the phase has as much in rad. Here n - 1 stands for n, because the incoherent part of
+the output is itself estimated from n averages and the input's line takes one of them. Overlapping
+segments share samples: n is the number of independent segments with the same variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import ANGLES, FINE_UNITS, POSE
+from ..core.units import Booleans, Floats, Integers
+
+Complexes = NDArray[np.complex128]
+#: Averages that the default segment length aims at, and the fewest that it accepts.
+DEFAULT_AVERAGES, FEWEST_AVERAGES = 32.0, 8.0
+#: Shortest segment, samples.
+MIN_SEGMENT_SAMPLES = 64
+#: Lowest lines left out: removing each segment's straight line changes them.
+SKIPPED_LINES = 2
+#: A step of the time that differs from the usual one by more than this share is a gap or a repeat.
+STEP_TOLERANCE = 0.5
+#: The times are uneven if the steps scatter by more than this share of a step.
+LARGEST_JITTER = 0.1
+#: The input does not excite a line if its density is below this share of the largest.
+EXCITED_SHARE = 1e-4
+#: Segments that are transformed at once.
+SEGMENTS_AT_ONCE = 64
+
+
+class Stretches(NamedTuple):
+    """Evenly spaced samples without a gap.
+
+    rate: Hz.  starts, stops: (k,) rows of each stretch.  span: samples from the first to the last
+    with those that are missing.  unsolved: rows without a number.
+    """
+
+    rate: float
+    starts: Integers
+    stops: Integers
+    span: int
+    unsolved: int
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Responses of d outputs to one input at m frequencies.
+
+    frequency: (m,) Hz.  h1, h2: (m, d) complex, output's unit per input's unit.  coherence: (m, d).
+    input_density: (m,), output_density: (m, d), unit^2/Hz.  noise_density: (m, d) of the outputs'
+    own noise, NaN where not known.  averages: number of independent averages.  segments: number
+    of segments.  left_out: segments that a gap prevented.  resolution: distance of lines, Hz.
+    is_corrected: whether the electronics' low pass is divided out.
+    """
+
+    frequency: Floats
+    h1: Complexes
+    h2: Complexes
+    coherence: Floats
+    input_density: Floats
+    output_density: Floats
+    noise_density: Floats
+    rate: float
+    averages: float
+    segments: int
+    left_out: int
+    resolution: float
+    is_corrected: bool = False
+
+    @property
+    def random_error(self) -> Floats:
+        """Relative standard uncertainty of |H| (m, d), which is also that of the phase in rad."""
+        error: Floats = np.sqrt((1 - self.coherence) / (self.coherence * self.freedom))
+        return error
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the random error."""
+        return 2 * (self.averages - 1)
+
+    @property
+    def uncertainty(self) -> Floats:
+        """Standard uncertainty of |H1| (m, d)."""
+        size: Floats = np.abs(self.h1) * self.random_error
+        return size
+
+    @property
+    def coverage_factor(self) -> float:
+        """Factor of the standard uncertainty for an interval of 95 %, by Student's distribution."""
+        from scipy.stats import t
+
+        return float(t.ppf(0.975, self.freedom))
+
+    @property
+    def noise_floor(self) -> Floats:
+        """|H1| (m, d) that the outputs' own noise alone gives, root mean square."""
+        floor: Floats = np.sqrt(self.noise_density / self.input_density[:, None] / self.averages)
+        return floor
+
+    @property
+    def significant_coherence(self) -> float:
+        """The coherence that an output without any relation to the input exceeds in 0.1 % of the
+        lines."""
+        return float(1 - 0.001 ** (1 / max(self.averages - 1, 1e-9)))
+
+    @property
+    def is_excited(self) -> Booleans:
+        """Lines (m,) at which the input has power."""
+        found: Booleans = self.input_density >= EXCITED_SHARE * self.input_density.max()
+        return found
+
+
+def find_stretches(time: Floats, usable: Booleans, name: str) -> Stretches:
+    """Find the stretches of rows (n,) without a gap.
+
+    time: (n,) s.  usable: (n,) whether a row has all numbers.  name: for messages. Raises
+    `InputError` for times that do not ascend or are uneven.
+    """
+    if len(time) < 2 * MIN_SEGMENT_SAMPLES or usable.sum() < 2 * MIN_SEGMENT_SAMPLES:
+        raise InputError(
+            f"{name}: has {int(usable.sum())} rows with a pose and an input, too few for a "
+            f"frequency response; allowed: {2 * MIN_SEGMENT_SAMPLES} or more"
+        )
+    steps = np.diff(time)
+    if not (steps > 0).all():
+        row = int(np.flatnonzero(~(steps > 0))[0])
+        raise InputError(
+            f"{name}: the time does not ascend after row {row + 1} ({time[row]:.9g} s); sort the "
+            "rows, and remove repeated ones"
+        )
+    usual = float(np.median(steps))
+    even = np.abs(steps / usual - 1) <= STEP_TOLERANCE
+    step = float(steps[even].mean())
+    jitter = float(steps[even].std() / step)
+    if jitter > LARGEST_JITTER or even.mean() < 0.5:
+        raise InputError(
+            f"{name}: the rows are not evenly spaced in time (the steps scatter by "
+            f"{100 * (jitter if even.mean() >= 0.5 else np.std(steps) / usual):.0f} %); resample "
+            "the table at equal steps, or give the recording"
+        )
+    joined = even & usable[1:] & usable[:-1]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
+    span = round((time[-1] - time[0]) / step) + 1
+    return Stretches(1 / step, edges[::2], edges[1::2] + 1, span, int((~usable).sum()))
+
+
+def segment_starts(stretches: Stretches, length: int) -> list[Integers]:
+    """First rows of half-overlapping segments, by stretch."""
+    hop = length // 2
+    return [
+        start + hop * np.arange((stop - start - length) // hop + 1)
+        for start, stop in zip(stretches.starts, stretches.stops, strict=True)
+        if stop - start >= length
+    ]
+
+
+def count_averages(starts: Sequence[Integers], window: Floats) -> float:
+    """Number of independent averages of overlapping segments (Welch 1967)."""
+    hop = len(window) // 2
+    products = [float(window[: len(window) - n * hop] @ window[n * hop :]) for n in (1, 2)]
+    shares = [(one / float(window @ window)) ** 2 for one in products]
+    count = sum(len(one) for one in starts)
+    pairs = sum(
+        2 * share * max(len(one) - n, 0) for one in starts for n, share in enumerate(shares, 1)
+    )
+    return count**2 / (count + pairs) if count else 0.0
+
+
+def choose_length(stretches: Stretches) -> int:
+    """Segment length, samples, that gives about `DEFAULT_AVERAGES`; shorter if gaps need it."""
+    from scipy.fft import next_fast_len
+    from scipy.signal import get_window
+
+    usable = int((stretches.stops - stretches.starts).sum())
+    length = int(2 * usable / (DEFAULT_AVERAGES + 1))
+    while length > MIN_SEGMENT_SAMPLES:
+        length = max(int(next_fast_len(int(length), real=True)), MIN_SEGMENT_SAMPLES)
+        count = count_averages(segment_starts(stretches, length), get_window("hann", length))
+        if count >= DEFAULT_AVERAGES / 2:
+            return length
+        length = length * 3 // 4
+    return MIN_SEGMENT_SAMPLES
+
+
+def noise_spectrum(frequency: Floats, deviation: Floats, rate: float, bandwidth: float) -> Floats:
+    """One-sided density (m, d) of sampled noise of standard deviations (d,) at frequencies (m,).
+
+    White noise behind a low pass of the first order with the corner `bandwidth` (Hz), sampled at
+    the rate; aliases included. It is white if the corner is far above the rate.
+    """
+    memory = np.exp(-2 * np.pi * bandwidth / rate)
+    shape = (1 - memory**2) / (1 - 2 * memory * np.cos(2 * np.pi * frequency / rate) + memory**2)
+    density: Floats = 2 / rate * shape[:, None] * deviation**2
+    return density
+
+
+def low_pass(frequency: Floats, bandwidth: float) -> Complexes:
+    """Transmission (m,) of a low pass of the first order at frequencies (m,), Hz."""
+    return np.asarray(1 / (1 + 1j * frequency / bandwidth))
+
+
+def estimate_response(
+    stimulus: Floats,
+    outputs: Floats,
+    stretches: Stretches,
+    resolution: float | None = None,
+    deviation: Floats | None = None,
+    bandwidth: float = np.inf,
+    correct: bool = False,
+    delay: float = 0.0,
+) -> FrequencyResponse:
+    """Estimate the responses of outputs (n, d) to a stimulus (n,), by rows of `stretches`.
+
+    resolution: distance of lines, Hz; chosen for about 32 averages if None.  deviation: (d,)
+    standard deviations of the outputs' own noise in one sample.  bandwidth: of the electronics, Hz.
+    correct: whether to divide by the transmission of their low pass.  delay: from the instant of an
+    output's sample to that of the stimulus, s, which is corrected. Raises `InputError` if there
+    are not two averages.
+    """
+    from scipy.signal import get_window
+
+    rate = stretches.rate
+    length = choose_length(stretches) if resolution is None else round(rate / resolution)
+    if length < MIN_SEGMENT_SAMPLES:
+        raise InputError(
+            f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
+            f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
+        )
+    window, starts = get_window("hann", length), segment_starts(stretches, length)
+    averages = count_averages(starts, window)
+    if averages < 2:
+        longest = int((stretches.stops - stretches.starts).max(initial=0))
+        raise InputError(
+            f"there are {averages:.3g} averages of segments of {length / rate:.4g} s, too few for "
+            f"a coherence (the longest part without a gap has {longest / rate:.4g} s); allowed: 2 "
+            "or more. Record for longer, or give a larger --resolution-hz"
+        )
+    densities = average_spectra(stimulus, outputs, np.concatenate(starts), window, rate)
+    frequency, g_xx, g_xy, g_yy = (one[SKIPPED_LINES:] for one in densities)
+    if np.ptp(stimulus[np.isfinite(stimulus)]) == 0:
+        raise InputError("the input does not change; name the column of a changing input")
+    factor = np.exp(2j * np.pi * frequency * delay)[:, None]
+    if correct:
+        factor = factor / low_pass(frequency, bandwidth)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        h1, h2 = factor * g_xy / g_xx[:, None], factor * g_yy / np.conj(g_xy)
+        coherence = np.clip(np.abs(g_xy) ** 2 / (g_xx[:, None] * g_yy), 0.0, 1.0)
+    noise = np.full(g_yy.shape[1], np.nan) if deviation is None else deviation
+    density = noise_spectrum(frequency, noise, rate, bandwidth) * np.abs(factor) ** 2
+    segments = sum(len(one) for one in starts)
+    possible = max(0, (stretches.span - length) // (length // 2) + 1)
+    return FrequencyResponse(
+        frequency, h1, h2, coherence, g_xx, g_yy, density, rate, averages, segments,
+        max(0, possible - segments), rate / length, correct,
+    )  # fmt: skip
+
+
+def average_spectra(
+    stimulus: Floats, outputs: Floats, starts: Integers, window: Floats, rate: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Frequencies (m,) and averaged densities: of the stimulus (m,), of the stimulus and each
+    output (m, d), and of the outputs (m, d)."""
+    from scipy.signal import csd, welch
+
+    rows = np.arange(len(window))
+    options = {"window": window, "nperseg": len(window), "noverlap": 0, "detrend": "linear"}
+    sums: list[Floats] | None = None
+    frequency = np.zeros(0)
+    for part in np.array_split(starts, -(-len(starts) // SEGMENTS_AT_ONCE)):
+        x = stimulus[part[:, None] + rows]
+        y = np.moveaxis(outputs[part[:, None] + rows], -1, 0)
+        frequency, g_xx = welch(x, rate, **options)
+        found = [g_xx, csd(x, y, rate, **options)[1], welch(y, rate, **options)[1]]
+        found = [one.sum(axis=-2) for one in found]
+        sums = found if sums is None else [a + b for a, b in zip(sums, found, strict=True)]
+    assert sums is not None
+    means = [one / len(starts) for one in sums]
+    return frequency, means[0], means[1].T, means[2].T
+
+
+def response_table(response: FrequencyResponse) -> dict[str, Floats]:
+    """The responses as columns: um and urad per unit of the input, a row for each frequency."""
+    columns: dict[str, Floats] = {
+        "frequency_hz": response.frequency,
+        "input_density": response.input_density,
+        "excited": response.is_excited.astype(np.float64),
+    }
+    for n, axis in enumerate(POSE):
+        fine = "urad" if axis in ANGLES else "um"
+        scale = 1 / FINE_UNITS[n]
+        columns |= {
+            f"h1_{axis}_real_{fine}": scale * response.h1[:, n].real,
+            f"h1_{axis}_imag_{fine}": scale * response.h1[:, n].imag,
+            f"h2_{axis}_real_{fine}": scale * response.h2[:, n].real,
+            f"h2_{axis}_imag_{fine}": scale * response.h2[:, n].imag,
+            f"u_h1_{axis}_{fine}": scale * response.uncertainty[:, n],
+            f"coherence_{axis}": response.coherence[:, n],
+            f"noise_{axis}_{fine}": scale * response.noise_floor[:, n],
+        }
+    return columns

@@ -1,0 +1,96 @@
+"""The input and the motion of an object from a recording's or a table's columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import STATE_COLUMNS, STATE_UNITS
+from ..core.rigid_body import MeasuredObject, object_displacements
+from ..core.units import Booleans, Floats
+from ..detectors.counts import SATURATED
+from ..estimation.plan import make_plan
+from ..estimation.uncertainty_parts import propagate
+from ..files.tables import read_chunks
+from .frequency_response import Stretches, find_stretches
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+Columns = dict[str, NDArray[Any]]
+#: Columns of a time, and one unit of each in s.
+TIMES = {"time_s": 1.0, "board_us": 1e-6}
+
+
+@dataclass(frozen=True)
+class ResponseSignals:
+    """Signals of n rows for a frequency response.
+
+    stimulus: (n,) the input.  motion: (n, 6) displacement of the object from its mean pose, in its
+    own axes there, mm and rad.  usable: (n,) whether a row has both.  deviation: (6,) standard
+    deviation of the motion by the sensor's noise in one sample; None if not known.  saturated:
+    number of rows with a saturated detector.
+    """
+
+    stimulus: Floats
+    motion: Floats
+    usable: Booleans
+    stretches: Stretches
+    deviation: Floats | None
+    saturated: int
+
+
+def read_signal_table(path: Path, column: str) -> Columns:
+    """Read the columns of a table that a frequency response needs.
+
+    Raises `InputError` without a column of times, of a pose or of the input.
+    """
+    optional = (*TIMES, *STATE_COLUMNS[6:], "flags")
+    parts = [chunk.columns for chunk in
+             read_chunks(path, (column, *STATE_COLUMNS[:6]), optional)]  # fmt: skip
+    if not parts:
+        raise InputError(f"{path}: no rows")
+    if not any(name in parts[0] for name in TIMES):
+        raise InputError(f"{path}: missing columns: {' or '.join(TIMES)}")
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def build_signals(
+    columns: Columns, column: str, body: MeasuredObject, config: Config, name: str
+) -> ResponseSignals:
+    """Build the signals from columns of poses, times and the input.
+
+    body: the point of interest.  config: of the sensor, for its noise.  name: for messages.
+    """
+    unit = next(one for one in TIMES if one in columns)
+    time = TIMES[unit] * columns[unit].astype(float)
+    poses = np.stack(
+        [columns[one] * STATE_UNITS[n] for n, one in enumerate(STATE_COLUMNS[:6])], axis=1
+    )
+    stimulus = columns[column].astype(float)
+    usable = np.isfinite(poses).all(axis=1) & np.isfinite(stimulus)
+    stretches = find_stretches(time, usable, name)
+    mean = poses[usable].mean(axis=0)
+    motion, _, _ = object_displacements(poses, mean, body)
+    beam = [columns[one][usable].mean() if one in columns else 0.0 for one in STATE_COLUMNS[6:]]
+    deviation = noise_deviation(config, np.array([*mean, *beam]), body)
+    flags = columns.get("flags", np.zeros(len(time)))
+    saturated = int((flags.astype(np.int64) & SATURATED > 0).sum())
+    return ResponseSignals(stimulus, motion, usable, stretches, deviation, saturated)
+
+
+def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floats | None:
+    """Standard deviation (6,) of an object's displacement by the readings' noise in one sample at a
+    state (8,); None where the sensor does not determine the pose."""
+    sensor = config.sensor
+    plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
+    used = np.ones((1, 3), bool)
+    found = propagate(sensor, None, state[None], used, plan.free, plan.weights)
+    slopes = object_displacements(state[None, :6], state[:6], body)[1][0]
+    variance = np.diagonal(slopes @ found.noise[0, :6, :6] @ slopes.T)
+    return np.sqrt(variance) if np.isfinite(variance).all() else None

@@ -1,0 +1,147 @@
+"""Write frequency response functions as a universal file (UFF) for programs of modal analysis.
+
+Dataset 151 is the header, 164 the units (SI), 15 the node, and dataset 58, "function at nodal
+degree of freedom", is there for each response (function type 4) and each coherence (type 6).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.extras import require_extra
+from ..core.names import ANGLES, POSE
+from ..files.whole import Whole
+from .frequency_response import FrequencyResponse
+
+#: Types of data in a universal file.
+FREQUENCY, DISPLACEMENT, ACCELERATION, FORCE, UNKNOWN = 18, 8, 12, 13, 0
+FRF, COHERENCE = 4, 6
+#: By the ending of the input's column: its type, its SI unit, and one of it in that unit.
+INPUTS = {
+    "n": (FORCE, "N", 1.0), "mn": (FORCE, "N", 1e-3), "kn": (FORCE, "N", 1e3),
+    "m_s2": (ACCELERATION, "m/s^2", 1.0), "mm_s2": (ACCELERATION, "m/s^2", 1e-3),
+    "n_m": (FORCE, "N m", 1.0),
+}  # fmt: skip
+#: Directions by axis: translations 1 to 3, rotations 4 to 6.
+DIRECTIONS = {name: n for n, name in enumerate(POSE, 1)}
+#: Largest node number that all readers accept.
+LARGEST_NODE = 9_999_999
+
+
+def input_type(column: str) -> tuple[int, str, float]:
+    """Type of an input's column by the unit at its end: code, SI unit, and factor to that."""
+    words = column.lower().split("_")
+    endings = ("_".join(words[n:]) for n in range(1, len(words)))
+    return next((INPUTS[one] for one in endings if one in INPUTS), (UNKNOWN, "NONE", 1.0))
+
+
+def read_input_dof(text: str) -> tuple[int, int]:
+    """Read "2:-tz" as the node and the direction (6: +Z rotation, -3: -Z translation)."""
+    found = re.fullmatch(rf"(\d{{1,7}}):([+-]?)({'|'.join(POSE)})", text.strip())
+    if found is None:
+        raise InputError(
+            f"--input-dof is {text!r}; allowed: NODE:AXIS with AXIS one of {', '.join(POSE)}, "
+            "with a minus sign for the opposite direction, such as 2:-tz"
+        )
+    node, sign, axis = found.groups()
+    return int(node), DIRECTIONS[axis] * (-1 if sign == "-" else 1)
+
+
+def write_universal_file(
+    path: Path,
+    response: FrequencyResponse,
+    column: str,
+    node: int,
+    input_dof: tuple[int, int],
+    point: Sequence[float],
+    about: Mapping[str, str],
+) -> None:
+    """Write responses of the pose to the input of a table's column.
+
+    node: number of the point of interest, `point` (3,) mm.  input_dof: node and direction of the
+    input; 0, 0 if not known.  about: provenance.
+    """
+    pyuff = require_extra("pyuff", f"--uff {path}")
+    sets = [*head_sets(node, point, about)]
+    for function in (FRF, COHERENCE):
+        sets += [
+            function_set(response, axis, function, column, node, input_dof, about) for axis in POSE
+        ]
+    with Whole(path) as temporary:
+        pyuff.UFF(str(temporary)).write_sets(sets, "overwrite")
+
+
+def head_sets(node: int, point: Sequence[float], about: Mapping[str, str]) -> list[dict[str, Any]]:
+    """The header, the units and the node."""
+    made = about.get("made", "")
+    date, _, time = made.partition("T")
+    header = {
+        "type": 151, "model_name": about.get("config", "NONE")[:80], "description": "facets",
+        "db_app": f"facets {about.get('facets', '')}", "date_db_created": date[2:] or "NONE",
+        "time_db_created": time[:8] or "NONE", "version_db1": 0, "version_db2": 0, "file_type": 0,
+        "date_db_saved": date[2:] or "NONE", "time_db_saved": time[:8] or "NONE",
+        "program": "facets", "date_db_written": date[2:] or "NONE",
+        "time_db_written": time[:8] or "NONE",
+    }  # fmt: skip
+    units = {
+        "type": 164, "units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 1,
+        "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15,
+    }  # fmt: skip
+    x, y, z = (np.array([1e-3 * value]) for value in point)
+    places = {
+        "type": 15, "node_nums": np.array([node]), "def_cs": np.array([0]),
+        "disp_cs": np.array([0]), "color": np.array([11]), "x": x, "y": y, "z": z,
+    }  # fmt: skip
+    return [header, units, places]
+
+
+def function_set(
+    response: FrequencyResponse,
+    axis: str,
+    function: int,
+    column: str,
+    node: int,
+    input_dof: tuple[int, int],
+    about: Mapping[str, str],
+) -> dict[str, Any]:
+    """Dataset 58 of one axis: its response in m or rad per SI unit of the input, or its coherence.
+
+    Lines from 0 Hz on, as methods by inverse transforms need them; those below the first one that
+    is estimated are zero.
+    """
+    kind, unit, scale = input_type(column)
+    n, step = POSE.index(axis), response.resolution
+    below = round(float(response.frequency[0]) / step)
+    length = 1.0 if axis in ANGLES else 1e-3
+    values = response.coherence[:, n] if function == COHERENCE else (
+        response.h1[:, n] * length / scale
+    )  # fmt: skip
+    known = np.nan_to_num(values)
+    data = np.concatenate([np.zeros(below, known.dtype), known])
+    words = "Coherence" if function == COHERENCE else "Frequency response function H1"
+    return {
+        "type": 58, "binary": 0, "func_type": function,
+        "id1": f"{words} of {axis} by {column}"[:80],
+        "id2": f"{response.averages:.1f} averages, Hann window, {step:.6g} Hz; facets"[:80],
+        "id3": about.get("made", "NONE")[:80],
+        "id4": about.get("config", "NONE")[:80],
+        "id5": f"Not estimated below {response.frequency[0]:.6g} Hz, where it stands as zero"[:80],
+        "rsp_ent_name": "NONE", "rsp_node": node, "rsp_dir": DIRECTIONS[axis],
+        "ref_ent_name": "NONE", "ref_node": input_dof[0], "ref_dir": input_dof[1],
+        "abscissa_spacing": 1, "abscissa_spec_data_type": FREQUENCY,
+        "abscissa_axis_lab": "Frequency", "abscissa_axis_units_lab": "Hz",
+        "ordinate_spec_data_type": DISPLACEMENT if function == FRF else UNKNOWN,
+        "ordinate_axis_lab": axis, "ordinate_axis_units_lab":
+            "NONE" if function == COHERENCE else "rad" if axis in ANGLES else "m",
+        "orddenom_spec_data_type": kind if function == FRF else UNKNOWN,
+        "orddenom_axis_lab": column[:20],
+        "orddenom_axis_units_lab": unit if function == FRF else "NONE",
+        "z_axis_spec_data_type": UNKNOWN,
+        "x": step * np.arange(len(data)), "data": data,
+    }  # fmt: skip

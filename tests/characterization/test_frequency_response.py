@@ -1,0 +1,198 @@
+"""Responses of known systems, and their random errors."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from facets import InputError
+from facets.characterization.frequency_response import (
+    count_averages,
+    estimate_response,
+    find_stretches,
+    low_pass,
+    noise_spectrum,
+    response_table,
+    segment_starts,
+)
+from facets.core.motions import Mode, Vibration
+from facets.simulation.vibration import receptance, shake
+
+RATE = 1000.0
+BODY = Vibration(
+    {
+        "bounce": Mode(80.0, 0.03, (0.0, 0.0, 0.02, 0.0, 1e-5, 0.0)),
+        "rock": Mode(150.0, 0.02, (0.01, 0.0, 0.0, 0.0, 4e-5, 0.0)),
+    },
+    low=2.0,
+    samples=60_000,
+    rate=RATE,
+)
+AXES = [0, 2, 4]
+NOISE = np.array([0.004, 0.004, 4e-6])
+
+
+def even(count, usable=None):
+    every = np.ones(count, bool) if usable is None else usable
+    return find_stretches(np.arange(count) / RATE, every, "it")
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    rng = np.random.default_rng(3)
+    force, moved = shake(BODY, rng)
+    return force, moved[:, AXES] + NOISE * rng.standard_normal((BODY.samples, 3))
+
+
+def test_the_receptance_lies_within_its_random_error_in_95_percent_of_the_lines(shaken):
+    found = estimate_response(*shaken, even(BODY.samples), 0.5, NOISE)
+    true = receptance(BODY, found.frequency)[:, AXES]
+    lines = found.is_excited & (found.coherence.min(axis=1) > 0.05)
+    apart = np.abs(np.abs(found.h1) - np.abs(true)) / found.uncertainty
+    share = (apart[lines] < found.coverage_factor).mean()
+    assert lines.sum() > 500
+    assert 0.93 < share < 0.97
+    phase = np.angle(found.h1 / true) / found.random_error
+    clear = lines[:, None] & (found.random_error < 0.2)
+    assert 0.93 < (np.abs(phase[clear]) < found.coverage_factor).mean() < 0.97
+
+
+def test_noise_of_the_output_leaves_h1_and_raises_h2(shaken):
+    found = estimate_response(*shaken, even(BODY.samples), 2.0, NOISE)
+    true = receptance(BODY, found.frequency)[:, AXES]
+    lines = found.is_excited & (np.abs(found.frequency - 300) < 90)
+    ratio = (found.h1 / true)[lines].mean(axis=0)
+    assert np.abs(ratio - 1).max() < 0.05
+    assert found.h2 * found.coherence == pytest.approx(found.h1)
+    noisy = found.noise_density / found.output_density
+    assert found.coherence[lines].mean() == pytest.approx(1 - noisy[lines].mean(), abs=0.02)
+
+
+def test_noise_of_the_input_lowers_h1_by_its_share(shaken):
+    force, moved = shaken
+    rng = np.random.default_rng(5)
+    spoilt = force + 0.5 * rng.standard_normal(len(force))
+    found = estimate_response(spoilt, moved, even(len(force)), 2.0)
+    true = receptance(BODY, found.frequency)[:, AXES]
+    lines = (found.frequency > 20) & (found.frequency < 60)
+    signal_density = 1.0 / (0.4 * RATE - 2.0)
+    expected = 1 / (1 + 2 * 0.5**2 / RATE / signal_density)
+    ratio = (found.h1[:, 1:] / true[:, 1:])[lines].mean()
+    assert ratio.real == pytest.approx(expected, rel=0.02)
+
+
+def test_the_noise_floor_is_what_noise_alone_gives(shaken):
+    rng = np.random.default_rng(8)
+    noise = NOISE * rng.standard_normal((BODY.samples, 3))
+    found = estimate_response(shaken[0], noise, even(BODY.samples), 0.5, NOISE)
+    lines = found.is_excited
+    ratio = np.abs(found.h1[lines]) / found.noise_floor[lines]
+    assert np.sqrt((ratio**2).mean(axis=0)) == pytest.approx([1, 1, 1], rel=0.05)
+    assert (found.coherence[lines] > found.significant_coherence).mean() < 0.004
+
+
+def test_segments_across_a_gap_are_left_out(shaken):
+    """The rest is averaged as from separate records."""
+    force, moved = shaken
+    count, length = 20_000, 1000
+    usable = np.ones(count, bool)
+    usable[7300] = False  # a row without a pose
+    time = np.arange(count) / RATE
+    kept = np.ones(count, bool)
+    kept[12_000:12_400] = False  # lost samples
+    x, y = force[:count][kept], moved[:count][kept]
+    stretches = find_stretches(time[kept], usable[kept], "it")
+    assert stretches.starts.tolist() == [0, 7301, 12_000]
+    assert stretches.stops.tolist() == [7300, 12_000, 19_600]
+    assert (stretches.span, stretches.unsolved) == (count, 1)
+    found = estimate_response(x, y, stretches, RATE / length)
+    parts, weights = [], []
+    for start, stop in zip(stretches.starts, stretches.stops, strict=True):
+        options = {"nperseg": length, "detrend": "linear", "window": "hann"}
+        cross = signal.csd(x[start:stop], y[start:stop, 1], RATE, **options)[1]
+        own = signal.welch(x[start:stop], RATE, **options)[1]
+        parts.append((cross, own))
+        weights.append((stop - start - length) // (length // 2) + 1)
+    cross, own = (np.average([p[n] for p in parts], axis=0, weights=weights) for n in (0, 1))
+    assert found.h1[:, 1] == pytest.approx((cross / own)[2:], rel=1e-9)
+    assert (found.segments, found.left_out) == (sum(weights), 39 - sum(weights))
+
+
+def test_overlapping_segments_count_as_independent_ones_of_the_same_variance():
+    rng = np.random.default_rng(4)
+    length, count = 64, 64 * 12
+    window = signal.get_window("hann", length)
+    starts = segment_starts(even(count), length)
+    noise = rng.standard_normal((3000, count))
+    power = signal.welch(noise, window="hann", nperseg=length, detrend=False)[1][:, 10]
+    independent = (power.mean() / power.std()) ** 2
+    assert count_averages(starts, window) == pytest.approx(independent, rel=0.06)
+
+
+def test_noise_behind_a_low_pass_keeps_its_variance():
+    """Noise sampled behind a low pass is an autoregressive process of the first order."""
+    frequency = np.linspace(0, RATE / 2, 2001)
+    found = noise_spectrum(frequency, np.array([2.0]), RATE, 60.0)[:, 0]
+    assert np.trapezoid(found, frequency) == pytest.approx(4.0, rel=1e-3)
+    memory = np.exp(-2 * np.pi * 60.0 / RATE)
+    rng = np.random.default_rng(6)
+    steps = 2.0 * np.sqrt(1 - memory**2) * rng.standard_normal(400_000)
+    series = signal.lfilter([1], [1, -memory], steps)
+    lines, power = signal.welch(series, RATE, nperseg=400)
+    middle = (lines > 10) & (lines < 450)
+    expected = np.interp(lines[middle], frequency, found)
+    assert power[middle] == pytest.approx(expected, rel=0.2)
+
+
+def test_the_low_pass_and_a_late_input_are_corrected(shaken):
+    force, _ = shaken
+    frequency = np.fft.rfftfreq(len(force), 1 / RATE)
+    delay, bandwidth = 0.4e-3, 150.0
+    turned = np.exp(2j * np.pi * frequency * delay)  # sampled later than the motion
+    late = np.fft.irfft(np.fft.rfft(force) * turned, len(force))
+    slow = np.fft.irfft(np.fft.rfft(force) * low_pass(frequency, bandwidth), len(force))
+    noise = np.array([1e-3])
+    plain = estimate_response(late, slow[:, None], even(len(force)), 2.0, noise, bandwidth)
+    right = estimate_response(
+        late, slow[:, None], even(len(force)), 2.0, noise, bandwidth, True, delay
+    )
+    lines = plain.is_excited
+    assert right.h1[lines, 0] == pytest.approx(np.ones(lines.sum()), abs=0.03)
+    assert np.abs(plain.h1[lines, 0]).min() < 0.5
+    assert right.noise_floor[lines] == pytest.approx(
+        plain.noise_floor[lines] / np.abs(low_pass(plain.frequency, bandwidth))[lines, None]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t, u: (np.where(t == 0.5, 0.2, t), u), "the time does not ascend after row 500"),
+        (lambda t, u: (t**2 + t, u), "not evenly spaced in time"),
+        (lambda t, u: (t, u & (t < 0.05)), "has 50 rows with a pose and an input, too few"),
+    ],
+)
+def test_times_that_have_no_spectrum_are_refused(change, words):
+    time = np.arange(1000) / RATE
+    with pytest.raises(InputError, match=words):
+        find_stretches(*change(time, np.ones(1000, bool)), "it.csv")
+
+
+def test_what_cannot_be_estimated_is_refused(shaken):
+    force, moved = shaken
+    with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
+        estimate_response(force, moved, even(len(force)), 0.02)
+    with pytest.raises(InputError, match=r"allowed: up to 15.62 Hz at 1000 samples per second"):
+        estimate_response(force, moved, even(len(force)), 100.0)
+    with pytest.raises(InputError, match="the input does not change"):
+        estimate_response(np.ones(len(force)), moved, even(len(force)))
+
+
+def test_the_table_has_a_row_for_each_line(shaken):
+    force, moved = shaken
+    wide = np.repeat(moved[:, :1], 6, axis=1)
+    found = estimate_response(force, wide, even(len(force)))
+    table = response_table(found)
+    assert 28 < found.averages < 36
+    assert {len(column) for column in table.values()} == {len(found.frequency)}
+    assert table["h1_tx_real_um"] == pytest.approx(1e3 * found.h1[:, 0].real)
+    assert table["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])

@@ -1,0 +1,159 @@
+"""What limits a response is said, with its cause, and only then."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import facets
+from facets.characterization.frequency_response import estimate_response, find_stretches
+from facets.characterization.response_findings import find_limits, find_peaks, silent_axes
+from facets.characterization.response_signals import build_signals, noise_deviation
+from facets.core.motions import Mode, Vibration
+from facets.core.rigid_body import MIRROR, MeasuredObject
+from facets.detectors.counts import SATURATED
+from facets.detectors.noise import standard_deviations
+from facets.estimation.table import solve_readings
+from facets.simulation.vibration import shake
+
+COUNT, RATE = 40_000, 1000.0
+NOISE = np.array([6e-5, 6e-5, 4e-5, 1e-7, 1e-7, 2e-7])
+SHAPES = np.array([[0, 0, 0.02, 0, 0, 0], [0.003, 0.001, 0, 2e-5, 4e-5, 1e-5]])
+BODY = Vibration(
+    {
+        "bounce": Mode(60.0, 0.06, tuple(SHAPES[0])),
+        "rock": Mode(130.0, 0.05, tuple(SHAPES[1])),
+    },
+    low=2.0,
+    high=400.0,
+    samples=COUNT,
+    rate=RATE,
+)
+
+
+def look(change=lambda force, motion: None, resolution=0.5, usable=None, saturated=0, body=BODY):
+    """The limits of a response that `change` has spoilt."""
+    rng = np.random.default_rng(2)
+    force, moved = shake(body, rng)
+    moved = moved + NOISE * rng.standard_normal((COUNT, 6))
+    change(force, moved)
+    every = np.ones(COUNT, bool) if usable is None else usable
+    stretches = find_stretches(np.arange(COUNT) / RATE, every, "it")
+    found = estimate_response(force, moved, stretches, resolution, NOISE, 5000.0)
+    signals = SimpleNamespace(
+        stimulus=force, motion=moved, usable=every, stretches=stretches, saturated=saturated
+    )
+    peaks = find_peaks(found)
+    return found, peaks, find_limits(found, signals, peaks, 5000.0)
+
+
+def test_a_good_record_has_no_limits_but_the_band_and_the_bandwidth():
+    found, peaks, limits = look()
+    assert [round(one.frequency) for one in peaks] == pytest.approx([60, 130], abs=2)
+    assert [one.axis for one in peaks] == ["tz", "pitch"]
+    assert peaks[0].width == pytest.approx(2 * 0.06 * 60, rel=0.15)
+    assert peaks[0].size == pytest.approx(0.02 / 0.12, rel=0.1)
+    assert [text.split(" ")[1] for text in limits] == ["input", "electronics'"]
+    assert "from 401.5" in limits[0]
+    assert "-0.32 % and the phase by -4.6 degrees" in limits[1]
+    assert not silent_axes(found).any()
+
+
+def add_drift(force, motion):
+    motion[:, 0] += np.linspace(0, 0.1, COUNT)
+
+
+def add_step(force, motion):
+    motion[COUNT // 3 :, 0] += 0.1
+
+
+def clip(force, motion):
+    np.clip(force, -1, 1, out=force)
+
+
+def add_force(force, motion):
+    moved = shake(BODY, np.random.default_rng(9))[1]
+    motion[:, 2] += 2 * moved[:, 2]
+
+
+def silence(force, motion):
+    motion[:, 5] = NOISE[5] * np.random.default_rng(3).standard_normal(COUNT)
+
+
+def still(force, motion):
+    motion[:] = NOISE * np.random.default_rng(3).standard_normal((COUNT, 6))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (add_drift, "zero moved from the beginning to the end, tx by +90 µm, little by little"),
+        (add_step, "zero moved from the beginning to the end, tx by +100 µm, all at once"),
+        (clip, "clipped by its amplifier or converter"),
+        (add_force, "The coherence of tz is below 0.75 in 100 % of the excited lines; the cause is"
+                    " unknown (another force"),
+        (silence, "yaw shows no response beyond chance: what is drawn is an upper limit; the "
+                  "sensor's noise explains"),
+    ],
+)  # fmt: skip
+def test_what_spoils_a_record_is_said(change, words):
+    *_, limits = look(change)
+    assert any(words in text for text in limits), limits
+    assert len(limits) <= (8 if change is clip else 4)
+
+
+def test_few_averages_and_narrow_peaks_are_said():
+    *_, limits = look(resolution=0.1)
+    assert limits[0].startswith("There are only 6.")
+    sharp = Vibration({"bounce": Mode(60.0, 0.004, tuple(SHAPES.sum(axis=0)))}, low=2.0, high=400.0,
+                      samples=COUNT, rate=RATE)  # fmt: skip
+    _, (peak,), limits = look(body=sharp)
+    assert peak.width < 2
+    assert any("The lines are too far apart for the peaks at 60 Hz (" in text for text in limits)
+
+
+def test_gaps_and_saturation_are_said():
+    usable = np.ones(COUNT, bool)
+    usable[5000::10_000] = False
+    *_, limits = look(usable=usable, saturated=4)
+    assert any("segments were left out, because gaps cut them: 0 samples are missing, and 4 rows "
+               "have no pose or no input" in text for text in limits)  # fmt: skip
+    assert any("Detectors were saturated in 4 of 40000 rows" in text for text in limits)
+
+
+def test_a_body_that_does_not_answer_is_silent():
+    found, peaks, _ = look(still)
+    assert silent_axes(found).all()
+    assert peaks == []
+
+
+def test_the_noise_at_a_point_is_that_of_solved_poses():
+    """And the motion there is that of a rigid body."""
+    config = facets.load("bench")
+    body = MeasuredObject(point=(0.0, 0.0, 40.0))
+    rng = np.random.default_rng(1)
+    count = 4000
+    pose = np.array([0.02, -0.01, 0.3, 1e-3, -2e-3, 3e-3, 0.0, 0.0])
+    states = np.tile(pose, (count, 1))
+    states[:, 4] += 1e-4 * np.sin(np.arange(count) / 7)
+    noise = rng.standard_normal((count, 9))
+    exact = facets.readings(config.sensor, states)
+    sigma = standard_deviations(config.sensor, exact[0])
+    place = np.zeros((count, 2))
+    solution = solve_readings(config.sensor, config.solve, exact + sigma * noise, place)
+    columns = {"time_s": np.arange(count) / 1000, "force_n": np.sin(np.arange(count) / 7.0)}
+    units = [1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]
+    for n, name in enumerate(("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")):
+        columns[name] = solution.state[:, n] / units[n]
+    columns["tz_mm"][7] = np.nan
+    columns["flags"] = np.zeros(count)
+    columns["flags"][:3] = SATURATED
+    signals = build_signals(columns, "force_n", body, config, "it")
+    expected = 40 * 1e-4 * np.sin(np.arange(count) / 7)
+    apart = signals.motion[:, 0] - (expected - expected.mean())
+    assert np.nanstd(apart) == pytest.approx(signals.deviation[0], rel=0.1)
+    assert abs(np.nanmean(apart)) < signals.deviation[0]
+    assert np.nanstd(signals.motion[:, 5]) == pytest.approx(signals.deviation[5], rel=0.1)
+    apex = noise_deviation(config, pose, MIRROR)
+    assert signals.deviation[0] < 0.98 * apex[0]  # errors of tx and pitch are correlated
+    assert (signals.saturated, int((~signals.usable).sum())) == (3, 1)

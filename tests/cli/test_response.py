@@ -1,0 +1,164 @@
+"""`facets response`: from a table and from recorded bytes to responses, and what it refuses."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from facets.cli import main
+
+import facets
+from facets.files.provenance import run_record
+from facets.live.recording.writer import Recording
+from facets.live.run.pipeline import Pipeline
+from facets.live.sources import Block
+from facets.live.virtual import Bench, Faults
+from facets.simulation.vibration import receptance
+
+MINE = """extends: bench
+acquire: {channels: [{name: force, unit: N}]}
+motions:
+  shaken:
+    kind: vibration
+    modes:
+      bounce: {frequency_hz: 60, damping_percent: 5, per_newton: {tz_um: 20, pitch_urad: 30}}
+    from_hz: 5
+    to_hz: 300
+    samples: 12000
+"""
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Runs a command in this process, in a folder of its own: status, output, errors."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(MINE)
+
+    def one(*words):
+        monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return one
+
+
+def record(folder):
+    """What the virtual bench's board sends of the shaken body, without a port or a clock."""
+    config = facets.load("mine.yaml")
+    bench = Bench(config, "shaken", 1000.0, Faults(), 1, folder.parent / "ports")
+    recording = Recording(folder, run_record(config, None, 0.0, {}), config.resolved)
+    pipeline = Pipeline(config)
+    bench.begin = 0.0
+    try:
+        for first in range(0, 12_000, 500):
+            if first == 4000:  # half a second is lost
+                continue
+            seq = np.arange(first, first + 500, dtype=np.uint32)
+            states = bench.mirror.interpolate(seq / 1000)
+            bench.board.switch_on(0.0)
+            data = bench.board.encode(bench.board.sample(states, seq, seq / 1000, 0.0))
+            recording.add_block(Block(data, (first + 500) / 1000, None))
+            recording.add_poses(pipeline.feed(data, (first + 500) / 1000))
+    finally:
+        bench.end()
+        recording.close()
+    return config
+
+
+def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path):
+    config = record(tmp_path / "rec")
+    status, out, err = run("response", "rec", "--input", "force_n", "--point", "0,0,100",
+                           "--resolution-hz", "1", "--uff", "body.uff")  # fmt: skip
+    assert (status, err) == (0, "")
+    assert "11500 rows at 1000 Hz: " in out
+    assert "segments were left out, because gaps cut them: 500 samples are missing" in out
+    assert "point 0, 0, 100 mm" in out
+    assert "results/rec-response/: response.csv, response.png\nbody.uff" in out
+    assert (tmp_path / "body.uff").exists()
+    table = pd.read_csv(tmp_path / "results" / "rec-response" / "response.csv", comment="#")
+    table = table[table["excited"] == 1]
+    true = receptance(config.motions["shaken"], table["frequency_hz"].to_numpy())
+    true[:, 0] += 100 * true[:, 4]
+    for axis, n, scale in (("tx", 0, 1e3), ("tz", 2, 1e3), ("pitch", 4, 1e6)):
+        unit = "urad" if n > 2 else "um"
+        h1 = table[f"h1_{axis}_real_{unit}"] + 1j * table[f"h1_{axis}_imag_{unit}"]
+        apart = np.abs(h1 - scale * true[:, n]) / np.abs(scale * true[:, n])
+        lines = table["frequency_hz"].between(10, 150)
+        assert apart[lines].median() < 0.05
+    lowest = table["noise_tx_um"].median()
+    assert np.abs(h1.iloc[0]) > 20 * lowest
+
+
+@pytest.mark.slow
+def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
+    assert run("simulate", "mine.yaml", "--motion", "shaken", "-d", "sim")[0] == 0
+    words = ("response", "sim/poses.csv", "--config", "mine.yaml")
+    status, out, _ = run(*words, "--input", "force_n", "--correct-bandwidth", "-d", "out")
+    assert status == 0
+    assert re.search(r"\n +(59|60)\.\d+ +tz ", out)
+    assert "; this is corrected." in out
+    for more, text in (
+        (("--input", "force"), "missing columns: force (found: force_n)"),
+        (("--input", "force_n", "-d", "out"), "out/response.csv: exists already"),
+        (("--input", "force_n", "--point", "1,2"), "--point is '1,2'; allowed: three numbers"),
+        (("--input", "force_n", "--uff", "a.txt"), "a.txt: a universal file's name ends in .uff"),
+        (("--input", "force_n", "--input-dof", "z"), "--input-dof is 'z'; allowed: NODE:AXIS"),
+        (("--input", "force_n", "--resolution-hz", "400"), "allowed: up to 15.62 Hz"),
+        (("--input", "motion"), "column motion holds 'shaken', not a number"),
+    ):
+        status, _, err = run(*words, *more)
+        assert (status, text in err) == (2, True), err
+    status, _, err = run("response", "sim/poses.csv", "--input", "force_n")
+    assert (status, "a table needs --config CONFIG" in err) == (2, True)
+    table = pd.read_csv("sim/poses.csv", comment="#").drop(columns="time_s")
+    table.to_csv("timeless.csv", index=False)
+    status, _, err = run("response", "timeless.csv", "--input", "force_n", "--config", "paper")
+    assert (status, "timeless.csv: missing columns: time_s or board_us" in err) == (2, True)
+
+
+def test_a_body_that_does_not_answer_is_a_finding(run, tmp_path):
+    count = 3000
+    rng = np.random.default_rng(1)
+    columns = {"time_s": np.arange(count) / 1000, "force_n": rng.standard_normal(count)}
+    for name in ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
+        columns[name] = 1e-4 * rng.standard_normal(count)
+    pd.DataFrame(columns).to_csv("still.csv", index=False)
+    status, out, _ = run("response", "still.csv", "--input", "force_n", "--config", "paper",
+                         "--style", "dark", "--plot", "svg")  # fmt: skip
+    assert status == 1
+    assert "No peak stands out of its surroundings" in out
+    assert out.count("shows no response beyond chance") == 6
+    drawn = (tmp_path / "results" / "still-response" / "response.svg").read_text()
+    assert "the sensor's noise alone (95 %)" in drawn
+    assert "low pass of the electronics" in drawn
+
+
+def test_a_recording_without_the_channel_is_refused(run, tmp_path):
+    config = record(tmp_path / "rec")
+    assert config.acquire.channels[0].column == "force_n"
+    status, _, err = run("response", "rec", "--input", "force_kn")
+    assert status == 2
+    assert "rec: has no auxiliary channel with the column force_kn; it has: force_n" in err
+
+
+@pytest.mark.slow
+def test_a_late_channel_is_corrected(run, tmp_path):
+    """A channel that is sampled after the motion would turn the phase."""
+    assert run("simulate", "mine.yaml", "--motion", "shaken", "-d", "sim")[0] == 0
+    late = MINE.replace("unit: N", "unit: N, delay_us: 2000")
+    (tmp_path / "late.yaml").write_text(late)
+    table = pd.read_csv("sim/poses.csv", comment="#")
+    table["force_n"] = np.roll(table["force_n"], -2)
+    table.to_csv("late.csv", index=False)
+    words = ("--input", "force_n", "--resolution-hz", "1", "-d")
+    assert run("response", "late.csv", "--config", "late.yaml", *words, "a")[0] == 0
+    assert run("response", "sim/poses.csv", "--config", "mine.yaml", *words, "b")[0] == 0
+    a, b = (pd.read_csv(f"{name}/response.csv", comment="#") for name in ("a", "b"))
+    lines = b["frequency_hz"].between(20, 90)
+    for name in ("h1_tz_real_um", "h1_tz_imag_um"):
+        assert a[name][lines].to_numpy() == pytest.approx(b[name][lines].to_numpy(), abs=2.0)
