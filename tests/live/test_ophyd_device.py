@@ -14,9 +14,10 @@ from programs import Program
 
 import facets
 from facets import InputError
+from facets.core.channels import AuxiliaryChannel
 from facets.live import poses
 from facets.live.run.pipeline import LABELS, Pipeline
-from facets.live.sources.frames import SIZE
+from facets.live.sources.frames import SIZE, FixedFrames, pack
 from facets.live.streams import row_stream
 from facets.live.streams.publication import Publications
 from facets.live.streams.sample_rows import SAMPLE, rows_of
@@ -109,6 +110,19 @@ def test_a_plan_reads_a_pose_with_its_uncertainties(engine, documents, file, exp
     told = descriptor["configuration"]["sensor"]["data"]
     assert told["sensor-config_sha256"] == CONFIG.sha256
     assert descriptor["hints"]["sensor"]["fields"][0] == "sensor-tx_mm"
+
+
+def test_a_plan_reads_auxiliary_channels_with_their_units(engine, documents, tmp_path):
+    samples = FixedFrames().feed(stream(50))
+    force = np.arange(50, dtype=np.float32)[:, None]
+    (tmp_path / "bytes.bin").write_bytes(pack(replace(samples, channels=force)))
+    channel = AuxiliaryChannel("force", "kN", scale=0.5)
+    config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=(channel,)))
+    address = f"file:{tmp_path / 'bytes.bin'}"
+    engine(bp.count([PoseSensor(config, address, name="sensor")], num=3))
+    assert documents.read("force_kn") == [0.0, 0.5, 1.0]
+    (descriptor,) = documents.all["descriptor"]
+    assert descriptor["data_keys"]["sensor-force_kn"]["units"] == "kN"
 
 
 @pytest.mark.slow

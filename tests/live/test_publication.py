@@ -16,6 +16,7 @@ from programs import GUARD, Program, await_true
 
 import facets
 from facets import InputError
+from facets.core.channels import AuxiliaryChannel
 from facets.live import Subscription
 from facets.live.recording.pose_table import join_columns, pose_columns
 from facets.live.run.pipeline import Pipeline
@@ -337,8 +338,10 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
     setup = tmp_path / "lsl.cfg"
     setup.write_text("[multicast]\nResolveScope = machine\n[lab]\nKnownPeers = {127.0.0.1}\n")
     monkeypatch.setenv("LSLAPICFG", str(setup))
-    parts = solved(1_000)
-    with Publications(["lsl:here"], CONFIG, True, utc_offset=0.0) as publications:
+    parts = [replace(part, channels={"force_n": 0.5 * part.seq}) for part in solved(1_000)]
+    channels = (AuxiliaryChannel("force", "N"),)
+    config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=channels))
+    with Publications(["lsl:here"], config, True, utc_offset=0.0) as publications:
         found = pylsl.resolve_byprop("source_id", f"facets-{CONFIG.sha256[:16]}", timeout=120)
         if not found:
             pytest.skip("streams are not found on this machine: its network has no multicast")
@@ -351,6 +354,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
             channel = channel.next_sibling()
         assert ("tx_mm", "mm") in labels
         assert ("yaw_mrad", "mrad") in labels
+        assert ("force_n", "N") in labels
         assert info.name() == "here"
         for part in parts:
             publications.add_poses(part)
@@ -367,6 +371,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
     np.testing.assert_array_equal(
         np.array(came)[:, names.index("yaw_mrad")], rows["yaw_mrad"].astype(float)
     )
+    np.testing.assert_array_equal(np.array(came)[:, names.index("force_n")], rows["force_n"])
     np.testing.assert_allclose(np.diff(times), np.diff(rows["host_s"]), atol=1e-6)
 
 

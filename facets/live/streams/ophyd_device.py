@@ -33,7 +33,7 @@ from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
 from ..run.pipeline import LABELS
 from .row_stream import Rows, RowStream, is_published, kept_dtype
-from .sample_rows import SAMPLE, unit_of
+from .sample_rows import SAMPLE, row_content, unit_of
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -89,6 +89,7 @@ class PoseSensor(
                 "no port is given: pass one to PoseSensor, or set acquire.port in the configuration"
             )
         self._dtype = kept_dtype(config)
+        self._channels = row_content(config)["channels"]
         self._stream: RowStream | None = None
         self._interval = Interval()
         self._row: Rows | None = None
@@ -264,8 +265,8 @@ class PoseSensor(
         kind = self._dtype[name].kind
         dtype = "string" if name == "status" else "integer" if kind in "iu" else "number"
         found = DataKey(source=self._address, dtype=dtype, shape=[])  # type: ignore[typeddict-item]
-        if unit_of(name):
-            found["units"] = unit_of(name)
+        if unit := unit_of(name, self._channels):
+            found["units"] = unit
         return found
 
 

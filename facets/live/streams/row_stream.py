@@ -197,8 +197,10 @@ class RowStream:
 
 
 def kept_dtype(config: Config) -> np.dtype[np.void]:
-    """Of kept rows: the columns of SAMPLE, and those of the configuration's object."""
-    return row_dtype(False, ObjectPoses(config).names)
+    """Of kept rows: the columns of SAMPLE, those of the configuration's object, and its auxiliary
+    channels."""
+    channels = (channel.column for channel in config.acquire.channels)
+    return row_dtype(False, (*ObjectPoses(config).names, *channels))
 
 
 def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
@@ -214,7 +216,8 @@ def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
         )
     if lacks:
         raise FacetsError(
-            f"the publication has no {', '.join(lacks)}: it is of another version of facets"
+            f"the publication has no {', '.join(lacks)}: it is of another version of facets, or "
+            "its configuration names other auxiliary channels (acquire.channels)"
         )
     found = np.empty(len(rows), dtype)
     for name in names:
