@@ -130,12 +130,38 @@ def test_the_cloud_lies_in_its_ellipses(shown):
         assert 0.9 < inside / poses < 0.99
 
 
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [360, 768, 1440])
+def test_nothing_is_wider_than_the_page(shown, width):
+    browser = shown[1]
+    browser.send("Emulation.setDeviceMetricsOverride",
+                 width=width, height=900, deviceScaleFactor=1, mobile=False)  # fmt: skip
+    wide = """[...document.querySelectorAll("#panels *")].filter((one) =>
+      one.getBoundingClientRect().right > document.documentElement.clientWidth + 1).length"""
+    assert browser.ask(wide) == 0
+
+
 def test_what_noise_and_uncertainties_leave_out_is_said():
     calibrated = facets.Sensor(calibration=facets.Calibration(("psd_a.height",), ((1e-6,),)))
     assert estimate_sentences(facets.Sensor()) == []
     assert "without the calibration's part" in estimate_sentences(calibrated)[0]
     assert "steps of the converter" in estimate_sentences(facets.load("bench").sensor)[0]
     assert "left out" in omitted_keys(calibrated)[0]
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_noise_that_the_page_does_not_know_is_not_made_up(tmp_path):
+    sensor = facets.Sensor(electronics=facets.Electronics(kind="tetra-lateral"))
+    path = tmp_path / "rig.html"
+    path.write_text(rig_page(sensor, "tetra", np.zeros(8)), "utf-8")
+    with Browser(f"file://{path}") as browser:
+        said = browser.await_true("document.getElementById('range-said').textContent")
+        assert said.startswith("This page cannot tell the range")
+        assert browser.ask("document.getElementById('estimate-results').hidden")
+        assert browser.ask("document.getElementById('geometry-save').hidden")
+        assert not browser.errors
 
 
 @needs_browser

@@ -70,8 +70,12 @@
     const covariance = expected.covariance.map((line, r) =>
       line.map((x, c) => 1e6 * x / parts[r].factor / parts[c].factor));
     drawn = {points, covariance, apex: state.slice(0, 3), found: last.found, state};
-    PAIRS.forEach((pair, n) => flat($(`cloud-${n}`), pair));
+    flats();
     space();
+  }
+
+  function flats() {
+    if (drawn) PAIRS.forEach((pair, n) => flat($(`cloud-${n}`), pair));
   }
 
   function clear() {
@@ -124,10 +128,11 @@
       pen.fill();
     }
     pen.fillStyle = colour("quiet");
-    pen.font = `${size / 15}px ${style.fontFamily}`;
-    pen.fillText(`${parts[j].symbol} ± ${Digits.three(half[1])} ${UNITS[parts[j].unit]}`, size / 40, size / 14);
+    const high = Math.max(size / 18, 11 * size / canvas.clientWidth);
+    pen.font = `${high}px ${style.fontFamily}`;
+    pen.fillText(`${parts[j].symbol} ± ${Digits.three(half[1])} ${UNITS[parts[j].unit]}`, 0.4 * high, 1.2 * high);
     pen.textAlign = "right";
-    pen.fillText(`${parts[i].symbol} ± ${Digits.three(half[0])} ${UNITS[parts[i].unit]}`, size - size / 40, size - size / 30);
+    pen.fillText(`${parts[i].symbol} ± ${Digits.three(half[0])} ${UNITS[parts[i].unit]}`, size - 0.4 * high, size - 0.5 * high);
     canvas.setAttribute("aria-label", `${name.join(" and ")}: ${points.length} solved poses about the true one; `
       + `${inside} lie in the ellipse of 95 %`);
     $("cloud-said").textContent = `${points.length} solved poses about the true one, which is in the middle of each picture; `
@@ -217,6 +222,8 @@
     space();
     if ($("estimate-space").checked && page.scene) page.scene.look("mirror");
   });
+  addEventListener("resize", flats);
+  new MutationObserver(flats).observe(document.documentElement, {attributeFilter: ["data-theme"]});
   $("estimate-notes").textContent = PAGE.estimate.join(" ");
   $("estimate-notes").hidden = !PAGE.estimate.length;
   page.listen(update);

@@ -16,7 +16,7 @@ const Geometry = (() => {
     {key: "size_mm", words: "Detector size", unit: "mm", value: psd.size_y, low: 0.2, high: 3},
   ];
   const values = Object.fromEntries(VARIABLES.map(({key, value}) => [key, value]));
-  const rows = [];
+  const rows = [], nine = (x) => +x.toPrecision(9);
   let waiting = 0;
 
   // Detectors go up and down with the sub-beams; ellipses and rectangles keep their shape.
@@ -27,10 +27,10 @@ const Geometry = (() => {
     const psds = nominal.psds.map((one, k) => {
       const radius = one.radius + radius_mm - psd.radius;
       const rise = Model.height(radius, facets[k].inclination) - Model.height(one.radius, nominal.facets[k].inclination);
-      return {...one, radius, height: +(one.height + rise).toFixed(9), size_y: large * one.size_y, size_z: large * one.size_z};
+      return {...one, radius, height: +(one.height + rise).toFixed(9), size_y: nine(large * one.size_y), size_z: nine(large * one.size_z)};
     });
     const beam = {...nominal.beam, power: power_mw,
-      diameter_x: diameter_mm, diameter_y: wide * nominal.beam.diameter_y};
+      diameter_x: diameter_mm, diameter_y: nine(wide * nominal.beam.diameter_y)};
     return {...nominal, beam, facets, psds};
   }
 

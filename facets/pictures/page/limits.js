@@ -112,6 +112,11 @@
     }, 250);
   }
 
+  if (Model.rangeRefusal) {
+    $("range-table").hidden = $("range-solid").parentElement.hidden = true;
+    page.say("range-said", Model.rangeRefusal, true);
+    return;
+  }
   $("range-solid").parentElement.hidden = !page.scene;
   $("range-solid").addEventListener("change", () => {
     draw();

@@ -142,6 +142,7 @@ return {{
   refusal: (options) => solver.refusal(options),
   // How far the mirror may go, and why no farther; see range.js.
   causes: Ranges.causes,
+  rangeRefusal: RANGE.refusal,
   axisRanges: () => ranges.axes(),
   exit: (way, tolerance) => ranges.exit(way, tolerance),
   clearances: (pose) => ranges.clearances(pose),
@@ -241,7 +242,19 @@ def range_data(sensor: Sensor, rules: Rules) -> dict[str, Any]:
         "needed": noise.least_light(sensor, rules.snr),
         "other": noise.other_light(sensor),
         "no_light": ranges.NO_LIGHT,
+        "refusal": range_refusal(sensor, rules),
     }
+
+
+def range_refusal(sensor: Sensor, rules: Rules) -> str:
+    """Say why the page cannot tell the range; empty where it can."""
+    weighs = np.isfinite(rules.condition) or np.isfinite(rules.coarsest).any()
+    if not (weighs and refusal(sensor)):
+        return ""
+    return (
+        "This page cannot tell the range, because it does not know the noise of these detectors; "
+        "`facets resolution` does."
+    )
 
 
 def electronic_noise(sensor: Sensor) -> noise.TwoLayerNoise | None:
