@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import files, firmware, live, model
+from facets import files, firmware, live, model, simulation
 from facets.core.errors import InputError
 
 from .options import (
@@ -72,7 +72,8 @@ def emulate(
 
     `facets acquire` connects to its ports FOLDER/board and FOLDER/stage. At the end the command
     prints the numbers of samples and faults and writes them to FOLDER/counts.json. With
-    --with-reference it also writes FOLDER/reference.csv. Ctrl-C, SIGTERM and closing the
+    --with-reference it also writes FOLDER/reference.csv, and of a motion of the kind `runs` the
+    positions that `facets axis` needs, FOLDER/commands.csv. Ctrl-C, SIGTERM and closing the
     terminal end the run.
     """
     if sys.platform == "win32":
@@ -96,12 +97,13 @@ def emulate(
         truth,
     )
     announce(bench, settings)
+    commands = write_commands(folder / "commands.csv", settings, motion, seed)
     try:
         bench.run(seconds or float("inf"))
     finally:
         reference = write_reference(bench, settings, seed)
     with suppress(OSError):  # the terminal may be gone
-        typer.echo("\n".join([*bench.summary(), *reference]))
+        typer.echo("\n".join([*bench.summary(), *reference, *commands]))
 
 
 def announce(bench: live.virtual.Bench, settings: Config) -> None:
@@ -123,6 +125,14 @@ def write_reference(bench: live.virtual.Bench, settings: Config, seed: int) -> l
     about = files.provenance.provenance_header(settings, seed)
     files.tables.write_table(path, bench.reference.columns(), about)
     return [f"The reference's readings were written to {path}."]
+
+
+def write_commands(path: Path, settings: Config, motion: str, seed: int) -> list[str]:
+    """Write where an axis is sent, if the motion is one; return a sentence about the file."""
+    about = files.provenance.provenance_header(settings, seed)
+    if not simulation.axis_runs.write_commands(path, settings.motions[motion], about):
+        return []
+    return [f"The commanded positions were written to {path}."]
 
 
 def size_of(rate: float) -> str:

@@ -138,6 +138,9 @@ def write(
     files.tables.write_table(paths.readings, columns, about)
     files.tables.write_table(paths.poses, poses, about)
     pictures.style.save(pictures.motion.motion_picture(segments), paths.picture)
+    for segment in segments:
+        commands = paths.folder / f"commands-{segment.name}.csv"
+        simulation.axis_runs.write_commands(commands, settings.motions[segment.name], about)
     results: dict[str, Any] = {key: about[key] for key in ("zero",) if key in about}
     results |= {segment.name: simulation.run.statuses(segment) for segment in segments}
     seconds = time.perf_counter() - start

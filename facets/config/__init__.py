@@ -8,6 +8,7 @@ _HOMES = {
     "Config": ".core.settings",
     "Motion": ".core.motions",
     "Random": ".core.motions",
+    "Runs": ".core.motions",
     "Sine": ".core.motions",
     "Solve": ".core.settings",
     "State": ".core.axis_keys",
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from ..core.axis_keys import State as State
     from ..core.motions import Motion as Motion
     from ..core.motions import Random as Random
+    from ..core.motions import Runs as Runs
     from ..core.motions import Sine as Sine
     from ..core.motions import Steps as Steps
     from ..core.motions import Sweep as Sweep

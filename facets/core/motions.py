@@ -122,5 +122,36 @@ class Vibration:
     rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
 
 
-Motion = Steps | Sweep | Sine | Random | Table | Vibration
-KINDS = (Steps, Sweep, Sine, Random, Table, Vibration)
+@dataclass(frozen=True)
+class Runs:
+    """An axis with known errors that goes to equally spaced places and back, again and again.
+
+    It stands still at each place and overruns both ends, so that every place is approached from
+    both sides.
+    """
+
+    kind: ClassVar[str] = "runs"
+    start: State = key("from", {}, "first commanded place", block=PLACE)
+    stop: State = key("to", {}, "last commanded place", block=PLACE)
+    steps: int = key("steps", 11, "number of places", ge=2, le=10_000)
+    runs: int = key("runs", 5, "number of runs there and back", ge=1, le=1000)
+    dwell: float = key("dwell_ms", 300.0, "time at each place", gt=0, le=1e6)
+    move: float = key("move_ms", 100.0, "time from one place to the next", gt=0, le=1e6)
+    overrun: float = key(
+        "overrun_percent", 50.0, "how far the axis overruns an end, of one step", gt=0, le=1000
+    )
+    scale: float = key(
+        "scale_percent", 0.0, "error of scale: of the way from the middle", ge=-100, le=100
+    )
+    wave: State = key("wave", {}, "amplitude of periodic errors, as of a screw", block=PLACE)
+    periods: float = key(
+        "periods", 3.0, "periods of `wave` from the first place to the last", ge=0, le=1e6
+    )
+    bow: State = key("bow", {}, "errors at the middle that vanish at both ends", block=PLACE)
+    backlash: State = key("backlash", {}, "positive less negative approach", block=PLACE)
+    scatter: State = key("scatter", {}, "standard deviation from visit to visit", block=BOX)
+    rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
+
+
+Motion = Steps | Sweep | Sine | Random | Table | Vibration | Runs
+KINDS = (Steps, Sweep, Sine, Random, Table, Vibration, Runs)

@@ -83,7 +83,8 @@ def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
     """Find the rows during which an axis stands still, from its noisy coordinate alone.
 
     place: (n,) as the sensor measures it; NaN where there is no pose.  shortest: rows of the
-    shortest stand. Means of blocks are compared, so that noise hides smaller steps less.
+    shortest stand. Means of blocks are compared, so that noise hides smaller steps less; the first
+    and the last block of a stand are left out.
     """
     size = max(1, shortest // BLOCKS)
     count = len(place) // size
@@ -91,8 +92,9 @@ def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
     steps = np.abs(np.diff(blocks))
     noise = float(np.nanmedian(steps)) * QUARTILES_OF_STEP if np.isfinite(steps).any() else 0.0
     sigma = np.array([max(STEP_SIGMAS * noise, LEAST_STEP) / WITHIN])
-    found = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(2, shortest // size)))
-    return [slice(part.start * size, part.stop * size) for part in found]
+    found = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
+    # The axis may begin or end its move within the outermost blocks.
+    return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in found]
 
 
 def block_means(rows: Floats) -> Floats:

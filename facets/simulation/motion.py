@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.motions import Motion, Sine, Steps, Sweep, Table, Vibration
+from ..core.motions import Motion, Runs, Sine, Steps, Sweep, Table, Vibration
 from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.settings import Config
 from ..core.units import Floats
 from ..files.tables import read_chunks
+from .axis_runs import run_states
 from .vibration import shake
 
 
@@ -34,6 +35,8 @@ def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
         refuse_times(motion)
         state = np.repeat(state, motion.samples_per_step, axis=0)
         return np.arange(len(state)) / motion.rate, state
+    if isinstance(motion, Runs):
+        return run_states(motion, rng)
     time = np.arange(motion.samples) / motion.rate
     if isinstance(motion, Steps):
         places = np.linspace(motion.start, motion.stop, motion.steps)

@@ -1,0 +1,307 @@
+"""Where an axis stood in a series of poses, and which commanded position each stand belongs to.
+
+Stands are found in the coordinate along the axis. Their places, less a common offset, name the
+nearest commanded positions; this sequence is compared with the commanded one, so that a stand which
+nobody commanded, and a commanded position without a stand, are left out and counted instead of
+shifting all others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from difflib import SequenceMatcher
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements
+from ..core.sensor import Sensor
+from ..core.units import Booleans, Floats, Integers
+from ..estimation.differences import propagate_in_light
+from ..estimation.dwells import mean, per_row, stands_of_axis
+from ..estimation.plan import Plan
+from ..files.tables import read_chunks
+from .error_motions import LETTERS, Visits
+
+#: Columns of a table of commands, with the unit in that of the code.
+POSITIONS = {
+    "position_mm": 1.0, "position_um": 1e-3, "position_mrad": 1e-3, "position_urad": 1e-6,
+    "position_deg": np.pi / 180,
+}  # fmt: skip
+#: How many of the first stands and commands are tried as each other's partner.
+FIRST_STANDS = 4
+#: Least ratio of the measured way to the commanded one, and the inverse of the largest.
+LEAST_SCALE = 0.5
+#: Rows of a stand from which the scatter of its parts is taken.
+SCATTER_ROWS = 32
+#: Places belong to different positions where neighbours are this much further apart than others.
+CLUSTER_RATIO = 3.0
+#: Largest deviation of equal steps from their mean, where no command says the positions.
+UNEVEN_STEPS = 0.2
+
+
+@dataclass(frozen=True)
+class PoseSeries:
+    """Solved poses in time.
+
+    Attributes
+    ----------
+    time
+        (n,) s, ascending.
+    states
+        (n, 8) mm and rad; NaN without a pose.
+    misfit
+        (n,) whether the residual is beyond chance; such a row is left out.
+    """
+
+    time: Floats
+    states: Floats
+    misfit: Booleans
+
+    def usable(self) -> PoseSeries:
+        """The same with NaN for what does not fit."""
+        return replace(self, states=np.where(self.misfit[:, None], np.nan, self.states))
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Commanded positions in their order: (k,) mm or rad, and (k,) 0 where they are approached in
+    the positive direction, 1 in the negative."""
+
+    positions: Floats
+    direction: Integers
+
+
+@dataclass(frozen=True)
+class VisitCounts:
+    """What was left out: stands without a command, commands without a stand, rows without a pose,
+    with a misfit, and in no stand; and stands with fewer poses than rows without."""
+
+    stray_stands: int = 0
+    missing: tuple[float, ...] = ()
+    unsolved: int = 0
+    misfits: int = 0
+    moving: int = 0
+    doubtful: tuple[float, ...] = ()
+
+
+def read_commands(path: Path, axis: str) -> Commands:
+    """Read a table of commanded positions, a row for each stand.
+
+    The column is `position_mm` or `position_um` of a linear axis, `position_mrad`, `position_urad`
+    or `position_deg` of a rotary one; `direction` (1 or -1), if there is one, says from where the
+    position is approached.
+    """
+    parts = [chunk.columns for chunk in read_chunks(path, (), (*POSITIONS, "direction"))]
+    names = [name for name in POSITIONS if parts and name in parts[0]]
+    linear = LETTERS.index(axis) < 3
+    allowed = [name for name in POSITIONS if name.endswith("m") == linear]
+    if len(names) != 1 or names[0] not in allowed:
+        raise InputError(
+            f"{path}: columns of positions: {', '.join(names) or 'none'}; needed for the axis "
+            f"{axis}: one of {', '.join(allowed)}"
+        )
+    positions = np.concatenate([part[names[0]] for part in parts]) * POSITIONS[names[0]]
+    if not np.isfinite(positions).all():
+        row = int(np.flatnonzero(~np.isfinite(positions))[0]) + 1
+        raise InputError(f"{path}: row {row}: {names[0]} is not a number; each row is one position")
+    if "direction" not in parts[0]:
+        return Commands(positions, approach_directions(positions))
+    signs = np.concatenate([part["direction"] for part in parts])
+    if not np.isin(signs, (1, -1)).all():
+        row = int(np.flatnonzero(~np.isin(signs, (1, -1)))[0]) + 1
+        raise InputError(f"{path}: row {row}: direction is {signs[row - 1]:g}; allowed: 1 and -1")
+    return Commands(positions, (signs < 0).astype(np.int64))
+
+
+def approach_directions(positions: Floats) -> Integers:
+    """0 or 1 (k,): the direction of the move to each position; where an end is visited twice, or at
+    the beginning, that of the next move."""
+    signs = np.sign(np.diff(positions, prepend=positions[:1]))
+    ahead = np.sign(np.diff(positions, append=positions[-1:]))
+    signs = np.where(signs == 0, ahead, signs)
+    signs[-1:] = np.where(signs[-1:] == 0, np.sign(positions[-1:] - positions[:1]), signs[-1:])
+    found: Integers = (signs < 0).astype(np.int64)
+    return found
+
+
+def find_visits(
+    series: PoseSeries,
+    axis: str,
+    commands: Commands | None,
+    sensor: Sensor,
+    plan: Plan,
+    body: MeasuredObject | None = None,
+    shortest_s: float = 0.2,
+) -> tuple[Visits, VisitCounts]:
+    """Find the stands of an axis and the commanded position of each.
+
+    Raises `InputError` where the axis does not stand still, moves along another one, or where no
+    two stands belong to different positions.
+    """
+    good = series.usable()
+    moved, _, _ = object_displacements(good.states[:, :6], np.zeros(6), body or MIRROR)
+    place = moved[:, LETTERS.index(axis)]
+    check_axis(moved, axis)
+    rate = (len(place) - 1) / (series.time[-1] - series.time[0]) if len(place) > 1 else 1.0
+    parts = stands_of_axis(place, max(2, round(shortest_s * rate)))
+    if len(parts) < 2:
+        raise InputError(
+            f"the axis stands still {len(parts)} times for {shortest_s:g} s or more; needed: 2. "
+            "Shorter stands are found with a smaller --dwell"
+        )
+    places = np.array([mean(place[part]) for part in parts])
+    commands, partner = match_stands(places, commands)
+    kept = [part for part, one in zip(parts, partner, strict=True) if one >= 0]
+    rows = np.isfinite(place)
+    doubtful = [
+        float(places[n]) for n, part in enumerate(parts) if partner[n] >= 0
+        and 2 * rows[part].sum() < part.stop - part.start
+    ]  # fmt: skip
+    counts = VisitCounts(
+        stray_stands=len(parts) - len(kept),
+        missing=tuple(np.delete(commands.positions, partner[partner >= 0]).tolist()),
+        unsolved=int((~np.isfinite(series.states[:, 0])).sum()),
+        misfits=int(series.misfit.sum()),
+        moving=len(place) - sum(part.stop - part.start for part in kept),
+        doubtful=tuple(doubtful),
+    )
+    return make_visits(good, kept, commands, partner[partner >= 0], sensor, plan), counts
+
+
+def check_axis(moved: Floats, axis: str) -> None:
+    """Raise `InputError` if nothing was solved or another axis moved further."""
+    if not np.isfinite(moved).any():
+        raise InputError("no row has a pose; see the statuses of `facets solve` or `facets replay`")
+    main = LETTERS.index(axis)
+    kind = slice(main // 3 * 3, main // 3 * 3 + 3)
+    low, high = np.nanquantile(moved[:, kind], [0.02, 0.98], axis=0)
+    if (high - low).max() > (high - low)[main - kind.start]:
+        unit, factor = ("mm", 1) if main < 3 else ("mrad", 1e3)
+        extents = ", ".join(
+            f"{factor * extent:.3g} {unit} {'along' if main < 3 else 'about'} {letter}"
+            for letter, extent in zip(LETTERS[kind], high - low, strict=True)
+        )
+        raise InputError(
+            f"--axis {axis}: the object moved {extents}; name the axis that moved, or turn the "
+            "object's axes with `object:` in the configuration"
+        )
+
+
+def match_stands(places: Floats, commands: Commands | None) -> tuple[Commands, Integers]:
+    """The commands, and (k,) the command of each stand at `places` (k,), -1 if none."""
+    if commands is None:
+        positions = equal_positions(places)
+        return Commands(positions, approach_directions(positions)), np.arange(len(places))
+    targets, labels = np.unique(commands.positions, return_inverse=True)
+    if len(targets) < 2:
+        raise InputError("all commanded positions are equal; needed: two different ones or more")
+    middle = [(places.max() + places.min() - targets[-1] - targets[0]) / 2]
+    pairs = [
+        place - position
+        for place in places[:FIRST_STANDS]
+        for position in commands.positions[:FIRST_STANDS]
+    ]
+    best = max((match_by_offset(places, offset, targets, labels) for offset in middle + pairs),
+               key=lambda found: int((found >= 0).sum()))  # fmt: skip
+    matched = best >= 0
+    partner = commands.positions[best[matched]]
+    scale = np.polyfit(partner, places[matched], 1)[0] if len(np.unique(partner)) > 1 else 0.0
+    if not LEAST_SCALE < scale < 1 / LEAST_SCALE:
+        raise InputError(
+            f"the {len(places)} stands, from {places.min():.4g} to {places.max():.4g}, do not "
+            f"belong to the {len(labels)} commanded positions, from {targets[0]:.4g} to "
+            f"{targets[-1]:.4g} (mm or rad); check the unit and the sign of the table, and whether "
+            "the axis stood still at each position for the time of --dwell"
+        )
+    # An offset by the first stand has that stand's error: the median of all is nearer.
+    offset = float(np.median(places[matched] - partner))
+    return commands, match_by_offset(places, offset, targets, labels)
+
+
+def match_by_offset(places: Floats, offset: float, targets: Floats, labels: Integers) -> Integers:
+    """(k,) the command of each stand, -1 if none, with places that are off by `offset`."""
+    nearest = np.argmin(np.abs(places[:, None] - offset - targets), axis=1)
+    far = np.abs(places - offset - targets[nearest]) > np.diff(targets).min() / 2
+    found = np.full(len(places), -1)
+    names = np.where(far, -1, nearest).tolist()
+    matcher = SequenceMatcher(None, names, labels.tolist(), autojunk=False)
+    for start, first, size in matcher.get_matching_blocks():
+        found[start : start + size] = np.arange(first, first + size)
+    return found
+
+
+def equal_positions(places: Floats) -> Floats:
+    """The positions (k,) of stands at equally spaced targets, from the places alone.
+
+    The mean step is that of the places, so that an error of scale cannot be seen.
+    """
+    order = np.sort(places)
+    gaps = np.diff(order)
+    large = np.sort(gaps)[::-1]
+    ratios = large[:-1] / np.maximum(large[1:], 1e-12)
+    apart = len(gaps)  # gaps between targets: all of them, unless some are far smaller
+    if len(ratios) and ratios.max() > CLUSTER_RATIO:
+        apart = int(np.argmax(ratios)) + 1
+    borders = (order[:-1] + order[1:])[gaps >= large[apart - 1]] / 2
+    number = np.searchsorted(borders, places)
+    slope, start = np.polyfit(number, places, 1)
+    means = np.array([places[number == n].mean() for n in range(len(borders) + 1)])
+    uneven = np.abs(np.diff(means) / slope - 1)
+    if len(uneven) and uneven.max() > UNEVEN_STEPS:
+        raise InputError(
+            "the stands are not equally spaced (steps from "
+            f"{np.diff(means).min():.4g} to {np.diff(means).max():.4g} mm or rad); say where the "
+            "axis was sent with --commands"
+        )
+    found: Floats = start + slope * number
+    return found
+
+
+def make_visits(
+    series: PoseSeries,
+    parts: list[slice],
+    commands: Commands,
+    partner: Integers,
+    sensor: Sensor,
+    plan: Plan,
+) -> Visits:
+    """The stands at `parts`, which belong to the commands `partner` (k,)."""
+    targets, target = np.unique(commands.positions[partner], return_inverse=True)
+    direction = commands.direction[partner]
+    run = np.zeros_like(target)
+    for n in range(len(run)):
+        run[n] = int(((target[:n] == target[n]) & (direction[:n] == direction[n])).sum())
+    states = np.array([[mean(column) for column in series.states[part].T] for part in parts])
+    samples = np.array([np.isfinite(series.states[part, 0]).sum() for part in parts], float)
+    return Visits(
+        targets,
+        target,
+        direction,
+        run,
+        np.array([float(series.time[part].mean()) for part in parts]),
+        states,
+        samples,
+        excess_scatter(series, parts, states, sensor, plan),
+    )
+
+
+def excess_scatter(
+    series: PoseSeries, parts: list[slice], states: Floats, sensor: Sensor, plan: Plan
+) -> Floats:
+    """(6,) the scatter of the means of parts of stands, over that of the sensor's noise; at least
+    1, which it also is where stands have too few rows to tell."""
+    rows = [series.states[part, :6] for part in parts]
+    rows = [some[np.isfinite(some[:, 0])] for some in rows]
+    long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]
+    if not long:
+        return np.ones(6)
+    joined = np.concatenate([rows[n] for n in long])
+    ends = np.cumsum([len(rows[n]) for n in long])
+    slices = [slice(int(end) - len(rows[n]), int(end)) for n, end in zip(long, ends, strict=True)]
+    measured = per_row(joined, slices, np.ones((len(long), 6)))
+    noise = propagate_in_light(sensor, states[long], plan).noise
+    expected = np.median(np.diagonal(noise, axis1=1, axis2=2)[:, :6], axis=0)
+    found: Floats = np.sqrt(np.maximum(1.0, measured / np.maximum(expected, 1e-300)))
+    return found

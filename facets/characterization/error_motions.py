@@ -1,0 +1,324 @@
+"""Error motions of a linear or rotary axis from the poses at which it stood.
+
+The names are those of ISO 230-1:2012, 3.4 and 3.5: E, the direction of the error (X, Y, Z: shifts;
+A, B, C: rotations about these), and the axis that moves. EXX is the positioning error of the axis
+X, EYX and EZX are its straightness errors, EAX, EBX and ECX its angular errors. Of a rotary axis C,
+ECC is the angular positioning error, EXC and EYC are radial, EZC is axial, EAC and EBC are tilts.
+
+What the set-up of the test determines is no error of the axis, and is removed: a constant of each
+component, the direction of the axis relative to the object's axes (unless it is given), and where a
+rotary axis lies. Everything that is removed is linear in the poses' errors, so that these are
+carried to the error motions by draws from the joint distribution of all poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..core.knowledge import Knowledge
+from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, rotation_matrix
+from ..core.sensor import Calibration, Sensor
+from ..core.units import Floats, Integers
+from ..detectors.calibrated import MISFIT
+from ..detectors.noise import step_variances
+from ..estimation.differences import lasting_covariance, propagate_in_light
+from ..estimation.plan import Plan, make_plan
+from ..estimation.uncertainty_parts import Propagation, propagate
+
+#: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
+LETTERS = "XYZABC"
+ReferenceLine = Literal["least-squares", "end-points", "given"]
+#: Most draws of the poses' errors, and numbers in all of them.
+MOST_DRAWS, MOST_NUMBERS = 2000, 8_000_000
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Visits:
+    """Stands of an axis at its target positions.
+
+    Attributes
+    ----------
+    targets
+        (m,) the commanded positions, ascending; mm or rad.
+    target, direction, run
+        (k,) of each stand: number of the target; 0 if it was approached in the positive direction,
+        1 in the negative; number of the run.
+    time
+        (k,) s.
+    states
+        (k, 8) means over the samples of a stand; mm and rad.
+    samples
+        (k,) number of samples in each mean.
+    excess
+        (6,) by how much the means scatter more than the sensor's noise explains, as a factor of
+        the standard deviation, 1 or more.
+    """
+
+    targets: Floats
+    target: Integers
+    direction: Integers
+    run: Integers
+    time: Floats
+    states: Floats
+    samples: Floats
+    excess: Floats
+
+    def grid(self, values: Floats) -> Floats:
+        """Values (..., k) of the stands by target, direction and run: (..., m, 2, n)."""
+        shape = (len(self.targets), 2, int(self.run.max()) + 1)
+        whole: Floats = np.full((*values.shape[:-1], *shape), np.nan)
+        whole[..., self.target, self.direction, self.run] = values
+        return whole
+
+
+@dataclass(frozen=True)
+class ErrorMotions:
+    """The six error motions of an axis at its targets, with draws of their errors.
+
+    Attributes
+    ----------
+    axis
+        X, Y, Z, A, B or C.
+    targets
+        (m,) mm or rad.
+    values
+        (6, m, 2, n) by component, target, direction and run; mm and rad, NaN without a run.
+    draws
+        (6, draws, m, 2, n) errors of the values, from their joint distribution.
+    times
+        (m, 2, n) s.
+    frame
+        (3, 3) the axes of the errors, as rows in the object's axes: its main one is the direction
+        of the axis under test.
+    offset
+        (3,) of a rotary axis: from the point of interest to the axis, mm; 0 along the axis and for
+        a linear one.
+    """
+
+    axis: str
+    targets: Floats
+    values: Floats
+    draws: Floats
+    times: Floats
+    frame: Floats
+    offset: Floats
+
+    @property
+    def names(self) -> list[str]:
+        """EXX, EYX, ... in the order of the components."""
+        return [f"E{letter}{self.axis}" for letter in LETTERS]
+
+    @property
+    def main(self) -> int:
+        """The number of the component along or about which the axis moves."""
+        return LETTERS.index(self.axis)
+
+    @property
+    def is_rotary(self) -> bool:
+        return self.main >= 3
+
+
+def measure_error_motions(
+    sensor: Sensor,
+    knowledge: Knowledge,
+    visits: Visits,
+    axis: str,
+    body: MeasuredObject | None = None,
+    line: ReferenceLine = "least-squares",
+    is_tracked: bool = False,
+) -> ErrorMotions:
+    """Compute the error motions of an axis and how uncertain they are together.
+
+    Parameters
+    ----------
+    sensor, knowledge
+        The sensor, and what was known of its beam, with which the poses were solved.
+    visits
+        The stands of the axis.
+    axis
+        X, Y or Z: linear along, A, B or C: rotary about this axis of the object.
+    body
+        The point of interest and the object's axes; by default the mirror's apex and axes.
+    line
+        Reference of straightness, and of the tilt of a rotary axis: the line by least squares,
+        that through the means at the first and last target, or the given axis of the object.
+    is_tracked
+        Whether the beam followed the mirror. Its position then errs differently at each stand.
+
+    Returns
+    -------
+    ErrorMotions
+        In mm and rad.
+    """
+    body, main = body or MIRROR, LETTERS.index(axis)
+    moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), body)
+    commanded = visits.targets[visits.target]
+    frame, offset = np.eye(3), np.zeros(3)
+    for _ in range(1 if line == "given" else 3):  # the direction; corrections of second order
+        raw = deviations_of(moved, commanded, main, frame)
+        design, weights = set_up_design(visits, moved, main, frame, line)
+        solver = np.linalg.pinv(design * weights[:, None]) * weights
+        found = solver @ raw.ravel()
+        if line != "given":
+            frame = turn_frame(frame, main, found[6:8])
+    errors = (raw.ravel() - design @ found).reshape(raw.shape)
+    if main >= 3:
+        offset[[n for n in range(3) if n != main - 3]] = -found[-2:]
+    by_state = slopes_of_deviations(moved, commanded, main, frame) @ slopes
+    drawn = draw_pose_errors(sensor, knowledge, visits, is_tracked)
+    off = np.einsum("kij,dkj->dki", by_state, drawn).reshape(len(drawn), -1)
+    off -= (off @ solver.T) @ design.T
+    return ErrorMotions(
+        axis,
+        visits.targets,
+        visits.grid(errors.T),
+        visits.grid(np.moveaxis(off.reshape(drawn.shape), -1, 0)),
+        visits.grid(visits.time),
+        frame,
+        offset,
+    )
+
+
+def deviations_of(moved: Floats, commanded: Floats, main: int, frame: Floats) -> Floats:
+    """Displacements (k, 6) less the commanded motion: shifts, and rotation vectors, along the axes
+    `frame` (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    shifts = moved[:, :3] @ frame.T
+    turns = frame @ rotation_matrix(moved[:, 3:]) @ frame.T
+    if main < 3:
+        shifts[:, main] -= commanded
+    else:
+        vectors = np.zeros((len(commanded), 3))
+        vectors[:, main - 3] = -commanded
+        turns = turns @ Rotation.from_rotvec(vectors).as_matrix()
+    return np.hstack([shifts, Rotation.from_matrix(turns).as_rotvec()])
+
+
+def slopes_of_deviations(moved: Floats, commanded: Floats, main: int, frame: Floats) -> Floats:
+    """Derivatives (k, 6, 6) of `deviations_of` by the displacements."""
+    step, columns = 1e-5, []
+    for n in range(6):
+        ends = [
+            deviations_of(moved + sign * step * np.eye(6)[n], commanded, main, frame)
+            for sign in (1, -1)
+        ]
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
+def crosswise(main: int) -> tuple[int, int]:
+    """The two components across the axis that its direction changes: the straightness of a linear
+    axis, the tilt of a rotary one."""
+    start = main // 3 * 3
+    first, second = (n for n in range(start, start + 3) if n != main)
+    return first, second
+
+
+def set_up_design(
+    visits: Visits, moved: Floats, main: int, frame: Floats, line: ReferenceLine
+) -> tuple[Floats, Floats]:
+    """What the set-up adds to the deviations, as columns (6 k, q), and the weights (6 k,) of the
+    rows in a fit: a constant of each component, two slopes of the direction, and two distances of a
+    rotary axis."""
+    count, commanded = len(moved), visits.targets[visits.target]
+    columns = [np.tile(unit, count) for unit in np.eye(6)]
+    weights = np.ones((count, 6))
+    if line != "given":
+        for n in crosswise(main):
+            columns.append(np.kron(commanded, np.eye(6)[n]))
+            if line == "end-points":
+                ends = (visits.target == 0) | (visits.target == len(visits.targets) - 1)
+                weights[~ends, n] = 0.0
+    if main >= 3:
+        turns = frame @ rotation_matrix(moved[:, 3:]) @ frame.T - np.eye(3)
+        for n in range(3):
+            if n != main - 3:
+                columns.append(np.hstack([turns[:, :, n], np.zeros((count, 3))]).ravel())
+    return np.stack(columns, axis=1), weights.ravel()
+
+
+def turn_frame(frame: Floats, main: int, slopes: Floats) -> Floats:
+    """Axes `frame` turned so that the main one has the direction with these slopes (2,)."""
+    from scipy.spatial.transform import Rotation
+
+    direction = np.zeros(3)
+    direction[main % 3] = 1.0
+    first, second = crosswise(main)
+    direction[[first % 3, second % 3]] = slopes
+    across = np.cross(np.eye(3)[main % 3], direction)
+    size = float(np.linalg.norm(across))
+    turn = Rotation.from_rotvec(across / size * np.arctan(size) if size else across)
+    turned: Floats = turn.as_matrix().T @ frame
+    return turned
+
+
+def draw_pose_errors(
+    sensor: Sensor, knowledge: Knowledge, visits: Visits, is_tracked: bool = False
+) -> Floats:
+    """Draws (draws, k, 6) of the errors of the stands' poses from their joint distribution.
+
+    Noise is independent from stand to stand; the calibration and what was known of a beam that
+    stood still err as `lasting_covariance` says. What may or may not be the same in two visits of a
+    target counts twice, as an error of the target and as one of the stand.
+    """
+    plan = make_plan(sensor, knowledge)
+    count, kinds = len(visits.states), len(visits.targets)
+    draws = min(MOST_DRAWS, max(400, MOST_NUMBERS // (6 * count)))
+    rng = np.random.default_rng(SEED)
+    own = propagate_in_light(sensor, visits.states, plan)
+    noise = own.noise / visits.samples[:, None, None]
+    noise[:, :6, :6] *= np.outer(visits.excess, visits.excess)
+    noise += doubtful_covariance(sensor, own, visits.states, plan, is_tracked)
+    states = np.stack([visits.states[visits.target == n].mean(axis=0) for n in range(kinds)])
+    found = propagate_in_light(sensor, states, plan)
+    again = doubtful_covariance(sensor, found, states, plan, is_tracked, misfit=False)
+    if is_tracked:
+        found.priors[:, :, :2] = 0.0
+    lasting = lasting_covariance(sensor, found, states)[:, :6, :, :6]
+    lasting[np.arange(kinds), :, np.arange(kinds)] += again[:, :6, :6]
+    common = rng.standard_normal((draws, 6 * kinds)) @ root(lasting.reshape(6 * kinds, -1)).T
+    drawn = rng.standard_normal((draws, count, 6))
+    out: Floats = np.einsum("kij,dkj->dki", root(noise[:, :6, :6]), drawn)
+    return out + common.reshape(draws, kinds, 6)[:, visits.target]
+
+
+def doubtful_covariance(
+    sensor: Sensor,
+    found: Propagation,
+    states: Floats,
+    plan: Plan,
+    is_tracked: bool,
+    misfit: bool = True,
+) -> Floats:
+    """The covariance (k, 8, 8) of errors that may or may not be the same in two visits of a target:
+    the converters' steps, the position of a beam that follows, and what a calibration could not
+    explain (with `misfit`)."""
+    places = np.ones((len(states), 3), dtype=bool)
+    unit = Calibration(MISFIT, tuple(map(tuple, np.eye(9).tolist())))
+    gain = propagate(sensor, unit, states, places, plan.free, plan.weights).slopes
+    assert gain is not None
+    variances = np.zeros((len(states), 9))
+    if sensor.electronics is not None:
+        variances += np.nan_to_num(step_variances(sensor, found.readings))
+    if sensor.calibration is not None and misfit:
+        sizes = np.diag(sensor.calibration.covariance)
+        for name, size in zip(sensor.calibration.names, sizes, strict=True):
+            if name in MISFIT:
+                variances[:, MISFIT.index(name)] += size
+    whole: Floats = (gain * variances[:, None, :]) @ np.swapaxes(gain, 1, 2)
+    if is_tracked:
+        whole += found.priors[:, :, :2] @ np.swapaxes(found.priors[:, :, :2], 1, 2)
+    return whole
+
+
+def root(covariance: Floats) -> Floats:
+    """A matrix (..., n, n) whose product with its transpose is a covariance."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / scale[..., :, None] / scale[..., None, :])
+    found: Floats = scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
+    return found

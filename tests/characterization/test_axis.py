@@ -1,0 +1,209 @@
+"""Axis tests: the formulas of ISO 230-2 beside numbers worked by hand, error motions beside rigid
+bodies that scipy moves, and stands beside the commands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import facets
+from facets import InputError
+from facets.characterization.axis_visits import (
+    Commands,
+    PoseSeries,
+    approach_directions,
+    find_visits,
+    match_stands,
+    read_commands,
+)
+from facets.characterization.error_motions import Visits, measure_error_motions
+from facets.characterization.positioning import QUANTITIES, evaluate_positioning
+from facets.core.knowledge import Knowledge
+from facets.estimation.plan import make_plan
+
+SENSOR = facets.load("paper").sensor
+KNOWN = Knowledge(beam="known")
+
+#: Two targets, three runs, um. Means: 1, 5 up and -3, 2 down; s: 1, 2 up and 2, 1 down.
+WORKED = np.array([[[0.0, 1, 2], [-5, -3, -1]], [[3, 5, 7], [1, 2, 3]]])
+BY_HAND = {
+    "B": 4.0,  # 1 + 3 and 5 - 2
+    "B_mean": 3.5,
+    "R_up": 8.0,
+    "R_down": 8.0,
+    "R": 10.0,  # 2 * 1 + 2 * 2 + 4, beside 2 * 2 + 2 * 1 + 3 = 9
+    "E_up": 4.0,
+    "E_down": 5.0,
+    "E": 8.0,  # from -3 to 5
+    "M": 4.5,  # from -1 to 3.5
+    "A_up": 10.0,  # from 1 - 2 to 5 + 4
+    "A_down": 11.0,  # from -3 - 4 to 2 + 2
+    "A": 16.0,  # from -7 to 9
+}
+
+
+def values(x: np.ndarray) -> dict[str, float]:
+    return {symbol: float(formula(x)) for _, symbol, formula in QUANTITIES}
+
+
+def test_quantities_are_those_worked_by_hand():
+    assert values(WORKED) == pytest.approx(BY_HAND)
+
+
+def test_what_a_test_lacks_is_not_a_number():
+    up = WORKED.copy()
+    up[:, 1] = np.nan
+    found = values(up)
+    assert found["E_up"] == 4
+    assert found["A_up"] == 10
+    assert all(np.isnan(found[name]) for name in ("B", "B_mean", "R", "E", "M", "A", "A_down"))
+    once = values(WORKED[:, :, :1])
+    assert once["E"] == 8 + 0 * once["M"]
+    assert all(np.isnan(once[name]) for name in ("R_up", "R", "A_up", "A"))
+    partly = WORKED.copy()
+    partly[1, 1, :] = np.nan  # the last target was approached from below only
+    assert values(partly)["B"] == 4
+    found = {q.symbol: q for q in evaluate_positioning(partly, np.zeros((3, 2, 2, 3)))}
+    assert found["A"].value == 16
+    assert found["A"].expanded == 0
+
+
+@pytest.mark.parametrize(("size", "scatter"), [(0, 0), (2, 0), (10, 10)])
+def test_expanded_uncertainties_hold_for_good_and_for_bad_axes(size, scatter):
+    """Whether the axis errs by much more than the sensor or not at all; the bound is 4 standard
+    deviations of a count of 80."""
+    rng, inside, tests = np.random.default_rng(2), [], 80
+    target = np.arange(7)[:, None, None]
+    together = np.linalg.cholesky(0.3 * np.exp(-np.square(target[:, 0] - target[:, 0].T) / 9)
+                                  + 1e-9 * np.eye(7))  # fmt: skip
+    for _ in range(tests):
+        true = size * np.sin(target * rng.uniform(0.3, 1) + rng.uniform(0, 6))
+        true = true + np.array([[0.3], [-0.3]]) * size + scatter * rng.standard_normal((7, 2, 3))
+        noise = rng.standard_normal((201, 7, 2, 3))
+        noise += (rng.standard_normal((201, 7)) @ together.T)[:, :, None, None]
+        found = evaluate_positioning(true + noise[0], noise[1:])
+        inside.append([abs(q.value - values(true)[q.symbol]) <= q.expanded for q in found])
+    shares = dict(zip(BY_HAND, np.mean(inside, axis=0), strict=True))
+    assert min(shares.values()) > 0.85, shares
+
+
+def visits(states: np.ndarray, targets: np.ndarray) -> Visits:
+    count = len(targets)
+    zero = np.zeros(count, dtype=int)
+    return Visits(
+        targets, np.arange(count), zero, zero, np.arange(count) * 1.0,
+        np.hstack([states, np.zeros((count, 2))]), np.full(count, 1e9), np.ones(6),
+    )  # fmt: skip
+
+
+def test_a_linear_axis_has_the_errors_that_a_rigid_body_was_given():
+    """At a point 40 mm from the apex, along a skew direction, in axes of the object's own."""
+    body = facets.MeasuredObject((10, -5, 40), (0.0, 0.0, np.pi / 6))
+    own, point = Rotation.from_euler("z", np.pi / 6), np.array([10.0, -5, 40])
+    way = np.linspace(-0.2, 0.2, 9)
+    bow = 1 - (way / 0.2) ** 2
+    skew = Rotation.from_rotvec([0, 2e-3, -3e-3])  # of the axis to the object's x
+    errors = np.stack([1e-3 * way, 2e-3 * bow, -1e-3 * bow, *(1e-5 * n * bow for n in (1, 2, 3))])
+    shift = own.apply(skew.apply(errors[:3].T + np.outer(way, [1, 0, 0])))
+    turn = own * skew * Rotation.from_rotvec(errors[3:].T) * skew.inv() * own.inv()
+    places = point + shift - turn.apply(point)
+    states = np.hstack([places, turn.as_euler("xyz")])
+    found = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body)
+    assert found.names == ["EXX", "EYX", "EZX", "EAX", "EBX", "ECX"]
+    expected = errors - errors.mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.values[:, :, 0, 0], expected, atol=2e-8)
+    np.testing.assert_allclose(found.frame[0], skew.as_matrix()[:, 0], atol=1e-6)
+    ends = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "end-points")
+    np.testing.assert_allclose(ends.values[1, :, 0, 0], errors[1], atol=2e-8)
+    given = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "given")
+    slope = np.polyfit(way, given.values[1, :, 0, 0], 1)[0]
+    assert slope == pytest.approx(-3e-3, rel=0.01)
+
+
+def test_a_rotary_axis_beside_the_apex_has_no_error_but_its_own():
+    angle = np.linspace(-0.012, 0.012, 9)
+    tilt, where = Rotation.from_rotvec([1e-3, -2e-3, 0]), np.array([0.3, -0.2, 0.0])
+    wobble = 5e-6 * np.sin(300 * angle)
+    turn = tilt * Rotation.from_rotvec(np.outer(angle + wobble, [0, 0, 1])) * tilt.inv()
+    lift = 4e-4 * (1 - (angle / 0.012) ** 2)
+    places = where - turn.apply(where) + np.outer(lift, tilt.as_matrix()[:, 2])
+    states = np.hstack([places, turn.as_euler("xyz")])
+    found = measure_error_motions(SENSOR, KNOWN, visits(states, angle), "C")
+    assert found.names[5] == "ECC"
+    expected = np.zeros((6, 9))
+    expected[2], expected[5] = lift - lift.mean(), wobble - wobble.mean()
+    np.testing.assert_allclose(found.values[:, :, 0, 0], expected, atol=2e-8)
+    np.testing.assert_allclose(found.offset[:2], where[:2], atol=1e-3)
+
+
+def series(commands: np.ndarray, rng: np.random.Generator, rows: int = 200) -> PoseSeries:
+    """An axis along z that goes to its positions, 3 mm from the table's zero."""
+    way = np.repeat(commands + 3 + rng.normal(0, 1e-4, len(commands)), 2)
+    knots = np.cumsum(np.tile([60, rows], len(commands)))
+    z = np.interp(np.arange(knots[-1]), knots, way)
+    states = np.zeros((len(z), 8))
+    states[:, 2] = z
+    states[:, :6] += 1e-6 * rng.standard_normal((len(z), 6))
+    return PoseSeries(np.arange(len(z)) * 1e-3, states, np.zeros(len(z), bool))
+
+
+UP_AND_DOWN = np.array([0, 1, 2, 3, 3, 2, 1, 0.0])
+
+
+def found_visits(poses: PoseSeries, commands: np.ndarray | None, axis: str = "Z"):
+    told = None if commands is None else Commands(commands, approach_directions(commands))
+    return find_visits(poses, axis, told, SENSOR, make_plan(SENSOR, KNOWN), shortest_s=0.1)
+
+
+def test_stands_are_matched_with_commands_though_some_lack_and_some_are_stray():
+    rng = np.random.default_rng(4)
+    way = np.array([7, 0, 1, 2, 3.4, 3, 2, 1, 0, 1, 2])  # 3 was reached once, 7 was not commanded
+    poses = series(way, rng)
+    poses.states[300:310] = np.nan
+    poses.misfit[400:403] = True
+    found, counts = found_visits(poses, np.array([0, 1, 2, 3, 3, 2, 1, 0, 1, 2, 2.0]))
+    assert counts.stray_stands == 1
+    assert sorted(counts.missing) == [2.0]
+    assert (counts.unsolved, counts.misfits) == (10, 3)
+    np.testing.assert_array_equal(found.targets[found.target], [0, 1, 2, 3, 3, 2, 1, 0, 1, 2])
+    np.testing.assert_array_equal(found.direction, [0, 0, 0, 0, 1, 1, 1, 1, 0, 0])
+    np.testing.assert_array_equal(found.run, [0, 0, 0, 0, 0, 0, 0, 0, 1, 1])
+
+
+def test_without_commands_the_stands_are_equally_spaced():
+    rng = np.random.default_rng(5)
+    way = np.array([0, 1, 2, 3, 4, 2.99, 1.99, 0.99, -0.01, 1, 2, 3])
+    found, _ = found_visits(series(way, rng), None)
+    assert len(found.targets) == 5
+    np.testing.assert_allclose(np.diff(found.targets), 1, atol=0.01)
+    np.testing.assert_array_equal(found.direction, [0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0])
+    with pytest.raises(InputError, match="not equally spaced"):
+        match_stands(np.array([0, 1, 2.5, 0, 1, 2.5]), None)
+
+
+def test_what_cannot_be_a_test_of_the_axis_is_refused(tmp_path):
+    rng = np.random.default_rng(6)
+    poses = series(UP_AND_DOWN, rng)
+    with pytest.raises(InputError, match=r"moved .* along Z; name the axis that moved"):
+        found_visits(poses, UP_AND_DOWN, "X")
+    with pytest.raises(InputError, match=r"stands still . times"):
+        found_visits(replace(poses, states=np.tile(poses.states[:1], (len(poses.time), 1))), None)
+    with pytest.raises(InputError, match="check the unit"):
+        found_visits(poses, 1000 * UP_AND_DOWN)
+    nothing = replace(poses, states=np.full_like(poses.states, np.nan))
+    with pytest.raises(InputError, match="no row has a pose"):
+        found_visits(nothing, UP_AND_DOWN)
+    table = tmp_path / "commands.csv"
+    table.write_text("position_deg\n1\n2\n")
+    with pytest.raises(InputError, match="needed for the axis Z: one of position_mm, position_um"):
+        read_commands(table, "Z")
+    assert read_commands(table, "C").positions[1] == pytest.approx(np.radians(2))
+    table.write_text("position_mm,direction\n1,1\n2,0\n")
+    with pytest.raises(InputError, match="row 2: direction is 0"):
+        read_commands(table, "Z")
+    table.write_text("position_mm\n1\n\nx\n")
+    with pytest.raises(InputError, match="not a number"):
+        read_commands(table, "Z")

@@ -1,0 +1,56 @@
+"""An axis with known errors: where it stands, which errors it has there, and what it is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from facets.core.motions import Runs
+from facets.core.names import STATE
+from facets.simulation.axis_runs import command_columns, course_of, course_states, run_states
+
+
+def state(**values: float) -> tuple[float, ...]:
+    return tuple(values.get(name, 0.0) for name in STATE)
+
+
+AXIS = Runs(
+    start=state(tz=-1.0), stop=state(tz=1.0), steps=5, runs=2, dwell=0.02, move=0.01, rate=1000.0
+)
+
+
+def test_the_stands_are_commanded_in_their_order_from_both_sides():
+    told = command_columns(AXIS)
+    up, down = [-1, -0.5, 0, 0.5, 1], [1, 0.5, 0, -0.5, -1]
+    np.testing.assert_allclose(told["position_mm"], 2 * [*up, *down])
+    np.testing.assert_array_equal(told["direction"], 2 * [*[1] * 5, *[-1] * 5])
+    turned = replace(AXIS, start=state(yaw=0.01, tz=1e-3), stop=state(yaw=-0.01))
+    told = command_columns(turned)
+    np.testing.assert_allclose(told["position_mrad"][:5], [10, 5, 0, -5, -10])
+    assert told["direction"][0] == -1
+
+
+def test_each_error_has_its_form():
+    stand = course_of(AXIS).is_stand
+
+    def errors(**keys: object) -> np.ndarray:
+        erring = course_states(replace(AXIS, **keys), np.random.default_rng(1))
+        return (erring - course_states(AXIS, np.random.default_rng(1)))[stand][:10]
+
+    np.testing.assert_allclose(errors(scale=0.01)[:5, 2], [-0.01, -0.005, 0, 0.005, 0.01])
+    np.testing.assert_allclose(errors(bow=state(tx=4e-3))[:5, 0], [0, 3e-3, 4e-3, 3e-3, 0])
+    back = errors(backlash=state(tz=2e-3))[:, 2]
+    np.testing.assert_allclose(back, [*[1e-3] * 5, *[-1e-3] * 5])
+    wave = errors(wave=state(roll=1e-5), periods=1.0)[:5, 3]
+    np.testing.assert_allclose(wave, [0, 1e-5, 0, -1e-5, 0], atol=1e-18)
+    assert 0.3e-3 < errors(scatter=state(ty=1e-3))[:, 1].std() < 3e-3
+
+
+def test_it_stands_at_its_places_and_overruns_the_ends():
+    time, states = run_states(AXIS, np.random.default_rng(1))
+    np.testing.assert_allclose(np.diff(time), 1e-3)
+    stands = (states[:, 2, None] == command_columns(AXIS)["position_mm"][:5]).sum(axis=0)
+    assert (np.abs(stands - 4 * 20) <= 8).all()  # two runs there and back, of 20 samples
+    assert states[:, 2].max() > 1.2
+    assert states[:, 2].min() < -1.2
