@@ -49,6 +49,7 @@ COMMANDS = {
     "acquire": "acquire",
     "replay": "replay",
     "noise": "noise",
+    "axis": "axis",
     "response": "response",
     "emulate": "emulate",
     "render": "render",

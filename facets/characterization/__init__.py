@@ -4,6 +4,8 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import ambiguity as ambiguity
+    from . import axis_report as axis_report
+    from . import axis_visits as axis_visits
     from . import frequency_response as frequency_response
     from . import noise_report as noise_report
     from . import outlines as outlines

@@ -9,20 +9,24 @@ shifting all others.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from difflib import SequenceMatcher
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
 from ..estimation.differences import propagate_in_light
 from ..estimation.dwells import mean, per_row, stands_of_axis
-from ..estimation.plan import Plan
+from ..estimation.plan import Plan, chance_of, make_plan
 from ..files.tables import read_chunks
 from .error_motions import LETTERS, Visits
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
 
 #: Columns of a table of commands, with the unit in that of the code.
 POSITIONS = {
@@ -35,7 +39,7 @@ FIRST_STANDS = 4
 LEAST_SCALE = 0.5
 #: Rows of a stand from which the scatter of its parts is taken.
 SCATTER_ROWS = 32
-#: Places belong to different positions where neighbours are this much further apart than others.
+#: Gaps between positions are more than this many times as wide as the widest gap within one.
 CLUSTER_RATIO = 3.0
 #: Largest deviation of equal steps from their mean, where no command says the positions.
 UNEVEN_STEPS = 0.2
@@ -86,6 +90,40 @@ class VisitCounts:
     doubtful: tuple[float, ...] = ()
 
 
+def recorded_series(columns: dict[str, Any], config: Config) -> PoseSeries:
+    """The poses of a recording, solved by this configuration, from the columns of its table."""
+    plan = make_plan(config.sensor, config.solve.knowledge(config.sensor))
+    chance = chance_of(config.sensor, plan)
+    limit = chance.limits(chance.checks(np.ones((1, 3), dtype=bool)))[0]
+    states = np.column_stack([columns[name] for name in STATE_COLUMNS]) * STATE_UNITS
+    time = columns["host_s"] - columns["host_s"][0]
+    return PoseSeries(time, states, np.asarray(columns["residual"] > limit))
+
+
+def read_series(path: Path) -> PoseSeries:
+    """Read a table of poses in time, such as `facets solve` and `facets replay` write."""
+    beside = (*STATE_COLUMNS[6:], "time_s", "host_s", "misfit")
+    parts = [chunk.columns for chunk in read_chunks(path, STATE_COLUMNS[:6], beside)]
+    rows = sum(len(part[STATE_COLUMNS[0]]) for part in parts)
+    name = next((name for name in ("time_s", "host_s") if parts and name in parts[0]), None)
+    if name is None:
+        raise InputError(
+            f"{path}: "
+            + ("missing column: time_s (or host_s, a recording's)" if rows else "no rows")
+        )
+    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    time = columns[name]
+    bad = np.flatnonzero(~np.isfinite(time) | (np.diff(time, prepend=-np.inf) <= 0))
+    if len(bad):
+        raise InputError(
+            f"{path}: row {bad[0] + 1}: {name} is {time[bad[0]]:g}; the times of all rows must "
+            "ascend, so that the table holds one motion"
+        )
+    zero = np.zeros(rows)
+    states = np.column_stack([columns.get(key, zero) for key in STATE_COLUMNS]) * STATE_UNITS
+    return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0)
+
+
 def read_commands(path: Path, axis: str) -> Commands:
     """Read a table of commanded positions, a row for each stand.
 
@@ -94,6 +132,20 @@ def read_commands(path: Path, axis: str) -> Commands:
     position is approached.
     """
     parts = [chunk.columns for chunk in read_chunks(path, (), (*POSITIONS, "direction"))]
+    positions = read_positions(path, parts, axis)
+    if "direction" not in parts[0]:
+        return Commands(positions, approach_directions(positions))
+    signs = np.concatenate([part["direction"] for part in parts])
+    wrong = np.flatnonzero(~np.isin(signs, (1, -1)))
+    if len(wrong):
+        raise InputError(
+            f"{path}: row {wrong[0] + 1}: direction is {signs[wrong[0]]:g}; allowed: 1 and -1"
+        )
+    return Commands(positions, (signs < 0).astype(np.int64))
+
+
+def read_positions(path: Path, parts: list[dict[str, Floats]], axis: str) -> Floats:
+    """The commanded positions (k,) of a table's columns; mm or rad."""
     names = [name for name in POSITIONS if parts and name in parts[0]]
     linear = LETTERS.index(axis) < 3
     allowed = [name for name in POSITIONS if name.endswith("m") == linear]
@@ -103,16 +155,12 @@ def read_commands(path: Path, axis: str) -> Commands:
             f"{axis}: one of {', '.join(allowed)}"
         )
     positions = np.concatenate([part[names[0]] for part in parts]) * POSITIONS[names[0]]
-    if not np.isfinite(positions).all():
-        row = int(np.flatnonzero(~np.isfinite(positions))[0]) + 1
-        raise InputError(f"{path}: row {row}: {names[0]} is not a number; each row is one position")
-    if "direction" not in parts[0]:
-        return Commands(positions, approach_directions(positions))
-    signs = np.concatenate([part["direction"] for part in parts])
-    if not np.isin(signs, (1, -1)).all():
-        row = int(np.flatnonzero(~np.isin(signs, (1, -1)))[0]) + 1
-        raise InputError(f"{path}: row {row}: direction is {signs[row - 1]:g}; allowed: 1 and -1")
-    return Commands(positions, (signs < 0).astype(np.int64))
+    wrong = np.flatnonzero(~np.isfinite(positions))
+    if len(wrong):
+        raise InputError(
+            f"{path}: row {wrong[0] + 1}: {names[0]} is not a number; each row is one position"
+        )
+    return positions
 
 
 def approach_directions(positions: Floats) -> Integers:
@@ -224,11 +272,26 @@ def match_by_offset(places: Floats, offset: float, targets: Floats, labels: Inte
     """(k,) the command of each stand, -1 if none, with places that are off by `offset`."""
     nearest = np.argmin(np.abs(places[:, None] - offset - targets), axis=1)
     far = np.abs(places - offset - targets[nearest]) > np.diff(targets).min() / 2
-    found = np.full(len(places), -1)
-    names = np.where(far, -1, nearest).tolist()
-    matcher = SequenceMatcher(None, names, labels.tolist(), autojunk=False)
-    for start, first, size in matcher.get_matching_blocks():
-        found[start : start + size] = np.arange(first, first + size)
+    return align_sequences(np.where(far, -1, nearest), labels)
+
+
+def align_sequences(names: Integers, labels: Integers) -> Integers:
+    """(k,) for each of `names` (k,) the place of its partner among `labels` (n,), in the same
+    order, so that as many as possible have one; -1 if none."""
+    lengths = np.zeros((len(names) + 1, len(labels) + 1), dtype=np.int64)
+    for n, name in enumerate(names):
+        best = np.maximum(lengths[n, 1:], lengths[n, :-1] + (labels == name))
+        lengths[n + 1, 1:] = np.maximum.accumulate(best)
+    found = np.full(len(names), -1)
+    n, place = len(names), len(labels)
+    while n and place:
+        if names[n - 1] == labels[place - 1]:
+            n, place = n - 1, place - 1
+            found[n] = place
+        elif lengths[n - 1, place] == lengths[n, place]:
+            n -= 1
+        else:
+            place -= 1
     return found
 
 
@@ -240,10 +303,8 @@ def equal_positions(places: Floats) -> Floats:
     order = np.sort(places)
     gaps = np.diff(order)
     large = np.sort(gaps)[::-1]
-    ratios = large[:-1] / np.maximum(large[1:], 1e-12)
-    apart = len(gaps)  # gaps between targets: all of them, unless some are far smaller
-    if len(ratios) and ratios.max() > CLUSTER_RATIO:
-        apart = int(np.argmax(ratios)) + 1
+    jumps = large[:-1] > CLUSTER_RATIO * large[1:]
+    apart = int(np.argmax(jumps)) + 1 if jumps.any() else len(gaps)  # gaps between targets
     borders = (order[:-1] + order[1:])[gaps >= large[apart - 1]] / 2
     number = np.searchsorted(borders, places)
     slope, start = np.polyfit(number, places, 1)

@@ -6,9 +6,10 @@ X, EYX and EZX are its straightness errors, EAX, EBX and ECX its angular errors.
 ECC is the angular positioning error, EXC and EYC are radial, EZC is axial, EAC and EBC are tilts.
 
 What the set-up of the test determines is no error of the axis, and is removed: a constant of each
-component, the direction of the axis relative to the object's axes (unless it is given), and where a
-rotary axis lies. Everything that is removed is linear in the poses' errors, so that these are
-carried to the error motions by draws from the joint distribution of all poses.
+component, the direction of the axis relative to the object's axes (unless the reference line is the
+nominal one), and where a rotary axis lies. Everything that is removed is linear in the poses'
+errors, so that these are carried to the error motions by draws from the joint distribution of all
+poses.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from ..estimation.uncertainty_parts import Propagation, propagate
 
 #: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
 LETTERS = "XYZABC"
-ReferenceLine = Literal["least-squares", "end-points", "given"]
+ReferenceLine = Literal["least-squares", "end-points", "nominal"]
 #: Most draws of the poses' errors, and numbers in all of them.
 MOST_DRAWS, MOST_NUMBERS = 2000, 8_000_000
 SEED = 1
@@ -145,7 +146,7 @@ def measure_error_motions(
         The point of interest and the object's axes; by default the mirror's apex and axes.
     line
         Reference of straightness, and of the tilt of a rotary axis: the line by least squares,
-        that through the means at the first and last target, or the given axis of the object.
+        that through the means at the first and last target, or the object's axis.
     is_tracked
         Whether the beam followed the mirror. Its position then errs differently at each stand.
 
@@ -158,12 +159,12 @@ def measure_error_motions(
     moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), body)
     commanded = visits.targets[visits.target]
     frame, offset = np.eye(3), np.zeros(3)
-    for _ in range(1 if line == "given" else 3):  # the direction; corrections of second order
+    for _ in range(1 if line == "nominal" else 3):  # the direction; corrections of second order
         raw = deviations_of(moved, commanded, main, frame)
         design, weights = set_up_design(visits, moved, main, frame, line)
         solver = np.linalg.pinv(design * weights[:, None]) * weights
         found = solver @ raw.ravel()
-        if line != "given":
+        if line != "nominal":
             frame = turn_frame(frame, main, found[6:8])
     errors = (raw.ravel() - design @ found).reshape(raw.shape)
     if main >= 3:
@@ -228,7 +229,7 @@ def set_up_design(
     count, commanded = len(moved), visits.targets[visits.target]
     columns = [np.tile(unit, count) for unit in np.eye(6)]
     weights = np.ones((count, 6))
-    if line != "given":
+    if line != "nominal":
         for n in crosswise(main):
             columns.append(np.kron(commanded, np.eye(6)[n]))
             if line == "end-points":
@@ -264,17 +265,18 @@ def draw_pose_errors(
 
     Noise is independent from stand to stand; the calibration and what was known of a beam that
     stood still err as `lasting_covariance` says. What may or may not be the same in two visits of a
-    target counts twice, as an error of the target and as one of the stand.
+    target from the same side counts twice, as an error of both and as one of the stand.
     """
     plan = make_plan(sensor, knowledge)
-    count, kinds = len(visits.states), len(visits.targets)
+    sides, side = np.unique(2 * visits.target + visits.direction, return_inverse=True)
+    count, kinds = len(visits.states), len(sides)
     draws = min(MOST_DRAWS, max(400, MOST_NUMBERS // (6 * count)))
     rng = np.random.default_rng(SEED)
     own = propagate_in_light(sensor, visits.states, plan)
     noise = own.noise / visits.samples[:, None, None]
     noise[:, :6, :6] *= np.outer(visits.excess, visits.excess)
     noise += doubtful_covariance(sensor, own, visits.states, plan, is_tracked)
-    states = np.stack([visits.states[visits.target == n].mean(axis=0) for n in range(kinds)])
+    states = np.stack([visits.states[side == n].mean(axis=0) for n in range(kinds)])
     found = propagate_in_light(sensor, states, plan)
     again = doubtful_covariance(sensor, found, states, plan, is_tracked, misfit=False)
     if is_tracked:
@@ -284,7 +286,7 @@ def draw_pose_errors(
     common = rng.standard_normal((draws, 6 * kinds)) @ root(lasting.reshape(6 * kinds, -1)).T
     drawn = rng.standard_normal((draws, count, 6))
     out: Floats = np.einsum("kij,dkj->dki", root(noise[:, :6, :6]), drawn)
-    return out + common.reshape(draws, kinds, 6)[:, visits.target]
+    return out + common.reshape(draws, kinds, 6)[:, side]
 
 
 def doubtful_covariance(

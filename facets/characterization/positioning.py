@@ -131,22 +131,22 @@ QUANTITIES: tuple[tuple[str, str, Callable[[Floats], Floats]], ...] = (
     ("reversal error", "B", lambda x: largest(np.abs(reversals(x)))),
     ("mean reversal error", "B_mean", lambda x: mean_of(reversals(x))),
     (
-        "repeatability, positive direction",
+        "repeatability in the positive direction",
         "R_up",
         lambda x: 4 * largest(standard_deviations_of_runs(x)[..., 0]),
     ),
     (
-        "repeatability, negative direction",
+        "repeatability in the negative direction",
         "R_down",
         lambda x: 4 * largest(standard_deviations_of_runs(x)[..., 1]),
     ),
     ("bidirectional repeatability", "R", bidirectional_repeatability),
-    ("systematic error, positive direction", "E_up", lambda x: systematic_error(x, 0)),
-    ("systematic error, negative direction", "E_down", lambda x: systematic_error(x, 1)),
+    ("systematic error in the positive direction", "E_up", lambda x: systematic_error(x, 0)),
+    ("systematic error in the negative direction", "E_down", lambda x: systematic_error(x, 1)),
     ("bidirectional systematic error", "E", systematic_error),
     ("mean bidirectional error", "M", mean_bidirectional_error),
-    ("accuracy, positive direction", "A_up", lambda x: accuracy(x, 0)),
-    ("accuracy, negative direction", "A_down", lambda x: accuracy(x, 1)),
+    ("accuracy in the positive direction", "A_up", lambda x: accuracy(x, 0)),
+    ("accuracy in the negative direction", "A_down", lambda x: accuracy(x, 1)),
     ("bidirectional accuracy", "A", accuracy),
 )
 

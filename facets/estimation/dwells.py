@@ -33,9 +33,8 @@ BLOCKS = 12
 #: An axis stands still while the means of blocks stay within this number of their standard
 #: deviations, which one block in 45,000 leaves by chance.
 STEP_SIGMAS = 6.0
-#: The smallest step of an axis that is looked for where there is no noise, in the unit of the
-#: coordinate.
-LEAST_STEP = 1e-7
+#: The share of the whole way within which an axis may creep or drift during a stand.
+CREEP_SHARE = 1 / 5000
 #: A normal distribution's standard deviation over the median size of a difference of two.
 QUARTILES_OF_STEP = 1 / (0.67449 * 2**0.5)
 #: The distance of a normal distribution's quartiles, in standard deviations.
@@ -91,7 +90,8 @@ def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
     blocks = block_means(place[: count * size].reshape(count, size))
     steps = np.abs(np.diff(blocks))
     noise = float(np.nanmedian(steps)) * QUARTILES_OF_STEP if np.isfinite(steps).any() else 0.0
-    sigma = np.array([max(STEP_SIGMAS * noise, LEAST_STEP) / WITHIN])
+    way = float(np.nanmax(blocks) - np.nanmin(blocks)) if np.isfinite(blocks).any() else 0.0
+    sigma = np.array([max(STEP_SIGMAS * noise, CREEP_SHARE * way, 1e-12) / WITHIN])
     found = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
     # The axis may begin or end its move within the outermost blocks.
     return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in found]

@@ -3,6 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
+    from . import axis as axis
     from . import calibration as calibration
     from . import exploration as exploration
     from . import exploration_page as exploration_page

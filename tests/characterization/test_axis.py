@@ -6,11 +6,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from commands import command
 from scipy.spatial.transform import Rotation
 
 import facets
 from facets import InputError
+from facets.characterization.axis_report import evaluate_axis
 from facets.characterization.axis_visits import (
     Commands,
     PoseSeries,
@@ -118,7 +121,7 @@ def test_a_linear_axis_has_the_errors_that_a_rigid_body_was_given():
     np.testing.assert_allclose(found.frame[0], skew.as_matrix()[:, 0], atol=1e-6)
     ends = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "end-points")
     np.testing.assert_allclose(ends.values[1, :, 0, 0], errors[1], atol=2e-8)
-    given = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "given")
+    given = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "nominal")
     slope = np.polyfit(way, given.values[1, :, 0, 0], 1)[0]
     assert slope == pytest.approx(-3e-3, rel=0.01)
 
@@ -207,3 +210,87 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused(tmp_path):
     table.write_text("position_mm\n1\n\nx\n")
     with pytest.raises(InputError, match="not a number"):
         read_commands(table, "Z")
+
+
+#: A quick test of an axis along z, and one about z.
+CONFIG = """
+extends: bench
+sensor: {electronics: {adc_bits: 24}}
+motions:
+  runs:
+    kind: runs
+    from: {tz_mm: -0.4}
+    to: {tz_mm: 0.4}
+    steps: 5
+    runs: 3
+    dwell_ms: 60
+    move_ms: 20
+    wave: {tz_mm: 0.002}
+    periods: 1
+    backlash: {tz_mm: 0.004}
+"""
+
+
+def test_the_command_writes_what_it_found(tmp_path):
+    (tmp_path / "stage.yaml").write_text(CONFIG)
+    command("simulate", "stage.yaml", "--motion", "runs", "-d", "sim", cwd=tmp_path)
+    words = ("axis", "sim/poses.csv", "--config", "stage.yaml", "--axis", "Z", "--dwell", "0.04")
+    told = (*words, "--commands", "sim/commands-runs.csv", "-d", "out")
+    result = command(*told, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "EZZ: 30 stands at 5 positions" in result.stdout
+    assert "runs at a position are 3 in the positive" in result.stdout
+    quantities = pd.read_csv(tmp_path / "out/quantities.csv", comment="#")
+    main = quantities[quantities.error == "EZZ"].set_index("symbol")
+    for symbol, true in {"B": 4, "B_mean": 4, "M": 4, "E": 8}.items():
+        assert abs(main.value[symbol] - true) <= 1.5 * main.expanded_uncertainty[symbol]
+    lines = (tmp_path / "out/compensation.csv").read_text().splitlines()
+    assert lines[0] == "Z,EXZ,EYZ,EZZ,EAZ,EBZ,ECZ"
+    assert [float(line.split(",")[0]) for line in lines[1:]] == [-0.4, -0.2, 0, 0.2, 0.4]
+    page = (tmp_path / "out/axis.html").read_text()
+    assert "bidirectional accuracy" in page
+    assert "<svg" in page
+    record = (tmp_path / "out/run.yaml").read_text()
+    assert "actual less commanded" in record
+    assert "config_sha256" in record
+    assert command(*told, cwd=tmp_path).returncode == 2  # the results exist
+    found = command(*words, "-d", "found", cwd=tmp_path)
+    assert "An error of scale cannot be seen" in " ".join(found.stdout.split())
+    table = (tmp_path / "sim/commands-runs.csv").read_text()
+    (tmp_path / "more.csv").write_text(table + "0.4,1\n")
+    more = command(*words, "--commands", "more.csv", "-d", "more", cwd=tmp_path)
+    assert more.returncode == 1
+    assert "Commanded positions without a stand: 1, the first at" in more.stdout
+
+
+def test_wrong_input_is_named(tmp_path):
+    head = "time_s,tx_mm,ty_mm,tz_mm,roll_mrad,pitch_mrad,yaw_mrad"
+    rows = ["0,0,0,0,0,0,0", "1,0,0,1,0,0,0", "1,0,0,1,0,0,0"]
+    (tmp_path / "poses.csv").write_text("\n".join([head, *rows]))
+    for words, said in (
+        (("poses.csv",), "give the configuration of the sensor"),
+        (("poses.csv", "--config", "paper"), "row 3: time_s is 1; the times of all rows"),
+        (("none.csv", "--config", "paper"), "none.csv: no such file"),
+        (("poses.csv", "--config", "paper", "--point", "1,2"), "--point is '1,2'"),
+        (("poses.csv", "--config", "paper", "--commands", "poses.csv"), "columns of positions"),
+    ):
+        result = command("axis", *words, "--axis", "Z", cwd=tmp_path)
+        assert result.returncode == 2
+        assert said in " ".join(result.stderr.split()), result.stderr
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_drift_and_a_lack_of_runs_are_named():
+    rng = np.random.default_rng(7)
+    way = np.tile([-1, 0, 1, 2, 3, 4, 3, 2, 1, 0], 3)  # -1 and 4 are no commands
+    poses = series(way, rng)
+    poses.states[:, 2] += 2e-3 * poses.time / poses.time[-1]
+    told = Commands(np.tile(UP_AND_DOWN, 3), approach_directions(np.tile(UP_AND_DOWN, 3)))
+    report = evaluate_axis(SENSOR, KNOWN, poses, "Z", told, shortest_s=0.1)
+    (drift,) = report.drifts
+    assert drift.name == "EZZ"
+    assert drift.change == pytest.approx(2e-3, rel=0.2)
+    notes = " ".join(report.notes())
+    assert "the axis or its encoder warmed up" in notes
+    assert "3 in the positive and 3 in the negative" in notes
+    assert "no calibration of the sensor" in notes

@@ -37,6 +37,7 @@ FILES = {
         stage: {stale_ms: 500, resume: auto}
         motions:
           rest: {kind: sine, amplitude: {tx_mm: 0}, samples: 1000, rate_hz: 100}
+          runs: {kind: runs, to: {tz_mm: 1}, steps: 3, runs: 2, dwell_ms: 60, move_ms: 20}
           shaken:
             kind: vibration
             modes: {bounce: {frequency_hz: 60, damping_percent: 3, per_newton: {tz_um: 20}}}
@@ -56,6 +57,11 @@ CHAINS = {
           -d 'a response' --uff 'a body.uff'
         simulate 'my bench.yaml' --motion rest -d 'a stop'
         rezero 'a rig/calibrated.yaml' 'a stop/readings.csv' 'a stop/readings.csv' -o 'a zero.yaml'
+        """,
+    "axis": """
+        simulate 'my bench.yaml' --motion runs -d 'a stage'
+        axis 'a stage/poses.csv' --config 'my bench.yaml' --axis Z --dwell 0.04
+          --commands 'a stage/commands-runs.csv' -d 'an axis'
         """,
     "live": """
         emulate 'my bench.yaml' --motion rest --rate 1000 --folder 'virtual bench' &

@@ -1,0 +1,374 @@
+"""The result of a test of an axis: quantities, tables and what needs attention."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..core.knowledge import Knowledge
+from ..core.rigid_body import MeasuredObject
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..estimation.plan import make_plan
+from .axis_visits import Commands, PoseSeries, VisitCounts, find_visits
+from .error_motions import ErrorMotions, ReferenceLine, Visits, measure_error_motions
+from .positioning import (
+    COVERAGE,
+    STANDARD_RUNS,
+    Quantity,
+    bidirectional_means,
+    evaluate_positioning,
+    mean_of,
+    reversals,
+    standard_deviations_of_runs,
+    unidirectional_means,
+)
+
+#: A beam whose position varies by more than this between stands was carried by a stage.
+STILL_BEAM_MM = 0.02
+#: A drift is reported beyond this number of its standard deviations.
+DRIFT_SIGMAS = 4.0
+#: Scatter within stands, over the sensor's noise, that is reported.
+LARGE_EXCESS = 2.0
+#: The sensor's part in the result is reported where the expanded uncertainty of the accuracy is
+#: more than this share of it.
+LARGE_SHARE = 1 / 3
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The change of an error motion over the test, at equal positions, mm or rad."""
+
+    name: str
+    change: float
+
+
+@dataclass(frozen=True)
+class AxisReport:
+    """A test of an axis.
+
+    Attributes
+    ----------
+    motions
+        The error motions at all stands.
+    visits
+        The stands.
+    counts
+        What was left out.
+    line
+        The reference of straightness or tilt.
+    has_commands
+        Whether the commanded positions were given; without them the scale is unknown.
+    is_beam_free
+        Whether the beam was solved for.
+    is_calibrated
+        Whether the sensor's calibration, with its covariance, is known.
+    """
+
+    motions: ErrorMotions
+    visits: Visits
+    counts: VisitCounts
+    line: ReferenceLine
+    has_commands: bool
+    is_beam_free: bool
+    is_calibrated: bool
+
+    def units(self, component: int) -> tuple[str, float]:
+        """The unit of a component's errors, and the factor to it."""
+        return ("um", 1e3) if component < 3 else ("urad", 1e6)
+
+    @property
+    def position_unit(self) -> tuple[str, float]:
+        return ("deg", 180 / np.pi) if self.motions.is_rotary else ("mm", 1.0)
+
+    @cached_property
+    def quantities(self) -> list[list[Quantity]]:
+        """Of each component, in mm and rad; the main one's are those of ISO 230-2."""
+        pairs = zip(self.motions.values, self.motions.draws, strict=True)
+        return [evaluate_positioning(x, errors) for x, errors in pairs]
+
+    @cached_property
+    def means(self) -> Floats:
+        """(6, m) the error motions: bidirectional means, or those of the only direction."""
+        return self.central(self.motions.values)
+
+    @cached_property
+    def uncertainties(self) -> Floats:
+        """(6, m) standard uncertainties of `means`."""
+        found: Floats = self.central(self.motions.draws).std(axis=1)
+        return found
+
+    def central(self, x: Floats) -> Floats:
+        """Means (..., m) over both directions, or over the only one that a target has."""
+        means, middle = unidirectional_means(x), bidirectional_means(x)
+        return np.where(np.isfinite(middle), middle, mean_of(means))
+
+    @property
+    def runs(self) -> tuple[int, int]:
+        """The least number of runs at a target, in the positive and the negative direction."""
+        there = np.isfinite(self.motions.values[self.motions.main]).sum(axis=2)
+        return int(there[:, 0].min()), int(there[:, 1].min())
+
+    @cached_property
+    def drifts(self) -> list[Drift]:
+        """Error motions that change with time at equal positions and directions."""
+        late = self.motions.times - mean_of(self.motions.times)[..., None]
+        there = np.isfinite(late)
+        square = float((late[there] ** 2).sum())
+        freedom = int(there.sum() - there.any(axis=-1).sum() - 1)
+        if freedom < 3 or square == 0:
+            return []
+        found = []
+        duration = float(np.nanmax(self.motions.times) - np.nanmin(self.motions.times))
+        for name, x, errors in zip(
+            self.motions.names, self.motions.values, self.motions.draws, strict=True
+        ):
+            rest = (x - mean_of(x)[..., None])[there]
+            slope = float(rest @ late[there]) / square
+            sigma = np.sqrt(((rest - slope * late[there]) ** 2).sum() / freedom / square)
+            noise = errors[:, there] @ late[there] / square
+            if abs(slope) > DRIFT_SIGMAS * np.hypot(sigma, noise.std()):
+                found.append(Drift(name, slope * duration))
+        return found
+
+    def table(self) -> dict[str, Any]:
+        """The error motions by position as columns, in um and urad."""
+        unit, factor = self.position_unit
+        columns: dict[str, Any] = {f"position_{unit}": factor * self.motions.targets}
+        there = np.isfinite(self.motions.values[self.motions.main]).sum(axis=2)
+        columns |= {"runs_up": there[:, 0], "runs_down": there[:, 1]}
+        for n, name in enumerate(self.motions.names):
+            x = self.motions.values[n]
+            fine, scale = self.units(n)
+            up, down = unidirectional_means(x).T
+            spread = standard_deviations_of_runs(x).T
+            values = {
+                name: self.means[n], f"u_{name}": self.uncertainties[n], f"{name}_up": up,
+                f"{name}_down": down, f"{name}_reversal": reversals(x),
+                f"{name}_s_up": spread[0], f"{name}_s_down": spread[1],
+            }  # fmt: skip
+            columns |= {f"{key}_{fine}": scale * value for key, value in values.items()}
+        return columns
+
+    def summary(self) -> dict[str, Any]:
+        """All quantities as columns."""
+        rows = [
+            (name, q.symbol, scale * q.value, scale * q.expanded, unit, q.name)
+            for n, name in enumerate(self.motions.names)
+            for unit, scale in [self.units(n)]
+            for q in self.quantities[n]
+        ]
+        heads = ("error", "symbol", "value", "expanded_uncertainty", "unit", "name")
+        return {head: np.array(column) for head, column in zip(heads, zip(*rows, strict=True),
+                                                               strict=True)}  # fmt: skip
+
+    def compensation(self) -> str:
+        """The error motions as plain CSV without comments, for controllers.
+
+        The values are errors, actual less commanded: a correction has the opposite sign.
+        """
+        _, factor = self.position_unit
+        rows = [",".join([self.motions.axis, *self.motions.names])]
+        for target, errors in zip(self.motions.targets, self.means.T, strict=True):
+            if np.isfinite(errors).all():
+                scaled = [value * self.units(n)[1] for n, value in enumerate(errors)]
+                rows.append(",".join(f"{value:.6g}" for value in (factor * target, *scaled)))
+        return "\n".join(rows) + "\n"
+
+    def alignment(self) -> str:
+        """The direction of the axis, and where a rotary one lies, in a sentence."""
+        main = self.motions.main % 3
+        across = [n for n in range(3) if n != main]
+        names = " and ".join("XYZ"[n] for n in across)
+        words = ""
+        if self.line != "nominal":
+            tilts = " and ".join(f"{1e3 * self.motions.frame[main, n]:+.3g}" for n in across)
+            words = f"Its direction leans by {tilts} mrad towards {names} of the object. "
+        if self.motions.is_rotary:
+            places = " and ".join(f"{self.motions.offset[n]:+.3g}" for n in across)
+            words += f"It lies {places} mm from the point of interest in {names}. "
+        return words + "Neither is part of the errors." if words else ""
+
+    def record(self) -> dict[str, Any]:
+        """What the record of the run states."""
+        unit, _ = self.position_unit
+        return {
+            "axis": self.motions.axis,
+            "straightness_line": self.line,
+            "coverage_probability": COVERAGE,
+            "stands": len(self.visits.target),
+            "runs": {"up": self.runs[0], "down": self.runs[1]},
+            "left_out": {
+                "stray_stands": self.counts.stray_stands,
+                "commands_without_stand": len(self.counts.missing),
+                "rows_without_pose": self.counts.unsolved,
+                "misfits": self.counts.misfits,
+            },
+            "compensation": f"errors (actual less commanded) in um and urad at positions in {unit};"
+            " a correction has the opposite sign",
+            "notes": self.notes(),
+        }
+
+    def notes(self) -> list[str]:
+        """What needs attention, in sentences, with a likely cause."""
+        return [*self.omission_notes(), *self.run_notes(), *self.trust_notes()]
+
+    def omission_notes(self) -> list[str]:
+        """Stands, commands and rows that were left out."""
+        counts, found = self.counts, []
+        unit, factor = self.position_unit
+        if counts.stray_stands:
+            found.append(
+                f"Stands that belong to no command, left out: {counts.stray_stands}. Likely "
+                "cause: the axis paused on its way, before the test or after it."
+            )
+        if counts.missing:
+            found.append(
+                f"Commanded positions without a stand: {len(counts.missing)}, the first at "
+                f"{factor * counts.missing[0]:.6g} {unit}. Likely cause: the recording ended "
+                "earlier, the axis stood still for less than --dwell, or the pose was lost there."
+            )
+        if counts.misfits:
+            found.append(
+                f"Poses with a residual beyond chance, left out: {counts.misfits}; one in 10,000 "
+                "is expected."
+            )
+        if counts.unsolved:
+            found.append(
+                f"Rows without a pose, left out: {counts.unsolved}. Likely cause: a spot left "
+                "its detector or the mirror left the beam; see the statuses of `facets "
+                "replay`."
+            )
+        if counts.doubtful:
+            found.append(
+                f"Stands where most rows have no pose: {len(counts.doubtful)}, the first at "
+                f"{factor * counts.doubtful[0]:.6g} {unit}. Likely cause: this position is at the "
+                "end of the sensor's range; see `facets range-map`."
+            )
+        return found
+
+    def run_notes(self) -> list[str]:
+        """What the number of positions and runs does not allow."""
+        found, (up, down) = [], self.runs
+        if min(up, down) < STANDARD_RUNS:
+            found.append(
+                f"The fewest runs at a position are {up} in the positive and {down} in the "
+                f"negative direction; ISO 230-2 takes {STANDARD_RUNS} of each. "
+                + (
+                    "Quantities that need two runs or both directions leave out what lacks them."
+                    if min(up, down) < 2
+                    else "Repeatabilities of few runs vary much from test to test."
+                )
+            )
+        if len(self.motions.targets) < 5:
+            found.append(
+                f"There are {len(self.motions.targets)} positions; ISO 230-2 takes at least 5 for "
+                "a linear axis, 3 for up to 90 degrees of a rotary one."
+            )
+        if not self.has_commands:
+            found.append(
+                "No commanded positions were given: the positions are taken as equally spaced by "
+                "the measured step. An error of scale cannot be seen."
+            )
+        return found
+
+    def trust_notes(self) -> list[str]:
+        """What the stated uncertainties do not hold for, or come from."""
+        found = []
+        if not self.is_calibrated:
+            found.append(
+                "The configuration has no calibration of the sensor: U holds the noise and the "
+                "converters' steps alone, as if the sensor were exactly as it is configured."
+            )
+        if self.drifts:
+            names = {drift.name for drift in self.drifts}
+            sizes = ", ".join(
+                f"{drift.name} by {self.units(n)[1] * drift.change:+.3g} {self.units(n)[0]}"
+                for drift in self.drifts
+                for n in [self.motions.names.index(drift.name)]
+            )
+            found.append(
+                f"Equal positions drifted during the test: {sizes}. It is part of the "
+                f"repeatabilities and not of their uncertainties. Likely cause: "
+                f"{self.drift_cause(names)}."
+            )
+        excess = self.visits.excess
+        for kind, part in (("shifts", excess[:3]), ("angles", excess[3:])):
+            if part.max() > LARGE_EXCESS:
+                found.append(
+                    f"Within stands the {kind} scatter {part.max():.2g} times as much as the "
+                    "sensor's noise, which the uncertainties include. Likely cause: vibration, or "
+                    "an axis that still settles."
+                )
+        accuracy = self.quantities[self.motions.main][-1]
+        if accuracy.expanded > LARGE_SHARE * accuracy.value:
+            found.append(
+                "The expanded uncertainty of the accuracy A is more than a third of it: much of "
+                "what is seen is the sensor's. Longer stands and more runs reduce the noise's part."
+            )
+        return found
+
+    def drift_cause(self, names: set[str]) -> str:
+        """A likely cause of a drift of these error motions."""
+        main, axis = self.motions.names[self.motions.main], self.motions.axis
+        if names <= {main}:
+            return "the axis or its encoder warmed up"
+        if names <= {f"EX{axis}", f"EY{axis}"} and not self.is_beam_free:
+            return "the laser's beam moved, which a beam that is not solved for turns into a shift"
+        if names <= {f"EZ{axis}"}:
+            return "the detectors' posts warmed up"
+        return "unknown"
+
+
+def evaluate_axis(
+    sensor: Sensor,
+    knowledge: Knowledge,
+    series: PoseSeries,
+    axis: str,
+    commands: Commands | None = None,
+    body: MeasuredObject | None = None,
+    line: ReferenceLine = "least-squares",
+    shortest_s: float = 0.2,
+) -> AxisReport:
+    """Evaluate a test of an axis: find its stands, and compute its error motions.
+
+    Parameters
+    ----------
+    sensor, knowledge
+        The sensor and what was known of its beam, such as `config.sensor` and
+        `config.solve.knowledge(config.sensor)`.
+    series
+        The solved poses in time.
+    axis
+        X, Y or Z, A, B or C: the object's axis along or about which the axis under test moves.
+    commands
+        The commanded positions in their order; None: equally spaced ones are found.
+    body
+        The point of interest and the object's axes.
+    line
+        Reference of straightness: "least-squares", "end-points" or "nominal".
+    shortest_s
+        The shortest time for which the axis stands still, s.
+
+    Returns
+    -------
+    AxisReport
+        Error motions, the quantities of ISO 230-2, tables and notes.
+
+    Raises
+    ------
+    InputError
+        If no stands are found, or they do not belong to the commands or to this axis.
+    """
+    plan = make_plan(sensor, knowledge)
+    visits, counts = find_visits(series, axis, commands, sensor, plan, body, shortest_s)
+    place = visits.states[:, 6:]
+    is_tracked = knowledge.beam != "free" and bool((np.ptp(place, axis=0) > STILL_BEAM_MM).any())
+    motions = measure_error_motions(sensor, knowledge, visits, axis, body, line, is_tracked)
+    return AxisReport(
+        motions, visits, counts, line, commands is not None, knowledge.beam == "free",
+        sensor.calibration is not None,
+    )  # fmt: skip
