@@ -120,7 +120,7 @@
     const write = (n, places, unit) =>
       (Number.isFinite(readings[n]) ? `${Digits.fixed(readings[n], places, Digits.PICOMETRE_MM)} ${unit}` : "lost");
     const lines = [
-      `${PAGE.name}: ${$("source").textContent}`,
+      `${PAGE.name}${Model.sensor === Model.nominal ? "" : " with another geometry"}: ${$("source").textContent}`,
       page.components.map(({symbol, unit, factor}, n) => `${symbol} ${Digits.short(page.state()[n] / factor)} ${unit}`).join("   "),
       [0, 1, 2].map((k) => `${"ABC"[k]}: ψ ${write(3 * k, 4, "mm")}, ζ ${write(3 * k + 1, 4, "mm")}, ${write(3 * k + 2, 5, "mW")}`).join("     "),
     ];

@@ -171,11 +171,13 @@ const page = (() => {
 
   // A number in a narrow field; the field that is typed into has all digits.
   function handy(x) {
+    if (Math.abs(x) < Digits.PICOMETRE_MM) return 0;
     return Math.abs(x) < 1e-4 ? +x.toPrecision(2) : +x.toFixed(4);
   }
 
   function words() {
-    const given = parts.map((part, n) => [part.key, shown[n]]).filter(([, x]) => x !== 0);
+    const given = parts.map((part, n) => [part.key, +shown[n].toPrecision(12)])
+      .filter(([, x]) => Math.abs(x) >= Digits.PICOMETRE_MM);
     return given.map(([key, x]) => `${key}=${x}`).join(",");
   }
 
@@ -272,7 +274,7 @@ const page = (() => {
     number.addEventListener("input", () => {
       if (number.value !== "" && Number.isFinite(+number.value)) move(n, +number.value);
     });
-    number.addEventListener("focus", () => { number.value = tidy(shown[n]); });
+    number.addEventListener("focus", () => { number.value = +shown[n].toPrecision(12); });
     number.addEventListener("blur", refresh);
     range.addEventListener("dblclick", () => move(n, 0));
     row.append(name, range, number, unit);
