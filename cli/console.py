@@ -75,6 +75,11 @@ def report_coverage(about: Mapping[str, str]) -> None:
         f"Expanded uncertainties: coverage probability {probability:g} %; degrees of freedom of "
         f"the calibration: {about['calibration_degrees_of_freedom']}."
     )
+    report_lines(text)
+
+
+def report_lines(text: str) -> None:
+    """Print a text beside a result, indented, in lines that fit a terminal."""
     typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
 
 

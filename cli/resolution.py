@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from facets import characterization, core, estimation, files, pictures
 from facets.core.names import POSE
 
-from .console import load_config, name_files, report_coverage, show_table
+from .console import FINDING, load_config, name_files, report_coverage, show_table
 from .options import (
     ConfigName,
     Coverage,
@@ -24,8 +24,10 @@ from .options import (
     Track,
     folder_option,
     output_folder,
+    seed_option,
 )
 from .places import choose_point, object_rules, report_object
+from .trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution
@@ -40,6 +42,9 @@ def resolution(
     look: Style = Look.screen,
     coverage: Coverage = None,
     point: Point = None,
+    trials: TrialCount = 0,
+    poses: PosesTable = None,
+    seed: Annotated[int, seed_option()] = 1,
 ) -> None:
     """Compute each axis's uncertainty, at rest and at worst.
 
@@ -50,6 +55,11 @@ def resolution(
     rest and a record of the run into the folder. --coverage adds expanded uncertainties. With an
     object in the configuration or --point, the axes are those of the object's displacement from its
     pose at the mirror's zero.
+
+    --trials tests these linear results by propagation of distributions: it draws readings, priors
+    and calibrated parameters, solves each trial by the full model as `solve` in CONFIG says, and
+    writes coverage intervals and a picture. Exit status 1 if more trials have no pose than the
+    coverage probability leaves.
     """
     start = time.perf_counter()
     settings = choose_point(load_config(config), point)
@@ -59,7 +69,10 @@ def resolution(
     rules = object_rules(settings, track)
     place = output_folder(folder, settings.name, "resolution")
     paths = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
-    files.tables.refuse_to_overwrite(paths, force)
+    request = TrialRequest(settings, rules, trials, coverage or DEFAULT_COVERAGE, seed, poses)
+    pictured = request.paths(place, plot)
+    files.tables.refuse_to_overwrite([*paths, *pictured], force)
+    states = request.states()
     found = characterization.resolution.resolve(
         settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)
     )
@@ -67,6 +80,7 @@ def resolution(
     show(found, coverage)
     if coverage is not None:
         report_coverage(about)
+    propagated = request.run(states)
     table, picture, record = paths
     with files.tables.ResultSet():
         files.tables.write_table(
@@ -75,10 +89,19 @@ def resolution(
             about,
         )
         pictures.style.save(pictures.resolution.budget_picture(found), picture)
-        results = {"tracking": track, "estimators": [row.how.name for row in found]}
+        results: dict[str, Any] = {
+            "tracking": track,
+            "estimators": [row.how.name for row in found],
+        }
+        request.write(pictured, propagated)
+        results |= request.record(propagated)
         seconds = time.perf_counter() - start
-        files.provenance.write_record(record, settings, None, seconds, results, paths)
-    name_files(place, paths)
+        files.provenance.write_record(
+            record, settings, seed if trials else None, seconds, results, [*paths, *pictured]
+        )
+    name_files(place, [*paths, *pictured])
+    if not all(one.is_stated for one in propagated.values()):
+        raise typer.Exit(FINDING)
 
 
 def show(found: list[Resolution], coverage: float | None = None) -> None:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from . import frequency_response as frequency_response
     from . import noise_report as noise_report
     from . import outlines as outlines
+    from . import propagation as propagation
     from . import random_poses as random_poses
     from . import ranges as ranges
     from . import resolution as resolution
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from . import singularity as singularity
     from . import state_box as state_box
     from . import tables as tables
+    from . import trials as trials
     from . import universal_file as universal_file
 else:
     __getattr__ = load_on_use(__name__)

@@ -10,6 +10,7 @@ import numpy as np
 from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Floats, ascii_unit, unit_of
 from .outlines import Boundary
+from .propagation import PropagationResult
 from .ranges import CAUSES
 from .resolution import Resolution
 from .singularity import Survey
@@ -66,6 +67,53 @@ def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
         "u_expanded_worst": 2 * unit.fine_factor * row.worst[i],
         **shares,
         **{f"worst_at_{c}": worst_at[k] for k, c in enumerate(STATE_COLUMNS)},
+    }
+
+
+def trial_columns(found: dict[str, PropagationResult]) -> dict[str, Any]:
+    """What trials of measurements say, one row for each pose and axis; um and urad.
+
+    Ends of intervals are relative to the estimate, which is that of readings without noise.
+    """
+    rows = [
+        trial_row(number, where, one, i)
+        for number, (where, one) in enumerate(found.items(), start=1)
+        for i in range(len(POSE))
+    ]
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def trial_row(number: int, where: str, found: PropagationResult, i: int) -> dict[str, Any]:
+    unit, linear = unit_of(POSE[i]), found.linear
+    factor, place = unit.fine_factor, linear.pose[0, i]
+    digits, undecided = found.validate()
+    intervals = {"symmetric": found.symmetric, "shortest": found.shortest}
+    ends = {
+        f"{name}_{side}": factor * (getattr(interval, side)[i] - place)
+        for name, interval in intervals.items()
+        for side in ("low", "high")
+    }
+    return {
+        "pose": number,
+        "where": where,
+        **{name: found.state[k] / STATE_UNITS[k] for k, name in enumerate(STATE_COLUMNS)},
+        "axis": f"displacement_{POSE[i]}" if linear.is_displacement else POSE[i],
+        "unit": ascii_unit(unit.fine_unit),
+        "u_linear": factor * linear.uncertainty[0, i],
+        "k_linear": linear.coverage_factor(found.probability)[0, i],
+        "expanded_linear": factor * linear.expanded_uncertainty(found.probability)[0, i],
+        "u_trials": factor * np.sqrt(found.covariance[i, i]),
+        "mean_trials": factor * (found.mean[i] - place),
+        **ends,
+        "error_of_ends": factor * found.symmetric.errors[i].max(),
+        "agrees_to_digits": digits[i],
+        "needs_more_trials": int(undecided[i]),
+        "trials": found.count,
+        "without_pose": sum(found.trials.failures.values()),
+        "far": found.far,
+        "region_factor_linear": found.linear_region_factor,
+        "region_factor_trials": found.region_factor,
+        "region_probability_linear": found.linear_region_probability,
     }
 
 

@@ -341,7 +341,18 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     >>> f"{1e3 * noisy[:, 0].std():.1f} um at {exact[2]:.1f} mW"
     '2.6 um at 0.1 mW'
     """
-    exact = as_vectors(reading, 9, "reading")
+    return sample_readings(sensor, as_vectors(reading, 9, "reading"), rng)
+
+
+def sample_readings(
+    sensor: Sensor, exact: Floats, rng: np.random.Generator, rounded: bool = True
+) -> Floats:
+    """`add_noise` of readings (..., 9).
+
+    rounded: whether the converter rounds to its steps, as a detector does. Otherwise currents are
+    anywhere within a step with equal chance: what may be the case where the phase between steps is
+    not known (JCGM 101, 6.4.2).
+    """
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         return mask_missed_spots(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
@@ -349,14 +360,18 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
         sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3)
     )
     parts = [
-        sample_detector(sensor.electronics, half, currents[..., k, :], rng)
+        sample_detector(sensor.electronics, half, currents[..., k, :], rng, rounded)
         for k, half in enumerate(half_sizes(sensor))
     ]
     return mask_missed_spots(sensor, exact, np.concatenate(parts, axis=-1))
 
 
 def sample_detector(
-    electronics: Electronics, half: Floats, currents: Floats, rng: np.random.Generator
+    electronics: Electronics,
+    half: Floats,
+    currents: Floats,
+    rng: np.random.Generator,
+    rounded: bool = True,
 ) -> Floats:
     """Psi, zeta and power (..., 3) of a detector of half size (2,) from its sampled currents."""
     kind = electronics.kind
@@ -365,7 +380,10 @@ def sample_detector(
     drawn = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
     full = electronics.adc_range / electronics.transimpedance
     step = full / 2**electronics.adc_bits
-    read = step * np.round(drawn / step)
+    if rounded:
+        read = step * np.round(drawn / step)
+    else:
+        read = drawn + step * (rng.random(drawn.shape) - 0.5)
     out = np.empty((*currents.shape[:-1], 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         place = electrodes.places(kind, read, half[1] / half[0])

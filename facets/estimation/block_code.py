@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 
 from ..model.block_code import LaneWrite, linearise_exactly, pointers_to, power_derivative
-from ..model.packing import vectors_at, vectors_of
+from ..model.packing import row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import replace_power
 from ..scalars.lanes import LaneFlag, LaneMemory, LaneWriter
@@ -45,7 +45,7 @@ def write_estimator(form: Form) -> LaneWrite:
 def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> None:
     """task: of numbers that the code has read.  index: of the block."""
     rows = BlockRows(code, task, index)
-    vectors = vectors_of(code, rows.pointers.packed, form.kind)
+    vectors = rows.vectors(form)
     question = BlockReadings(code, rows)
     fit = DampedSteps(code, form, task) if form.can_damp_steps else PlainSteps(code, form, task)
     fit.begin(rows.read("starts", UNKNOWNS, task.own_starts), question)
@@ -72,6 +72,15 @@ def write_results(
         rows.write("covariances", covariance_of(fit.factor, form.free))
 
 
+class LoadedRows(NamedTuple):
+    """Numbers of each lane's own row, as `packing.vectors_at` asks a writer for them."""
+
+    numbers: Numbers
+
+    def load(self, pointer: Any, index: int) -> Any:
+        return self.numbers[index]
+
+
 class BlockRows:
     """A block's rows in the arrays of a task."""
 
@@ -79,6 +88,15 @@ class BlockRows:
         self.code, self.task = code, task
         self.pointers = BlockTask(*pointers_to(code.builder, task))
         self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
+
+    def vectors(self, form: Form) -> Any:
+        """The sensor's vectors; of a varied form, those of each lane."""
+        if not form.varied:
+            return vectors_of(self.code, self.pointers.packed, form.kind)
+        size = row_size(form.kind)
+        first = self.code.builder.mul(self.first, ir.Constant(LONG, size))
+        here = self.code.builder.gep(self.pointers.packed, [first])
+        return vectors_of(LoadedRows(self.code.load_rows(here, size, size)), None, form.kind)
 
     def read(self, name: str, width: int, own: Any) -> Numbers:
         """Rows of `width` numbers.  own: 1 where each lane has its own, 0 where all have one."""

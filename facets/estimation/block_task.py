@@ -12,12 +12,13 @@ class Form(NamedTuple):
     """The form of an estimator's code.
 
     free: one of QUESTIONS.  kind: of the light, see `kinds.block_kind`.  exact: whether derivatives
-    under real light are exact.
+    under real light are exact.  varied: whether each reading has a sensor of its own.
     """
 
     free: tuple[int, ...]
     kind: str
     exact: bool = False
+    varied: bool = False
 
     @property
     def can_damp_steps(self) -> bool:
@@ -26,7 +27,8 @@ class Form(NamedTuple):
 
     @property
     def name(self) -> str:
-        return f"estimate_{len(self.free)}_{'exact_' if self.exact else ''}of_{self.kind}"
+        details = f"{'exact_' if self.exact else ''}{'varied_' if self.varied else ''}"
+        return f"estimate_{len(self.free)}_{details}of_{self.kind}"
 
 
 class Scales(NamedTuple):
@@ -46,7 +48,8 @@ SCALES = Scales((0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 2,) * 3, (0.0,) * 2, (0
 class BlockTask(NamedTuple):
     """What code works on: 64-bit integers, in memory one after the other.
 
-    The address of a sensor's vectors, of `Scales`, and of arrays of `Readings`, `FitProblem` and
+    The address of a sensor's vectors (of a row of `packing.row_size` numbers for each reading, if
+    the form is varied), of `Scales`, and of arrays of `Readings`, `FitProblem` and
     `Results` (0 where no covariances are asked for).
     left, stalled: addresses of an integer for each block, which tells by its bits in which lanes
     that is so.

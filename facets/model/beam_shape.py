@@ -50,6 +50,19 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
     return (long, short, turn) if quarters % 2 == 0 else (short, long, turn)
 
 
+def axes_of_shapes(shapes: Floats, near: float) -> Floats:
+    """`axes_of` shapes (n, 3): (n, 3); NaN where no beam has that shape."""
+    xx, yy, xy = shapes.T
+    middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    turn = np.arctan2(xy, (xx - yy) / 2) / 2
+    quarters = np.round((near - turn) / (np.pi / 2))
+    with np.errstate(invalid="ignore"):
+        long, short = 4 * np.sqrt(middle + half), 4 * np.sqrt(middle - half)
+    is_even = quarters % 2 == 0
+    along, across = np.where(is_even, long, short), np.where(is_even, short, long)
+    return np.stack([along, across, turn + quarters * np.pi / 2], axis=1)
+
+
 def shape_derivatives(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
     """The derivatives by `SHAPE` (n, 9, 3), from those by the 30 parameters.
 

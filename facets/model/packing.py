@@ -40,6 +40,20 @@ def pack(vectors: Geometry) -> np.ndarray:
     return np.concatenate([numbers, rare.ADDRESS])
 
 
+def row_size(kind: str) -> int:
+    """The number of numbers in a row of `pack_rows` for a kind of light: "plain", or one of LIT."""
+    return PACKED if kind in LIT else len(list(leaves(PLAIN[:-2])))
+
+
+def pack_rows(vectors: Geometry, kind: str, count: int) -> np.ndarray:
+    """Pack the vectors of several sensors, arrays (count,) or numbers that all have in common, into
+    rows (count, `row_size`)."""
+    rows = np.empty((count, row_size(kind)))
+    for n, numbers in zip(range(rows.shape[1]), leaves(vectors), strict=False):
+        rows[:, n] = numbers
+    return rows
+
+
 def pack_slopes(vectors: Geometry) -> np.ndarray:
     """Pack the derivatives of a sensor's vectors by m variables: (m, ...), each row like `pack`."""
     slopes = [value_and_slope(number)[1] for number in leaves(vectors)]

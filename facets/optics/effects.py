@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, cos, pi, real, sin, sqrt
+from ..scalars.dispatch import Number, cos, holds_anywhere, pi, real, sin, sqrt
 from .vectors import Plane, Vector, angle_between, combine, cross, dot, unit_vector
 
 Three = tuple[Any, Any, Any]
@@ -210,7 +210,7 @@ def build_light(
     whole = 2 * pi(shares[0])
     own = effects.numbers
     (area,) = own["tip"]
-    radius = sqrt(area / pi(area)) if real(area) > 0 else area * 0
+    radius = sqrt(area / pi(area)) if holds_anywhere(real(area) > 0) else area * 0
     curvature = (*own["curvature_xx"], *own["curvature_xy"], *own["curvature_yy"])
     first, second = ray_turn(curvature, x, y, spread[0]), ray_turn(curvature, x, y, spread[1])
     normal = cross(whitening[0], whitening[1])

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from . import singularity as singularity
     from . import spots as spots
     from . import style as style
+    from . import trials as trials
     from . import wording as wording
 else:
     __getattr__ = load_on_use(__name__)

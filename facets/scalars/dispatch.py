@@ -108,6 +108,11 @@ def select(condition: Any, a: Number, b: Number) -> Number:
     return a if condition else b
 
 
+def holds_anywhere(condition: Any) -> bool:
+    """Whether a condition holds; of an array, for any of its numbers."""
+    return bool(condition.any() if isinstance(condition, numpy.ndarray) else condition)
+
+
 def pi(like: Number) -> Number:
     """The number pi in the type and precision of `like`."""
     return math.pi if is_float(like) else +library(like).pi

@@ -47,6 +47,7 @@ COLUMNS = {
     for name in (*STATE_COLUMNS, "")
 } | {f"{what}_{letter}" for what in ("psi", "zeta", "power") for letter in "abc"}
 COLUMNS |= {f"{what}_{end}" for what in ("k", "degrees_of_freedom") for end in ("tx", "at_rest")}
+COLUMNS |= {"symmetric_low", "shortest_high"}
 COLUMNS |= {f"{what}_{place}" for what in ("expanded", "k") for place in ("at_rest", "worst")}
 COLUMNS |= {
     f"cov_{whose}{name}"

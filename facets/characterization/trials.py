@@ -1,0 +1,218 @@
+"""Trials of a measurement: readings, parameters and priors drawn from what is known of them.
+
+The propagation of distributions of JCGM 101 (supplement 1 to the GUM): each trial solves drawn
+readings with a drawn sensor and drawn priors, by the full model.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arguments import as_floats
+from ..core.errors import InputError
+from ..core.knowledge import Knowledge, Prior
+from ..core.names import POSE
+from ..core.rules import Rules
+from ..core.sensor import Calibration, Sensor
+from ..core.settings import Solve
+from ..core.units import Floats
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
+from ..detectors.correction import NAMES, correction_slopes, invert_correction
+from ..detectors.noise import sample_readings
+from ..estimation.problem import Results
+from ..estimation.solution import Solution, Status
+from ..estimation.solver import solve
+from ..estimation.varied import solve_each
+from ..model.arrays import EFFECTS, effects, parameters, readings
+from ..model.beam_shape import OF_SHAPE, SHAPE, axes_of_shapes, shape_of
+from ..model.varied import VariedSensors
+from ..optics.parameters import PARAMETERS
+from .resolution import Estimator, resolve
+
+#: Trials that are drawn and solved together: their sensors stay in the processor's cache.
+PART = 8000
+
+
+class TrialResults(NamedTuple):
+    """Solved trials.  poses: (m, 6) of those with a pose.  failures: the others by status."""
+
+    poses: Floats
+    failures: Counter[str]
+
+
+class ParameterDraws(NamedTuple):
+    """Drawn errors of what was calibrated.
+
+    sensors: with the drawn parameters.  readings: (n, 9) added to corrected readings by errors of
+    corrections and of the model.  centre: (n, 2) of the light beside the beam's place, mm.
+    """
+
+    sensors: VariedSensors
+    readings: Floats
+    centre: Floats
+
+
+def draw_errors(known: Calibration, count: int, rng: np.random.Generator) -> Floats:
+    """Draws of the errors (count, p) of calibrated parameters.
+
+    Normal; with finite degrees of freedom multivariate t, the distribution that a covariance has
+    which was estimated (JCGM 102, 5.3).
+    """
+    covariance = np.array(known.covariance)
+    size = np.sqrt(np.diag(covariance))
+    scale = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    factor = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    drawn: Floats = rng.standard_normal((count, len(size))) @ factor.T
+    freedom = known.degrees_of_freedom
+    if freedom is not None and np.isfinite(freedom):
+        drawn *= np.sqrt(freedom / rng.chisquare(freedom, (count, 1)))
+    return drawn
+
+
+def draw_parameters(
+    sensor: Sensor, known: Calibration, raw: Floats, rng: np.random.Generator
+) -> ParameterDraws:
+    """The sensors that may be, for raw readings (n, 9)."""
+    errors, beam = draw_errors(known, len(raw), rng), sensor.beam
+
+    def errors_of(names: Sequence[str]) -> Floats:
+        """The errors (n, m) of some names, 0 of those that were not calibrated."""
+        places = [known.names.index(name) if name in known.names else -1 for name in names]
+        return np.pad(errors, ((0, 0), (0, 1)))[:, places]
+
+    values = parameters(sensor) + errors_of(PARAMETERS)
+    if not set(known.names).isdisjoint(SHAPE):
+        shape = shape_of(beam.diameter_x, beam.diameter_y, beam.rotation)
+        places = [PARAMETERS.index(name) for name in OF_SHAPE]
+        values[:, places] = axes_of_shapes(shape + errors_of(SHAPE), beam.rotation)
+    light = None
+    if not set(known.names).isdisjoint(EFFECTS):
+        light = effects(sensor) + errors_of(EFFECTS)
+    added = -errors_of(MISFIT) - errors_of(MODEL_ERROR)
+    if not set(known.names).isdisjoint(NAMES):
+        added += np.einsum("nij,nj->ni", correction_slopes(sensor, raw), errors_of(NAMES))
+    sensors = VariedSensors(sensor, values, light)
+    return ParameterDraws(sensors, added, errors_of(LIGHT_CENTRE))
+
+
+def draw_knowledge(knowledge: Knowledge, means: Floats, rng: np.random.Generator) -> Knowledge:
+    """Priors with drawn means.  means: (n, 3) of the beam's place, mm, and its power, mW: what is
+    right in each trial."""
+    beam = as_floats(knowledge.beam_sigma, "sigma")
+    power = as_floats(knowledge.power_sigma, "sigma")
+    place, light = means[:, :2], means[:, 2]
+    known = knowledge
+    if np.isfinite(beam).all():
+        prior = Prior(place + beam * rng.standard_normal(place.shape), beam)
+        known = replace(known, beam=prior)
+    if np.isfinite(power):
+        prior = Prior(light + power * rng.standard_normal(light.shape), power)
+        known = replace(known, power=prior)
+    return known
+
+
+def knowledge_at(options: Solve, sensor: Sensor, state: Floats) -> Knowledge:
+    """What is known of the beam where the mirror and the beam are in a state (8,)."""
+    knowledge = options.knowledge(sensor)
+    if isinstance(knowledge.beam, Prior):
+        knowledge = replace(knowledge, beam=Prior(tuple(state[6:]), knowledge.beam.sigma))
+    return knowledge
+
+
+def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Floats]:
+    """States (8,) by their names: rest, and where the axes are worst known in their ranges."""
+    knowledge = options.knowledge(sensor)
+    how = Estimator("solve", knowledge.beam, eight=options.method == "paper", power=knowledge.power)
+    worst = resolve(sensor, rules, [how])[0].worst_state
+    found = {"at rest": np.zeros(8)}
+    names = [" ".join(map(str, state)) for state in worst.round(9).tolist()]
+    for first in dict.fromkeys(names):
+        axes = [POSE[n] for n, name in enumerate(names) if name == first]
+        listed = " and ".join([", ".join(axes[:-1]), axes[-1]] if len(axes) > 1 else axes)
+        verb = "is" if len(axes) == 1 else "are"
+        found[f"where {listed} {verb} worst"] = worst[names.index(first)]
+    return found
+
+
+def linear_solution(sensor: Sensor, options: Solve, state: Floats) -> Solution:
+    """The solution of the readings without noise at a state (8,), with its linear covariance."""
+    knowledge = knowledge_at(options, sensor, state)
+    return solve(
+        sensor,
+        readings(sensor, state)[None],
+        beam=knowledge.beam,
+        power=knowledge.power,
+        method=options.method,
+        max_steps=options.max_steps,
+        accept_unchecked=options.accept_unchecked,
+    )
+
+
+def solve_trials(
+    sensor: Sensor,
+    options: Solve,
+    state: Floats,
+    count: int,
+    seed: int | Sequence[int],
+    advance: Callable[[int], None] = lambda _: None,
+) -> TrialResults:
+    """Draw and solve trials of a measurement at a state (8,).
+
+    advance: called with the number of trials that were just solved.
+    """
+    if options.method == "paper" and sensor.calibration is not None:
+        raise InputError(
+            "trials that draw calibrated parameters are solved by least squares, and solve.method "
+            "is paper; set solve.method to least-squares, or leave sensor.calibration out"
+        )
+    exact, poses = readings(sensor, state), np.empty((count, 6))
+    status = np.empty(count, np.int8)
+    seeds = np.random.SeedSequence(seed).spawn(-(-count // PART))
+    for n, own in enumerate(seeds):
+        part = slice(n * PART, min((n + 1) * PART, count))
+        rng = np.random.default_rng(own)
+        found = solve_part(sensor, options, state, np.tile(exact, (part.stop - part.start, 1)), rng)
+        poses[part], status[part] = found
+        advance(len(found[1]))
+    good = status == Status.CONVERGED
+    failures = Counter(Status(int(one)).label for one in status[~good])
+    return TrialResults(poses[good], failures)
+
+
+def solve_part(
+    sensor: Sensor, options: Solve, state: Floats, exact: Floats, rng: np.random.Generator
+) -> tuple[Floats, NDArray[np.int8]]:
+    """Poses (n, 6) and statuses (n,) of trials with the readings `exact` (n, 9), all alike."""
+    knowledge = knowledge_at(options, sensor, state)
+    values = sample_readings(sensor, exact, rng, rounded=False)
+    means = np.tile([*state[6:], sensor.beam.power], (len(values), 1))
+    if sensor.calibration is None:
+        known = draw_knowledge(knowledge, means, rng)
+        found: Solution | Results = solve(
+            sensor,
+            values,
+            beam=known.beam,
+            power=known.power,
+            method=options.method,
+            max_steps=options.max_steps,
+            covariance=False,
+            accept_unchecked=options.accept_unchecked,
+        )
+        assert isinstance(found, Solution)
+        return found.state[:, :6], found.status
+    raw = invert_correction(sensor, values)
+    draws = draw_parameters(sensor, sensor.calibration, raw, rng)
+    means[:, :2] += draws.centre
+    means[:, 2] = draws.sensors.parameters[:, 0]
+    known = draw_knowledge(knowledge, means, rng)
+    results = solve_each(
+        draws.sensors, values + draws.readings, known, options.max_steps, options.accept_unchecked
+    )
+    return results.states[:, :6], results.status

@@ -1,0 +1,139 @@
+"""Solve readings of which each has a sensor of its own: the draws of a calibration's parameters.
+
+Blocks do nearly all of them. What blocks leave is solved one by one, with a `Sensor` for each.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.knowledge import Knowledge, Prior
+from ..core.units import Floats
+from ..model.blocks import lanes
+from ..model.varied import VariedSensors
+from . import blocks, problem
+from .block_task import Form
+from .doubts import is_doubtful, withdraw_doubtful
+from .plan import chance_of, make_plan, make_problem, sigmas_of, start_states
+from .solver import solve
+
+
+def solve_each(
+    sensors: VariedSensors,
+    values: Floats,
+    knowledge: Knowledge,
+    max_steps: int = 50,
+    accept_unchecked: bool = False,
+) -> problem.Results:
+    """Solve readings (n, 9) as `facets.solve` does, each with its own sensor; no covariances.
+
+    knowledge: as for `facets.solve`, with means (n, 2), (n) of priors: the priors of each reading.
+    A reading whose sensor cannot be has the status NON_FINITE.
+    """
+    sensor, shape = sensors.sensor, (len(values),)
+    plan = make_plan(sensor, knowledge, shape=shape)
+    starts = start_states(sensor, "zero", plan, values, shape)
+    request = make_problem(plan, starts, "zero", "least-squares", max_steps, accept_unchecked)
+    readings = problem.Readings(values, sigmas_of(sensor, values))
+
+    def estimate(
+        which: Any, some: problem.Readings, questions: problem.FitProblem
+    ) -> problem.Results:
+        found = problem.empty_results(len(some.values), False)
+        own, known = sensors.rows(which), knowledge_of(knowledge, which)
+        left = estimate_in_blocks(own, some, plan.limits, questions, found)
+        estimate_singly(own, left, some.values, known, questions, found)
+        return found
+
+    found = estimate(np.arange(len(values)), readings, request)
+    if is_doubtful(sensor, plan.free) and sensors.kind is not None:
+
+        def again(which: Any, begin: Floats) -> problem.Results:
+            some, questions = problem.some_rows(which, readings, request)
+            return estimate(which, some, questions._replace(starts=begin))
+
+        withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), found, again)
+    return found
+
+
+def estimate_in_blocks(
+    sensors: VariedSensors,
+    readings: problem.Readings,
+    limits: problem.ScreeningLimits,
+    request: problem.FitProblem,
+    found: problem.Results,
+) -> Any:
+    """Fill `found`; return the numbers of the rows that are left, whose results mean nothing.
+
+    Under real light with damped steps, and with exact derivatives where these stall, as in
+    `estimates.estimate`.
+    """
+    count, kind = len(readings.values), sensors.kind
+    left = np.arange(count)
+    if kind is None or not blocks.is_supported(request) or count == 0:
+        return left
+
+    def run(which: Any, exact: bool, patient: bool) -> Any:
+        """Estimate some rows; return the numbers of those that are left."""
+        code = blocks.kernel(Form(tuple(request.free.tolist()), kind, exact, varied=True))
+        own = len(which)
+        rows = which[np.minimum(np.arange(-(-own // lanes()) * lanes()), own - 1)]
+        some, questions = problem.some_rows(rows, readings, request)
+        part = problem.empty_results(len(rows), False)
+        packed = sensors.rows(rows).pack(kind)
+        again = blocks.estimate(code, packed, some, limits, questions, part, patient)
+        problem.put_rows(found, which, problem.Results(*(array[:own] for array in part)))
+        return which[again[again < own]]
+
+    left = run(left, exact=False, patient=False)
+    if kind == "plain":
+        return left
+    if len(left):
+        left = run(left, exact=False, patient=True)
+    stalled = np.setdiff1d(np.flatnonzero(found.status == problem.STALLED), left)
+    return np.union1d(left, run(stalled, exact=True, patient=True)) if len(stalled) else left
+
+
+def estimate_singly(
+    sensors: VariedSensors,
+    which: Any,
+    values: Floats,
+    knowledge: Knowledge,
+    request: problem.FitProblem,
+    found: problem.Results,
+) -> None:
+    """Fill rows of `found`, with a `Sensor` for each."""
+    for row in which.tolist():
+        start = request.starts[row if len(request.starts) > 1 else 0]
+        try:
+            known = knowledge_of(knowledge, row)
+            one = solve(
+                sensors.one(row),
+                values[row],
+                beam=known.beam,
+                power=known.power,
+                start=start[:8],
+                max_steps=request.max_steps,
+                covariance=False,
+                accept_unchecked=request.accept_unchecked,
+            )
+        except InputError:
+            found.status[row], found.used[row] = problem.NON_FINITE, False
+            found.states[row] = found.residuals[row] = np.nan
+            continue
+        found.states[row, :8], found.states[row, 8] = one.state, one.power
+        found.status[row], found.used[row] = one.status, one.used
+        found.steps[row], found.residuals[row] = one.iterations, one.residual
+
+
+def knowledge_of(knowledge: Knowledge, which: Any) -> Knowledge:
+    """The knowledge of some readings, where priors have a mean for each."""
+    beam, power = knowledge.beam, knowledge.power
+    if isinstance(beam, Prior) and np.ndim(beam.mean) > 1:
+        beam = Prior(np.asarray(beam.mean)[which], beam.sigma)
+    if isinstance(power, Prior) and np.ndim(power.mean) > 0:
+        power = Prior(np.asarray(power.mean)[which], power.sigma)
+    return Knowledge(beam=beam, power=power)
