@@ -146,9 +146,9 @@ def acquire(
     stage is stopped first, and the recording is closed last.
 
     Exit status 1 if too many samples were lost, no sample arrived, most samples did not fit, the
-    stage was stopped and not resumed, or the check of the stage or the disk failed; the command
-    prints which. Exit status 2 if it cannot start or the port is closed; after SIGTERM or SIGHUP
-    128 plus the signal's number.
+    stage was stopped and not resumed, no zero could be measured, or the check of the stage or the
+    disk failed; the command prints which. Exit status 2 if it cannot start or the port is closed;
+    after SIGTERM or SIGHUP 128 plus the signal's number.
     """
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")

@@ -265,6 +265,8 @@ class Run:
             )
         if live.pipeline.tally.misfit.is_mostly_flagged:
             found.append(live.pipeline.tally.misfit.sentence)
+        if live.pipeline.object_poses.is_measuring:
+            found.append(f"{live.pipeline.object_poses.sentences()[0]}.")
         if self.compare:
             found += live.pipeline.board.complaints()
         if self.check:

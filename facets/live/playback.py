@@ -185,12 +185,13 @@ class Playback:
             yield from self.write_table(path, poses, about)
 
     def await_zero(self, poses: Iterable[Poses]) -> Iterator[Poses]:
-        """The same poses, taken in up to the end of the zero's samples."""
+        """The same poses, taken in up to the end of the zero's samples.  Raises `InputError` if
+        there is no sample after them."""
         held, rest = [], iter(poses)
         while self.pipeline.object_poses.is_measuring:
             part = next(rest, None)
             if part is None:
-                break
+                raise InputError(f"{self.folder}: {self.pipeline.object_poses.sentences()[0]}")
             held.append(part)
         return chain(held, rest)
 

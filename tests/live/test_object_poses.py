@@ -232,6 +232,10 @@ def test_a_recording_keeps_its_point_and_is_replayed_to_the_bit(tmp_path):
     assert {"object_tx_mm", "displacement_yaw_mrad", "cov_displacement_tx_tx_mm2"} <= old.keys()
     assert compare(old, new).is_same
     assert np.isfinite(old["displacement_tx_mm"]).any()
+    done = command("replay", "rec", "-o", "t.csv", "--zero", "9s", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "rec: no displacements: --zero is the first 9 s, and no sample with" in done.stderr
+    assert not (tmp_path / "t.csv").exists()
     mcap = pytest.importorskip("mcap.reader")
     done = command("replay", "rec", "-o", "p.mcap", "--point", "0,0,50", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

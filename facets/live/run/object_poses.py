@@ -106,8 +106,8 @@ class ObjectPoses:
         inside = self.request.members(seq - number + 1, time, start_time)
         if (inside & ok).any():
             self.members.append(solution.state[inside & ok])
-        ahead = seq >= number
-        if self.members and ahead.any() and not inside[ahead][-1]:
+        ahead = inside[seq >= number]
+        if self.members and len(ahead) and (self.request.row or not ahead[-1]):
             self.measure()
         found: Booleans = inside & ok
         return found
@@ -143,7 +143,10 @@ class ObjectPoses:
         if self.request is None:
             return []
         if self.zero is None:
-            return ["no zero could be measured: there are no displacements"]
+            return [
+                f"no displacements: --zero is {self.request.text}, and no sample with a pose came "
+                "after that"
+            ]
         return [f"zero: {zero_text(self.request, self.zero)}", *self.findings]
 
 
