@@ -67,7 +67,8 @@ class FrequencyResponse:
     input_density: (m,), output_density: (m, d), unit^2/Hz.  noise_density: (m, d) of the outputs'
     own noise, NaN where not known.  averages: number of independent averages.  segments: number
     of segments.  left_out: segments that a gap prevented.  resolution: distance of lines, Hz.
-    is_corrected: whether the electronics' low pass is divided out.
+    input_averages: (m,) number of equal segments that would give the input's density the same
+    scatter.  is_corrected: whether the electronics' low pass is divided out.
     """
 
     frequency: Floats
@@ -82,6 +83,7 @@ class FrequencyResponse:
     segments: int
     left_out: int
     resolution: float
+    input_averages: Floats
     is_corrected: bool = False
 
     @property
@@ -253,7 +255,7 @@ def estimate_response(
             "or more. Record for longer, or give a larger --resolution-hz"
         )
     densities = average_spectra(stimulus, outputs, np.concatenate(starts), window, rate)
-    frequency, g_xx, g_xy, g_yy = (one[SKIPPED_LINES:] for one in densities)
+    frequency, g_xx, g_xy, g_yy, counts = (one[SKIPPED_LINES:] for one in densities)
     if np.ptp(stimulus[np.isfinite(stimulus)]) == 0:
         raise InputError("the input does not change; name the column of a changing input")
     factor = np.exp(2j * np.pi * frequency * delay)[:, None]
@@ -268,15 +270,16 @@ def estimate_response(
     possible = max(0, (stretches.span - length) // (length // 2) + 1)
     return FrequencyResponse(
         frequency, h1, h2, coherence, g_xx, g_yy, density, rate, averages, segments,
-        max(0, possible - segments), rate / length, correct,
+        max(0, possible - segments), rate / length, counts, correct,
     )  # fmt: skip
 
 
 def average_spectra(
     stimulus: Floats, outputs: Floats, starts: Integers, window: Floats, rate: float
-) -> tuple[Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Frequencies (m,) and averaged densities: of the stimulus (m,), of the stimulus and each
-    output (m, d), and of the outputs (m, d)."""
+    output (m, d), and of the outputs (m, d); and (m,) the segments with input, as
+    `FrequencyResponse.input_averages`."""
     from scipy.signal import csd, welch
 
     rows = np.arange(len(window))
@@ -287,12 +290,13 @@ def average_spectra(
         x = stimulus[part[:, None] + rows]
         y = np.moveaxis(outputs[part[:, None] + rows], -1, 0)
         frequency, g_xx = welch(x, rate, **options)
-        found = [g_xx, csd(x, y, rate, **options)[1], welch(y, rate, **options)[1]]
+        found = [g_xx, csd(x, y, rate, **options)[1], welch(y, rate, **options)[1], g_xx**2]
         found = [one.sum(axis=-2) for one in found]
         sums = found if sums is None else [a + b for a, b in zip(sums, found, strict=True)]
     assert sums is not None
     means = [one / len(starts) for one in sums]
-    return frequency, means[0], means[1].T, means[2].T
+    counts = sums[0] ** 2 / np.maximum(sums[3], 1e-300)
+    return frequency, means[0], means[1].T, means[2].T, counts
 
 
 def response_table(response: FrequencyResponse) -> dict[str, Floats]:

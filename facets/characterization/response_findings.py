@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 #: Averages below which random errors are large and badly known themselves.
 FEW_AVERAGES = 10.0
 #: A peak is resolved if its half-power width is at least this number of lines: its height is then
-#: too low by a hundredth at most.
+#: too low by a fiftieth at most.
 RESOLVED_LINES = 8.0
 #: A peak stands out of its surroundings by this factor, and has at least this coherence.
 PEAK_FACTOR, PEAK_COHERENCE = 3.0, 0.5
@@ -34,6 +34,9 @@ CLIPPED_SHARE = 1e-3
 MOVED_SIGMAS, MOVED_SHARE = 8.0, 0.2
 #: Number of parts of the recording for that.
 PARTS = 20
+#: The input changes slowly if this share of the segments or less has it, in the median line; of a
+#: random input a half of them count.
+SLOW_INPUT_SHARE = 0.25
 #: What else lowers the coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
@@ -138,6 +141,14 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
         yield (
             f"The input has hardly any power {dark} (less than 1/10,000 of its largest density): "
             "there the response is not known."
+        )
+    counts = response.input_averages[response.is_excited]
+    if np.median(counts) < SLOW_INPUT_SHARE * response.segments:
+        yield (
+            f"At most frequencies only {np.median(counts):.2g} of the {response.segments} segments "
+            "have input: a sweep or bursts slower than a segment. Near narrow peaks the random "
+            "error is then larger than stated; let a segment hold a whole sweep, by a faster sweep "
+            "or a smaller --resolution-hz."
         )
     known = signals.stimulus[signals.usable]
     ends = [float(np.mean(known == end)) for end in (known.max(), known.min())]

@@ -33,7 +33,7 @@ class ResponseSignals:
 
     stimulus: (n,) the input.  motion: (n, 6) displacement of the object from its mean pose, in its
     own axes there, mm and rad.  usable: (n,) whether a row has both.  deviation: (6,) standard
-    deviation of the motion by the sensor's noise in one sample; None if not known.  saturated:
+    deviation of the motion by the sensor's noise in one sample; NaN if not known.  saturated:
     number of rows with a saturated detector.
     """
 
@@ -41,7 +41,7 @@ class ResponseSignals:
     motion: Floats
     usable: Booleans
     stretches: Stretches
-    deviation: Floats | None
+    deviation: Floats
     saturated: int
 
 
@@ -84,13 +84,14 @@ def build_signals(
     return ResponseSignals(stimulus, motion, usable, stretches, deviation, saturated)
 
 
-def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floats | None:
+def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floats:
     """Standard deviation (6,) of an object's displacement by the readings' noise in one sample at a
-    state (8,); None where the sensor does not determine the pose."""
+    state (8,); NaN where the sensor does not determine the pose."""
     sensor = config.sensor
     plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
     used = np.ones((1, 3), bool)
     found = propagate(sensor, None, state[None], used, plan.free, plan.weights)
     slopes = object_displacements(state[None, :6], state[:6], body)[1][0]
     variance = np.diagonal(slopes @ found.noise[0, :6, :6] @ slopes.T)
-    return np.sqrt(variance) if np.isfinite(variance).all() else None
+    deviation: Floats = np.sqrt(variance)
+    return deviation

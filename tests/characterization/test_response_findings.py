@@ -1,5 +1,6 @@
 """What limits a response is said, with its cause, and only then."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -100,6 +101,11 @@ def test_what_spoils_a_record_is_said(change, words):
     *_, limits = look(change)
     assert any(words in text for text in limits), limits
     assert len(limits) <= (8 if change is clip else 4)
+
+
+def test_a_sweep_that_is_slower_than_a_segment_is_said():
+    *_, limits = look(body=replace(BODY, drive="sweep"))
+    assert any("only 1 of the 39 segments have input" in text for text in limits), limits
 
 
 def test_few_averages_and_narrow_peaks_are_said():
