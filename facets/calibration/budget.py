@@ -79,8 +79,10 @@ def calibration_budget(
         is_kind = [name in kinds for name in made.calibration.names]
         if any(is_kind):
             sensor[source] = np.diag(np.where(is_kind, written, 0.0))
-    estimated = (READINGS,) if factor == 1 else tuple(parts)
-    return Budget(sensor, estimated, max(found.freedom, 1.0))
+    # An earlier calibration of which the values are known was itself estimated by residuals.
+    estimated = (READINGS,) if found.choice.joint is None else (READINGS, PRIOR)
+    freedom = made.calibration.degrees_of_freedom or found.freedom
+    return Budget(sensor, estimated if factor == 1 else tuple(parts), max(freedom, 1.0))
 
 
 def fitted_parts(task: Task, found: Fit) -> tuple[dict[str, Floats], list[str]]:

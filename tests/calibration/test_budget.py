@@ -22,7 +22,7 @@ NOMINAL = facets.Sensor()
 NAMES, SIGMA = ("psd_a.height", "facet_b.inclination", "apex.x"), np.array([0.05, 5e-4, 0.02])
 
 
-def small_case(power):
+def small_case(power, joint=None):
     """Five samples with a poor reference, their fit of three unknowns, and its budget."""
     rng = np.random.default_rng(4)
     state = np.zeros((5, 8))
@@ -31,7 +31,7 @@ def small_case(power):
     reading += rng.normal(size=reading.shape) * standard_deviations(NOMINAL, reading)
     sigma = np.array([1e-3, 1e-3, 1e-3, 5e-6, 5e-6, 5e-6])
     data = Data(reading, state[:, :6], sigma, np.zeros((5, 2)))
-    found = fit(NOMINAL, data, Choice(NAMES, SIGMA, power), None, enough=1e-12)
+    found = fit(NOMINAL, data, Choice(NAMES, SIGMA, power, joint=joint), None, enough=1e-12)
     return data, found, budget.calibration_budget(NOMINAL, data, found, found.sensor, None)
 
 
@@ -62,6 +62,11 @@ def test_degrees_of_freedom_are_those_of_the_estimated_part():
     # the t distribution's 97.5 % points, of printed tables
     np.testing.assert_allclose(coverage_factor(budget.COVERAGE, freedom), [2.037, 2.306], atol=5e-4)
     assert coverage_factor(budget.COVERAGE) == pytest.approx(1.95996, abs=1e-5)
+
+
+def test_values_of_an_earlier_calibration_have_its_degrees_of_freedom():
+    _, _, parts = small_case(1e-4, Calibration(("psd_a.height",), ((1e-6,),), 5.0))
+    assert (parts.estimated, parts.freedom) == ((budget.READINGS, budget.PRIOR), 5.0)
 
 
 def test_a_misfit_is_a_source_of_its_own():
