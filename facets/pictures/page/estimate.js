@@ -54,8 +54,10 @@
     const check = Number.isFinite(found.limit)
       ? `residual ${Digits.fixed(found.residual, 2)} of ${Digits.fixed(found.limit, 2)} that noise alone may leave`
       : "nothing checks this pose";
-    page.say("estimate-said", found.converged ? `Converged after ${steps}; ${check}.`
-      : `No pose: ${found.status}, after ${steps}.`, !found.ok);
+    const off = asked().beam === "known" && (state[6] !== 0 || state[7] !== 0);
+    const warning = off ? " The beam is not at 0, 0, where the solver takes it to be: the pose is off by about as much." : "";
+    page.say("estimate-said", found.converged ? `Converged after ${steps}; ${check}.${warning}`
+      : `No pose: ${found.status}, after ${steps}.${warning}`, off || !found.ok);
   }
 
   // Many samples of the same pose, solved, less the true pose; µm and µrad.
@@ -210,6 +212,7 @@
     return l;
   }
 
+  for (const [name, value] of Object.entries(PAGE.knowledge)) $(`estimate-${name}`).value = value;
   for (const id of ["estimate-beam", "estimate-power", "estimate-seed"]) {
     $(id).addEventListener("input", page.refresh);
   }

@@ -70,6 +70,7 @@ def rig_page(
         "keys": None if config is None else stated_keys(config.resolved),
         "omitted": omitted_keys(sensor),
         "estimate": estimate_sentences(sensor),
+        "knowledge": {} if config is None else knowledge_of(config),
     }
     parts = {
         "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),
@@ -121,6 +122,13 @@ def omitted_keys(sensor: Sensor) -> list[str]:
     if any(psd.correction.grid is not None for psd in sensor.psds):
         found.append("The tables of corrections (sensor.psd.a.correction.table) are left out.")
     return found
+
+
+def knowledge_of(config: Config) -> dict[str, str]:
+    """What a configuration's solver knows of beam and power, as far as the page has it: a prior
+    counts as unknown."""
+    known = {"beam": config.solve.beam, "power": config.solve.power}
+    return {name: value for name, value in known.items() if value in ("free", "known", "unknown")}
 
 
 def estimate_sentences(sensor: Sensor) -> list[str]:

@@ -770,6 +770,7 @@ const Rig = (() => {
       this.controls.dispose();
       this.looks.remove();
       this.renderer.dispose();
+      this.renderer.forceContextLoss();  // a browser has room for some sixteen
       this.renderer.domElement.remove();
       this.labels.forEach(({element}) => element.remove());
     }
