@@ -43,6 +43,7 @@ KNOWN: dict[Any, str] = {
     dispatch.nan_unless_positive: "defined",
     dispatch.maximum: "larger",
     dispatch.select: "choose",
+    dispatch.holds_anywhere: "Boolean",
     dispatch.real: "Number",
     abs: "Math.abs",
     int: "Math.trunc",
