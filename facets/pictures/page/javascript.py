@@ -29,6 +29,7 @@ from ...scalars import dispatch, dual
 
 #: Functions with their own JavaScript: elementary ones, and Python's built-in ones.
 KNOWN: dict[Any, str] = {
+    dispatch.holds_anywhere: "Boolean",
     **{
         getattr(module, name): f"Math.{name}"
         for module in (math, dispatch)
