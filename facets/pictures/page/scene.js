@@ -714,7 +714,8 @@ const Rig = (() => {
       this.camera.aspect = wide / high;
       this.camera.updateProjectionMatrix();
       if (this.view === "rig" && !this.own) this.look("rig", false);
-      this.ask();
+      if (this.drawn) this.draw();  // at once: another size has emptied the picture
+      else this.ask();
     }
 
     // Draws once, soon; only when something has changed.
