@@ -107,6 +107,7 @@ def find_limits(
         *light_limits(signals),
         *zero_limits(signals),
         *leakage_limits(response, peaks),
+        *silence_limits(response),
         *coherence_limits(response, peaks),
         *bandwidth_limits(response, bandwidth),
     ]
@@ -220,6 +221,21 @@ def leakage_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[s
         )
 
 
+def silence_limits(response: FrequencyResponse) -> Iterator[str]:
+    """Name the axes without a response."""
+    silent = silent_axes(response)
+    if not silent.any():
+        return
+    ratio = np.median(
+        (response.output_density / response.noise_density)[response.is_excited], axis=0
+    )
+    names = ", ".join(axis for axis, is_silent in zip(POSE, silent, strict=True) if is_silent)
+    yield f"No response beyond chance: {names}. What is drawn is an upper limit; " + (
+        "the motion there is the sensor's noise." if (ratio[silent] < NOISE_FACTOR).all() else
+        "the motion there is more than the sensor's noise, and its cause is unknown."
+    )  # fmt: skip
+
+
 def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[str]:
     """A sentence for each axis whose coherence is low, with the share that each cause explains."""
     lines = response.is_excited
@@ -229,12 +245,12 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
             near = max(one.width, 3 * response.resolution)
             narrow |= np.abs(response.frequency - one.frequency) <= near
     rest = (1 - response.coherence) * response.output_density
+    silent = silent_axes(response)
     for n, axis in enumerate(POSE):
         low = lines & (response.coherence[:, n] < LOW_COHERENCE)
         share = low.sum() / max(lines.sum(), 1)
-        if share <= SMALL_SHARE:
+        if share <= SMALL_SHARE or silent[n]:
             continue
-        by_chance = silent_axes(response)[n]
         noisy = low & (rest[:, n] <= NOISE_FACTOR * response.noise_density[:, n])
         leaking = low & ~noisy & narrow
         parts = {
@@ -246,13 +262,10 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
         if sum(parts.values()) < 0.9:
             which = "the cause of the others" if causes else "the cause"
             causes.append(f"{which} is unknown ({POSSIBLE_CAUSES})")
-        start = (
-            f"{axis} shows no response beyond chance: what is drawn is an upper limit"
-            if by_chance else
+        yield (
             f"The coherence of {axis} is below {LOW_COHERENCE:g} in {100 * share:.3g} % of the "
-            "excited lines"
-        )  # fmt: skip
-        yield f"{start}; {'; '.join(causes)}."
+            f"excited lines; {'; '.join(causes)}."
+        )
 
 
 def silent_axes(response: FrequencyResponse) -> Booleans:

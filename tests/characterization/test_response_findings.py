@@ -93,8 +93,8 @@ def still(force, motion):
         (clip, "clipped by its amplifier or converter"),
         (add_force, "The coherence of tz is below 0.75 in 100 % of the excited lines; the cause is"
                     " unknown (another force"),
-        (silence, "yaw shows no response beyond chance: what is drawn is an upper limit; the "
-                  "sensor's noise explains"),
+        (silence, "No response beyond chance: yaw. What is drawn is an upper limit; the motion "
+                  "there is the sensor's noise."),
     ],
 )  # fmt: skip
 def test_what_spoils_a_record_is_said(change, words):
