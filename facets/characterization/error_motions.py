@@ -15,7 +15,7 @@ poses.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -155,8 +155,45 @@ def measure_error_motions(
     ErrorMotions
         In mm and rad.
     """
-    body, main = body or MIRROR, LETTERS.index(axis)
-    moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), body)
+    fitted = fit_errors(visits, axis, body, line)
+    drawn = draw_pose_errors(sensor, knowledge, visits, is_tracked)
+    off = np.einsum("kij,dkj->dki", fitted.slopes, drawn).reshape(len(drawn), -1)
+    off -= (off @ fitted.solver.T) @ fitted.design.T
+    return ErrorMotions(
+        axis,
+        visits.targets,
+        visits.grid(fitted.values.T),
+        visits.grid(np.moveaxis(off.reshape(drawn.shape), -1, 0)),
+        visits.grid(visits.time),
+        fitted.frame,
+        fitted.offset,
+    )
+
+
+class FittedErrors(NamedTuple):
+    """Errors (k, 6) of stands, from which the set-up is removed, and what this took.
+
+    frame, offset: as in `ErrorMotions`.  slopes: (k, 6, 6) derivatives of what it is removed from
+    by the mirror's pose.  design, solver: (6 k, q) and (q, 6 k), with which it is removed.
+    """
+
+    values: Floats
+    frame: Floats
+    offset: Floats
+    slopes: Floats
+    design: Floats
+    solver: Floats
+
+
+def fit_errors(
+    visits: Visits,
+    axis: str,
+    body: MeasuredObject | None = None,
+    line: ReferenceLine = "least-squares",
+) -> FittedErrors:
+    """The errors of stands; arguments as of `measure_error_motions`."""
+    main = LETTERS.index(axis)
+    moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), body or MIRROR)
     commanded = visits.targets[visits.target]
     frame, offset = np.eye(3), np.zeros(3)
     for _ in range(1 if line == "nominal" else 3):  # the direction; corrections of second order
@@ -170,18 +207,7 @@ def measure_error_motions(
     if main >= 3:
         offset[[n for n in range(3) if n != main - 3]] = -found[-2:]
     by_state = slopes_of_deviations(moved, commanded, main, frame) @ slopes
-    drawn = draw_pose_errors(sensor, knowledge, visits, is_tracked)
-    off = np.einsum("kij,dkj->dki", by_state, drawn).reshape(len(drawn), -1)
-    off -= (off @ solver.T) @ design.T
-    return ErrorMotions(
-        axis,
-        visits.targets,
-        visits.grid(errors.T),
-        visits.grid(np.moveaxis(off.reshape(drawn.shape), -1, 0)),
-        visits.grid(visits.time),
-        frame,
-        offset,
-    )
+    return FittedErrors(errors, frame, offset, by_state, design, solver)
 
 
 def deviations_of(moved: Floats, commanded: Floats, main: int, frame: Floats) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import command
+from programs import Program
 from scipy.spatial.transform import Rotation
 
 import facets
@@ -294,3 +295,23 @@ def test_a_drift_and_a_lack_of_runs_are_named():
     assert "the axis or its encoder warmed up" in notes
     assert "3 in the positive and 3 in the negative" in notes
     assert "no calibration of the sensor" in notes
+
+
+@pytest.mark.slow
+def test_a_recording_of_the_virtual_bench_gives_the_errors_of_its_stage(tmp_path):
+    """emulate, acquire, axis: a busy machine may cost stands, and no error."""
+    (tmp_path / "stage.yaml").write_text(CONFIG)
+    words = ("emulate", "stage.yaml", "--motion", "runs", "--rate", "1000", "--folder", "bench")
+    with Program(*words, cwd=tmp_path) as bench:
+        bench.await_output("running")
+        recorded = ("acquire", "stage.yaml", "--port", "bench/board", "--samples", "2600")
+        command(*recorded, "--plain", "-d", "rec", cwd=tmp_path)
+    found = command(
+        "axis", "rec", "--axis", "Z", "--dwell", "0.04", "--commands", "bench/commands.csv",
+        "-d", "out", cwd=tmp_path,
+    )  # fmt: skip
+    assert found.returncode in (0, 1), found.stderr
+    quantities = pd.read_csv(tmp_path / "out/quantities.csv", comment="#")
+    main = quantities[quantities.error == "EZZ"].set_index("symbol")
+    for symbol, true in {"B": 4, "B_mean": 4, "M": 4}.items():
+        assert abs(main.value[symbol] - true) <= 2 * main.expanded_uncertainty[symbol]

@@ -1,0 +1,140 @@
+"""How often the expanded uncertainties of `facets axis` hold the truth, over drawn axes.
+
+    python -m facets.experiments.axis_tests [--axes 200] [--first 0]
+
+Each axis (along x or z, or about z) has errors of drawn sizes, from far below the sensor's
+uncertainty to far above. It is tested by a sensor whose parameters are off by a draw from its
+calibration's covariance, with noise, at a point up to 40 mm from the apex: five positions, five
+runs in each direction. The poses are solved, the stands found and evaluated as the command does.
+The truth is what the same formulas give for the true poses of the stands. Printed is, for each
+quantity, the share of axes in which it lies within its expanded uncertainty (expected: 95 %), for
+the main component and for all six, and the same for the error motions by position. Two minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import facets
+from facets.calibration.unknowns import ALL, assign_values, values_of
+from facets.characterization.axis_report import AxisReport, evaluate_axis
+from facets.characterization.axis_visits import Commands, PoseSeries
+from facets.characterization.error_motions import fit_errors
+from facets.characterization.positioning import QUANTITIES
+from facets.core.knowledge import Knowledge
+from facets.core.motions import Runs
+from facets.core.names import STATE
+from facets.core.sensor import Calibration, Sensor
+from facets.core.units import Floats
+from facets.simulation.axis_runs import command_columns, run_states
+
+#: Standard uncertainties of a calibration: mm and rad.
+SIGMAS = {
+    "psd_a.radius": 0.02, "psd_b.radius": 0.02, "psd_c.radius": 0.02, "psd_a.height": 3e-4,
+    "psd_b.height": 3e-4, "psd_c.height": 3e-4, "psd_a.roll": 2e-4, "psd_b.roll": 2e-4,
+    "facet_b.inclination": 1e-6, "facet_c.azimuth": 2e-6, "beam.tilt_x": 5e-6, "beam.tilt_y": 5e-6,
+}  # fmt: skip
+KNOWLEDGE = Knowledge(beam="known", power="unknown")
+#: Half the travel of the axes under test, mm and rad, and the component that moves.
+AXES = {"X": (0.1, 0), "Z": (1.0, 2), "C": (0.008, 5)}
+
+
+def calibrated_sensor() -> Sensor:
+    covariance = np.diag(np.square(list(SIGMAS.values())))
+    known = Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
+    return replace(facets.load("paper").sensor, calibration=known)
+
+
+def draw_rig(sensor: Sensor, rng: np.random.Generator) -> Sensor:
+    """A sensor whose parameters differ from the calibrated ones by a draw of their uncertainty."""
+    values = values_of(sensor).copy()
+    for name, sigma in SIGMAS.items():
+        values[ALL.index(name)] += sigma * rng.standard_normal()
+    return assign_values(sensor, values)
+
+
+def draw_axis(name: str, rng: np.random.Generator) -> Runs:
+    """An axis whose errors are 10 nm (0.1 urad) to 10 um (100 urad)."""
+    half, main = AXES[name]
+    unit = np.array([1e-3] * 3 + [1e-5] * 3 + [0, 0])
+
+    def errors() -> Any:
+        sizes = unit * 10 ** rng.uniform(-2, 1, 8) * rng.choice([-1, 1], 8)
+        return tuple(sizes.tolist())
+
+    ends = half * np.eye(len(STATE))[main]
+    scatter = tuple(np.abs(errors()).tolist())
+    return Runs(
+        tuple((-ends).tolist()), tuple(ends.tolist()), steps=5, runs=5, dwell=0.06, move=0.02,
+        scale=float(rng.uniform(-1e-3, 1e-3)), wave=errors(), periods=float(rng.uniform(0.3, 2)),
+        bow=errors(), backlash=errors(), scatter=scatter, rate=1000.0,
+    )  # fmt: skip
+
+
+def evaluate(seed: int) -> tuple[str, AxisReport, Floats]:
+    """The axis, its report, and the true values of the error motions (6, m, 2, n)."""
+    rng = np.random.default_rng([seed, 33])
+    sensor = calibrated_sensor()
+    name = list(AXES)[seed % len(AXES)]
+    motion, rig = draw_axis(name, rng), draw_rig(sensor, rng)
+    body = facets.MeasuredObject(tuple(rng.uniform(-40, 40, 3).tolist()))
+    time, states = run_states(motion, np.random.default_rng(seed))
+    noisy = facets.add_noise(rig, facets.readings(rig, states), rng)
+    solution = facets.solve(sensor, noisy, beam=KNOWLEDGE.beam, power=KNOWLEDGE.power)
+    poses = np.where(solution.converged[:, None], solution.state, np.nan)
+    told = command_columns(motion)
+    positions = told["position_mrad"] / 1e3 if name == "C" else told["position_mm"]
+    commands = Commands(positions, (told["direction"] < 0).astype(np.int64))
+    series = PoseSeries(time, poses, solution.misfit)
+    report = evaluate_axis(sensor, KNOWLEDGE, series, name, commands, body, shortest_s=0.04)
+    middle = np.searchsorted(time, report.visits.time)
+    visits = replace(report.visits, states=states[middle])
+    return name, report, visits.grid(fit_errors(visits, name, body).values.T)
+
+
+class Held(NamedTuple):
+    """Whether each quantity (6, q) of an axis lies within its expanded uncertainty of the truth;
+    the latter over the true value (q,) of the main component; and the share of positions (6,) at
+    which the error motion does. The main component comes first."""
+
+    quantities: Floats
+    relative: Floats
+    positions: Floats
+
+
+def compare_with_truth(seed: int) -> Held:
+    _, report, true = evaluate(seed)
+    held, size = np.empty((2, 6, len(QUANTITIES)))
+    for n, (found, values) in enumerate(zip(report.quantities, true, strict=True)):
+        for k, (quantity, (_, _, formula)) in enumerate(zip(found, QUANTITIES, strict=True)):
+            truth = float(formula(values))
+            held[n, k] = abs(quantity.value - truth) <= quantity.expanded
+            size[n, k] = abs(quantity.expanded / truth)
+    order = [report.motions.main, *np.delete(np.arange(6), report.motions.main)]
+    off = np.abs(report.means - report.central(true))
+    positions = (off <= 2 * report.uncertainties).mean(axis=1)
+    return Held(held[order], size[order[0]], positions[order])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--axes", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    asked = parser.parse_args()
+    held = [compare_with_truth(seed) for seed in range(asked.first, asked.first + asked.axes)]
+    inside, relative, positions = (np.array(part) for part in zip(*held, strict=True))
+    print(f"{asked.axes} axes; share within the expanded uncertainty, %")
+    print("quantity  main  all six   U over the value, quartiles (main)")
+    for k, (_, symbol, _) in enumerate(QUANTITIES):
+        main_share, every = 100 * inside[:, 0, k].mean(), 100 * inside[:, :, k].mean()
+        low, middle, high = np.quantile(relative[:, k], [0.25, 0.5, 0.75])
+        print(f"{symbol:8}{main_share:6.1f}{every:8.1f}     {low:.3f} {middle:.3f} {high:.3f}")
+    print(f"by position{100 * positions[:, 0].mean():5.1f}{100 * positions.mean():8.1f}")
+
+
+if __name__ == "__main__":
+    main()
