@@ -18,6 +18,7 @@ LONG = (
     "jacobian",
     "calibrate",
     "rezero",
+    "axis",
     "explore",
     "reproduce",
 )
