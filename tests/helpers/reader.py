@@ -48,7 +48,7 @@ class Reader:
         printed = []
         for text in self.bench.stdout:  # up to the ports' names
             printed.append(text)
-            if "bench/board" in text:
+            if "/board" in text:
                 return
         raise AssertionError(f"{line}{''.join(printed)}")
 
