@@ -135,9 +135,8 @@ def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Fl
     names = [" ".join(map(str, state)) for state in worst.round(9).tolist()]
     for first in dict.fromkeys(names):
         axes = [POSE[n] for n, name in enumerate(names) if name == first]
-        listed = " and ".join([", ".join(axes[:-1]), axes[-1]] if len(axes) > 1 else axes)
-        verb = "is" if len(axes) == 1 else "are"
-        found[f"where {listed} {verb} worst"] = worst[names.index(first)]
+        verb = "is" if len(axes) == 1 else "are"  # no comma: the name is a cell of a CSV table
+        found[f"where {' and '.join(axes)} {verb} worst"] = worst[names.index(first)]
     return found
 
 

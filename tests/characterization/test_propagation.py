@@ -15,6 +15,7 @@ from facets.characterization.propagation import (
     propagate_distributions,
     tolerance,
 )
+from facets.characterization.trials import default_states
 from facets.core.names import STATE_COLUMNS
 from facets.detectors.noise import sample_readings
 from facets.files.tables import write_table
@@ -223,3 +224,10 @@ def test_most_trials_without_a_pose_are_a_finding(tmp_path):
     assert run.returncode == 1
     assert "no interval is stated" in " ".join(run.stdout.split())
     assert "nan" not in run.stdout
+
+
+def test_names_of_poses_where_several_axes_are_worst_are_cells_of_a_csv_table():
+    rules = replace(PAPER.range, object=facets.MeasuredObject(point=(0, 0, -50)))
+    names = list(default_states(PAPER.sensor, rules, KNOWN))
+    assert any(" and " in name for name in names)
+    assert not any("," in name for name in names)

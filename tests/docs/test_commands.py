@@ -94,4 +94,4 @@ def test_the_index_of_commands_names_each():
     for name in REFERENCE.command_names():
         assert f"[`facets {name.split()[0]}`]({name.split()[0]}.md)" in index
     assert len({name.split()[0] for name in REFERENCE.command_names()}) == 21
-    assert "twenty commands" in index
+    assert "twenty-one commands" in index

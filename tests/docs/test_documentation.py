@@ -12,7 +12,8 @@ from pages import DOCS, GUIDES, LINK, PAGES, ROOT, blocks, hook, links, name_of,
 import facets
 
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
-WRITTEN = [(page, text) for page in PAGES for text in blocks(page, "python")]
+#: The Python of the pages that are not followed as guides.
+WRITTEN = [(page, text) for page in PAGES if page not in GUIDES for text in blocks(page, "python")]
 
 
 @pytest.mark.installed

@@ -17,7 +17,7 @@ PAGES = [
     *sorted(DOCS.rglob("*.md")),
 ]
 LINK = re.compile(r"\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^)\s]+)\)")
-GUIDES = [DOCS / f"{name}.md" for name in ("experimenters", "designers", "doubters")]
+GUIDES = [DOCS / f"{name}.md" for name in ("experimenters", "designers", "doubters", "answers")]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 

@@ -16,7 +16,8 @@ from pages import Step, shape
 
 
 class Reader:
-    """Type a page's commands; a block for the first terminal runs until the text stops it."""
+    """Type a page's commands and run its Python; a block for the first terminal runs until the text
+    stops it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -35,6 +36,8 @@ class Reader:
         elif step.language == "bash":
             for line in step.block.splitlines():
                 self.type(line)
+        elif step.language == "python":
+            subprocess.run([sys.executable, "-c", step.block], cwd=self.folder, check=True)
         elif step.language in ("", "text") and self.printed:
             self.compare(step.block.splitlines())
 
