@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from facets.characterization.propagation import PropagationResult
     from facets.config import Config
     from facets.core.rules import Rules
+    from facets.core.sensor import Sensor
     from facets.core.units import Floats
 
 #: The coverage probability of trials where none is given.
@@ -119,6 +120,9 @@ class TrialRequest(NamedTuple):
         found = show_progress(propagate, "trials")
         for where, one in found.items():
             show(where, one)
+            if not one.is_stated:
+                explain_failures(self.settings.sensor, one.state)
+            typer.echo()
         return found
 
     def record(self, found: dict[str, PropagationResult]) -> dict[str, Any]:
@@ -183,7 +187,19 @@ def show(where: str, found: PropagationResult) -> None:
             f"Trials more than {characterization.propagation.FAR_SIGMAS:g} standard uncertainties "
             f"from the estimate, such as those on a second solution: {found.far:,}."
         )
-    typer.echo()
+
+
+def explain_failures(sensor: Sensor, state: Floats) -> None:
+    """Say why most trials at a state have no pose, where that is known."""
+    lost = characterization.trials.lost_detectors(sensor, state)
+    for letter in lost:
+        report_lines(
+            f"Detector {letter} has no reading there: its light drives a converter past the end of "
+            "its range (sensor.electronics.adc_range_v), which neither the linear result nor "
+            "`facets range-map` counts. A smaller transimpedance_kohm avoids it."
+        )
+    if not lost:
+        report_lines("The cause is unknown; `facets render` shows the spots at such a pose.")
 
 
 def describe(digits: int, undecided: bool) -> str:
