@@ -166,4 +166,4 @@ def value_cells(value: float, expanded: float) -> tuple[str, str]:
     if not expanded > 0:
         return f"{value:.4g}", "-" if np.isnan(expanded) else "0"
     decimals = max(0, 1 - int(np.floor(np.log10(expanded))))
-    return f"{value:.{decimals}f}", f"{expanded:.{decimals}f}"
+    return f"{value:z.{decimals}f}", f"{expanded:.{decimals}f}"
