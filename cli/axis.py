@@ -171,7 +171,7 @@ def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Con
         columns = solve_recording(playback)
         if not columns:
             raise InputError(f"{source}: no samples")
-        return settings, characterization.axis_visits.recorded_series(columns, playback.config)
+        return settings, characterization.axis_visits.recorded_series(columns)
     if config is None:
         raise InputError(
             f"{source}: is a table of poses; give the configuration of the sensor that measured "

@@ -14,7 +14,7 @@ import numpy as np
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..estimation.coverage import effective_degrees_of_freedom
-from ..estimation.differences import propagate_in_light
+from ..estimation.differences import carry, propagate_in_light
 from ..estimation.plan import make_plan
 from .bundle_adjustment import OWN_COUNT, OWN_UNITS, own_information, states_of
 from .fit import Fit, Task, add_mean_power, sensor_covariance
@@ -127,9 +127,7 @@ def pose_covariances(
     found = propagate_in_light(sensor, states, make_plan(sensor, knowledge, shape=states.shape[:1]))
     assert found.slopes is not None
     slopes = found.slopes[:, :6]
-    return {
-        source: slopes @ part @ np.swapaxes(slopes, 1, 2) for source, part in budget.sensor.items()
-    }
+    return {source: carry(slopes, part) for source, part in budget.sensor.items()}
 
 
 def fitted_states(data: Data, found: Fit) -> Floats:

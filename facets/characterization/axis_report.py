@@ -12,6 +12,7 @@ from ..core.knowledge import Knowledge
 from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..estimation.dwells import finite_means
 from ..estimation.plan import make_plan
 from .axis_visits import Commands, PoseSeries, VisitCounts, find_visits
 from .error_motions import ErrorMotions, ReferenceLine, Visits, measure_error_motions
@@ -21,7 +22,6 @@ from .positioning import (
     Quantity,
     bidirectional_means,
     evaluate_positioning,
-    mean_of,
     reversals,
     standard_deviations_of_runs,
     unidirectional_means,
@@ -104,7 +104,7 @@ class AxisReport:
     def central(self, x: Floats) -> Floats:
         """Means (..., m) over both directions, or over the only one that a target has."""
         means, middle = unidirectional_means(x), bidirectional_means(x)
-        return np.where(np.isfinite(middle), middle, mean_of(means))
+        return np.where(np.isfinite(middle), middle, finite_means(means))
 
     @property
     def runs(self) -> tuple[int, int]:
@@ -115,7 +115,7 @@ class AxisReport:
     @cached_property
     def drifts(self) -> list[Drift]:
         """Error motions that change with time at equal positions and directions."""
-        late = self.motions.times - mean_of(self.motions.times)[..., None]
+        late = self.motions.times - finite_means(self.motions.times)[..., None]
         there = np.isfinite(late)
         square = float((late[there] ** 2).sum())
         freedom = int(there.sum() - there.any(axis=-1).sum() - 1)
@@ -126,7 +126,7 @@ class AxisReport:
         for name, x, errors in zip(
             self.motions.names, self.motions.values, self.motions.draws, strict=True
         ):
-            rest = (x - mean_of(x)[..., None])[there]
+            rest = (x - finite_means(x)[..., None])[there]
             slope = float(rest @ late[there]) / square
             sigma = np.sqrt(((rest - slope * late[there]) ** 2).sum() / freedom / square)
             noise = errors[:, there] @ late[there] / square

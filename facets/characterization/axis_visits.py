@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,12 +21,9 @@ from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
 from ..estimation.differences import propagate_in_light
 from ..estimation.dwells import mean, per_row, stands_of_axis
-from ..estimation.plan import Plan, chance_of, make_plan
+from ..estimation.plan import Plan
 from ..files.tables import read_chunks
 from .error_motions import LETTERS, Visits
-
-if TYPE_CHECKING:
-    from ..core.settings import Config
 
 #: Columns of a table of commands, with the unit in that of the code.
 POSITIONS = {
@@ -90,14 +87,11 @@ class VisitCounts:
     doubtful: tuple[float, ...] = ()
 
 
-def recorded_series(columns: dict[str, Any], config: Config) -> PoseSeries:
-    """The poses of a recording, solved by this configuration, from the columns of its table."""
-    plan = make_plan(config.sensor, config.solve.knowledge(config.sensor))
-    chance = chance_of(config.sensor, plan)
-    limit = chance.limits(chance.checks(np.ones((1, 3), dtype=bool)))[0]
+def recorded_series(columns: dict[str, Any]) -> PoseSeries:
+    """The poses of a recording from the columns of its table."""
     states = np.column_stack([columns[name] for name in STATE_COLUMNS]) * STATE_UNITS
     time = columns["host_s"] - columns["host_s"][0]
-    return PoseSeries(time, states, np.asarray(columns["residual"] > limit))
+    return PoseSeries(time, states, columns["misfit"] > 0)
 
 
 def read_series(path: Path) -> PoseSeries:

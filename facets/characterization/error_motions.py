@@ -25,7 +25,7 @@ from ..core.sensor import Calibration, Sensor
 from ..core.units import Floats, Integers
 from ..detectors.calibrated import MISFIT
 from ..detectors.noise import step_variances
-from ..estimation.differences import lasting_covariance, propagate_in_light
+from ..estimation.differences import carry, lasting_covariance, propagate_in_light
 from ..estimation.plan import Plan, make_plan
 from ..estimation.uncertainty_parts import Propagation, propagate
 
@@ -338,9 +338,9 @@ def doubtful_covariance(
         for name, size in zip(sensor.calibration.names, sizes, strict=True):
             if name in MISFIT:
                 variances[:, MISFIT.index(name)] += size
-    whole: Floats = (gain * variances[:, None, :]) @ np.swapaxes(gain, 1, 2)
+    whole = carry(gain, variances[:, None, :] * np.eye(9))
     if is_tracked:
-        whole += found.priors[:, :, :2] @ np.swapaxes(found.priors[:, :, :2], 1, 2)
+        whole += carry(found.priors[:, :, :2], np.eye(2))
     return whole
 
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.names import ANGLES, FINE_UNITS, POSE
 from ..core.units import Booleans, Floats, Integers
+from ..estimation.coverage import coverage_factor
 
 Complexes = NDArray[np.complex128]
 #: Averages that the default segment length aims at, and the fewest that it accepts.
@@ -68,7 +69,8 @@ class FrequencyResponse:
     own noise, NaN where not known.  averages: number of independent averages.  segments: number
     of segments.  left_out: segments that a gap prevented.  resolution: distance of lines, Hz.
     input_averages: (m,) number of equal segments that would give the input's density the same
-    scatter.  is_corrected: whether the electronics' low pass is divided out.
+    scatter.  is_corrected: whether the electronics' low pass is divided out, of the densities of
+    output and noise, too.
     """
 
     frequency: Floats
@@ -106,9 +108,7 @@ class FrequencyResponse:
     @property
     def coverage_factor(self) -> float:
         """Factor of the standard uncertainty for an interval of 95 %, by Student's distribution."""
-        from scipy.stats import t
-
-        return float(t.ppf(0.975, self.freedom))
+        return float(coverage_factor(0.95, self.freedom))
 
     @property
     def noise_floor(self) -> Floats:
@@ -265,11 +265,12 @@ def estimate_response(
         h1, h2 = factor * g_xy / g_xx[:, None], factor * g_yy / np.conj(g_xy)
         coherence = np.clip(np.abs(g_xy) ** 2 / (g_xx[:, None] * g_yy), 0.0, 1.0)
     noise = np.full(g_yy.shape[1], np.nan) if deviation is None else deviation
-    density = noise_spectrum(frequency, noise, rate, bandwidth) * np.abs(factor) ** 2
+    gain = np.abs(factor) ** 2
+    density = gain * noise_spectrum(frequency, noise, rate, bandwidth)
     segments = sum(len(one) for one in starts)
     possible = max(0, (stretches.span - length) // (length // 2) + 1)
     return FrequencyResponse(
-        frequency, h1, h2, coherence, g_xx, g_yy, density, rate, averages, segments,
+        frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages, segments,
         max(0, possible - segments), rate / length, counts, correct,
     )  # fmt: skip
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.units import Floats
+from ..estimation.dwells import finite_means
 
 #: The probability that an expanded uncertainty covers the error, of a coverage factor of 2.
 COVERAGE = 0.9545
@@ -38,23 +39,14 @@ class Quantity(NamedTuple):
 
 def unidirectional_means(x: Floats) -> Floats:
     """Mean unidirectional positioning deviations (..., m, 2) of deviations (..., m, 2, n)."""
-    return mean_of(x)
-
-
-def mean_of(values: Floats) -> Floats:
-    """Means over the last axis without missing values; NaN where there are none."""
-    there = np.isfinite(values)
-    count = there.sum(axis=-1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        means: Floats = np.where(there, values, 0.0).sum(axis=-1) / count
-    return means
+    return finite_means(x)
 
 
 def standard_deviations_of_runs(x: Floats) -> Floats:
     """Estimators s of the unidirectional repeatability (..., m, 2); NaN of fewer than two runs."""
     there = np.isfinite(x)
     count = there.sum(axis=-1)
-    squares = np.where(there, (x - mean_of(x)[..., None]) ** 2, 0.0).sum(axis=-1)
+    squares = np.where(there, (x - finite_means(x)[..., None]) ** 2, 0.0).sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         found: Floats = np.sqrt(np.where(count > 1, squares / (count - 1), np.nan))
     return found
@@ -97,11 +89,8 @@ def bidirectional_repeatability(x: Floats) -> Floats:
     s = standard_deviations_of_runs(x)
     joint = 2 * s.sum(axis=-1) + np.abs(reversals(x))
     there = np.isfinite(joint).any(axis=-1)
-    return np.where(there, largest(both_or(joint, 4 * s)), np.nan)
-
-
-def both_or(joint: Floats, single: Floats) -> Floats:
-    return np.concatenate([joint[..., None], single], axis=-1).reshape(*joint.shape[:-1], -1)
+    candidates = np.concatenate([joint, 4 * s[..., 0], 4 * s[..., 1]], axis=-1)
+    return np.where(there, largest(candidates), np.nan)
 
 
 def accuracy(x: Floats, direction: int | None = None) -> Floats:
@@ -129,7 +118,7 @@ def mean_bidirectional_error(x: Floats) -> Floats:
 #: Name, symbol and formula of each quantity of an axis.
 QUANTITIES: tuple[tuple[str, str, Callable[[Floats], Floats]], ...] = (
     ("reversal error", "B", lambda x: largest(np.abs(reversals(x)))),
-    ("mean reversal error", "B_mean", lambda x: mean_of(reversals(x))),
+    ("mean reversal error", "B_mean", lambda x: finite_means(reversals(x))),
     (
         "repeatability in the positive direction",
         "R_up",
@@ -190,7 +179,7 @@ def components(x: Floats) -> list[Floats]:
     """Parts (..., m, 2, n) of deviations that add up to them: the mean line of the bidirectional
     means, their distances from it, the mean reversal, its changes, and the scatter of the runs."""
     means = unidirectional_means(x)
-    middle, half = mean_of(means), np.nan_to_num(reversals(x)) / 2
+    middle, half = finite_means(means), np.nan_to_num(reversals(x)) / 2
     count = x.shape[-3]
     design = np.stack([np.ones(count), np.arange(count) - (count - 1) / 2])
     there = np.isfinite(middle).all(axis=tuple(range(middle.ndim - 1)))

@@ -293,7 +293,7 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
     states, body = sweep_states(sensor, rules), rules.object
     rest, known, found = np.zeros((1, 8)), sensor.calibration, []
     freedom = (
-        np.nan if known is None or known.degrees_of_freedom is None else (known.degrees_of_freedom)
+        np.nan if known is None or known.degrees_of_freedom is None else known.degrees_of_freedom
     )
     for how in hows:
         sigma = uncertainties(sensor, states, how, body)

@@ -29,6 +29,9 @@ SMALL_SHARE = 0.02
 NOISE_FACTOR = 2.0
 #: Share of rows with the input at one of its ends from which it is called clipped.
 CLIPPED_SHARE = 1e-3
+#: Share of rows with a residual beyond chance from which the model is doubted; of right poses one
+#: in 10,000 has such a one.
+MISFIT_SHARE = 1e-3
 #: The zero moved if the means of the first and the last tenth differ by this number of standard
 #: deviations of the means of twentieths, and by this share of the motion's standard deviation.
 MOVED_SIGMAS, MOVED_SHARE = 8.0, 0.2
@@ -105,6 +108,7 @@ def find_limits(
         *gap_limits(response, signals),
         *input_limits(response, signals),
         *light_limits(signals),
+        *misfit_limits(signals),
         *zero_limits(signals),
         *leakage_limits(response, peaks),
         *silence_limits(response),
@@ -176,6 +180,16 @@ def light_limits(signals: ResponseSignals) -> Iterator[str]:
             f"Detectors were saturated in {signals.saturated} of {len(signals.usable)} rows, which "
             "have no pose: too much light, or a spot near an edge. The response lacks the largest "
             "motions."
+        )
+
+
+def misfit_limits(signals: ResponseSignals) -> Iterator[str]:
+    if signals.misfits > MISFIT_SHARE * len(signals.usable):
+        yield (
+            f"In {signals.misfits} of {len(signals.usable)} rows the residual is beyond chance, "
+            "where one in 10,000 is expected: these poses do not fit the configuration, and the "
+            "response holds only as far as they do. Likely cause: another power of the laser or "
+            "place of the beam than configured, or a sensor that was not calibrated."
         )
 
 

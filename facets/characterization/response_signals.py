@@ -33,8 +33,8 @@ class ResponseSignals:
 
     stimulus: (n,) the input.  motion: (n, 6) displacement of the object from its mean pose, in its
     own axes there, mm and rad.  usable: (n,) whether a row has both.  deviation: (6,) standard
-    deviation of the motion by the sensor's noise in one sample; NaN if not known.  saturated:
-    number of rows with a saturated detector.
+    deviation of the motion by the sensor's noise in one sample; NaN if not known.  saturated,
+    misfits: numbers of rows with a saturated detector, and with a residual beyond chance.
     """
 
     stimulus: Floats
@@ -43,6 +43,7 @@ class ResponseSignals:
     stretches: Stretches
     deviation: Floats
     saturated: int
+    misfits: int
 
 
 def read_signal_table(path: Path, column: str) -> Columns:
@@ -50,7 +51,7 @@ def read_signal_table(path: Path, column: str) -> Columns:
 
     Raises `InputError` without a column of times, of a pose or of the input.
     """
-    optional = (*TIMES, *STATE_COLUMNS[6:], "flags")
+    optional = (*TIMES, *STATE_COLUMNS[6:], "flags", "misfit")
     parts = [chunk.columns for chunk in
              read_chunks(path, (column, *STATE_COLUMNS[:6]), optional)]  # fmt: skip
     if not parts:
@@ -79,9 +80,10 @@ def build_signals(
     motion, _, _ = object_displacements(poses, mean, body)
     beam = [columns[one][usable].mean() if one in columns else 0.0 for one in STATE_COLUMNS[6:]]
     deviation = noise_deviation(config, np.array([*mean, *beam]), body)
-    flags = columns.get("flags", np.zeros(len(time)))
-    saturated = int((flags.astype(np.int64) & SATURATED > 0).sum())
-    return ResponseSignals(stimulus, motion, usable, stretches, deviation, saturated)
+    none = np.zeros(len(time))
+    saturated = int((columns.get("flags", none).astype(np.int64) & SATURATED > 0).sum())
+    misfits = int((columns.get("misfit", none) > 0).sum())
+    return ResponseSignals(stimulus, motion, usable, stretches, deviation, saturated, misfits)
 
 
 def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floats:

@@ -87,7 +87,7 @@ def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
     """
     size = max(1, shortest // BLOCKS)
     count = len(place) // size
-    blocks = block_means(place[: count * size].reshape(count, size))
+    blocks = finite_means(place[: count * size].reshape(count, size))
     steps = np.abs(np.diff(blocks))
     noise = float(np.nanmedian(steps)) * QUARTILES_OF_STEP if np.isfinite(steps).any() else 0.0
     way = float(np.nanmax(blocks) - np.nanmin(blocks)) if np.isfinite(blocks).any() else 0.0
@@ -97,11 +97,11 @@ def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
     return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in found]
 
 
-def block_means(rows: Floats) -> Floats:
-    """The means (n,) of rows (n, k) without their missing values."""
-    there = np.isfinite(rows)
+def finite_means(values: Floats) -> Floats:
+    """Means over the last axis without missing values; NaN where there are none."""
+    there = np.isfinite(values)
     with np.errstate(invalid="ignore"):
-        means: Floats = np.where(there, rows, 0.0).sum(axis=1) / there.sum(axis=1)
+        means: Floats = np.where(there, values, 0.0).sum(axis=-1) / there.sum(axis=-1)
     return means
 
 

@@ -262,7 +262,8 @@ def pose_columns(solution: Solution, status: Any) -> dict[str, Any]:
     columns["used"] = used[solution.used @ np.array([4, 2, 1])]
     columns["residual"] = solution.residual
     columns["power_mw"] = solution.power
-    return columns | uncertainty_columns(solution)
+    columns |= uncertainty_columns(solution)
+    return columns | {"misfit": solution.misfit.astype(int)}
 
 
 #: The parts of an uncertainty that a table has beside the whole where a calibration is known.
@@ -411,10 +412,9 @@ def solve_table(
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
                 temperature = chunk.columns.get("temperature_c")
                 columns = pose_columns(solution, status)
-                columns["misfit"] = solution.misfit.astype(int)
                 columns |= object_columns(
-                    solution, config.object, count.zero, members=members, temperature=temperature,
-                    covariance=covariance, coverage=coverage,
+                    solution, config.object, count.zero, members=members & solution.ok,
+                    temperature=temperature, covariance=covariance, coverage=coverage,
                 )  # fmt: skip
                 writer.write({**time, **columns})
                 count.add(

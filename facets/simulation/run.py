@@ -279,8 +279,8 @@ def pose_table(
     columns = time_columns(segments)
     parts = []
     for segment, zero in zip(segments, zeros or [None] * len(segments), strict=True):
-        members = None if request is None else members_of(segment, request)
         solution = segment.solution
+        members = None if request is None else members_of(segment, request) & solution.ok
         part = true_columns(segment, body, zero, members)
         part |= pose_columns(solution, labels(solution, np.zeros(len(segment.time), dtype=bool)))
         part |= object_columns(solution, body, zero, members=members, covariance=covariance)

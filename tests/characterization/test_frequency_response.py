@@ -161,6 +161,8 @@ def test_the_low_pass_and_a_late_input_are_corrected(shaken):
     assert right.noise_floor[lines] == pytest.approx(
         plain.noise_floor[lines] / np.abs(low_pass(plain.frequency, bandwidth))[lines, None]
     )
+    shares = [one.output_density[lines] / one.noise_density[lines] for one in (plain, right)]
+    assert shares[1] == pytest.approx(shares[0])  # the correction changes both alike
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,14 @@ BODY = Vibration(
 )
 
 
-def look(change=lambda force, motion: None, resolution=0.5, usable=None, saturated=0, body=BODY):
+def look(
+    change=lambda force, motion: None,
+    resolution=0.5,
+    usable=None,
+    saturated=0,
+    misfits=0,
+    body=BODY,
+):
     """The limits of a response that `change` has spoilt."""
     rng = np.random.default_rng(2)
     force, moved = shake(body, rng)
@@ -42,8 +49,9 @@ def look(change=lambda force, motion: None, resolution=0.5, usable=None, saturat
     stretches = find_stretches(np.arange(COUNT) / RATE, every, "it")
     found = estimate_response(force, moved, stretches, resolution, NOISE, 5000.0)
     signals = SimpleNamespace(
-        stimulus=force, motion=moved, usable=every, stretches=stretches, saturated=saturated
-    )
+        stimulus=force, motion=moved, usable=every, stretches=stretches, saturated=saturated,
+        misfits=misfits,
+    )  # fmt: skip
     peaks = find_peaks(found)
     return found, peaks, find_limits(found, signals, peaks, 5000.0)
 
@@ -127,6 +135,13 @@ def test_gaps_and_saturation_are_said():
     assert any("Detectors were saturated in 4 of 40000 rows" in text for text in limits)
 
 
+def test_poses_that_do_not_fit_are_said():
+    *_, limits = look(misfits=400)
+    assert any(text.startswith("In 400 of 40000 rows the residual") for text in limits)
+    *_, limits = look(misfits=8)  # twice as many as by chance
+    assert not any("residual" in text for text in limits)
+
+
 def test_a_body_that_does_not_answer_is_silent():
     found, peaks, _ = look(still)
     assert silent_axes(found).all()
@@ -154,6 +169,7 @@ def test_the_noise_at_a_point_is_that_of_solved_poses():
     columns["tz_mm"][7] = np.nan
     columns["flags"] = np.zeros(count)
     columns["flags"][:3] = SATURATED
+    columns["misfit"] = np.arange(count) < 5
     signals = build_signals(columns, "force_n", body, config, "it")
     expected = 40 * 1e-4 * np.sin(np.arange(count) / 7)
     apart = signals.motion[:, 0] - (expected - expected.mean())
@@ -162,4 +178,4 @@ def test_the_noise_at_a_point_is_that_of_solved_poses():
     assert np.nanstd(signals.motion[:, 5]) == pytest.approx(signals.deviation[5], rel=0.1)
     apex = noise_deviation(config, pose, MIRROR)
     assert signals.deviation[0] < 0.98 * apex[0]  # errors of tx and pitch are correlated
-    assert (signals.saturated, int((~signals.usable).sum())) == (3, 1)
+    assert (signals.saturated, signals.misfits, int((~signals.usable).sum())) == (3, 5, 1)

@@ -53,6 +53,8 @@ def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
     assert "first 0.1 s, 99 samples" in read_head(readings.with_name("poses.csv"))["zero"]
     moved = found.displacement_tx_mm[199] - 50 * np.sin(1e-3)
     assert abs(moved) < 4 * found.u_displacement_tx_mm[199]
+    size = found.u_displacement_tz_mm / found.u_tz_mm
+    assert size[7] > 1 > size[8]  # the spoilt row is no sample of the zero
     same, _ = solve(readings, "row.csv", ZeroRequest(row=150), rows)
     assert (same.filter(regex="^displacement_").iloc[149].abs() < 1e-12).all()
     assert (same.filter(regex="^u_displacement_").iloc[149] == 0).all()

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from commands import command
 from scipy.spatial.transform import Rotation
@@ -236,6 +237,8 @@ def test_a_recording_keeps_its_point_and_is_replayed_to_the_bit(tmp_path):
     assert done.returncode == 2
     assert "rec: no displacements: --zero is the first 9 s, and no sample with" in done.stderr
     assert not (tmp_path / "t.csv").exists()
+    done = command("replay", "rec", "-o", "t.csv", cwd=tmp_path)
+    assert pd.read_csv(tmp_path / "t.csv", comment="#").misfit.mean() < 1e-3, done.stderr
     mcap = pytest.importorskip("mcap.reader")
     done = command("replay", "rec", "-o", "p.mcap", "--point", "0,0,50", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

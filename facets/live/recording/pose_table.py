@@ -39,6 +39,11 @@ def pose_columns(poses: Poses) -> Columns:
     return columns | poses.further
 
 
+def table_columns(poses: Poses) -> Columns:
+    """`pose_columns`, and `misfit`: 1 where the residual is beyond chance."""
+    return pose_columns(poses) | {"misfit": poses.solution.misfit.astype(np.int64)}
+
+
 def join_columns(parts: list[Columns]) -> Columns:
     """Tables of the same columns, one after the other."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

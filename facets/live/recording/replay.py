@@ -14,7 +14,7 @@ from ...core.errors import ConfigError, InputError
 from ...core.version import __version__
 from ..run.pipeline import LABELS, Pipeline, Poses
 from .index import Damage, name_of_copy
-from .pose_table import Columns, pose_columns
+from .pose_table import Columns, table_columns
 from .reader import blocks, meta_of, size_of
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ replayed = replay
 
 
 def label(poses: Poses) -> Columns:
-    """The columns of `pose_columns`, the status in words."""
-    columns = pose_columns(poses)
+    """The columns of a table, the status in words."""
+    columns = table_columns(poses)
     words = np.array([LABELS[status] for status in columns["status"].tolist()], dtype=str)
     return columns | {"status": words}
