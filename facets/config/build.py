@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
 
@@ -41,6 +42,21 @@ def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         for key, value in above.items()
     }
     return {**below, **blocks}
+
+
+def differences(
+    old: dict[str, Any], new: dict[str, Any], write: Callable[[Any], Any] = lambda value: value
+) -> dict[str, Any]:
+    """Return the nested keys of `new` whose values differ, as `write` has them."""
+    found = {}
+    for key, value in new.items():
+        before = old.get(key)
+        if isinstance(value, dict) and isinstance(before, dict):
+            if inner := differences(before, value, write):
+                found[key] = inner
+        elif write(value) != write(before):
+            found[key] = write(value)
+    return found
 
 
 def sensor(keys: dict[str, Any]) -> Sensor:

@@ -9,6 +9,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..config.build import differences
 from ..config.files import shipped
 from ..config.loading import load
 from ..config.sensor_keys import write_sensor
@@ -33,21 +34,7 @@ def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
         keys["electronics"]["transimpedance_kohm"] = sensor.electronics.transimpedance / 1000
     for letter in DETECTORS:  # it follows from an inclination, to a micrometre
         keys["psd"][letter]["height_mm"] = round(keys["psd"][letter]["height_mm"], DECIMALS)
-    found: dict[str, Any] = differences(settings.resolved["sensor"], keys)
-    return found
-
-
-def differences(old: Any, new: Any) -> Any:
-    """Return the nested keys whose values differ, compared as they are written."""
-    found = {}
-    for key, value in new.items():
-        before = old.get(key)
-        if isinstance(value, dict) and isinstance(before, dict):
-            if inner := differences(before, value):
-                found[key] = inner
-        elif tidy(value) != tidy(before):
-            found[key] = tidy(value)
-    return found
+    return differences(settings.resolved["sensor"], keys, tidy)
 
 
 def tidy(value: Any) -> Any:
@@ -195,4 +182,4 @@ def loads_to(text: str, folder: Path, keys: dict[str, Any], settings: Config) ->
         return True  # loading the file itself reports why
     finally:
         path.unlink(missing_ok=True)
-    return bool(differences(settings.resolved["sensor"], found) == keys)
+    return bool(differences(settings.resolved["sensor"], found, tidy) == keys)

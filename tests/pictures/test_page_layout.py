@@ -8,6 +8,7 @@ draws by itself is compared with a coarse reference.
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.resources import files
 from importlib.util import find_spec
 
@@ -67,6 +68,23 @@ OVER = """(() => {
     if (wide > 1.5 && high > 1.5) found.push(`${name(one)} / ${name(other)}`);
   }));
   return found;
+})()"""
+#: How far the detectors' corners are from the middle of the view, in halves of its width and of
+#: its height; the ends of the middle that buttons and hints leave free, in halves of the height.
+SEEN = """(() => {
+  page.scene.draw();
+  const box = (id) => document.querySelector(id).getBoundingClientRect();
+  const view = box("#view"), y = (at) => 1 - 2 * (at - view.top) / view.height;
+  const over = ["#hint", "#modes"].map((id) => box(id).top).filter((top) => y(top) < 0);
+  return {
+    free: [y(Math.min(...over)), y(box(".looks").bottom)],
+    corners: RIG.detectors.flatMap(({centre, axes, half}) => [0, 1, 2, 3].map((corner) => {
+      const [a, b] = [corner & 1 ? 1 : -1, corner & 2 ? 1 : -1];
+      const at = centre.map((x, n) => x + a * half[0] * axes[1][n] + b * half[1] * axes[2][n]);
+      const {x, y} = new THREE.Vector3(...at).project(page.scene.camera);
+      return [x, y];
+    })),
+  };
 })()"""
 BOX = """["view", "faces", "state", "readings", "panels"].map((id) => {
   const box = document.getElementById(id).getBoundingClientRect();
@@ -139,6 +157,28 @@ def test_nothing_is_cut_or_covered_at_three_widths(address, fill):
             else:  # below it; beside each other where there is room
                 assert min(state[1], readings[1]) > faces[1]
                 assert (state[1] == readings[1]) == (width == 768)
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("low", [False, True])
+def test_the_view_of_the_rig_shows_every_detector(low, tmp_path):
+    """Of a small rig whose detectors stand low, too, and in a tall view."""
+    psds = tuple(replace(psd, radius=60.0, height=-3.0) for psd in PAPER.psds)
+    sensor = replace(PAPER, psds=psds) if low else PAPER
+    path = tmp_path / "rig.html"
+    path.write_text(rig_page(sensor, "rig", STATE), "utf-8")
+    with Browser(f"file://{path}", webgl=True) as browser:
+        browser.await_true("page.scene && page.scene.drawn")
+        for width, height in ((360, 740), (360, 1500), (768, 1024), (1440, 900)):
+            browser.resize(width, height)
+            browser.ask("new Promise((done) => setTimeout(done, 300))")
+            found = browser.ask(SEEN)
+            x, y = np.array(found["corners"]).T
+            assert np.abs(x).max() < 1, width
+            assert found["free"][0] < y.min(), width
+            assert y.max() < found["free"][1], width
+        assert not browser.errors
 
 
 @needs_browser

@@ -229,5 +229,6 @@
   new MutationObserver(flats).observe(document.documentElement, {attributeFilter: ["data-theme"]});
   $("estimate-notes").textContent = PAGE.estimate.join(" ");
   $("estimate-notes").hidden = !PAGE.estimate.length;
+  page.knowledge = asked;  // own readings and tables are solved with the same knowledge
   page.listen(update);
 })();

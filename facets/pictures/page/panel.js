@@ -65,19 +65,29 @@ const page = (() => {
   $("flat").hidden = Boolean(scene);
 
   function space() {
-    return Rig.create($("rig"), RIG, {theme: theme(), onPick: card.open, onDrag: drag});
+    return Rig.create($("rig"), RIG, {theme: theme(), onPick: card.open, onDrag: drag, below});
+  }
+
+  // How far hints and, in a narrow page, buttons reach up from the lower edge of the view.
+  function below() {
+    const view = $("view").getBoundingClientRect();
+    const tops = ["hint", "modes"].map((id) => $(id).getBoundingClientRect().top);
+    return view.bottom - Math.min(view.bottom, ...tops.filter((top) => top > (view.top + view.bottom) / 2));
   }
 
   // The bodies anew, seen from the same place.
   function rebuild() {
     if (scene) {
-      const {camera: {position}, controls: {target}, mode} = scene;
+      const {camera: {position}, controls: {target}, mode, view, own} = scene;
       scene.dispose();
       scene = space();
       scene.mode = mode;
-      scene.camera.position.copy(position);
-      scene.controls.target.copy(target);
-      scene.orbit(0, 0);
+      scene.look(view, false);
+      if (own) {
+        scene.camera.position.copy(position);
+        scene.controls.target.copy(target);
+        scene.orbit(0, 0);
+      }
     }
     refresh();
   }

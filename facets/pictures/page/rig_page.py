@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...config.build import resolve
+from ...config.build import differences, resolve
 from ...config.keys import Document
 from ...core.errors import InputError
 from ...core.names import DETECTORS, STATE, STATE_COLUMNS, STATE_UNITS
@@ -103,15 +103,6 @@ def stated_keys(resolved: dict[str, Any]) -> dict[str, Any]:
         for key in ("table", "table_sha256"):
             own.pop(key, None)
     return found
-
-
-def differences(usual: dict[str, Any], keys: dict[str, Any]) -> dict[str, Any]:
-    """The nested keys with other values than usual."""
-    return {
-        key: differences(usual[key], value) if isinstance(value, dict) else value
-        for key, value in keys.items()
-        if value != usual[key]
-    }
 
 
 def omitted_keys(sensor: Sensor) -> list[str]:

@@ -7,7 +7,7 @@
 //   scene.draw(); scene.copy(pen, wide);            // what is seen, with its labels, on another canvas
 //
 // RIG: what rig_data.py writes; `element` gets a canvas, labels and buttons of views, and may change
-// its size. onPick(name): of a part that was clicked. onDrag(vector, turning): the mirror was dragged
+// its size. below(): how many pixels of its lower edge something covers. onPick(name): of a part that was clicked. onDrag(vector, turning): the mirror was dragged
 // along a vector of the world, or is to turn about it, in halves of the picture's height; without
 // onDrag, or while `scene.mode` is "view", all drags turn the camera.
 // `create` returns null where there is no WebGL. Lengths in mm, z up, the world frame of the model.
@@ -314,7 +314,7 @@ const Rig = (() => {
       renderer.toneMapping = THREE.ACESFilmicToneMapping;
       element.append(renderer.domElement);
       this.scene = new THREE.Scene();
-      this.camera = new THREE.PerspectiveCamera(30, 1, 1, 4000);
+      this.camera = new THREE.PerspectiveCamera(30, 1, 1, 4000);  // near and far follow in `draw`
       this.camera.up.set(0, 0, 1);
       this.reach = Math.max(...rig.detectors.map((one) => Math.hypot(one.centre[0], one.centre[1])));
       this.floor = floorOf(rig);
@@ -322,7 +322,7 @@ const Rig = (() => {
       this.controls = new THREE.OrbitControls(this.camera, renderer.domElement);
       this.controls.enableDamping = false;
       this.controls.minDistance = 4;
-      this.controls.maxDistance = 6 * this.reach;
+      this.controls.maxDistance = 16 * this.reach + 1000;
       this.controls.addEventListener("change", () => this.ask());
       this.controls.addEventListener("start", () => { this.own = true; });
       this.hands();
@@ -667,19 +667,16 @@ const Rig = (() => {
 
     // Flies to a view; at once where the reader prefers less motion.
     look(name, flying = true) {
-      const {rig, reach} = this, apex = this.drawn ? this.drawn.apex : [0, 0, 0];
+      const {rig} = this, apex = this.drawn ? this.drawn.apex : [0, 0, 0];
+      const narrow = Math.max(1, 0.9 / this.camera.aspect);
       let target, from;
       if (name === "mirror") {
         target = [apex[0], apex[1], apex[2] - 0.62 * rig.mirror.rim];
-        from = along(target, rig.mirror.rim, [2.9, -4.1, 3.1]);
+        from = along(target, narrow * rig.mirror.rim, [2.9, -4.1, 3.1]);
       } else if (name === "rig") {
-        const narrow = Math.max(1.08, 1.5 / this.camera.aspect);
-        // the detector opposite and the laser's pillar stand to both sides of the beam
-        const azimuth = this.front(), flat = 2.7 * Math.cos(azimuth), deep = 2.7 * Math.sin(azimuth);
-        target = [0, 0, 0.07 * reach];
-        from = along(target, narrow * reach, [flat, deep, 1.85]);
+        ({target, from} = this.whole());
       } else {
-        const one = rig.detectors["ABC".indexOf(name)], size = 2 * Math.max(...one.half);
+        const one = rig.detectors["ABC".indexOf(name)], size = 2 * narrow * Math.max(...one.half);
         target = one.centre;
         from = along(along(along(one.centre, -5.2 * size, one.axes[0]), 1.3 * size, one.axes[1]),
           1.5 * size, one.axes[2]);
@@ -707,6 +704,34 @@ const Rig = (() => {
       step(time);
     }
 
+    // From where all detectors with their posts and labels, and the laser, are in the picture, clear
+    // of the buttons above and of what options.below() says lies over its lower edge (pixels). The
+    // camera looks at the mirror's axis.
+    whole() {
+      const {element: {clientWidth: wide, clientHeight: high}, camera, rig, floor} = this;
+      const half = Math.tan(camera.fov * Math.PI / 360), below = this.options.below ? this.options.below() : 0;
+      const room = (pixels, size) => Math.max(1 - 2 * pixels / size, 0.3);
+      const side = half * camera.aspect * room(18, wide);
+      const top = half * room(this.looks.offsetTop + this.looks.offsetHeight + 10, high);
+      const low = half * room(below + 12, high);
+      // the detector opposite and the laser's pillar stand to both sides of the beam
+      const azimuth = this.front(), rise = Math.atan(1.85 / 2.7);
+      const [c, s] = [Math.cos(rise), Math.sin(rise)], [x, y] = [Math.cos(azimuth), Math.sin(azimuth)];
+      const points = [[0, 0, LASER + 104], ...rig.detectors.flatMap(({centre, axes, half: [y_, z_]}) =>
+        [-1, 1].flatMap((sign) => [floor, centre[2] + z_ + 26].map((z) =>
+          [...along(along(centre, sign * (y_ + 10), axes[1]), 6, axes[0]).slice(0, 2), z])))];
+      // of each point: towards the camera, sideways, and up in the picture
+      const seen = points.map(([a, b, z]) =>
+        [c * (a * x + b * y) + s * z, Math.abs(b * x - a * y), c * z - s * (a * x + b * y)]);
+      const most = (value) => Math.max(...seen.map(value));
+      const upper = most(([d, , u]) => d + u / top), lower = most(([d, , u]) => d - u / low);
+      const balance = (upper - lower) / (1 / top + 1 / low);
+      const far = Math.max(most(([d, r]) => d + r / side), upper - balance / top);
+      const up = (top * (upper - far) + low * (far - lower)) / 2;
+      const target = [0, 0, up / c];
+      return {target, from: along(target, far - up * s / c, [c * x, c * y, s])};
+    }
+
     fit() {
       const {clientWidth: wide, clientHeight: high} = this.element;
       if (!wide || !high) return;
@@ -728,6 +753,7 @@ const Rig = (() => {
       const {clientWidth: wide, clientHeight: high} = this.element;
       const distance = this.camera.position.distanceTo(this.controls.target);
       this.camera.near = Math.max(distance / 60, 0.3);
+      this.camera.far = 2 * distance + 8 * this.reach + 1000;
       this.camera.updateProjectionMatrix();
       const scale = high / 2 / Math.tan(this.camera.fov * Math.PI / 360);
       for (const one of [this.beam, ...this.subBeams]) {

@@ -170,9 +170,9 @@
 
   // A pose from readings: the state, or why there is none; why is also said of a pose that is doubtful.
   function solve(readings) {
-    const refusal = Model.refusal();
+    const knowledge = page.knowledge(), refusal = Model.refusal(knowledge);
     if (refusal) return {state: null, why: refusal};
-    const found = Model.solve(readings);
+    const found = Model.solve(readings, knowledge);
     if (found.status !== "converged") return {state: null, why: found.status, found};
     return {state: found.state, why: found.ok ? "" : "the readings fit no pose within their noise", found};
   }
