@@ -149,6 +149,11 @@ def test_readings_that_are_typed_are_solved(page):
     solution = facets.solve(PAPER, values[None])
     assert np.abs(np.array(page.ask("page.state()")) - solution.state[0]).max() < 1e-9
     assert text(page, "source") == "your own"
+    put(page, "estimate-beam", "known")  # the knowledge of the page's other solved pose, too
+    put(page, "own-text", " ".join(map(repr, (values + 1e-3).tolist())))
+    solution = facets.solve(PAPER, values[None] + 1e-3, beam="known")
+    assert np.abs(np.array(page.ask("page.state()")) - solution.state[0]).max() < 1e-9
+    put(page, "estimate-beam", "free")
     before = page.ask("page.state()")
     for typed, words in (
         ("1 2 3", "3 of 9 numbers"),

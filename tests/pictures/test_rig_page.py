@@ -272,7 +272,7 @@ def test_a_state_is_copied_and_pasted_as_text(acted):
     assert link["state"] == "pitch_mrad=2,by_mm=0.01"
     assert "tilt_mrad" in unknown["said"]
     assert "tx_mm" in unknown["said"]
-    assert "tx_mm is not a number" in wrong["said"]
+    assert "tx_mm is not a number that is finite" in wrong["said"]
     assert state_of(unknown["state"]).tolist() == state_of(link["state"]).tolist()
     assert told["reset"]["state"] == "ty_mm=0.03"
     assert told["hash"] == "#ty_mm=0.03&roll_mrad=12.5"

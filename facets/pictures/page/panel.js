@@ -223,10 +223,10 @@ const page = (() => {
     const found = parts.map(() => 0);
     for (const [key, value] of pairs) {
       const n = parts.findIndex((part) => part.key === key);
-      if (n < 0) throw new Error(`“${key}” is no component of a state; these are: ` +
+      if (n < 0) throw new Error(`“${key}” is not a component of a state. Give any of ` +
         `${parts.map((part) => part.key).join(", ")}.`);
       if (value === undefined || value === "" || !Number.isFinite(+value)) {
-        throw new Error(`The value of ${key} is not a number.`);
+        throw new Error(`The value of ${key} is not a number that is finite, with a point as the decimal mark.`);
       }
       found[n] = +value;
     }

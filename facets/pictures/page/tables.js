@@ -198,7 +198,7 @@
     page.moveTo(state || page.state(), {measured: values, posed: Boolean(state), source: "your own"});
     if (!state) return page.say("own-said", `No pose: ${why}. The mirror is drawn where it was.`, true);
     const u = found.uncertainty, [mm, mrad] = [0, 3].map((n) => Math.max(...u.slice(n, n + 3)));
-    return page.say("own-said", `Solved in ${found.steps} steps${why ? `, but ${why}` : ""}. Standard uncertainties: ` +
+    return page.say("own-said", `Solved in ${found.steps} ${found.steps === 1 ? "step" : "steps"}${why ? `, but ${why}` : ""}. Standard uncertainties: ` +
       `${Digits.fine(mm, "mm")}, ${Digits.fine(1e3 * mrad, "mrad")} at most.`, Boolean(why));
   }
 
