@@ -222,8 +222,8 @@ class AxisReport:
         unit, factor = self.position_unit
         if counts.stray_stands:
             found.append(
-                f"Stands that belong to no command, left out: {counts.stray_stands}. Likely "
-                "cause: the axis paused on its way, before the test or after it."
+                f"Stands that belong to no command, left out: {counts.stray_stands}. Likely cause: "
+                "the axis paused on its way, before the test or after it, or repeated the test."
             )
         if counts.missing:
             found.append(
