@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from .bundle_adjustment import OWN_UNITS, Data
@@ -60,6 +61,12 @@ def add_slow_drift(data: Data, found: Fit) -> Fit:
         jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(left))))
         weight = huber_roots(left / jitter, 3.0)
     level = found.every[PLACE["beam.power"]]
+    if level * (1 + ways[0]) <= 0:
+        raise InputError(
+            f"the fit puts the laser's mean power at {level * (1 + ways[0]):.4g} mW, so these "
+            f"{len(rows)} samples do not determine it; take more samples, over a wider range of "
+            "poses, and see what the motion does not determine"
+        )
     known = {"beam.power": DRIFT * level} | dict.fromkeys(POWER_DRIFT, DRIFT)
     every, opening = found.every.copy(), found.open.copy()
     every[PLACE["beam.power"]] *= 1 + ways[0]

@@ -229,7 +229,8 @@ class AxisReport:
             found.append(
                 f"Commanded positions without a stand: {len(counts.missing)}, the first at "
                 f"{factor * counts.missing[0]:.6g} {unit}. Likely cause: the recording ended "
-                "earlier, the axis stood still for less than --dwell, or the pose was lost there."
+                "earlier, the axis stood still for less than --dwell, the pose was lost there, or "
+                "the object's axis points against that of the commands, so that runs are swapped."
             )
         if counts.misfits:
             found.append(

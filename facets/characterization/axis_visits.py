@@ -135,6 +135,12 @@ def read_commands(path: Path, axis: str) -> Commands:
         raise InputError(
             f"{path}: row {wrong[0] + 1}: direction is {signs[wrong[0]]:g}; allowed: 1 and -1"
         )
+    moves = np.sign(np.diff(positions))
+    if len(set(signs)) > 1 and moves.any() and (moves * signs[1:] <= 0).all():
+        raise InputError(
+            f"{path}: direction contradicts the order of the positions in every row; give the rows "
+            "in the order in which the axis was sent, or turn the signs of direction"
+        )
     return Commands(positions, (signs < 0).astype(np.int64))
 
 
@@ -145,8 +151,8 @@ def read_positions(path: Path, parts: list[dict[str, Floats]], axis: str) -> Flo
     allowed = [name for name in POSITIONS if name.endswith("m") == linear]
     if len(names) != 1 or names[0] not in allowed:
         raise InputError(
-            f"{path}: columns of positions: {', '.join(names) or 'none'}; needed for the axis "
-            f"{axis}: one of {', '.join(allowed)}"
+            f"{path}: columns of positions: {', '.join(names) or 'none, or no rows'}; needed for "
+            f"the axis {axis}: one of {', '.join(allowed)}"
         )
     positions = np.concatenate([part[names[0]] for part in parts]) * POSITIONS[names[0]]
     wrong = np.flatnonzero(~np.isfinite(positions))
@@ -250,7 +256,8 @@ def match_stands(places: Floats, commands: Commands | None) -> tuple[Commands, I
     matched = best >= 0
     partner = commands.positions[best[matched]]
     scale = np.polyfit(partner, places[matched], 1)[0] if len(np.unique(partner)) > 1 else 0.0
-    if not LEAST_SCALE < scale < 1 / LEAST_SCALE:
+    is_stray = 2 * matched.sum() < min(len(places), len(labels))
+    if is_stray or not LEAST_SCALE < scale < 1 / LEAST_SCALE:
         raise InputError(
             f"the {len(places)} stands, from {places.min():.4g} to {places.max():.4g}, do not "
             f"belong to the {len(labels)} commanded positions, from {targets[0]:.4g} to "

@@ -143,3 +143,12 @@ def test_chi_square_exceeds_what_chance_allows_by_four_deviations(chi_square, ex
     found = replace(fit(NOMINAL, data, rigs.choice(), most=1), chi_square=chi_square, freedom=800.0)
     assert found.reduced_chi_square == pytest.approx(chi_square / 800)
     assert found.excess == pytest.approx(excess)
+
+
+def test_a_power_that_a_fit_puts_below_zero_is_named():
+    _, data = samples(24)
+    found = fit(NOMINAL, data, choice(NOMINAL, SETTINGS))
+    astray = found.open.copy()
+    astray[:, 6] = -1e5
+    with pytest.raises(facets.InputError, match="these 24 samples do not determine it"):
+        fit_steady_laser(NOMINAL, data, replace(found, open=astray), SETTINGS.outliers)

@@ -197,6 +197,8 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused(tmp_path):
         found_visits(replace(poses, states=np.tile(poses.states[:1], (len(poses.time), 1))), None)
     with pytest.raises(InputError, match="check the unit"):
         found_visits(poses, 1000 * UP_AND_DOWN)
+    with pytest.raises(InputError, match="check the unit"):
+        found_visits(poses, UP_AND_DOWN / 1000)
     nothing = replace(poses, states=np.full_like(poses.states, np.nan))
     with pytest.raises(InputError, match="no row has a pose"):
         found_visits(nothing, UP_AND_DOWN)
@@ -208,6 +210,11 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused(tmp_path):
     table.write_text("position_mm,direction\n1,1\n2,0\n")
     with pytest.raises(InputError, match="row 2: direction is 0"):
         read_commands(table, "Z")
+    table.write_text("position_mm,direction\n1,1\n2,-1\n1,1\n")
+    with pytest.raises(InputError, match="direction contradicts the order"):
+        read_commands(table, "Z")
+    table.write_text("position_mm,direction\n1,-1\n2,-1\n3,-1\n")
+    assert read_commands(table, "Z").direction.tolist() == [1, 1, 1]  # overrun at each position
     table.write_text("position_mm\n1\n\nx\n")
     with pytest.raises(InputError, match="not a number"):
         read_commands(table, "Z")
