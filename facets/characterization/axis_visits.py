@@ -9,6 +9,7 @@ shifting all others.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -200,7 +201,7 @@ def find_visits(
             "Shorter stands are found with a smaller --dwell"
         )
     places = np.array([mean(place[part]) for part in parts])
-    commands, partner = match_stands(places, commands)
+    commands, partner = match_stands(places, commands, measured_directions(place, parts))
     kept = [part for part, one in zip(parts, partner, strict=True) if one >= 0]
     rows = np.isfinite(place)
     doubtful = [
@@ -237,8 +238,24 @@ def check_axis(moved: Floats, axis: str) -> None:
         )
 
 
-def match_stands(places: Floats, commands: Commands | None) -> tuple[Commands, Integers]:
-    """The commands, and (k,) the command of each stand at `places` (k,), -1 if none."""
+def measured_directions(place: Floats, parts: list[slice]) -> Integers:
+    """0 or 1 (k,): from which side an axis at `place` (n,) came to each stand, by its farthest row
+    since the stand before; -1 of the first stand."""
+    found = np.full(len(parts), -1)
+    for n, (before, part) in enumerate(pairwise(parts), start=1):
+        way = place[before.start : part.start] - mean(place[part])
+        found[n] = int(way[np.nanargmax(np.abs(way))] > 0)
+    return found
+
+
+def match_stands(
+    places: Floats, commands: Commands | None, directions: Integers | None = None
+) -> tuple[Commands, Integers]:
+    """The commands, and (k,) the command of each stand at `places` (k,), -1 if none.
+
+    directions: (k,) from which side the stands were approached, as `measured_directions`; they
+    decide where two stands may belong to a command.
+    """
     if commands is None:
         positions = equal_positions(places)
         return Commands(positions, approach_directions(positions)), np.arange(len(places))
@@ -251,7 +268,11 @@ def match_stands(places: Floats, commands: Commands | None) -> tuple[Commands, I
         for place in places[:FIRST_STANDS]
         for position in commands.positions[:FIRST_STANDS]
     ]
-    best = max((match_by_offset(places, offset, targets, labels) for offset in middle + pairs),
+    if directions is None:
+        directions = np.full(len(places), -1)
+    agrees = directions[:, None] == commands.direction
+    best = max((match_by_offset(places, offset, targets, labels, agrees)
+                for offset in middle + pairs),
                key=lambda found: int((found >= 0).sum()))  # fmt: skip
     matched = best >= 0
     partner = commands.positions[best[matched]]
@@ -266,30 +287,38 @@ def match_stands(places: Floats, commands: Commands | None) -> tuple[Commands, I
         )
     # An offset by the first stand has that stand's error: the median of all is nearer.
     offset = float(np.median(places[matched] - partner))
-    return commands, match_by_offset(places, offset, targets, labels)
+    return commands, match_by_offset(places, offset, targets, labels, agrees)
 
 
-def match_by_offset(places: Floats, offset: float, targets: Floats, labels: Integers) -> Integers:
-    """(k,) the command of each stand, -1 if none, with places that are off by `offset`."""
+def match_by_offset(
+    places: Floats, offset: float, targets: Floats, labels: Integers, agrees: Booleans
+) -> Integers:
+    """(k,) the command of each stand, -1 if none, with places that are off by `offset`; agrees as
+    of `align_sequences`."""
     nearest = np.argmin(np.abs(places[:, None] - offset - targets), axis=1)
     far = np.abs(places - offset - targets[nearest]) > np.diff(targets).min() / 2
-    return align_sequences(np.where(far, -1, nearest), labels)
+    return align_sequences(np.where(far, -1, nearest), labels, agrees)
 
 
-def align_sequences(names: Integers, labels: Integers) -> Integers:
+def align_sequences(names: Integers, labels: Integers, agrees: Booleans | None = None) -> Integers:
     """(k,) for each of `names` (k,) the place of its partner among `labels` (n,), in the same
-    order, so that as many as possible have one; -1 if none."""
-    lengths = np.zeros((len(names) + 1, len(labels) + 1), dtype=np.int64)
-    for n, name in enumerate(names):
-        best = np.maximum(lengths[n, 1:], lengths[n, :-1] + (labels == name))
-        lengths[n + 1, 1:] = np.maximum.accumulate(best)
+    order, so that as many as possible have one, and of these as many as possible one with which
+    it `agrees` (k, n); -1 if none."""
+    weights = (len(names) + 1) * (names[:, None] == labels)
+    if agrees is not None:
+        weights += (weights > 0) & agrees
+    scores = np.zeros((len(names) + 1, len(labels) + 1), dtype=np.int64)
+    for n in range(len(names)):
+        best = np.maximum(scores[n, 1:], scores[n, :-1] + weights[n])
+        scores[n + 1, 1:] = np.maximum.accumulate(best)
     found = np.full(len(names), -1)
     n, place = len(names), len(labels)
     while n and place:
-        if names[n - 1] == labels[place - 1]:
+        weight = weights[n - 1, place - 1]
+        if weight and scores[n, place] == scores[n - 1, place - 1] + weight:
             n, place = n - 1, place - 1
             found[n] = place
-        elif lengths[n - 1, place] == lengths[n, place]:
+        elif scores[n - 1, place] == scores[n, place]:
             n -= 1
         else:
             place -= 1

@@ -21,6 +21,7 @@ from facets.characterization.axis_visits import (
     approach_directions,
     find_visits,
     match_stands,
+    measured_directions,
     read_commands,
 )
 from facets.characterization.error_motions import Visits, measure_error_motions
@@ -302,6 +303,18 @@ def test_a_drift_and_a_lack_of_runs_are_named():
     assert "the axis or its encoder warmed up" in notes
     assert "3 in the positive and 3 in the negative" in notes
     assert "no calibration of the sensor" in notes
+
+
+def test_of_two_stands_that_of_the_commanded_direction_belongs_to_the_command():
+    """A recording that goes on beyond the last command, over the end and to its target again."""
+    places = np.array([0.0, 1, 2, 2, 1, 0, 0, 1])
+    way = np.array([0.0, 1, 2, 3, 2, 1, 0, -1, 0, 1])  # beyond the ends, where it does not stand
+    place = np.repeat(way, 10)
+    parts = [slice(10 * n, 10 * n + 10) for n in range(10) if n not in (3, 7)]
+    told = Commands(places[:6], np.array([0, 0, 0, 1, 1, 1]))
+    directions = measured_directions(place, parts)
+    assert directions.tolist() == [-1, 0, 0, 1, 1, 1, 0, 0]
+    assert match_stands(places, told, directions)[1].tolist() == [0, 1, 2, 3, 4, 5, -1, -1]
 
 
 @pytest.mark.slow
