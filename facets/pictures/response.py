@@ -80,7 +80,9 @@ def draw_axis(
     sizes.plot(frequency, keep(h2, is_seen), color=hues.ink, lw=0.5, rasterized=flat)
     sizes.plot(frequency, size, color=hues.grey, lw=0.5, rasterized=flat)
     sizes.plot(frequency, keep(size, is_seen), color=hue, rasterized=flat)
-    sizes.set_ylim(least, 2 * float(np.nanmax(size[response.is_excited])))
+    largest = float(np.nanmax(size[response.is_excited]))
+    if largest > 0:  # an axis that is zero in all rows has no size to show
+        sizes.set_ylim(least, 2 * largest)
     sizes.set_ylabel(f"|H|, {fine.fine_unit}{f' per {unit}' if unit else ''}")
     angle = np.degrees(np.angle(response.h1[:, n]))
     phases.plot(frequency, keep(angle, is_seen), ".", ms=1.2, color=hue, rasterized=flat)
