@@ -52,7 +52,7 @@
     }));
     const steps = `${found.steps} ${found.steps === 1 ? "step" : "steps"}`;
     const check = Number.isFinite(found.limit)
-      ? `residual ${Digits.fixed(found.residual, 2)} of ${Digits.fixed(found.limit, 2)} that noise alone may leave`
+      ? `residual ${Digits.fixed(found.residual, 2)} (noise alone leaves up to ${Digits.fixed(found.limit, 2)})`
       : "nothing checks this pose";
     const off = asked().beam === "known" && (state[6] !== 0 || state[7] !== 0);
     const warning = off ? " The beam is not at 0, 0, where the solver takes it to be: the pose is off by about as much." : "";
