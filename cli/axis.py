@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import characterization, files, live, pictures
+from facets import characterization, core, files, live, pictures
 from facets.core.errors import InputError
-from facets.core.units import write_micro
 
 from .calibration_text import wrap
 from .console import FINDING, name_files, show_table
@@ -206,7 +205,7 @@ def show(report: AxisReport) -> None:
             q.name,
             q.symbol,
             *pictures.axis.value_cells(scale * q.value, scale * q.expanded),
-            write_micro(unit),
+            core.units.write_micro(unit),
         )
         for q in report.quantities[motions.main]
     ]

@@ -17,7 +17,6 @@ from facets import config as configuration
 from facets.core.errors import FacetsError
 from facets.core.names import DETECTORS
 
-from .calibration_report import write_report
 from .console import FINDING
 
 if TYPE_CHECKING:
@@ -67,7 +66,9 @@ def write_results(
                 picture,
             )
             if report is not None:
-                write_report(settings, calibrated, found, report, sources, [trial, matrix])
+                pictures.calibration_certificate.write_report(
+                    settings, calibrated, found, report, sources, [trial, matrix]
+                )
     paths = paths if report is None else [*paths, report]
     typer.echo(", ".join(str(file) if file == path else file.name for file in paths))
 

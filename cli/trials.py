@@ -6,13 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-import numpy as np
 import typer
 
-from facets import characterization, files, pictures
+from facets import characterization, core, files, pictures
 from facets.core.errors import InputError
 from facets.core.names import POSE, STATE_COLUMNS, STATE_UNITS
-from facets.core.units import unit_of
 
 from .console import report_lines, show_progress, show_table
 from .options import PlotKind
@@ -73,6 +71,8 @@ class TrialRequest(NamedTuple):
             return characterization.trials.default_states(
                 settings.sensor, self.rules, settings.solve
             )
+        import numpy as np
+
         found: dict[str, Floats] = {}
         optional = STATE_COLUMNS[6:]
         for chunk in files.tables.read_chunks(self.table, STATE_COLUMNS[:6], optional):
@@ -154,7 +154,7 @@ def show(where: str, found: PropagationResult) -> None:
     expanded = linear.expanded_uncertainty(found.probability)[0]
     digits, undecided = found.validate()
     for i, name in enumerate(POSE):
-        unit, place = unit_of(name), linear.pose[0, i]
+        unit, place = core.units.unit_of(name), linear.pose[0, i]
         ends = [
             f"{unit.fine_factor * (interval.low[i] - place):.4g} "
             f"{unit.fine_factor * (interval.high[i] - place):+.4g}"

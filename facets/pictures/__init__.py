@@ -5,6 +5,7 @@ from ..core.faces import load_on_use
 if TYPE_CHECKING:
     from . import axis as axis
     from . import calibration as calibration
+    from . import calibration_certificate as calibration_certificate
     from . import exploration as exploration
     from . import exploration_page as exploration_page
     from . import film as film

@@ -83,7 +83,7 @@ def test_waves_beyond_third_order_are_found_and_written(rig, tmp_path):
     assert (fine < 0.7 * coarse).all()
     assert (fine < 1.3 * stated).all()
     names = ("mine.yaml", "mine-found.csv", "mine-covariance.csv", "mine.png")
-    write_results(CONFIG, with_it, [tmp_path / name for name in names])
+    write_results(CONFIG, with_it, [tmp_path / name for name in names], [], None)
     loaded = facets.load(tmp_path / "mine.yaml").sensor
     np.testing.assert_allclose(
         correct(loaded, data.raw), correct(with_it.found.sensor, data.raw), atol=1e-9

@@ -61,7 +61,8 @@ def resolution() -> Any:
         shares = np.tile([1 - share, 0.0, share], (6, 1))
         rows.append(SimpleNamespace(how=SimpleNamespace(name=name), nominal=size * fine,
                                     worst=2 * size * fine, shares=shares,
-                                    sources=("places", "powers", "beam position")))  # fmt: skip
+                                    sources=("places", "powers", "beam position"),
+                                    object=None))  # fmt: skip
     return budget_picture(rows)
 
 

@@ -8,21 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from facets import calibration, estimation, files, pictures
-from facets.core.names import POSE
-from facets.core.units import MICRO, unit_of, write_micro
-from facets.core.version import __version__
+from ..calibration import budget as budgets
+from ..calibration.table import parameter_table
+from ..core.names import POSE
+from ..core.units import MICRO, unit_of, write_micro
+from ..core.version import __version__
+from ..estimation.coverage import coverage_factor
+from ..files.provenance import origin_line, provenance_header
+from ..files.tables import Whole
+from .report_page import ReportSection, report
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from facets.calibration.budget import Budget
-    from facets.calibration.verdict import Verdict
-    from facets.config import Config
-    from facets.core.calibrate import Statement
-    from facets.core.sensor import Sensor
-    from facets.core.units import Floats
-    from facets.pictures.report_page import ReportSection
+    from ..calibration.budget import Budget
+    from ..calibration.verdict import Verdict
+    from ..config import Config
+    from ..core.calibrate import Statement
+    from ..core.sensor import Sensor
+    from ..core.units import Floats
 
 NOT_STATED = "not stated"
 ENTRIES = {
@@ -81,26 +85,25 @@ def write_report(
     sheet = " · ".join(filter(None, ("Calibration", statement.number, settings.name)))
     if warning:
         sheet += " · NOT VALID"
-    text = pictures.report_page.report(
+    text = report(
         title, summary, sections(settings, calibrated, found, sources, results),
-        files.provenance.origin_line(settings), warning, sheet,
+        origin_line(settings), warning, sheet,
     )  # fmt: skip
-    with files.tables.Whole(path) as temporary:
+    with Whole(path) as temporary:
         temporary.write_text(text, "utf-8")
 
 
 def sections(
     settings: Config, calibrated: Config, found: Verdict, sources: list[Path], results: list[Path]
 ) -> list[ReportSection]:
-    section = pictures.report_page.ReportSection
     assert found.found is not None
     assert found.search is not None
     statement, asked = settings.calibrate.statement, settings.calibrate
-    budget = calibration.budget.calibration_budget(
+    budget = budgets.calibration_budget(
         found.search.sensor, found.fitted, found.found, calibrated.sensor, asked.outliers
     )
-    states = calibration.budget.fitted_states(found.fitted, found.found)
-    whole = calibration.budget.pose_covariances(
+    states = budgets.fitted_states(found.fitted, found.found)
+    whole = budgets.pose_covariances(
         calibrated.sensor, budget, np.vstack([np.zeros(8), states]),
         calibrated.solve.knowledge(calibrated.sensor),
     )  # fmt: skip
@@ -108,29 +111,31 @@ def sections(
     findings = [("not passed: " if one.bad else "") + one.words for one in found.findings]
     entries = [[words, getattr(statement, name) or NOT_STATED] for name, words in ENTRIES.items()]
     return [
-        section("Sensor and reference (entered by the user)", rows=entries, wide=True),
-        section("What this page states, and what it does not", (STATES, DOES_NOT_STATE), wide=True),
-        section("Conditions", rows=condition_rows(statement, found)),
-        section("Reference's standard uncertainty", ("Entered by the user.",),
+        ReportSection("Sensor and reference (entered by the user)", rows=entries, wide=True),
+        ReportSection("What this page states, and what it does not", (STATES, DOES_NOT_STATE),
+                      wide=True),
+        ReportSection("Conditions", rows=condition_rows(statement, found)),
+        ReportSection("Reference's standard uncertainty", ("Entered by the user.",),
                 ("axis", "u"), reference_rows(asked.reference)),
         parameter_section(found, budget, calibrated.sensor),
         pose_section(budget, parts),
-        section("Uncertainty budget of a pose",
+        ReportSection("Uncertainty budget of a pose",
                 ("Share of each source in the variance that the calibration causes, at rest, %. "
                  "The noise of later readings comes on top (facets resolution).",),
                 ("source", *POSE), budget_rows(parts), wide=True),
-        section("Check on samples that were not fitted",
+        ReportSection("Check on samples that were not fitted",
                 ("Errors of solved poses against the reference: robust estimate, stated standard "
                  "uncertainty, and share within 95 % intervals.",),
                 ("axis", "error", "stated", "unit", "held, %"), error_rows(found.errors)),
-        section("Correlations of poses", ("Coefficients of what the calibration causes, at rest.",),
-                ("", *POSE), pose_correlations(whole)),
+        ReportSection("Correlations of poses",
+                ("Coefficients of what the calibration causes, at rest.",), ("", *POSE),
+                pose_correlations(whole)),
         correlation_section(calibrated),
-        section("Validity", ("The sensor was calibrated within these ranges.",),
+        ReportSection("Validity", ("The sensor was calibrated within these ranges.",),
                 ("quantity", "from", "to", "unit"),
                 range_rows(found, states, statement.temperature)),
-        section("Findings of the checks", findings or ["None."], wide=True),
-        section("Method, software and files", wide=True,
+        ReportSection("Findings of the checks", findings or ["None."], wide=True),
+        ReportSection("Method, software and files", wide=True,
                 rows=method_rows(settings, found, sources, results)),
     ]  # fmt: skip
 
@@ -165,7 +170,7 @@ def reference_rows(uncertainties: tuple[float, ...]) -> list[list[str]]:
 
 def expand(standard: Floats, freedom: Floats) -> tuple[Floats, list[str], list[str]]:
     """Expanded uncertainties, and their coverage factors and degrees of freedom in words."""
-    factor = estimation.coverage.coverage_factor(calibration.budget.COVERAGE, freedom)
+    factor = coverage_factor(budgets.COVERAGE, freedom)
     counts = [f"{value:.0f}" if value < 1e4 else "∞" for value in freedom.ravel().tolist()]
     return factor * standard, [f"{value:.2f}" for value in factor.ravel().tolist()], counts
 
@@ -180,7 +185,7 @@ def round_to(value: float, uncertainty: float) -> str:
 def coverage_words() -> str:
     return (
         f"U = k u is the expanded uncertainty for a coverage probability of "
-        f"{100 * calibration.budget.COVERAGE:.0f} %: u is the standard uncertainty, k follows from "
+        f"{100 * budgets.COVERAGE:.0f} %: u is the standard uncertainty, k follows from "
         "Student's t with the effective degrees of freedom (dof)."
     )
 
@@ -188,7 +193,7 @@ def coverage_words() -> str:
 def parameter_section(found: Verdict, budget: Budget, made: Sensor) -> ReportSection:
     assert found.found is not None
     assert found.search is not None
-    table = calibration.table.parameter_table(found.search.sensor, found.found, made)
+    table = parameter_table(found.search.sensor, found.found, made)
     columns = [table[name].tolist() for name in ("parameter", "unit", "value", "change")]
     variances = {source: np.diag(part)[table["place"]] for source, part in budget.sensor.items()}
     standard = table["factor"] * np.sqrt(np.asarray(sum(variances.values())))
@@ -201,7 +206,7 @@ def parameter_section(found: Verdict, budget: Budget, made: Sensor) -> ReportSec
         rows.append([name, *both, write_micro(unit), factor, count])
     words = (coverage_words(), "Change: value less that of the configuration.")
     headings = ("parameter", "value", "change", "U", "unit", "k", "dof")
-    return pictures.report_page.ReportSection("Parameters", words, headings, rows, wide=True)
+    return ReportSection("Parameters", words, headings, rows, wide=True)
 
 
 def pose_section(budget: Budget, parts: dict[str, Floats]) -> ReportSection:
@@ -221,9 +226,7 @@ def pose_section(budget: Budget, parts: dict[str, Floats]) -> ReportSection:
         "configuration states (block solve). A mean of many samples does not reduce it.",
     )
     headings = ("axis", "U at rest", "largest U", "unit", "k at rest", "dof")
-    return pictures.report_page.ReportSection(
-        "Uncertainty of poses, caused by the calibration", words, headings, rows
-    )
+    return ReportSection("Uncertainty of poses, caused by the calibration", words, headings, rows)
 
 
 def budget_rows(parts: dict[str, Floats]) -> list[list[str]]:
@@ -281,7 +284,7 @@ def correlation_section(calibrated: Config) -> ReportSection:
         f"{len(rows)} are listed. The table of the whole covariance is a file of the result.",
     )
     headings = ("parameter", "with", "coefficient")
-    return pictures.report_page.ReportSection("Correlations of parameters", words, headings, rows)
+    return ReportSection("Correlations of parameters", words, headings, rows)
 
 
 def range_rows(
@@ -304,7 +307,7 @@ def method_rows(
 ) -> list[list[str]]:
     assert found.found is not None
     assert found.search is not None
-    fit, origin = found.found, files.provenance.provenance_header(settings)
+    fit, origin = found.found, provenance_header(settings)
     effects = [row.words for row in found.search.rows if row.accepted]
     about = [
         ["method", "weighted least squares over all readings (bundle adjustment), "
