@@ -22,10 +22,11 @@ def command(
 ) -> subprocess.CompletedProcess[str]:
     """Run `facets WORDS` in `cwd` and return its output and exit status.
 
-    env: additions to the environment, except variables that Python reads at its start.
+    env: additions to the environment, except variables that Python reads at its start. The size of
+    the tests' own terminal is left out.
     limit: largest size of a file, bytes.
     """
-    whole = {**os.environ, **(env or {})}
+    whole = {name: text for name, text in os.environ.items() if name != "COLUMNS"} | (env or {})
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         process = nursery().start(list(words), cwd, whole, out.fileno(), err.fileno(), limit)
         try:
