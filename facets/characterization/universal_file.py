@@ -10,7 +10,6 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings
 
 import numpy as np
 
@@ -68,8 +67,7 @@ def write_universal_file(
     node: number of the point of interest, `point` (3,) mm.  input_dof: node and direction of the
     input; 0, 0 if not known.  about: provenance.
     """
-    with catch_warnings():  # older versions show all warnings once they are imported
-        pyuff = require_extra("pyuff", f"--uff {path}")
+    pyuff = require_extra("pyuff", f"--uff {path}")
     sets = [*head_sets(node, point, about)]
     for function in (FRF, COHERENCE):
         sets += [

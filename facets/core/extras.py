@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from typing import Any
+from warnings import catch_warnings
 
 from .errors import InputError
 
@@ -41,7 +42,8 @@ def require_extra(module: str, purpose: str) -> Any:
     """
     package = module.partition(".")[0]
     try:
-        return import_module(module)
+        with catch_warnings():  # some show all programs' warnings once they are imported
+            return import_module(module)
     except (ImportError, RuntimeError) as error:  # RuntimeError: its own library is not found
         raise InputError(
             f"{purpose} needs {package}: pip install 'facets-6dof[{EXTRAS[package]}]' ({error})"
