@@ -55,3 +55,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     root = Path(__file__).parent
     order = {root / name: place for place, name in enumerate(LONG)}
     items.sort(key=lambda item: order.get(item.path, len(LONG)))
+
+
+@pytest.fixture
+def run_in_process(tmp_path, monkeypatch, capsys):  # type: ignore[no-untyped-def]
+    """Runs a command in this process, in a folder of its own: status, output, errors."""
+    from facets.cli import main
+
+    monkeypatch.chdir(tmp_path)
+
+    def one(*words):
+        monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return one

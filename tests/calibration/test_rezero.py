@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from hashlib import sha256
 
 import numpy as np
 import pytest
-from facets.cli import main
 from facets.experiments import new_zero
 from facets.experiments.bench_rays import RayBench, spots
 
@@ -197,9 +195,8 @@ def test_the_beam_stands_beside_where_it_is_said_to_be():
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
+def run(tmp_path, run_in_process):
     """Runs a command in this process, in a folder with a calibrated configuration."""
-    monkeypatch.chdir(tmp_path)
     tables.write_table(tmp_path / "known.csv", covariance.columns(KNOWN), {})
     total = sha256((tmp_path / "known.csv").read_bytes()).hexdigest()
     (tmp_path / "calibrated.yaml").write_text(
@@ -207,15 +204,7 @@ def run(tmp_path, monkeypatch, capsys):
         f"sensor: {{calibration: {{file: known.csv, sha256: {total}}}}}\n"
     )
     write_stop(tmp_path / "then.csv", THEN)
-
-    def one(*words):
-        monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        return end.value.code, out, err
-
-    return one
+    return run_in_process
 
 
 def write_stop(path, stop, rows=500):

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pandas as pd
 import pytest
-from facets.cli import main
 
 import facets
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
-    """Runs a command in this process, in a folder of its own: status, output, errors."""
-    monkeypatch.chdir(tmp_path)
-
-    def one(*words):
-        monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        return end.value.code, out, err
-
-    return one
+def run(run_in_process):
+    return run_in_process
 
 
 DARK = "extends: paper\nsensor: {beam: {power_mw: 1.0e-300}}\nmotions: {x-steps: {steps: 3}}\n"

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-import sys
 
 import numpy as np
 import pandas as pd
 import pytest
-from facets.cli import main
 
 import facets
 from facets.files.provenance import run_record
@@ -32,19 +30,10 @@ motions:
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
+def run(tmp_path, run_in_process):
     """Runs a command in this process, in a folder of its own: status, output, errors."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.yaml").write_text(MINE)
-
-    def one(*words):
-        monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        return end.value.code, out, err
-
-    return one
+    return run_in_process
 
 
 def record(folder):
