@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -121,7 +121,7 @@ class TrialRequest(NamedTuple):
         for where, one in found.items():
             show(where, one)
             if not one.is_stated:
-                explain_failures(self.settings.sensor, one.state)
+                explain_failures(self.settings.sensor, one.state, one.trials.failures)
             typer.echo()
         return found
 
@@ -189,16 +189,16 @@ def show(where: str, found: PropagationResult) -> None:
         )
 
 
-def explain_failures(sensor: Sensor, state: Floats) -> None:
-    """Say why most trials at a state have no pose, where that is known."""
-    lost = characterization.trials.lost_detectors(sensor, state)
-    for letter in lost:
+def explain_failures(sensor: Sensor, state: Floats, statuses: Collection[str]) -> None:
+    """Say why most trials at a state have no pose, unless the statuses do."""
+    full = characterization.trials.saturated_detectors(sensor, state)
+    for letter in full:
         report_lines(
             f"Detector {letter} has no reading there: its light drives a converter past the end of "
             "its range (sensor.electronics.adc_range_v), which neither the linear result nor "
             "`facets range-map` counts. A smaller transimpedance_kohm avoids it."
         )
-    if not lost:
+    if not full and not {"out of range", "no light"}.issuperset(statuses):
         report_lines("The cause is unknown; `facets render` shows the spots at such a pose.")
 
 

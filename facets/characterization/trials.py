@@ -24,7 +24,7 @@ from ..core.settings import Solve
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import NAMES, correction_slopes, invert_correction
-from ..detectors.noise import sample_readings
+from ..detectors.noise import is_saturated, sample_readings
 from ..estimation.problem import Results
 from ..estimation.solution import Solution, Status
 from ..estimation.solver import solve
@@ -140,14 +140,10 @@ def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Fl
     return found
 
 
-def lost_detectors(sensor: Sensor, state: Floats) -> list[str]:
-    """The letters of the detectors that mostly have no reading at a state (8,) once there is noise,
-    though they have one without it: their converters end before."""
-    exact = readings(sensor, state)
-    noisy = sample_readings(sensor, np.tile(exact, (64, 1)), np.random.default_rng(0))
-    lost = np.isnan(noisy[:, ::3]).mean(axis=0) > 0.5
-    return [letter for letter, one, value in zip("ABC", lost, exact[::3], strict=True)
-            if one and np.isfinite(value)]  # fmt: skip
+def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
+    """The letters of the detectors whose light drives a converter past its end at a state (8,)."""
+    full = is_saturated(sensor, readings(sensor, state))
+    return [letter for letter, one in zip("ABC", full, strict=True) if one]
 
 
 def linear_solution(sensor: Sensor, options: Solve, state: Floats) -> Solution:

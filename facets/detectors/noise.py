@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arguments import check_arguments
 from ..core.sensor import Electronics, Noise, Sensor
-from ..core.units import Floats
+from ..core.units import Booleans, Floats
 from ..model.arrays import as_vectors, half_sizes, mask_missed_spots
 from ..scalars.dispatch import select
 from . import electrodes
@@ -356,14 +356,27 @@ def sample_readings(
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         return mask_missed_spots(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
-    currents = electrode_currents(
-        sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3)
-    )
+    currents = electrode_currents(sensor, sensor.electronics, split_detectors(exact))
     parts = [
         sample_detector(sensor.electronics, half, currents[..., k, :], rng, rounded)
         for k, half in enumerate(half_sizes(sensor))
     ]
     return mask_missed_spots(sensor, exact, np.concatenate(parts, axis=-1))
+
+
+def largest_current(electronics: Electronics) -> float:
+    """The current of an electrode at the end of its converter's range, A."""
+    return electronics.adc_range / electronics.transimpedance
+
+
+def is_saturated(sensor: Sensor, exact: Floats) -> Booleans:
+    """Whether the light of each detector (..., 3) drives a converter past the end of its range, for
+    readings (..., 9) without noise."""
+    if sensor.electronics is None:
+        return np.zeros((*exact.shape[:-1], 3), dtype=bool)
+    currents = electrode_currents(sensor, sensor.electronics, split_detectors(exact))
+    past: Booleans = np.any(currents > largest_current(sensor.electronics), axis=-1)
+    return past
 
 
 def sample_detector(
@@ -378,7 +391,7 @@ def sample_detector(
     # All sources but the ADC.
     var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     drawn = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
-    full = electronics.adc_range / electronics.transimpedance
+    full = largest_current(electronics)
     step = full / 2**electronics.adc_bits
     if rounded:
         read = step * np.round(drawn / step)

@@ -15,7 +15,7 @@ from facets.characterization.propagation import (
     propagate_distributions,
     tolerance,
 )
-from facets.characterization.trials import default_states, lost_detectors
+from facets.characterization.trials import default_states, saturated_detectors
 from facets.core.names import STATE_COLUMNS
 from facets.detectors.noise import sample_readings
 from facets.files.tables import write_table
@@ -235,6 +235,7 @@ def test_names_of_poses_where_several_axes_are_worst_are_cells_of_a_csv_table():
 
 def test_a_detector_whose_converter_ends_is_named_as_the_cause_of_trials_without_a_pose():
     bench, state = facets.load("bench").sensor, np.array([0, -0.5, 0, 0, 0, 0, 0, 0])
-    assert lost_detectors(bench, state) == ["B"]
+    assert saturated_detectors(bench, state) == ["B"]
     finer = replace(bench.electronics, transimpedance=bench.electronics.transimpedance / 2)
-    assert lost_detectors(replace(bench, electronics=finer), state) == []
+    assert saturated_detectors(replace(bench, electronics=finer), state) == []
+    assert saturated_detectors(PAPER.sensor, state) == []
