@@ -495,8 +495,8 @@ const Rig = (() => {
       this.element.append(row);
     }
 
-    // What a pointer does: on the mirror it drags the mirror, elsewhere it turns the camera; a short
-    // press picks a part.
+    // What a pointer does: on the mirror it drags the mirror, elsewhere it turns the camera; a press
+    // that stays in its place picks a part, however long it takes.
     hands() {
       const {element} = this, canvas = this.renderer.domElement;
       const place = ({clientX, clientY}) => {
@@ -507,23 +507,23 @@ const Rig = (() => {
         if (!event.isPrimary || event.button || event.target !== canvas) return;
         const at = place(event);
         this.camera.updateMatrixWorld();  // which is as it was drawn last
-        this.press = {at, first: at, id: event.pointerId, time: performance.now(), held: this.grabs(at)};
+        this.press = {at, first: at, id: event.pointerId, moved: false, held: this.grabs(at)};
         if (!this.press.held) return;
         event.stopPropagation();
         element.setPointerCapture(event.pointerId);
       });
       this.listen("pointermove", (event) => {
         if (!this.press) canvas.classList.toggle("grabs", event.target === canvas && this.grabs(place(event)));
-        if (!this.press || !this.press.held || event.pointerId !== this.press.id) return;
-        const at = place(event), turning = (this.mode === "turn") !== event.shiftKey;
-        this.drag(at[0] - this.press.at[0], this.press.at[1] - at[1], turning);
+        if (!this.press || event.pointerId !== this.press.id) return;
+        const at = place(event), {at: last, first, held} = this.press;
         this.press.at = at;
+        if (Math.hypot(at[0] - first[0], at[1] - first[1]) >= 5) this.press.moved = true;
+        if (held) this.drag(at[0] - last[0], last[1] - at[1], (this.mode === "turn") !== event.shiftKey);
       });
       this.listen("pointerup", (event) => {
-        const {press} = this, at = place(event);
+        const {press} = this;
         this.press = null;
-        if (!press || performance.now() - press.time > 500) return;
-        if (Math.hypot(at[0] - press.first[0], at[1] - press.first[1]) < 5) this.pick(at);
+        if (press && event.pointerId === press.id && !press.moved) this.pick(place(event));
       });
       this.listen("pointercancel", () => { this.press = null; });
     }
