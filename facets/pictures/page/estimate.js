@@ -63,17 +63,23 @@
   // Many samples of the same pose, solved, less the true pose; µm and µrad.
   function cloud() {
     if (!last) return;
-    const {state, readings, options} = last, expected = Model.solve(readings, options);
-    const begin = performance.now(), points = [];
-    for (let n = 1; n <= MOST && performance.now() - begin < 400; n++) {
-      const found = Model.solve(Model.noisy(readings, 7919 * (seed() + 1) + n), options);
-      if (found.converged) points.push(found.state.map((x, c) => 1e3 * (x - state[c]) / parts[c].factor));
-    }
+    const {state, readings, options, found} = last, expected = Model.solve(readings, options);
     const covariance = expected.covariance.map((line, r) =>
       line.map((x, c) => 1e6 * x / parts[r].factor / parts[c].factor));
-    drawn = {points, covariance, apex: state.slice(0, 3), found: last.found, state};
+    drawn = {points: [], covariance, apex: state.slice(0, 3), found, state};
+    grow(1);
+  }
+
+  // The cloud from its n-th sample on, a part at a time, so that the page answers meanwhile.
+  function grow(n) {
+    const {state, readings, options} = last, begin = performance.now();
+    for (; n <= MOST && performance.now() - begin < 40; n++) {
+      const found = Model.solve(Model.noisy(readings, 7919 * (seed() + 1) + n), options);
+      if (found.converged) drawn.points.push(found.state.map((x, c) => 1e3 * (x - state[c]) / parts[c].factor));
+    }
     flats();
-    space();
+    if (n <= MOST) waiting = setTimeout(() => grow(n), 0);
+    else space();
   }
 
   function flats() {
