@@ -27,6 +27,7 @@ from ..detectors.calibrated import MISFIT
 from ..detectors.noise import step_variances
 from ..estimation.differences import carry, lasting_covariance, propagate_in_light
 from ..estimation.plan import Plan, make_plan
+from ..estimation.solution import root_of_covariance
 from ..estimation.uncertainty_parts import Propagation, propagate
 
 #: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
@@ -309,9 +310,12 @@ def draw_pose_errors(
         found.priors[:, :, :2] = 0.0
     lasting = lasting_covariance(sensor, found, states)[:, :6, :, :6]
     lasting[np.arange(kinds), :, np.arange(kinds)] += again[:, :6, :6]
-    common = rng.standard_normal((draws, 6 * kinds)) @ root(lasting.reshape(6 * kinds, -1)).T
+    common = (
+        rng.standard_normal((draws, 6 * kinds))
+        @ root_of_covariance(lasting.reshape(6 * kinds, -1)).T
+    )
     drawn = rng.standard_normal((draws, count, 6))
-    out: Floats = np.einsum("kij,dkj->dki", root(noise[:, :6, :6]), drawn)
+    out: Floats = np.einsum("kij,dkj->dki", root_of_covariance(noise[:, :6, :6]), drawn)
     return out + common.reshape(draws, kinds, 6)[:, side]
 
 
@@ -342,11 +346,3 @@ def doubtful_covariance(
     if is_tracked:
         whole += carry(found.priors[:, :, :2], np.eye(2))
     return whole
-
-
-def root(covariance: Floats) -> Floats:
-    """A matrix (..., n, n) whose product with its transpose is a covariance."""
-    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
-    values, vectors = np.linalg.eigh(covariance / scale[..., :, None] / scale[..., None, :])
-    found: Floats = scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
-    return found

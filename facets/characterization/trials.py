@@ -26,7 +26,7 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import NAMES, correction_slopes, invert_correction
 from ..detectors.noise import is_saturated, sample_readings
 from ..estimation.problem import Results
-from ..estimation.solution import Solution, Status
+from ..estimation.solution import Solution, Status, root_of_covariance
 from ..estimation.solver import solve
 from ..estimation.varied import solve_each
 from ..model.arrays import EFFECTS, effects, parameters, readings
@@ -65,11 +65,7 @@ def draw_errors(known: Calibration, count: int, rng: np.random.Generator) -> Flo
     which was estimated (JCGM 102, 5.3).
     """
     covariance = np.array(known.covariance)
-    size = np.sqrt(np.diag(covariance))
-    scale = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    factor = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    drawn: Floats = rng.standard_normal((count, len(size))) @ factor.T
+    drawn: Floats = rng.standard_normal((count, len(covariance))) @ root_of_covariance(covariance).T
     freedom = known.degrees_of_freedom
     if freedom is not None and np.isfinite(freedom):
         drawn *= np.sqrt(freedom / rng.chisquare(freedom, (count, 1)))

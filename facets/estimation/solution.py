@@ -249,6 +249,14 @@ def root_of_diagonal(covariance: Floats) -> Floats:
     return root
 
 
+def root_of_covariance(covariance: Floats) -> Floats:
+    """A matrix (..., n, n) whose product with its transpose is a covariance."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / scale[..., :, None] / scale[..., None, :])
+    found: Floats = scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
+    return found
+
+
 def solution(
     found: problem.Results,
     shape: tuple[int, ...],

@@ -165,5 +165,4 @@ def value_cells(value: float, expanded: float) -> tuple[str, str]:
         return "-", "-"
     if not expanded > 0:
         return f"{value:.4g}", "-" if np.isnan(expanded) else "0"
-    decimals = max(0, 1 - int(np.floor(np.log10(expanded))))
-    return f"{value:z.{decimals}f}", f"{expanded:.{decimals}f}"
+    return report_page.round_to(value, expanded), report_page.round_to(expanded, expanded)

@@ -16,7 +16,7 @@ from ..core.version import __version__
 from ..estimation.coverage import coverage_factor
 from ..files.provenance import origin_line, provenance_header
 from ..files.tables import Whole
-from .report_page import ReportSection, report
+from .report_page import ReportSection, report, round_to
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -173,13 +173,6 @@ def expand(standard: Floats, freedom: Floats) -> tuple[Floats, list[str], list[s
     factor = coverage_factor(budgets.COVERAGE, freedom)
     counts = [f"{value:.0f}" if value < 1e4 else "∞" for value in freedom.ravel().tolist()]
     return factor * standard, [f"{value:.2f}" for value in factor.ravel().tolist()], counts
-
-
-def round_to(value: float, uncertainty: float) -> str:
-    """A value to the place of the second digit of its uncertainty."""
-    if not uncertainty > 0:
-        return f"{value:.6g}"
-    return f"{value:.{max(0, 1 - int(np.floor(np.log10(uncertainty))))}f}"
 
 
 def coverage_words() -> str:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
+import pytest
 from programs import GUARD
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -131,6 +132,14 @@ class Browser:
                 return found
             time.sleep(0.05)
         raise AssertionError(f"waited in vain: {expression}; {self.errors}")
+
+    def find_barriers(self) -> list[Any]:
+        """Rules of WCAG 2.1, levels A and AA, that the page breaks, and where, by axe-core."""
+        source = pytest.importorskip("axe_playwright_python").__path__[0]
+        self.ask((Path(source) / "axe.min.js").read_text("utf-8"))
+        found = self.ask("axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa']})")
+        assert len(found["passes"]) > 5
+        return [(one["id"], [n["target"] for n in one["nodes"]]) for one in found["violations"]]
 
     def picture(self, path: Path) -> None:
         data = self.send("Page.captureScreenshot", format="png")["data"]

@@ -324,3 +324,16 @@ def test_a_stopped_stage_has_a_button_that_resumes_it():
     finally:
         page.close()
     assert pressed == [True]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_against_wcag(theme):
+    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=DRAWN)
+    try:
+        give(page, rows_of(1_000))
+        with Browser(f"{page.url}?theme={theme}") as browser:
+            browser.await_true("document.querySelector('.number').dataset.value")
+            assert browser.find_barriers() == []
+    finally:
+        page.close()
