@@ -141,6 +141,19 @@ def test_a_file_that_cannot_be_read_says_why_and_nothing_is_lost(page, folder):
     assert "not text in UTF-8" in text(page, "news")
 
 
+def test_a_known_beam_is_where_the_table_of_readings_says(page):
+    state = np.array([0.05, -0.02, 0.1, 0.002, -0.001, 0.003, 0.04, -0.03])
+    values = ",".join(map(repr, facets.readings(PAPER, state).tolist()))
+    names = ",".join((*READING_COLUMNS, *STATE_COLUMNS[6:]))
+    put(page, "estimate-beam", "known")
+    drop(page, "beam.csv", f"{names}\n{values},0.04,-0.03\n{values},,\n")
+    page.await_true("document.getElementById('row').textContent.includes('beam.csv: row 1')")
+    assert np.abs(np.array(page.ask("page.state()")) - state).max() < 1e-9
+    put(page, "at", 1)
+    assert "no pose: the place of the beam is missing" in text(page, "row")
+    put(page, "estimate-beam", "free")
+
+
 def test_readings_that_are_typed_are_solved(page):
     state = np.array([0.05, -0.02, 0.1, 0.002, -0.001, 0.003, 0, 0])
     values = facets.readings(PAPER, state)

@@ -1,7 +1,8 @@
 // From nine readings to the mirror's pose: the package's own estimate, for one reading at a time.
 //
 //   const solver = Solver.create(sensor, geometry, readings);
-//   solver.solve(values, {beam: "free" | "known", power: "known" | "unknown"})
+//   solver.solve(values, {beam: "free" | "known", power: "known" | "unknown", place: [x, y]})
+//     place: where the beam is known to be, mm; the origin by default
 //     -> {status, converged, ok, state, power, used, steps, residual, checks, limit, covariance,
 //         uncertainty}; lengths in mm, angles in rad, power in mW; NaN where there is no pose.
 //   solver.refusal({beam, power})   why this page cannot solve so; "" where it can
@@ -26,8 +27,8 @@ const Solver = (() => {
     });
     const near = model(linearise), exact = lineariseExactly && model(lineariseExactly);
 
-    function start(plan, values) {
-      const means = [plan.means[0], plan.means[1], plan.power ? sensor.beam.power : plan.means[2]];
+    function start(plan, values, place) {
+      const means = [...place || plan.means.slice(0, 2), plan.power ? sensor.beam.power : plan.means[2]];
       const seen = values.filter((value, n) => n % 3 === 2 && !Number.isNaN(value))
         .reduce((sum, value) => sum + value, 0);
       const unknown = plan.weights[2] === 0 && plan.free.at(-1) === 8;
@@ -67,8 +68,9 @@ const Solver = (() => {
       });
     }
 
-    function solve(values, {beam = "free", power = "known", start: first} = {}) {
-      const plan = SOLVER.plans[`${beam} ${power}`], {means, begin} = start(plan, values);
+    function solve(values, {beam = "free", power = "known", start: first, place} = {}) {
+      const plan = SOLVER.plans[`${beam} ${power}`];
+      const {means, begin} = start(plan, values, beam === "known" && place);
       if (first) begin.splice(0, 6, ...first.slice(0, 6));
       const problem = {
         means: [means], weight: plan.weights, free: plan.free, starts: [begin],

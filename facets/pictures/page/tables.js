@@ -27,8 +27,11 @@
         `the readings (${READINGS.join(", ")}). For a ${what} it lacks ${closest.join(", ")}; its first ` +
         `line has ${names.filter(Boolean).slice(0, 12).join(", ") || "no names"}. See that the first line names the columns.`);
     }
+    // beside an uncertainty the beam's place is an estimate, made of the readings themselves
+    const beam = names.includes("u_bx_mm") ? [-1, -1] : place(["bx_mm", "by_mm"]);
     return {
       pose: without[0].length ? null : pose, readings: without[1].length ? null : readings,
+      beam: without[0].length && !beam.includes(-1) ? beam : null,
       time: names.indexOf(TIMES.find((name) => names.includes(name))), status: names.indexOf("status"),
       motion: names.indexOf("motion"),
     };
@@ -36,7 +39,7 @@
 
   // A table from its text. Throws an error that names the line.
   function parse(text) {
-    const table = {count: 0, pose: [], readings: [], time: [], status: [], motion: []};
+    const table = {count: 0, pose: [], readings: [], beam: [], time: [], status: [], motion: []};
     let names = null, columns = null;
     Papa.parse(text, {comments: "#", skipEmptyLines: "greedy", step({data, errors, meta}) {
       const line = () => text.slice(0, meta.cursor).replace(/\r?\n$/, "").split(/\r\n|\r|\n/).length;
@@ -59,6 +62,7 @@
       };
       if (columns.pose) table.pose.push(columns.pose.map((n) => (n < 0 ? 0 : value(n))));
       if (columns.readings) table.readings.push(columns.readings.map(value));
+      if (columns.beam) table.beam.push(columns.beam.map(value));
       if (columns.time >= 0) table.time.push(value(columns.time));
       for (const name of ["status", "motion"]) if (columns[name] >= 0) table[name].push(data[columns[name]]);
       table.count++;
@@ -115,7 +119,7 @@
   function rowAt(n) {
     const readings = table.readings[n] || null, status = table.status[n];
     if (!table.pose.length) {
-      const found = solve(readings);
+      const found = solve(readings, table.beam[n]);
       return {readings, ...found, solved: true};
     }
     const pose = table.pose[n], known = pose.slice(0, 6).every(Number.isFinite);
@@ -169,9 +173,13 @@
   // Own readings ------------------------------------------------------------------------------------
 
   // A pose from readings: the state, or why there is none; why is also said of a pose that is doubtful.
-  function solve(readings) {
-    const knowledge = page.knowledge(), refusal = Model.refusal(knowledge);
+  // place: where the beam was, mm, if that was measured.
+  function solve(readings, place) {
+    const knowledge = {...page.knowledge(), place}, refusal = Model.refusal(knowledge);
     if (refusal) return {state: null, why: refusal};
+    if (knowledge.beam === "known" && place && !place.every(Number.isFinite)) {
+      return {state: null, why: "the place of the beam is missing"};
+    }
     const found = Model.solve(readings, knowledge);
     if (found.status !== "converged") return {state: null, why: found.status, found};
     return {state: found.state, why: found.ok ? "" : "the readings fit no pose within their noise", found};
