@@ -122,11 +122,6 @@ def read_stops(settings: Config, source: Path, dwells: bool) -> StopReadings:
         return calibration.rezero.read_stops(source, settings, dwells)
     if dwells:
         raise InputError(f"{source}: a recording has no reference, which --dwells needs")
-    if settings.sensor.thermal.is_on:
-        raise InputError(
-            f"{source}: a recording has no temperature, which sensor.temperature needs; give a "
-            "table of readings with a column temperature_c"
-        )
     columns = solve_recording(live.Playback(source, settings))
     if not columns:
         raise InputError(f"{source}: no samples")

@@ -252,13 +252,8 @@ def temperature_sentence(count: StatusCounts, settings: Config, options: Solve) 
     """Message about the error if the table lacks a temperature that the sensor needs."""
     if not count.lacks_temperature:
         return ""
-    shift = abs(estimation.table.shift_per_kelvin(settings.sensor, options))
-    return (
-        "READINGS has no column temperature_c, though sensor.temperature has coefficients: the "
-        f"poses hold at {settings.sensor.thermal.reference:.4g} degrees Celsius. Each kelvin above "
-        f"or below shifts them by up to {1e3 * shift[:3].max():.2g} um and "
-        f"{1e6 * shift[3:].max():.2g} urad, which the stated uncertainties do not include."
-    )
+    source = "READINGS has no column temperature_c"
+    return estimation.table.missing_temperature(settings.sensor, options, source)
 
 
 def amount(errors: float) -> str:

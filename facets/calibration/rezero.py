@@ -24,7 +24,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.knowledge import Prior
-from ..core.names import DETECTORS, READING_COLUMNS, STATE_UNITS
+from ..core.names import DETECTORS, READING_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
 from ..core.sensor import Calibration, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE
@@ -223,10 +223,10 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
     measured = [n for n in range(6) if np.isfinite(reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured if dwells))
     if sensor.thermal.is_on:
-        needed = (*needed, "temperature_c")
+        needed = (*needed, TEMPERATURE_COLUMN)
     columns = whole_table(path, needed, ())
     if not dwells:
-        return add_temperature(sensor, average_stop(sensor, columns, str(path)), columns)
+        return average_stop(sensor, columns, str(path))
     pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
     found = dwell_means(columns, pose, np.array(reference)[measured])
     means = np.column_stack([found.columns[name] for name in READING_COLUMNS])
@@ -243,16 +243,21 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
 def average_stop(sensor: Sensor, columns: Mapping[str, Floats], name: str) -> StopReadings:
     """The one stop of columns of readings; see `stop_readings`."""
     raw = np.column_stack([columns[column] for column in READING_COLUMNS])
-    return stop_readings(sensor, raw, name)
+    if sensor.thermal.is_on and TEMPERATURE_COLUMN not in columns:
+        raise InputError(
+            f"{name}: there is no temperature_c, which sensor.temperature needs; record it as a "
+            "channel (acquire.channels), or give a table of readings that has this column"
+        )
+    return add_temperature(sensor, stop_readings(sensor, raw, name), columns)
 
 
 def add_temperature(
-    sensor: Sensor, stops: StopReadings, columns: dict[str, Floats]
+    sensor: Sensor, stops: StopReadings, columns: Mapping[str, Floats]
 ) -> StopReadings:
     """The stops with their mean temperatures, for a sensor that follows it."""
     if not sensor.thermal.is_on:
         return stops
-    each = np.array_split(columns["temperature_c"], len(stops.mean))
+    each = np.array_split(columns[TEMPERATURE_COLUMN], len(stops.mean))
     warmer = np.array([np.nanmean(part) for part in each]) - sensor.thermal.reference
     return replace(stops, warmer=warmer)
 

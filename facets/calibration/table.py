@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import ANGLES, DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import (
+    ANGLES,
+    DETECTORS,
+    READING_COLUMNS,
+    STATE_COLUMNS,
+    STATE_UNITS,
+    TEMPERATURE_COLUMN,
+)
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import TEMPERATURE
@@ -49,7 +56,7 @@ BEAM = STATE_COLUMNS[6:]
 #: Over how long a board's clock is taken to be even, and how often it is compared, s.
 CLOCK_WINDOW_S, CLOCK_STEP_S = 10.0, 0.05
 #: What says when and how a sample was taken.
-RUN = ("time_s", "temperature_c", "seat_deg")
+RUN = ("time_s", TEMPERATURE_COLUMN, "seat_deg")
 
 
 def read(path: Path, settings: Calibrate) -> Data:
@@ -150,8 +157,8 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
         thirds=thirds,
         rows=None if rows is None else rows[good],
         number=np.flatnonzero(good) + 1,
-        temperature=float(np.nanmean(columns["temperature_c"][good]))
-        if "temperature_c" in columns
+        temperature=float(np.nanmean(columns[TEMPERATURE_COLUMN][good]))
+        if TEMPERATURE_COLUMN in columns
         else None,
     )
 
@@ -178,15 +185,16 @@ def averaged_columns(
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
     """(n, 2) the time from -1 to 1 over the run, and the temperature less its mean, K."""
-    if not any(name in columns for name in ("time_s", "temperature_c")):
+    if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
     out = np.zeros((int(good.sum()), 2))
     if "time_s" in columns:
         time = columns["time_s"][good]
         low, high = np.nanmin(time), np.nanmax(time)
         out[:, 0] = (2 * time - low - high) / max(high - low, 1e-300)
-    if "temperature_c" in columns:
-        out[:, 1] = columns["temperature_c"][good] - np.nanmean(columns["temperature_c"][good])
+    if TEMPERATURE_COLUMN in columns:
+        temperature = columns[TEMPERATURE_COLUMN][good]
+        out[:, 1] = temperature - np.nanmean(temperature)
     return np.nan_to_num(out)
 
 

@@ -186,8 +186,8 @@ SENSOR = KeyBlock(
             (
                 "thermal",
                 "temperature",
-                "what follows the temperature, written by `facets calibrate`; counts for tables of "
-                "readings with temperature_c",
+                "what follows the temperature, written by `facets calibrate`; counts for "
+                "readings with temperature_c, a column or a channel",
                 block_of(Thermal),
             ),
             (

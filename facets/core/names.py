@@ -18,6 +18,8 @@ STATE_COLUMNS = tuple(f"{name}_mrad" if name in ANGLES else f"{name}_mm" for nam
 READING_COLUMNS = tuple(
     f"{name}_mw" if name.startswith("power") else f"{name}_mm" for name in READING
 )
+#: Temperature of each reading, degrees Celsius; a sensor may follow it (`Sensor.thermal`).
+TEMPERATURE_COLUMN = "temperature_c"
 
 #: One unit of a state's column, in the units of the code (mm, rad).
 STATE_UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in STATE)

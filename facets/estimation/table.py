@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import DETECTORS, POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import (
+    DETECTORS,
+    POSE,
+    READING_COLUMNS,
+    STATE_COLUMNS,
+    STATE_UNITS,
+    TEMPERATURE_COLUMN,
+)
 from ..core.units import Booleans, Floats, unit_of
 from ..detectors.correction import correct
 from ..detectors.skew import align
@@ -168,6 +175,20 @@ def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:
     return shift
 
 
+def missing_temperature(sensor: Sensor, options: Solve, source: str) -> str:
+    """What it costs that a sensor that follows the temperature is not told it.
+
+    source: what lacks the temperature, as the beginning of the sentence.
+    """
+    shift = abs(shift_per_kelvin(sensor, options))
+    return (
+        f"{source}, though sensor.temperature has coefficients: the poses hold at "
+        f"{sensor.thermal.reference:.4g} degrees Celsius. Each kelvin above or below shifts them "
+        f"by up to {1e3 * shift[:3].max():.2g} um and {1e6 * shift[3:].max():.2g} urad, which the "
+        "stated uncertainties do not include."
+    )
+
+
 def add_temperature_uncertainty(
     sensor: Sensor, options: Solve, knowledge: Knowledge, found: Solution, temperature: Floats
 ) -> Solution:
@@ -220,7 +241,7 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
             "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
             "fast they change; add the column, or set the delays to 0"
         )
-    temperature = chunk.columns.get("temperature_c")
+    temperature = chunk.columns.get(TEMPERATURE_COLUMN)
     return solve_readings(sensor, options, readings_in(chunk), place_in(chunk), time, temperature)
 
 
@@ -392,7 +413,7 @@ def solve_table(
     """
     tables.ending(poses)
     compile_for_poses(config.sensor, options)
-    beside = ("time_s", "temperature_c") if config.sensor.thermal.is_on else ("time_s",)
+    beside = ("time_s", TEMPERATURE_COLUMN) if config.sensor.thermal.is_on else ("time_s",)
     if options.beam != "free":
         beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
     chunks = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
@@ -410,7 +431,7 @@ def solve_table(
             for chunk, solution, members in parts:
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                temperature = chunk.columns.get("temperature_c")
+                temperature = chunk.columns.get(TEMPERATURE_COLUMN)
                 columns = pose_columns(solution, status)
                 columns |= object_columns(
                     solution, config.object, count.zero, members=members & solution.ok,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
+from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
 from ..core.units import Booleans, Floats, Integers
 from ..files import tables
 from .differences import ZeroPose, make_zero
@@ -89,9 +89,9 @@ def find_zero(
     some = [part.members & part.solution.ok for part in held]
     states = [part.solution.state[rows] for part, rows in zip(held, some, strict=True)]
     temperature = [
-        part.chunk.columns["temperature_c"][rows]
+        part.chunk.columns[TEMPERATURE_COLUMN][rows]
         for part, rows in zip(held, some, strict=True)
-        if "temperature_c" in part.chunk.columns
+        if TEMPERATURE_COLUMN in part.chunk.columns
     ]
     mean = np.concatenate(temperature) if temperature else None
     return zero_of_samples(config, options, np.concatenate(states), mean), chain(held, parts)

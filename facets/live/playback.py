@@ -150,8 +150,9 @@ class Playback:
         for words, count in tally.statuses.items():
             if count and words != "converged":
                 yield f"  {count} {words}"
+        temperature = self.pipeline.temperature_sentence()
         board, zero = self.pipeline.board, self.pipeline.object_poses.sentences()
-        for text in (tally.misfit.sentence, *zero, board.sentence(), board.trouble()):
+        for text in (tally.misfit.sentence, temperature, *zero, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"
 

@@ -13,7 +13,7 @@ from facets.experiments.bench_rays import RayBench, spots
 
 import facets
 from facets.calibration.fit import fit
-from facets.calibration.rezero import StopReadings, renew_zero
+from facets.calibration.rezero import StopReadings, average_stop, renew_zero
 from facets.calibration.table import choice, choose_groups, gather_samples
 from facets.config import sensor_keys
 from facets.core.errors import InputError
@@ -122,6 +122,16 @@ def test_a_new_zero_at_another_temperature_is_none(calibrated):
     ignored = renew_zero(calibrated, *(replace(one, warmer=None) for one in stops))
     assert np.abs(ignored.change[6:]).min() > 3e-3  # the posts
     assert np.abs(same.beam).max() < 3e-4 < np.abs(ignored.beam).max()
+
+
+def test_a_stop_of_a_recording_needs_its_temperature(calibrated):
+    rows = np.tile(read(np.zeros((1, 6)), np.array([22.0])), (500, 1))
+    rows += 1e-5 * np.random.default_rng(1).standard_normal(rows.shape)
+    columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
+    with pytest.raises(InputError, match="rec: there is no temperature_c"):
+        average_stop(calibrated, columns, "rec")
+    stop = average_stop(calibrated, columns | {"temperature_c": np.full(500, 22.0)}, "rec")
+    assert stop.warmer == pytest.approx([22.0 - calibrated.thermal.reference])
 
 
 def test_a_partial_calibration_refuses_coefficients(calibrated):

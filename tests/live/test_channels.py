@@ -15,6 +15,12 @@ from facets.experiments.kills import stream
 import facets
 from facets.core.channels import AuxiliaryChannel
 from facets.core.errors import InputError
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.core.sensor import Calibration, Thermal
+from facets.detectors.calibrated import TEMPERATURE
+from facets.detectors.counts import readings_to_counts
+from facets.estimation.table import add_temperature_uncertainty, shift_per_kelvin
+from facets.estimation.zero import ZeroRequest
 from facets.live import Playback, Run
 from facets.live.recording.pose_table import recorded_poses
 from facets.live.run.pipeline import Pipeline, join_poses
@@ -65,6 +71,60 @@ def test_channels_stand_beside_poses_and_never_change_them(form):
     bare = Pipeline(BENCH).feed(stream(600), 1.0)
     np.testing.assert_array_equal(found.solution.state, bare.solution.state)
     np.testing.assert_array_equal(found.solution.status, bare.solution.status)
+
+
+THERMAL = Thermal(20.0, beam=(2e-3, -1e-3), places=(0.0, -2e-3, 1e-3, -2e-3, 0.0, 3e-3))
+
+
+def warm_stream(state, temperature):
+    """Frames of the bench, whose channels are a force and a temperature (n,): the readings of one
+    state (8,) follow the temperature as THERMAL has it, without noise but the converters'."""
+    warmer = temperature[:, None] - THERMAL.reference
+    states = state + warmer * np.array([0, 0, 0, 0, 0, 0, *THERMAL.beam])
+    readings = facets.readings(BENCH.sensor, states)
+    readings[:, [0, 1, 3, 4, 6, 7]] += warmer * np.array(THERMAL.places)
+    counts = readings_to_counts(BENCH.sensor, BENCH.electronics, readings, None)
+    samples, _ = channel_stream(len(counts))
+    channels = np.column_stack([np.zeros(len(counts)), temperature]).astype(np.float32)
+    return encode("frames", replace(samples, counts=counts, channels=channels))
+
+
+@pytest.mark.parametrize("beam", ["known", "free"])
+def test_a_sensor_that_follows_the_temperature_takes_it_from_its_channel(beam):
+    """Without it each kelvin shifts the poses by what `shift_per_kelvin` says."""
+    state = np.zeros(8)
+    temperature = np.linspace(17.0, 24.0, 400)
+    temperature[7] = np.nan
+    config = with_channels(FORCE, HEAT)
+    solve = replace(config.solve, beam=beam, beam_offset=(0.0, 0.0))
+    config = replace(config, sensor=replace(config.sensor, thermal=THERMAL), solve=solve)
+    data = warm_stream(state, temperature)
+    found = Pipeline(config).feed(data, 1.0).solution
+    assert np.flatnonzero(~found.converged).tolist() == [7]
+    known = np.isfinite(temperature)
+    warmer = temperature[known] - THERMAL.reference
+    sigma = found.uncertainty[known, :6].mean(axis=0)
+
+    def slopes(state_of_each):
+        return np.polyfit(warmer, state_of_each[known, :6], 1)[0] / sigma
+
+    assert np.abs((found.state - state)[known, :6] / sigma).max() < 4  # the converters' steps
+    assert np.abs(slopes(found.state)).max() < 0.1
+    assert Pipeline(config).temperature_sentence() == ""
+    cold = replace(config, sensor=replace(config.sensor, thermal=Thermal(20.0)))
+    off = slopes(Pipeline(cold).feed(data, 1.0).solution.state)
+    assert off == pytest.approx(shift_per_kelvin(config.sensor, solve) / sigma, rel=0.01, abs=0.1)
+    assert np.abs(off).max() > 1
+
+
+def test_a_run_without_a_temperature_that_the_sensor_follows_says_what_it_costs():
+    sensor = replace(BENCH.sensor, thermal=THERMAL)
+    config = replace(BENCH, sensor=sensor)
+    text = Pipeline(config).temperature_sentence()
+    assert text.startswith("acquire.channels names no channel temperature_c, though")
+    shift = np.abs(shift_per_kelvin(sensor, config.solve))
+    assert f"up to {1e3 * shift[:3].max():.2g} um and" in text
+    assert Pipeline(BENCH).temperature_sentence() == ""
 
 
 @pytest.mark.parametrize(("sent", "named"), [(2, 0), (2, 1), (0, 2)])
@@ -163,6 +223,43 @@ def assert_in_mcap(playback, path, force):
     assert schema["properties"]["channels"]["properties"]["force_n"]["description"] == "N"
     values = [json.loads(message.data)["channels"]["force_n"] for _, _, message in found]
     np.testing.assert_allclose(values, force, rtol=1e-8)
+
+
+def test_the_virtual_bench_is_as_warm_as_its_readings(tmp_path):
+    config = with_channels(FORCE, HEAT)
+    config = replace(config, sensor=replace(config.sensor, thermal=THERMAL))
+    bench = Bench(config, "rest", 2000, Faults(), 1, tmp_path / "b")
+    try:
+        raw = bench.board.sample_channels(np.arange(3.0), np.zeros((3, 8)))
+    finally:
+        bench.end()
+    np.testing.assert_array_equal(HEAT.values(raw[:, 1]), THERMAL.reference)
+
+
+def test_a_zero_is_measured_at_its_temperature():
+    """The mirror stands still while everything warms up: its displacement stays 0."""
+    config = with_channels(FORCE, HEAT)
+    solve = replace(config.solve, beam="known", beam_offset=(0.0, 0.0))
+    known = Calibration(TEMPERATURE, tuple(map(tuple, (1e-8 * np.eye(8)).tolist())))
+    sensor = replace(config.sensor, thermal=THERMAL, calibration=known)
+    config = replace(config, sensor=sensor, solve=solve)
+    pipeline = Pipeline(config, zero=ZeroRequest(seconds=0.02))
+    temperature = np.repeat([22.0, 24.0], 250)
+    found = pipeline.feed(warm_stream(np.zeros(8), temperature), 1.0).object
+    zero = pipeline.object_poses.zero
+    assert 5 < zero.samples < 251
+    late = np.array([found[f"displacement_{name}"][-100:] for name in STATE_COLUMNS[:6]])
+    u = np.array([found[f"u_displacement_{name}"][-100:] for name in STATE_COLUMNS[:6]])
+    assert np.abs(late / u).max() < 4
+    # the coefficients' errors shift the zero by 2 K and the last sample by 4 K: by 2 K their step
+    part = np.array([found[f"u_calibration_displacement_{name}"][-1] for name in STATE_COLUMNS[:6]])
+    warmer = np.array([4.0])
+    alone = add_temperature_uncertainty(
+        sensor, solve, solve.knowledge(sensor),
+        facets.solve(sensor, facets.readings(sensor, np.zeros((1, 8))), beam="known"),
+        THERMAL.reference + warmer,
+    ).calibration_uncertainty[0, :6]  # fmt: skip
+    assert part == pytest.approx(alone / np.array(STATE_UNITS[:6]) / 2, rel=0.02)
 
 
 def test_a_signal_without_a_channel_is_refused(tmp_path):

@@ -39,7 +39,7 @@ class ObjectPoses:
         self.zero: ZeroPose | None = None
         self.news: list[str] = []
         self.findings: list[str] = []
-        self.members: list[Floats] = []
+        self.members: list[tuple[Floats, Floats]] = []  # states, and their temperatures
         self.first: tuple[int, float] | None = None  # number and time of the first fitting sample
         if request is not None and request.file is not None:
             self.fix(zero_of_table(request.file, config, config.solve))
@@ -73,26 +73,36 @@ class ObjectPoses:
         """Whether a zero is requested and not measured yet."""
         return self.request is not None and self.zero is None
 
-    def columns(self, solution: Solution, seq: Integers, time: Integers) -> dict[str, Floats]:
+    def columns(
+        self,
+        solution: Solution,
+        seq: Integers,
+        time: Integers,
+        temperature: Floats | None = None,
+    ) -> dict[str, Floats]:
         """The columns of samples (n,); displacements are NaN until the zero is measured.
 
-        seq: (n,) numbers of the samples.  time: (n,) the board's, us.
+        seq: (n,) numbers of the samples.  time: (n,) the board's, us.  temperature: (n,) degrees
+        Celsius, if the sensor follows it.
         """
         if not self.is_needed:
             return {}
         members = None
         if self.is_measuring:
-            members = self.collect(solution, seq, time / US_PER_S)
+            members = self.collect(solution, seq, time / US_PER_S, temperature)
         columns = object_columns(
-            solution, self.config.object, self.zero, members=members, covariance=self.covariance
-        )
+            solution, self.config.object, self.zero, members=members, temperature=temperature,
+            covariance=self.covariance,
+        )  # fmt: skip
         if self.is_measuring:
             columns |= result_columns(
                 unknown_displacements(solution), "displacement_", self.covariance
             )
         return columns
 
-    def collect(self, solution: Solution, seq: Integers, time: Floats) -> Booleans:
+    def collect(
+        self, solution: Solution, seq: Integers, time: Floats, temperature: Floats | None
+    ) -> Booleans:
         """Add samples to the zero; make it when the first sample after them has come. Returns which
         samples belong to it."""
         assert self.request is not None
@@ -105,7 +115,8 @@ class ObjectPoses:
         number, start_time = self.first
         inside = self.request.members(seq - number + 1, time, start_time)
         if (inside & ok).any():
-            self.members.append(solution.state[inside & ok])
+            known = np.empty(0) if temperature is None else temperature[inside & ok]
+            self.members.append((solution.state[inside & ok], known))
         ahead = inside[seq >= number]
         if self.members and len(ahead) and (self.request.row or not ahead[-1]):
             self.measure()
@@ -114,9 +125,10 @@ class ObjectPoses:
 
     def measure(self) -> None:
         """Make the zero of the samples so far; begin again where they are of no use."""
-        states, self.members, self.first = np.concatenate(self.members), [], None
+        states, temperature = map(np.concatenate, zip(*self.members, strict=True))
+        self.members, self.first = [], None
         try:
-            self.fix(zero_of_samples(self.config, self.config.solve, states))
+            self.fix(zero_of_samples(self.config, self.config.solve, states, temperature))
         except InputError as error:
             self.news.append(f"is measured again: {error}")
 

@@ -19,15 +19,20 @@ from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.knowledge import Knowledge, Prior
+from ...core.names import TEMPERATURE_COLUMN
 from ...core.units import Floats
-from ...detectors.correction import correct
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
 from ...detectors.noise import least_light
-from ...detectors.skew import align
 from ...estimation.estimates import prepare
 from ...estimation.misfit import Misfit
 from ...estimation.series import solve_series
 from ...estimation.solution import Solution, Status, empty_solution
+from ...estimation.table import (
+    add_temperature_uncertainty,
+    beam_place,
+    exact_readings,
+    missing_temperature,
+)
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
@@ -288,20 +293,28 @@ class Pipeline:
         The estimator screens each sample first: one with too few detectors that have enough light,
         within their edges and below saturation, gets its status without a step.
         """
-        options = self.config.solve
-        exact = correct(self.config.sensor, batch.readings)
-        exact = align(self.config.sensor, 1e-6 * batch.time, exact)
-        knowledge = self.knowledge(batch.host, batch.encoder)
-        solution = solve_series(
+        sensor, options, temperature = (
             self.config.sensor,
+            self.config.solve,
+            self.temperature_of(batch),
+        )
+        time = 1e-6 * batch.time.astype(np.float64)
+        exact = exact_readings(sensor, batch.readings, time, temperature)
+        knowledge = self.knowledge(batch.host, batch.encoder, temperature)
+        solution = solve_series(
+            sensor,
             exact,
             knowledge,
             method=options.method,
             max_steps=min(options.max_steps, MAX_STEPS),
             accept_unchecked=options.accept_unchecked,
         )
+        if temperature is not None:
+            solution = add_temperature_uncertainty(
+                sensor, options, knowledge, solution, temperature
+            )
         self.tally.misfit.carried |= batch.encoder is not None
-        self.tally.misfit.add(solution, self.config.sensor, knowledge, options.method, exact)
+        self.tally.misfit.add(solution, sensor, knowledge, options.method, exact)
         self.doubts.add(batch.readings, batch.flags, solution.misfit)
         self.board.compare(batch.seq, solution)
         return self.finish(batch, name_causes(solution, batch.flags))
@@ -317,20 +330,42 @@ class Pipeline:
                 self.tally.statuses[LABELS[status]] += count
         return Poses(
             batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags,
-            batch.channels, self.object_poses.columns(solution, batch.seq, batch.time),
+            batch.channels,
+            self.object_poses.columns(solution, batch.seq, batch.time, self.temperature_of(batch)),
         )  # fmt: skip
 
-    def knowledge(self, host: Floats, encoder: Encoder | None) -> Knowledge:
-        """What is known of the beam at the samples' times."""
-        if encoder is None or self.at_rest.beam == "free":
+    def temperature_of(self, batch: Batch) -> Floats | None:
+        """Temperatures (n,), degrees Celsius, if the sensor follows them and a channel has them."""
+        if not self.config.sensor.thermal.is_on:
+            return None
+        return batch.channels.get(TEMPERATURE_COLUMN)
+
+    def temperature_sentence(self) -> str:
+        """What it costs that no channel has the temperature; empty if the sensor needs none."""
+        channels = {channel.column for channel in self.config.acquire.channels}
+        if not self.config.sensor.thermal.is_on or TEMPERATURE_COLUMN in channels:
+            return ""
+        source = f"acquire.channels names no channel {TEMPERATURE_COLUMN}"
+        return missing_temperature(self.config.sensor, self.config.solve, source)
+
+    def knowledge(
+        self, host: Floats, encoder: Encoder | None, temperature: Floats | None = None
+    ) -> Knowledge:
+        """What is known of the beam at the samples' times and temperatures."""
+        sensor, options = self.config.sensor, self.config.solve
+        if self.at_rest.beam == "free":
             return self.at_rest
+        shift = beam_place(sensor, None, temperature)
+        shift = np.zeros(2) if shift is None else np.nan_to_num(shift)
+        if encoder is None:
+            return self.at_rest if temperature is None else options.knowledge(sensor, shift)
         age = float(host[-1]) - encoder.time
         if not age <= MAX_EXTRAPOLATION_S:
             return replace(self.at_rest, beam="free")
         # a stage may have changed its speed since it was asked: half the way is in doubt
         moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
         sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
-        places = encoder.places(host) + np.array(self.config.solve.beam_offset)
+        places = encoder.places(host) + np.array(options.beam_offset) + shift
         return replace(self.at_rest, beam=Prior(places, sigma))
 
     def count(self, flags: NDArray[np.uint8]) -> None:

@@ -180,6 +180,7 @@ def sample_sentences(live: Live) -> Iterator[str]:
             yield f"{count} {words}{without}"
     if tally.misfit.sentence:
         yield tally.misfit.sentence
+    yield from filter(None, [live.pipeline.temperature_sentence()])
     yield from live.pipeline.object_poses.sentences()
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError, OutputError
+from ...core.names import TEMPERATURE_COLUMN
 from ...tracking.stage import StageModel
 from .board import TRUTH, Board, Count, Signal
 from .faults import Faults, Schedule
@@ -92,7 +93,7 @@ class Bench:
             raise OutputError(
                 f"{folder}: is not a folder that can be written in: {error.strerror}"
             ) from None
-        signals = {**self.shaker_signals(), **(signals or {})}
+        signals = {**self.bench_signals(), **(signals or {})}
         self.board = Board(
             config, rate, self.schedule, self.count, folder / "board", firmware, signals
         )
@@ -101,11 +102,19 @@ class Bench:
         self.cost = 1e-5
         self.last = 0.0
 
-    def shaker_signals(self) -> dict[str, Signal]:
-        """The force of a shaker by the name of its auxiliary channel, if there are both."""
-        force = self.mirror.force
-        names = [one.name for one in self.config.acquire.channels if one.column == FORCE_COLUMN]
-        return {name: lambda time_, _: force(time_) for name in names if self.mirror.is_shaken}
+    def bench_signals(self) -> dict[str, Signal]:
+        """What channels show of the bench, by their names: the force of a shaker, and for a sensor
+        that follows the temperature the one at which nothing is added to its readings."""
+        force, thermal = self.mirror.force, self.config.sensor.thermal
+        names = {one.column: one.name for one in self.config.acquire.channels}
+        found: dict[str, Signal] = {}
+        if FORCE_COLUMN in names and self.mirror.is_shaken:
+            found[names[FORCE_COLUMN]] = lambda time_, _: force(time_)
+        if TEMPERATURE_COLUMN in names and thermal.is_on:
+            found[names[TEMPERATURE_COLUMN]] = lambda time_, _: np.full(
+                time_.shape, thermal.reference
+            )
+        return found
 
     def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
         """For so many seconds; ends quietly on ^C. tell: called each round."""
