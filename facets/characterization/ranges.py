@@ -21,7 +21,7 @@ from ..core.rigid_body import MeasuredObject, displacement_slopes, mirror_poses
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
-from ..detectors.noise import least_light, other_light, standard_deviations
+from ..detectors.noise import fullness, least_light, other_light, standard_deviations
 from ..estimation.compiling import compile_for
 from ..model.arrays import (
     as_rows,
@@ -35,8 +35,14 @@ from ..model.arrays import (
 )
 
 #: Causes that end a range.
-CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "too coarse")
-PSD, LIGHT, SINGULAR, COARSE = range(4)
+CAUSES = (
+    "spot leaves the PSD",
+    "too little light",
+    "detector saturated",
+    "Jacobian near singular",
+    "too coarse",
+)
+PSD, LIGHT, SATURATED, SINGULAR, COARSE = range(5)
 #: Largest distances of the search: mm and rad, larger than any range of a sensor of this kind.
 FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
 #: Rays along the pose's axes, to the low and to the high ends of their ranges.
@@ -69,7 +75,7 @@ def scale_jacobian(sensor: Sensor, state: Floats, matrix: Floats) -> Floats:
 
 
 def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
-    """The margins (n, 4) at poses (n, 6), in the order of CAUSES; positive inside.
+    """The margins (n, 5) at poses (n, 6), in the order of CAUSES; positive inside.
 
     The first is in units of the detector's half size, -1 for a lost spot; others are logarithms.
     """
@@ -79,6 +85,7 @@ def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     limits = edge_limits(half_sizes(sensor), sensor.apertures.rim)
     out[:, PSD] = spot_clearances(ends, reading, limits, rules)
     out[:, LIGHT] = light_clearances(sensor, reading, rules)
+    out[:, SATURATED] = saturation_clearances(sensor, reading)
     lit = (out[:, PSD] > -1) & (out[:, LIGHT] > NO_LIGHT)
     coarse = np.isfinite(rules.coarsest).any()
     if lit.any() and (coarse or np.isfinite(rules.condition)):
@@ -95,6 +102,16 @@ def light_clearances(sensor: Sensor, reading: Floats, rules: Rules) -> Floats:
     other = other_light(sensor)
     light = (reading[:, 2::3] - other) / (least_light(sensor, rules.snr) - other)
     clearance: Floats = np.log(np.maximum(np.nan_to_num(least_of_rows(light)), 1e-300))
+    return clearance
+
+
+def saturation_clearances(sensor: Sensor, reading: Floats) -> Floats:
+    """The margin of the amplifiers of readings (n, 9): logarithm of the end of their range over the
+    largest current; (n,), infinite without electronics."""
+    if sensor.electronics is None:
+        return np.full(len(reading), np.inf)
+    share = np.nan_to_num(fullness(sensor, reading)).max(axis=1)
+    clearance: Floats = -np.log(np.maximum(share, 1e-300))
     return clearance
 
 
@@ -290,6 +307,14 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
             f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
             f"{rules.snr:g} asks for {1e3 * least[weakest]:.3g} µW{beside}; choose a place nearer "
             "to the beam's centre, more laser power, or a lower range.snr"
+        )
+    if cause == SATURATED:
+        share = np.nan_to_num(fullness(sensor, readings(sensor, states_of(start[None], rules))[0]))
+        return (
+            f"the light on detector {'ABC'[int(share.argmax())]} drives an electrode to "
+            f"{share.max():.3g} times the end of its range (sensor.electronics.adc_range_v over "
+            "transimpedance_kohm); choose a lower sensor.electronics.transimpedance_kohm, less "
+            "laser power, or another place"
         )
     if cause == PSD:
         return "choose a place nearer to rest, or larger detectors (sensor.psd.size_mm)"

@@ -24,7 +24,7 @@ from ..core.settings import Solve
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import NAMES, correction_slopes, invert_correction
-from ..detectors.noise import is_saturated, sample_readings
+from ..detectors.noise import fullness, sample_readings
 from ..estimation.problem import Results
 from ..estimation.solution import Solution, Status, root_of_covariance
 from ..estimation.solver import solve
@@ -138,8 +138,8 @@ def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Fl
 
 def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
     """The letters of the detectors whose light drives a converter past its end at a state (8,)."""
-    full = is_saturated(sensor, readings(sensor, state))
-    return [letter for letter, one in zip("ABC", full, strict=True) if one]
+    shares = fullness(sensor, readings(sensor, state))
+    return [letter for letter, share in zip("ABC", shares, strict=True) if share > 1]
 
 
 def linear_solution(sensor: Sensor, options: Solve, state: Floats) -> Solution:

@@ -41,7 +41,7 @@ from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from ..detectors.noise import electrode_currents
+from ..detectors.noise import fullness
 from ..files.provenance import require_origin
 from ..files.tables import Whole, read_head, write_table
 from ..model.arrays import margins, readings
@@ -244,12 +244,7 @@ def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
 def saturates(sensor: Sensor, states: Floats) -> bool:
     """Whether an electrode's current exceeds the share of the amplifier's full scale that the
     optimiser allows; never without electronics."""
-    electronics = sensor.electronics
-    if electronics is None:
-        return False
-    light = readings(sensor, states).reshape(-1, 3, 3)
-    full = FULL * electronics.adc_range / electronics.transimpedance
-    return bool((electrode_currents(sensor, electronics, light) > full).any())
+    return bool((fullness(sensor, readings(sensor, states)) > FULL).any())
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:

@@ -19,6 +19,7 @@ from ..characterization.ranges import (
     FARTHEST_MM_RAD,
     LIGHT,
     PSD,
+    SATURATED,
     SINGULAR,
     fine_slopes,
     first_exits,
@@ -52,7 +53,7 @@ SKIPPED = (
     "amplifier past its full scale at rest",
 )
 #: The reason for a design that is outside its own range at rest, by the range's limit.
-OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
+OUTSIDE = {PSD: 1, LIGHT: 2, SATURATED: 8, SINGULAR: 6, COARSE: 7}
 #: Largest number of designs whose states are in memory at a time.
 CHUNK = 128
 #: The reading that Eq. (11) leaves out: the last power.
@@ -80,7 +81,10 @@ class Designs(NamedTuple):
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
     def margins(self, owner: Integers, poses: Floats) -> Floats:
-        """`ranges.clearances` of designs `owner` (k,), in ascending order, at poses (k, 6)."""
+        """`ranges.clearances` of designs `owner` (k,), in ascending order, at poses (k, 6).
+
+        The limits that need electronics or derivatives are infinitely far: see `is_plain`.
+        """
         states = states_of_poses(poses, self.rules)
         reading = evaluate("readings", self.vectors, owner, states)
         ends = evaluate("footprints", self.vectors, owner, states)

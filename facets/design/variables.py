@@ -13,7 +13,7 @@ from ..core.names import DETECTORS, FINE_UNITS
 from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..detectors.noise import electrode_currents, standard_deviations
+from ..detectors.noise import electrode_currents, largest_current, standard_deviations
 from ..model.arrays import parameters, sensor_with
 from ..model.many import evaluate, pack_all
 from ..optics.forward import Geometry, sub_beam_height
@@ -111,7 +111,7 @@ def noise_of(
     for n, built in enumerate(electronics_of(sensor, sizes, gain, len(reading))):
         electronics = built.electronics
         assert electronics is not None
-        full = FULL * electronics.adc_range / electronics.transimpedance
+        full = FULL * largest_current(electronics)
         light = reading[n].reshape(-1, 3, 3)
         left = 1 - electrode_currents(built, electronics, light).reshape(-1, 12) / full
         parts.append((standard_deviations(built, reading[n]), left))

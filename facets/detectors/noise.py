@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arguments import check_arguments
 from ..core.sensor import Electronics, Noise, Sensor
-from ..core.units import Booleans, Floats
+from ..core.units import Floats
 from ..model.arrays import as_vectors, half_sizes, mask_missed_spots
 from ..scalars.dispatch import select
 from . import electrodes
@@ -369,14 +369,17 @@ def largest_current(electronics: Electronics) -> float:
     return electronics.adc_range / electronics.transimpedance
 
 
-def is_saturated(sensor: Sensor, exact: Floats) -> Booleans:
-    """Whether the light of each detector (..., 3) drives a converter past the end of its range, for
-    readings (..., 9) without noise."""
+def fullness(sensor: Sensor, exact: Floats) -> Floats:
+    """The largest current of each detector's electrodes over that at the end of their amplifiers'
+    and converters' range (..., 3), for readings (..., 9) without noise; 0 without electronics.
+
+    Above 1 the detector is saturated and has no reading.
+    """
     if sensor.electronics is None:
-        return np.zeros((*exact.shape[:-1], 3), dtype=bool)
+        return np.zeros((*exact.shape[:-1], 3))
     currents = electrode_currents(sensor, sensor.electronics, split_detectors(exact))
-    past: Booleans = np.any(currents > largest_current(sensor.electronics), axis=-1)
-    return past
+    share: Floats = currents.max(axis=-1) / largest_current(sensor.electronics)
+    return share
 
 
 def sample_detector(

@@ -19,7 +19,7 @@ HALVINGS = 12
 #: Largest distance of the search, mm.
 FARTHEST_MM = 30.0
 #: A colour for each of `CAUSES`, and for a side without a limit.
-COLOURS = ("#FFC247", "#D884C6", "#5FB7E5", "#C9CF5A", "#8C96A3")
+COLOURS = ("#FFC247", "#D884C6", "#EF7B5D", "#5FB7E5", "#C9CF5A", "#8C96A3")
 #: Reasons for the range's end, and a text for no limit.
 REASONS = (*CAUSES, "further than is looked")
 

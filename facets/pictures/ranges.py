@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Dashes by cause, in the order of `ranges.CAUSES`, beside their hues.
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+DASHES = (
+    "-", (0, (5, 1.5)), (0, (3, 1, 1, 1, 1, 1)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)),
+)  # fmt: skip
 #: Height of a panel in its widths, by the number of panels in a row.
 PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
 

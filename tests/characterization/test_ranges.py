@@ -9,6 +9,7 @@ import facets
 from facets import CAUSES, Rules
 from facets.characterization import ranges
 from facets.characterization.ranges import LIGHT, PSD
+from facets.core.errors import InputError
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)
@@ -58,6 +59,43 @@ def test_a_limit_on_the_condition_ends_the_range():
     rules = Rules(condition=1.2 * np.linalg.cond(near))
     found = ranges.axis_ranges(SENSOR, rules, REST)[0]
     assert CAUSES[found.high_cause] == "Jacobian near singular"
+
+
+@pytest.mark.parametrize("kind", ["duo-lateral", "pincushion", "tetra-lateral"])
+def test_a_range_ends_where_a_detector_saturates(kind):
+    """Just inside a detector reads, just outside it does not: as `add_noise` has it."""
+    bench = facets.load("bench").sensor
+    sensor = replace(bench, electronics=replace(bench.electronics, kind=kind))
+    one = {"duo-lateral": 1.0, "pincushion": 2.0, "tetra-lateral": 2.0}[kind]
+    electronics = replace(
+        sensor.electronics, transimpedance=one * sensor.electronics.transimpedance
+    )
+    sensor = replace(sensor, electronics=electronics)
+    found = ranges.axis_ranges(sensor, Rules(), REST)[0]
+    assert CAUSES[found.low_cause] == "detector saturated"
+    states = np.zeros((200, 8))
+    for share, is_lost in ((0.99, False), (1.01, True)):
+        states[:, 0] = share * found.low
+        exact = facets.readings(sensor, states)
+        noisy = facets.add_noise(sensor, exact, np.random.default_rng(1))
+        assert np.isnan(noisy).any() == is_lost
+        assert np.isnan(noisy).any(axis=1).all() == is_lost
+    if kind == "duo-lateral":
+        states[0, 0] = found.low
+        psi, _, power = facets.readings(sensor, states[0])[:3]
+        share = 0.5 + abs(psi) / sensor.psds[0].size_y
+        zeta = abs(facets.readings(sensor, states[0])[1])
+        share = max(share, 0.5 + zeta / sensor.psds[0].size_z)
+        volts = 1e-3 * power * electronics.responsivity * share * electronics.transimpedance
+        assert volts == pytest.approx(electronics.adc_range, rel=1e-6)
+
+
+def test_a_sensor_that_saturates_at_rest_says_what_to_change():
+    bench = facets.load("bench").sensor
+    electronics = replace(bench.electronics, transimpedance=10 * bench.electronics.transimpedance)
+    sensor = replace(bench, electronics=electronics)
+    with pytest.raises(InputError, match=r"detector saturated; the light on detector [ABC] drives"):
+        ranges.axis_ranges(sensor, Rules(), REST)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from facets.characterization import ranges
 from facets.detectors.noise import least_light
 from facets.model.arrays import geometry_of
 from facets.pictures.page import clearance
-from facets.pictures.page.model import model
+from facets.pictures.page.model import full_light, model
 
 CUT = replace(
     SENSORS["skewed0"],
@@ -106,7 +106,9 @@ def poses(count, seed):
 
 @pytest.mark.parametrize("whole", [True, False])
 def test_the_margins_of_one_pose_are_those_of_many(whole):
-    sensor, rules = replace(CUT, apertures=facets.Apertures(rim=0.6)), Rules(whole_spot=whole)
+    electronics = facets.Electronics(transimpedance=3e5)
+    sensor = replace(CUT, apertures=facets.Apertures(rim=0.6), electronics=electronics)
+    rules = Rules(whole_spot=whole)
     geometry, needed = geometry_of(sensor), least_light(sensor, rules.snr)
     given = poses(60, 3)
     wanted = ranges.clearances(sensor, given, rules)
@@ -117,6 +119,8 @@ def test_the_margins_of_one_pose_are_those_of_many(whole):
         assert clearance.spot_clearance(sensor, ends, reading, whole) == pytest.approx(margins[0])
         light = clearance.light_clearance(reading, needed, (0.0, 0.0, 0.0))
         assert light == pytest.approx(margins[1])
+        full = clearance.saturation_clearance(sensor, reading, full_light(sensor))
+        assert full == pytest.approx(margins[2])
 
 
 @needs_browser
@@ -135,7 +139,7 @@ def test_the_page_knows_the_range_as_the_package_does(browser, name):
         return {{axes: Model.axisRanges(), causes: Model.causes,
           margins: {json.dumps(given.tolist())}.map(text)}}; }})()"""
     )
-    count = 2 if sensor.light.on else 4  # under light, conditioning is that of the solver's steps
+    count = 3 if sensor.light.on else 5  # under light, conditioning is that of the solver's steps
     found = np.array(told["margins"]).astype(float)[:, :count]
     wanted = ranges.clearances(sensor, given, rules)[:, :count]
     assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9, equal_nan=True)

@@ -64,3 +64,20 @@ def light_clearance(reading: Any, needed: Any, other: Any) -> float:
         least = min(least, share)
     clearance: float = log(max(least, LEAST_RATIO))
     return clearance
+
+
+def saturation_clearance(sensor: Sensor, reading: Any, full: float) -> float:
+    """The margin of duo-lateral detectors' amplifiers, as of `ranges.saturation_clearances`.
+
+    full: the light whose current, all into one electrode, is at the end of its range; mW.
+    """
+    most: float = LEAST_RATIO
+    for k in range(3):
+        psd = sensor.psds[k]
+        y = min(abs(reading[k][0]) / (psd.size_y / 2), 1.0)
+        z = min(abs(reading[k][1]) / (psd.size_z / 2), 1.0)
+        share = reading[k][2] * (0.5 + max(y, z) / 2) / full
+        if share > most:
+            most = share
+    clearance: float = -log(most)
+    return clearance

@@ -79,6 +79,7 @@ SOLVED = (
     clearance.ends_of_spots,
     clearance.spot_clearance,
     clearance.light_clearance,
+    clearance.saturation_clearance,
     gradient.linearise,
     doubts.sample_sizes,
     forward.sub_beam_height,
@@ -241,19 +242,26 @@ def range_data(sensor: Sensor, rules: Rules) -> dict[str, Any]:
         "rules": as_data(rules),
         "needed": noise.least_light(sensor, rules.snr),
         "other": noise.other_light(sensor),
+        "full": full_light(sensor),
         "no_light": ranges.NO_LIGHT,
-        "refusal": range_refusal(sensor, rules),
+        "refusal": range_refusal(sensor),
     }
 
 
-def range_refusal(sensor: Sensor, rules: Rules) -> str:
+def full_light(sensor: Sensor) -> float:
+    """The light whose current, all into one electrode of a duo-lateral detector, is at the end of
+    the amplifier's range, mW; infinite without electronics."""
+    found = sensor.electronics
+    return noise.largest_current(found) / (1e-3 * found.responsivity) if found else np.inf
+
+
+def range_refusal(sensor: Sensor) -> str:
     """Say why the page cannot tell the range; empty where it can."""
-    weighs = np.isfinite(rules.condition) or np.isfinite(rules.coarsest).any()
-    if not (weighs and refusal(sensor)):
+    if not refusal(sensor):
         return ""
     return (
-        "This page cannot tell the range, because it does not know the noise of these detectors; "
-        "`facets resolution` does."
+        "This page cannot tell the range, because it does not know the currents of these "
+        "detectors; `facets range-map` does."
     )
 
 

@@ -11,7 +11,7 @@
 // conditioning and resolution are those of the derivatives with which the solver steps.
 
 const Ranges = (() => {
-  const {causes, farthest, units, rules, needed, other} = RANGE;
+  const {causes, farthest, units, rules, needed, other, full} = RANGE;
   // Shares of the farthest distance that are looked at, as ranges.STEP_SHARES.
   const shares = Array.from({length: 28}, (_, n) => 1e-3 ** (1 - n / 27));
 
@@ -38,7 +38,8 @@ const Ranges = (() => {
       const light = clearance_light_clearance(nested, needed, other);
       const lit = spot > -1 && light > RANGE.no_light, ask = rules.condition < Infinity
         || rules.coarsest.some((limit) => limit < Infinity);
-      return [spot, light, ...(lit && ask ? information(state, values) : [Infinity, Infinity])];
+      const saturation = full < Infinity ? clearance_saturation_clearance(sensor, nested, full) : Infinity;
+      return [spot, light, saturation, ...(lit && ask ? information(state, values) : [Infinity, Infinity])];
     }
 
     function exit(way, tolerance = 1e-9) {
