@@ -24,7 +24,7 @@ from ..estimation.dwells import finite_means
 
 #: The probability that an expanded uncertainty covers the error, of a coverage factor of 2.
 COVERAGE = 0.9545
-#: Runs in each direction that the standard test has (ISO 230-2:2014, 4.3.4).
+#: Runs in each direction that the standard test has (ISO 230-2:2014, 5.3).
 STANDARD_RUNS = 5
 
 
