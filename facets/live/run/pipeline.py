@@ -293,11 +293,8 @@ class Pipeline:
         The estimator screens each sample first: one with too few detectors that have enough light,
         within their edges and below saturation, gets its status without a step.
         """
-        sensor, options, temperature = (
-            self.config.sensor,
-            self.config.solve,
-            self.temperature_of(batch),
-        )
+        sensor, options = self.config.sensor, self.config.solve
+        temperature = self.temperature_of(batch)
         time = 1e-6 * batch.time.astype(np.float64)
         exact = exact_readings(sensor, batch.readings, time, temperature)
         knowledge = self.knowledge(batch.host, batch.encoder, temperature)

@@ -29,12 +29,12 @@
     $("estimate-results").hidden = Boolean(refusal);
     page.say("estimate-said", refusal, true);
     last = null;
+    clearTimeout(waiting);
     clear();
     if (refusal) return;
     const noisy = Model.noisy(readings, seed()), found = Model.solve(noisy, options);
     tell(state, readings, noisy, found);
     last = {state, readings, options, found};
-    clearTimeout(waiting);
     waiting = setTimeout(cloud, page.isPlaying() ? 1000 : 120);
   }
 
@@ -62,7 +62,6 @@
 
   // Many samples of the same pose, solved, less the true pose; µm and µrad.
   function cloud() {
-    if (!last) return;
     const {state, readings, options, found} = last, expected = Model.solve(readings, options);
     const covariance = expected.covariance.map((line, r) =>
       line.map((x, c) => 1e6 * x / parts[r].factor / parts[c].factor));
