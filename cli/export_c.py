@@ -43,4 +43,9 @@ def export_c(
                 temporary.write_text(text, "utf-8")
     shown = ", ".join(str(path) for path in paths if path.parent == Path())
     typer.echo(f"{place}/: {shown}, and the files in teensy41/ and callers/")
+    if settings.sensor.thermal.is_on:
+        typer.echo(
+            "The C code does not follow the temperature: its poses hold at sensor.temperature's "
+            f"reference, {settings.sensor.thermal.reference:.4g} degrees Celsius."
+        )
     typer.echo(f"next: make -C {shlex.quote(str(place))} test")

@@ -177,15 +177,16 @@ def print_errors(title: str, axes: list[AxisErrors]) -> None:
 
 
 def outcome(segment: Segment) -> str:
-    """Samples by status, spots that missed their detector, and the largest cross-axis error."""
+    """Samples by status, detectors that read nothing, and the largest cross-axis error."""
     counts = ", ".join(
         f"{count} {label}" for label, count in simulation.run.statuses(segment).items()
     )
     text = f"  {len(segment.time)} samples: {counts}"
-    beside = (~segment.reached).sum(axis=0)
-    for letter, count in zip("ABC", beside, strict=True):
-        if count:
-            text += f"\n  {count} samples without PSD {letter}: the spot fell beside it"
+    lost = {"the spot fell beside it": ~segment.reached, "it was saturated": segment.saturated}
+    for why, which in lost.items():
+        for letter, count in zip("ABC", which.sum(axis=0), strict=True):
+            if count:
+                text += f"\n  {count} samples without PSD {letter}: {why}"
     still = [
         axis
         for axis in simulation.run.axes(segment)

@@ -251,7 +251,7 @@ def unseen_sentence(count: StatusCounts) -> str:
 def temperature_sentence(count: StatusCounts, settings: Config, options: Solve) -> str:
     """Message about the error if the table lacks a temperature that the sensor needs."""
     if not count.lacks_temperature:
-        return ""
+        return estimation.table.unknown_temperatures(count.unknown_temperatures, "rows")
     source = "READINGS has no column temperature_c"
     return estimation.table.missing_temperature(settings.sensor, options, source)
 

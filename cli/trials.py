@@ -195,8 +195,8 @@ def explain_failures(sensor: Sensor, state: Floats, statuses: Collection[str]) -
     for letter in full:
         report_lines(
             f"Detector {letter} has no reading there: its light drives a converter past the end of "
-            "its range (sensor.electronics.adc_range_v), which neither the linear result nor "
-            "`facets range-map` counts. A smaller transimpedance_kohm avoids it."
+            "its range (sensor.electronics.adc_range_v), which the linear result does not count. "
+            "The pose is outside the range; a smaller transimpedance_kohm avoids it."
         )
     if not full and not {"out of range", "no light"}.issuperset(statuses):
         report_lines("The cause is unknown; `facets render` shows the spots at such a pose.")

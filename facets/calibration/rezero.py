@@ -236,7 +236,7 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
             "readings"
         )
     return add_temperature(
-        sensor, combine_means(sensor, means, found.noise, found.rows), found.columns
+        sensor, combine_means(sensor, means, found.noise, found.rows), found.columns, str(path)
     )
 
 
@@ -248,16 +248,20 @@ def average_stop(sensor: Sensor, columns: Mapping[str, Floats], name: str) -> St
             f"{name}: there is no temperature_c, which sensor.temperature needs; record it as a "
             "channel (acquire.channels), or give a table of readings that has this column"
         )
-    return add_temperature(sensor, stop_readings(sensor, raw, name), columns)
+    return add_temperature(sensor, stop_readings(sensor, raw, name), columns, name)
 
 
 def add_temperature(
-    sensor: Sensor, stops: StopReadings, columns: Mapping[str, Floats]
+    sensor: Sensor, stops: StopReadings, columns: Mapping[str, Floats], name: str
 ) -> StopReadings:
-    """The stops with their mean temperatures, for a sensor that follows it."""
+    """The stops of the source `name` with their mean temperatures, for a sensor that follows it."""
     if not sensor.thermal.is_on:
         return stops
     each = np.array_split(columns[TEMPERATURE_COLUMN], len(stops.mean))
+    if not all(np.isfinite(part).any() for part in each):
+        raise InputError(
+            f"{name}: {TEMPERATURE_COLUMN} has no value at a stop, which sensor.temperature needs"
+        )
     warmer = np.array([np.nanmean(part) for part in each]) - sensor.thermal.reference
     return replace(stops, warmer=warmer)
 

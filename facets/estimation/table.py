@@ -20,6 +20,7 @@ from ..core.names import (
     TEMPERATURE_COLUMN,
 )
 from ..core.units import Booleans, Floats, unit_of
+from ..detectors.calibrated import TEMPERATURE
 from ..detectors.correction import correct
 from ..detectors.skew import align
 from ..files import tables
@@ -60,7 +61,8 @@ class StatusCounts:
     checks them.  edges: rows that were solved with a spot near an edge that the model lacks.
     unseen: (2,) by how much one spoilt place and one spoilt power can put a pose off unseen, in
     standard uncertainties, at most; NaN where nothing was solved.  lacks_temperature: whether the
-    sensor follows the temperature, and the table does not have it.  zero: of the displacements.
+    sensor follows the temperature, and the table does not have it.  unknown_temperatures: rows
+    without it, if the table has it.  zero: of the displacements.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
@@ -70,6 +72,7 @@ class StatusCounts:
     edges: int = 0
     unseen: Floats = field(default_factory=lambda: np.full(2, np.nan))
     lacks_temperature: bool = False
+    unknown_temperatures: int = 0
     zero: ZeroPose | None = None
 
     def add(
@@ -87,6 +90,8 @@ class StatusCounts:
         as of `solve_readings`."""
         self.statuses.update(status.tolist())
         self.lacks_temperature |= sensor.thermal.is_on and temperature is None
+        if sensor.thermal.is_on and temperature is not None:
+            self.unknown_temperatures += int((~np.isfinite(temperature)).sum())
         place = beam_place(sensor, place, temperature)
         exact = readings
         if found.misfit.any():
@@ -189,12 +194,24 @@ def missing_temperature(sensor: Sensor, options: Solve, source: str) -> str:
     )
 
 
+def unknown_temperatures(count: int, what: str) -> str:
+    """What it costs that some rows or samples (`what`) have no temperature; empty for none."""
+    if not count:
+        return ""
+    return (
+        f"{count} {what} have no value of {TEMPERATURE_COLUMN}, which sensor.temperature needs, "
+        "and therefore no pose."
+    )
+
+
 def add_temperature_uncertainty(
     sensor: Sensor, options: Solve, knowledge: Knowledge, found: Solution, temperature: Floats
 ) -> Solution:
     """The solution with the uncertainty of the temperature's coefficients."""
-    if found.covariance is None or found.calibration_covariance is None:
+    known = sensor.calibration
+    if found.covariance is None or known is None or not any(n in TEMPERATURE for n in known.names):
         return found
+    assert found.calibration_covariance is not None
     plan = make_plan(sensor, knowledge, options.method, temperature.shape)
     warmer = np.nan_to_num(temperature - sensor.thermal.reference)
     part = uncertainty_parts(
@@ -227,11 +244,16 @@ def readings_in(chunk: tables.Chunk) -> Floats:
     return np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
 
 
-def place_in(chunk: tables.Chunk) -> Floats | None:
-    """The beam's position (n, 2) in a table, mm."""
+def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | None:
+    """The beam's position (n, 2) in a table, mm, to which `solve_readings` adds its offset and what
+    follows the temperature. A table of poses, which states its uncertainty, contains both."""
     if not all(name in chunk.columns for name in BEAM_COLUMNS):
         return None
-    return np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
+    place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
+    if not all(name in chunk.columns for name in BEAM_UNCERTAINTIES):
+        return place
+    shift = beam_place(sensor, None, chunk.columns.get(TEMPERATURE_COLUMN))
+    return place - options.beam_offset - (0.0 if shift is None else shift)
 
 
 def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
@@ -242,7 +264,8 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
             "fast they change; add the column, or set the delays to 0"
         )
     temperature = chunk.columns.get(TEMPERATURE_COLUMN)
-    return solve_readings(sensor, options, readings_in(chunk), place_in(chunk), time, temperature)
+    place = place_in(sensor, options, chunk)
+    return solve_readings(sensor, options, readings_in(chunk), place, time, temperature)
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
@@ -439,7 +462,8 @@ def solve_table(
                 )  # fmt: skip
                 writer.write({**time, **columns})
                 count.add(
-                    config.sensor, options, readings_in(chunk), solution, status, place_in(chunk),
+                    config.sensor, options, readings_in(chunk), solution, status,
+                    place_in(config.sensor, options, chunk),
                     chunk.columns.get("time_s"), temperature,
                 )  # fmt: skip
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]

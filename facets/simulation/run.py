@@ -17,7 +17,7 @@ from ..core.sensor import Sensor
 from ..core.settings import Config, Solve
 from ..core.units import Floats
 from ..detectors.correction import invert_correction
-from ..detectors.noise import add_noise
+from ..detectors.noise import add_noise, fullness
 from ..estimation.differences import ZeroPose
 from ..estimation.object_pose import transform
 from ..estimation.solution import Solution, Status
@@ -42,7 +42,8 @@ class Segment:
 
     time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as solved, NaN for a detector that its
     spot misses.  place: (n, 2) the reported place of the beam, mm.  reached: (n, 3) whether the
-    spots lie on their detectors.  force: (n,) of a vibration's shaker, N.
+    spots lie on their detectors.  saturated: (n, 3) whether so much light fell on these that they
+    read nothing.  force: (n,) of a vibration's shaker, N.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Segment:
     readings: Floats
     place: Floats
     reached: NDArray[np.bool_]
+    saturated: NDArray[np.bool_]
     solution: Solution
     force: Floats | None = None
 
@@ -83,8 +85,9 @@ class AxisErrors:
 
 def read_detectors(
     sensor: Sensor, time: Floats, truth: Floats, noise: bool, rng: np.random.Generator
-) -> tuple[Any, Any]:
-    """Readings (n, 9) of a simulated bench, and whether spots reach their detectors (n, 3)."""
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Readings (n, 9) of a simulated bench, whether spots reach their detectors (n, 3), and whether
+    these are saturated (n, 3)."""
     state = add_pointing_jitter(sensor, truth, rng) if noise else truth
     exact = delayed_readings(sensor, time, truth, state)
     reached = is_on_detector(sensor, exact)
@@ -92,7 +95,9 @@ def read_detectors(
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
         exact[:, 2::3] *= 1 + share
     seen = add_noise(sensor, exact, rng) if noise else mask_missed_spots(sensor, exact, exact)
-    return invert_correction(sensor, seen), reached
+    # one that is dark reads nothing, either
+    saturated = reached & np.isnan(seen[:, 2::3]) & (fullness(sensor, exact) > 0.5)
+    return invert_correction(sensor, seen), reached, saturated
 
 
 def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
@@ -123,10 +128,10 @@ def simulate_motion(
     time, truth = states(config.motions[name], rng)
     if track:
         truth = simulate_following(config.sensor, config.stage, time, truth)
-    seen, reached = read_detectors(config.sensor, time, truth, noise, rng)
+    seen, reached, saturated = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
     solution = solve_readings(config.sensor, config.solve, seen, place, time)
-    return Segment(name, time, truth, seen, place, reached, solution, force)
+    return Segment(name, time, truth, seen, place, reached, saturated, solution, force)
 
 
 @check_arguments

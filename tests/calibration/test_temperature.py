@@ -130,6 +130,9 @@ def test_a_stop_of_a_recording_needs_its_temperature(calibrated):
     columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
     with pytest.raises(InputError, match="rec: there is no temperature_c"):
         average_stop(calibrated, columns, "rec")
+    unknown = {"temperature_c": np.full(500, np.nan)}
+    with pytest.raises(InputError, match="rec: temperature_c has no value"):
+        average_stop(calibrated, columns | unknown, "rec")
     stop = average_stop(calibrated, columns | {"temperature_c": np.full(500, 22.0)}, "rec")
     assert stop.warmer == pytest.approx([22.0 - calibrated.thermal.reference])
 

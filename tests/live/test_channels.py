@@ -15,12 +15,19 @@ from facets.experiments.kills import stream
 import facets
 from facets.core.channels import AuxiliaryChannel
 from facets.core.errors import InputError
-from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from facets.core.sensor import Calibration, Thermal
 from facets.detectors.calibrated import TEMPERATURE
 from facets.detectors.counts import readings_to_counts
-from facets.estimation.table import add_temperature_uncertainty, shift_per_kelvin
+from facets.estimation.table import (
+    add_temperature_uncertainty,
+    labels,
+    pose_columns,
+    shift_per_kelvin,
+    solve_table,
+)
 from facets.estimation.zero import ZeroRequest
+from facets.files.tables import read_chunks, write_table
 from facets.live import Playback, Run
 from facets.live.recording.pose_table import recorded_poses
 from facets.live.run.pipeline import Pipeline, join_poses
@@ -79,7 +86,7 @@ THERMAL = Thermal(20.0, beam=(2e-3, -1e-3), places=(0.0, -2e-3, 1e-3, -2e-3, 0.0
 def warm_stream(state, temperature):
     """Frames of the bench, whose channels are a force and a temperature (n,): the readings of one
     state (8,) follow the temperature as THERMAL has it, without noise but the converters'."""
-    warmer = temperature[:, None] - THERMAL.reference
+    warmer = np.nan_to_num(temperature - THERMAL.reference)[:, None]
     states = state + warmer * np.array([0, 0, 0, 0, 0, 0, *THERMAL.beam])
     readings = facets.readings(BENCH.sensor, states)
     readings[:, [0, 1, 3, 4, 6, 7]] += warmer * np.array(THERMAL.places)
@@ -115,6 +122,55 @@ def test_a_sensor_that_follows_the_temperature_takes_it_from_its_channel(beam):
     off = slopes(Pipeline(cold).feed(data, 1.0).solution.state)
     assert off == pytest.approx(shift_per_kelvin(config.sensor, solve) / sigma, rel=0.01, abs=0.1)
     assert np.abs(off).max() > 1
+
+
+def test_samples_without_a_temperature_are_counted_and_named():
+    config = with_channels(FORCE, HEAT)
+    config = replace(config, sensor=replace(config.sensor, thermal=THERMAL))
+    temperature = np.full(400, 21.0)
+    temperature[5:25] = np.nan
+    pipeline = Pipeline(config)
+    found = pipeline.feed(warm_stream(np.zeros(8), temperature), 1.0).solution
+    assert np.array_equal(~found.converged, np.isnan(temperature))
+    assert pipeline.temperature_sentence().startswith("20 samples have no value of temperature_c")
+    (text,) = pipeline.doubts.sentences()
+    assert text.startswith("5 % of the newest samples have no value of temperature_c")
+
+
+def test_a_table_that_a_replay_wrote_is_solved_to_the_same_poses(tmp_path):
+    """Its place of the beam contains what follows the temperature, and the offset."""
+    config = with_channels(FORCE, HEAT)
+    solve = replace(config.solve, beam="known", beam_offset=(0.003, -0.002))
+    config = replace(config, sensor=replace(config.sensor, thermal=THERMAL), solve=solve)
+    state = np.array([0, 0, 0, 0, 0, 0, 0.003, -0.002])
+    found = Pipeline(config).feed(warm_stream(state, np.linspace(17, 24, 400)), 1.0)
+    table = tmp_path / "replayed.csv"
+    columns = dict(zip(READING_COLUMNS, found.readings.T, strict=True))
+    columns |= {"temperature_c": found.channels["temperature_c"]}
+    columns |= pose_columns(found.solution, labels(found.solution, np.zeros(400, dtype=bool)))
+    write_table(table, columns, {})
+    again = tmp_path / "again.csv"
+    counts = solve_table(config, config.solve, table, again, {})
+    assert counts.misfit.flagged <= 1
+    whole = np.concatenate([[part.columns[name] for name in STATE_COLUMNS]
+                            for part in read_chunks(again, STATE_COLUMNS)], axis=1)  # fmt: skip
+    assert np.abs(whole.T * STATE_UNITS - found.solution.state).max() < 1e-9
+
+
+def test_a_board_s_poses_are_compared_with_those_without_the_temperature():
+    """Because its code does not follow it."""
+    config = with_channels(FORCE, HEAT)
+    config = replace(config, sensor=replace(config.sensor, thermal=THERMAL))
+    pipeline = Pipeline(config)
+    pipeline.board.came = 1
+    compared = []
+    pipeline.board.compare = lambda seq, solution: compared.append(solution.state)
+    data = warm_stream(np.zeros(8), np.full(250, 24.0))
+    here = pipeline.feed(data, 1.0).solution.state
+    cold = replace(config, sensor=replace(config.sensor, thermal=Thermal(20.0)))
+    expected = Pipeline(cold).feed(data, 1.0).solution.state
+    np.testing.assert_array_equal(compared[0], expected)
+    assert np.abs(here - expected).max() > 1e-4
 
 
 def test_a_run_without_a_temperature_that_the_sensor_follows_says_what_it_costs():

@@ -289,17 +289,19 @@ def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts():
         spoilt(batch)
         status = pipeline.solve(batch).solution.status
         for _ in range(rounds):
-            pipeline.doubts.add(batch.readings, batch.flags, np.zeros(40, bool))
+            pipeline.doubts.add(batch.readings, batch.flags, *np.zeros((2, 40), bool))
         live = Live(pipeline)
         assert [words in text for text in live.messages()] == ([True] if words else [])
         if words == "are saturated":
             assert pipeline.tally.statuses["saturated"] == 20
             assert (status[::2] == FULL).all()
         for _ in range(rounds):  # and no longer than it lasts
-            pipeline.doubts.add(np.ones((40, 9)), np.zeros(40, np.uint8), np.zeros(40, bool))
+            pipeline.doubts.add(np.ones((40, 9)), np.zeros(40, np.uint8), *np.zeros((2, 40), bool))
         assert live.messages() == []
         for _ in range(rounds):
-            pipeline.doubts.add(np.ones((40, 9)), np.zeros(40, np.uint8), np.arange(40) < 4)
+            pipeline.doubts.add(
+                np.ones((40, 9)), np.zeros(40, np.uint8), np.arange(40) < 4, np.zeros(40, bool)
+            )
         (text,) = live.messages()
         assert "10 % of the newest poses have a residual beyond chance" in text
 

@@ -14,7 +14,7 @@ from sensors import SENSORS
 import facets
 from facets import BenchLight, Rules
 from facets.characterization import ranges
-from facets.detectors.noise import least_light
+from facets.detectors.noise import fullness, least_light
 from facets.model.arrays import geometry_of
 from facets.pictures.page import clearance
 from facets.pictures.page.model import full_light, model
@@ -146,3 +146,24 @@ def test_the_page_knows_the_range_as_the_package_does(browser, name):
     for axis, one in zip(facets.axis_ranges(sensor, rules, np.zeros(6)), told["axes"], strict=True):
         assert [one["low"], one["high"]] == pytest.approx([axis.low, axis.high], abs=1e-7)
         assert [one["lowCause"], one["highCause"]] == [axis.low_cause, axis.high_cause]
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plain", "electronics"])
+def test_a_saturated_detector_reads_nothing(browser, name):
+    sensor = KINDS[name]
+    given = np.concatenate([np.zeros((41, 5)), np.zeros((41, 3))], axis=1)
+    given[:, 0], given[:, 1] = np.linspace(-0.5, 0.5, 41), 0.2
+    told = browser.ask(
+        "(() => {"
+        + model(sensor)
+        + f"""
+        return {json.dumps(given.tolist())}.map((state) => {{
+          const values = Model.readings(state);
+          return [Model.saturated(values), Model.noisy(values, 3).map(Number.isNaN)]; }}); }})()"""
+    )
+    wanted = fullness(sensor, facets.readings(sensor, given)) > 1
+    assert [one[0] for one in told] == wanted.tolist()
+    assert [one[1] for one in told] == np.repeat(wanted, 3, axis=1).tolist()
+    assert wanted.any() == (name == "electronics")

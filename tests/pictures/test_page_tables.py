@@ -150,7 +150,15 @@ def test_a_known_beam_is_where_the_table_of_readings_says(page):
     page.await_true("document.getElementById('row').textContent.includes('beam.csv: row 1')")
     assert np.abs(np.array(page.ask("page.state()")) - state).max() < 1e-9
     put(page, "at", 1)
-    assert "no pose: the place of the beam is missing" in text(page, "row")
+    assert "no pose: the table does not say where the known beam was" in text(page, "row")
+    drop(page, "guess.csv", f"{names},u_bx_mm\n{values},0.04,-0.03,0.001\n")
+    page.await_true("document.getElementById('row').textContent.includes('guess.csv: row 1')")
+    assert "the table does not say where the known beam was" in text(page, "row")
+    page.ask("PAGE.offset = [0.01, 0.02]")  # of a configuration's solve.beam_offset_um
+    drop(page, "beam.csv", f"{names}\n{values},0.03,-0.05\n")
+    page.await_true("document.getElementById('row').textContent.includes('beam.csv: row 1')")
+    assert np.abs(np.array(page.ask("page.state()")) - state).max() < 1e-9
+    page.ask("PAGE.offset = [0, 0]")
     put(page, "estimate-beam", "free")
 
 

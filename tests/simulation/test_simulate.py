@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from facets.cli.simulate import outcome
 
 import facets
 from facets import InputError, add_noise, simulate
+from facets.detectors.noise import fullness
 from facets.simulation.run import axes, pose_table, reading_table, statuses
 
 
@@ -89,3 +91,14 @@ def test_tables_have_a_row_a_sample():
         assert {len(column) for column in table.values()} == {1901}
     errors = pose_table(segments)["yaw_mrad"] - pose_table(segments)["true_yaw_mrad"]
     assert errors == pytest.approx(1e3 * np.concatenate([s.error[:, 5] for s in segments]))
+
+
+def test_samples_whose_detector_is_saturated_are_counted():
+    """A detector that its spot misses is not."""
+    config = facets.load("bench")
+    (segment,) = simulate(config, ["x-sweep"])
+    exact = facets.readings(config.sensor, segment.truth)
+    share = np.where(segment.reached, np.nan_to_num(fullness(config.sensor, exact)), 0.0)
+    assert (segment.saturated >= (share > 1.02)).all()
+    assert (segment.saturated <= (share > 0.98)).all()
+    assert "samples without PSD A: it was saturated" in outcome(segment)

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.names import DETECTORS
+from ...core.names import DETECTORS, TEMPERATURE_COLUMN
 from ...core.units import Floats
 from ...detectors.counts import SATURATED
 
@@ -16,7 +16,7 @@ LOOKED_AT = 5_000
 #: A share of them from which on it is said.
 NOTICED = 0.01
 
-BEYOND, FULL = "beyond chance", "saturated"
+BEYOND, FULL, COLD = "beyond chance", "saturated", "without a temperature"
 
 
 class Doubts:
@@ -31,9 +31,18 @@ class Doubts:
         self.counts: Counter[str] = Counter()
         self.said: list[str] = []
 
-    def add(self, readings: Floats, flags: NDArray[np.uint8], beyond: NDArray[np.bool_]) -> None:
-        """Some samples: readings (n, 9), flags (n,), and whose residual is beyond chance (n,)."""
+    def add(
+        self,
+        readings: Floats,
+        flags: NDArray[np.uint8],
+        beyond: NDArray[np.bool_],
+        unknown: NDArray[np.bool_],
+    ) -> None:
+        """Some samples: readings (n, 9), flags (n,), whose residual is beyond chance (n,), and
+        which lack the temperature that the sensor follows (n,)."""
         self.samples += len(flags)
+        if unknown.any():
+            self.counts[COLD] += int(unknown.sum())
         if beyond.any():
             self.counts[BEYOND] += int(beyond.sum())
         if flags.any():
@@ -59,6 +68,11 @@ class Doubts:
             found.append(
                 f"{self.percent(FULL)} of the newest samples are saturated: there is too much "
                 "light, or sensor.electronics.transimpedance_kohm is too high"
+            )
+        if self.share(COLD) > NOTICED:
+            found.append(
+                f"{self.percent(COLD)} of the newest samples have no value of "
+                f"{TEMPERATURE_COLUMN}, which sensor.temperature needs, and therefore no pose"
             )
         lost = [name for name in DETECTORS if self.share(name) > NOTICED]
         if lost:

@@ -32,6 +32,7 @@ from ...estimation.table import (
     beam_place,
     exact_readings,
     missing_temperature,
+    unknown_temperatures,
 )
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
@@ -141,10 +142,12 @@ class Tally:
     """What happened so far.
 
     samples: that came.  statuses: of those that are solved or given up.  misfit: of the poses,
-    those whose residual is beyond chance.
+    those whose residual is beyond chance.  unknown_temperatures: samples without the temperature
+    that the sensor follows.
     """
 
     samples: int = 0
+    unknown_temperatures: int = 0
     misfit: Misfit = field(default_factory=Misfit)
     statuses: Counter[str] = field(default_factory=Counter)
     flags: Counter[str] = field(default_factory=Counter)
@@ -293,8 +296,27 @@ class Pipeline:
         The estimator screens each sample first: one with too few detectors that have enough light,
         within their edges and below saturation, gets its status without a step.
         """
-        sensor, options = self.config.sensor, self.config.solve
         temperature = self.temperature_of(batch)
+        solution, knowledge, exact = self.estimate(batch, temperature)
+        unknown = np.zeros(len(batch), dtype=bool)
+        if temperature is not None:
+            unknown = ~np.isfinite(temperature)
+            self.tally.unknown_temperatures += int(unknown.sum())
+        self.tally.misfit.carried |= batch.encoder is not None
+        self.tally.misfit.add(
+            solution, self.config.sensor, knowledge, self.config.solve.method, exact
+        )
+        self.doubts.add(batch.readings, batch.flags, solution.misfit, unknown)
+        if self.board.came:  # which does not know the temperature
+            known = solution if temperature is None else self.estimate(batch, None)[0]
+            self.board.compare(batch.seq, known)
+        return self.finish(batch, name_causes(solution, batch.flags))
+
+    def estimate(
+        self, batch: Batch, temperature: Floats | None
+    ) -> tuple[Solution, Knowledge, Floats]:
+        """The solution of a batch, by what knowledge of the beam, and of which exact readings."""
+        sensor, options = self.config.sensor, self.config.solve
         time = 1e-6 * batch.time.astype(np.float64)
         exact = exact_readings(sensor, batch.readings, time, temperature)
         knowledge = self.knowledge(batch.host, batch.encoder, temperature)
@@ -310,11 +332,7 @@ class Pipeline:
             solution = add_temperature_uncertainty(
                 sensor, options, knowledge, solution, temperature
             )
-        self.tally.misfit.carried |= batch.encoder is not None
-        self.tally.misfit.add(solution, sensor, knowledge, options.method, exact)
-        self.doubts.add(batch.readings, batch.flags, solution.misfit)
-        self.board.compare(batch.seq, solution)
-        return self.finish(batch, name_causes(solution, batch.flags))
+        return solution, knowledge, exact
 
     def skip(self, batch: Batch) -> Poses:
         """The batch without poses, for want of time."""
@@ -338,10 +356,10 @@ class Pipeline:
         return batch.channels.get(TEMPERATURE_COLUMN)
 
     def temperature_sentence(self) -> str:
-        """What it costs that no channel has the temperature; empty if the sensor needs none."""
+        """What it costs that samples lack a temperature that the sensor follows; empty if none."""
         channels = {channel.column for channel in self.config.acquire.channels}
         if not self.config.sensor.thermal.is_on or TEMPERATURE_COLUMN in channels:
-            return ""
+            return unknown_temperatures(self.tally.unknown_temperatures, "samples")
         source = f"acquire.channels names no channel {TEMPERATURE_COLUMN}"
         return missing_temperature(self.config.sensor, self.config.solve, source)
 

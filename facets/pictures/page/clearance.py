@@ -66,17 +66,26 @@ def light_clearance(reading: Any, needed: Any, other: Any) -> float:
     return clearance
 
 
-def saturation_clearance(sensor: Sensor, reading: Any, full: float) -> float:
-    """The margin of duo-lateral detectors' amplifiers, as of `ranges.saturation_clearances`.
+def fullness(sensor: Sensor, reading: Any, full: float) -> Any:
+    """The largest currents of duo-lateral detectors over the end of their range, as of
+    `noise.fullness`: (3,).
 
-    full: the light whose current, all into one electrode, is at the end of its range; mW.
+    reading: (3, 3), mm and mW.  full: the light whose current, all into one electrode, is at the
+    end of its range; mW.
     """
-    most: float = LEAST_RATIO
+    shares = [0.0, 0.0, 0.0]
     for k in range(3):
         psd = sensor.psds[k]
         y = min(abs(reading[k][0]) / (psd.size_y / 2), 1.0)
         z = min(abs(reading[k][1]) / (psd.size_z / 2), 1.0)
-        share = reading[k][2] * (0.5 + max(y, z) / 2) / full
+        shares[k] = reading[k][2] * (0.5 + max(y, z) / 2) / full
+    return shares
+
+
+def saturation_clearance(sensor: Sensor, reading: Any, full: float) -> float:
+    """The margin of the amplifiers, as of `ranges.saturation_clearances`; as of `fullness`."""
+    most: float = LEAST_RATIO
+    for share in fullness(sensor, reading, full):
         if share > most:
             most = share
     clearance: float = -log(most)

@@ -10,7 +10,8 @@
   const range = (count) => Array.from({length: count}, (_, n) => n);
   let waiting = 0, last = null, drawn = null;
 
-  const asked = () => ({beam: $("estimate-beam").value, power: $("estimate-power").value});
+  // What is known; place: where a known beam is, mm.
+  const asked = () => ({beam: $("estimate-beam").value, power: $("estimate-power").value, place: PAGE.offset});
   const seed = () => Math.trunc(+$("estimate-seed").value) || 0;
 
   function cells(...texts) {
@@ -54,8 +55,8 @@
     const check = Number.isFinite(found.limit)
       ? `residual ${Digits.fixed(found.residual, 2)} (noise alone leaves up to ${Digits.fixed(found.limit, 2)})`
       : "nothing checks this pose";
-    const off = asked().beam === "known" && (state[6] !== 0 || state[7] !== 0);
-    const warning = off ? " The beam is not at 0, 0, where the solver takes it to be: the pose is off by about as much." : "";
+    const {beam, place} = asked(), off = beam === "known" && place.some((x, n) => x !== state[6 + n]);
+    const warning = off ? ` The beam is not at ${place.map((x) => Digits.short(x)).join(", ")}, where the solver takes it to be: the pose is off by about as much.` : "";
     page.say("estimate-said", found.converged ? `Converged after ${steps}; ${check}.${warning}`
       : `No pose: ${found.status}, after ${steps}.${warning}`, off || !found.ok);
   }

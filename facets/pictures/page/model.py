@@ -79,6 +79,7 @@ SOLVED = (
     clearance.ends_of_spots,
     clearance.spot_clearance,
     clearance.light_clearance,
+    clearance.fullness,
     clearance.saturation_clearance,
     gradient.linearise,
     doubts.sample_sizes,
@@ -150,6 +151,8 @@ return {{
   // The standard deviations of nine readings, and readings with noise; see noise.js.
   deviations: (values) => Noise.deviations(sensor, values),
   noisy: (values, seed) => Noise.sample(sensor, values, seed),
+  // Whether so much light falls on each detector (3) that it reads nothing.
+  saturated: (values) => Noise.saturated(sensor, values),
 }};
 }})();
 """

@@ -2,6 +2,7 @@
 //
 //   Noise.deviations(sensor, values)    standard deviations (9) of readings (9); mm, mW
 //   Noise.sample(sensor, values, seed)  the readings with noise; the same seed gives the same
+//   Noise.saturated(sensor, values)     whether each detector is saturated (3)
 
 const Noise = (() => {
   function variance(sensor, k, [psi, zeta, power]) {
@@ -39,15 +40,21 @@ const Noise = (() => {
     return () => Math.sqrt(-2 * Math.log(next())) * Math.cos(2 * Math.PI * next());
   }
 
-  // A detector that its spot misses reads nothing.
+  // Whether the light on each detector drives an amplifier past the end of its range.
+  function saturated(sensor, values) {
+    const nested = [0, 1, 2].map((k) => values.slice(3 * k, 3 * k + 3));
+    return clearance_fullness(sensor, nested, RANGE.full).map((share) => share > 1);
+  }
+
+  // A detector that its spot misses reads nothing, and neither does one that is saturated.
   function sample(sensor, values, seed) {
-    const next = normal(seed), noisy = deviations(sensor, values).map((s, n) => values[n] + s * next());
+    const full = saturated(sensor, values), next = normal(seed), noisy = deviations(sensor, values).map((s, n) => values[n] + s * next());
     sensor.psds.forEach(({size_y, size_z}, k) => {
       const inside = Math.abs(values[3 * k]) <= size_y / 2 && Math.abs(values[3 * k + 1]) <= size_z / 2;
-      if (!inside) noisy.fill(NaN, 3 * k, 3 * k + 3);
+      if (!inside || full[k]) noisy.fill(NaN, 3 * k, 3 * k + 3);
     });
     return noisy;
   }
 
-  return {deviations, sample};
+  return {deviations, sample, saturated};
 })();

@@ -38,6 +38,9 @@ const page = (() => {
     }
     if (lost && !(power > 0)) return `No light gets from facet ${name} to its detector.`;
     if (lost) return `So little light gets from facet ${name} to its detector that its place is lost.`;
+    if (Model.saturated(readings)[k]) {
+      return `Detector ${name} is saturated, and reads nothing: the numbers say where its light goes.`;
+    }
     return power > 0 ? "" : `There is no light on detector ${name}.`;
   }
 

@@ -71,6 +71,7 @@ def rig_page(
         "omitted": omitted_keys(sensor),
         "estimate": estimate_sentences(sensor),
         "knowledge": {} if config is None else knowledge_of(config),
+        "offset": [0.0, 0.0] if config is None else list(config.solve.beam_offset),
     }
     parts = {
         "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),

@@ -27,11 +27,12 @@
         `the readings (${READINGS.join(", ")}). For a ${what} it lacks ${closest.join(", ")}; its first ` +
         `line has ${names.filter(Boolean).slice(0, 12).join(", ") || "no names"}. See that the first line names the columns.`);
     }
-    // beside an uncertainty the beam's place is an estimate, made of the readings themselves
-    const beam = names.includes("u_bx_mm") ? [-1, -1] : place(["bx_mm", "by_mm"]);
+    const beam = place(["bx_mm", "by_mm"]);
     return {
       pose: without[0].length ? null : pose, readings: without[1].length ? null : readings,
       beam: without[0].length && !beam.includes(-1) ? beam : null,
+      // beside its uncertainty it is an estimate, made of the readings themselves
+      guessed: names.includes("u_bx_mm"),
       time: names.indexOf(TIMES.find((name) => names.includes(name))), status: names.indexOf("status"),
       motion: names.indexOf("motion"),
     };
@@ -62,7 +63,7 @@
       };
       if (columns.pose) table.pose.push(columns.pose.map((n) => (n < 0 ? 0 : value(n))));
       if (columns.readings) table.readings.push(columns.readings.map(value));
-      if (columns.beam) table.beam.push(columns.beam.map(value));
+      if (columns.beam) table.beam.push(columns.beam.map((n) => (columns.guessed ? NaN : value(n))));
       if (columns.time >= 0) table.time.push(value(columns.time));
       for (const name of ["status", "motion"]) if (columns[name] >= 0) table[name].push(data[columns[name]]);
       table.count++;
@@ -173,14 +174,15 @@
   // Own readings ------------------------------------------------------------------------------------
 
   // A pose from readings: the state, or why there is none; why is also said of a pose that is doubtful.
-  // place: where the beam was, mm, if that was measured.
-  function solve(readings, place) {
-    const knowledge = {...page.knowledge(), place}, refusal = Model.refusal(knowledge);
+  // measured: where the beam was, mm, if that was measured: then `solve.beam_offset_um` comes to it.
+  function solve(readings, measured = [0, 0]) {
+    const knowledge = page.knowledge(), refusal = Model.refusal(knowledge);
     if (refusal) return {state: null, why: refusal};
-    if (knowledge.beam === "known" && place && !place.every(Number.isFinite)) {
-      return {state: null, why: "the place of the beam is missing"};
+    if (knowledge.beam === "known" && !measured.every(Number.isFinite)) {
+      return {state: null, why: "the table does not say where the known beam was"};
     }
-    const found = Model.solve(readings, knowledge);
+    const place = measured.map((x, n) => x + knowledge.place[n]);
+    const found = Model.solve(readings, {...knowledge, place});
     if (found.status !== "converged") return {state: null, why: found.status, found};
     return {state: found.state, why: found.ok ? "" : "the readings fit no pose within their noise", found};
   }
