@@ -54,8 +54,6 @@ def bench(
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
     files.tables.refuse_to_overwrite([folder / name for name in names], force)
     about = facts(seed)
-    if gone := benchmarks.peers.missing(*benchmarks.peers.PACKAGES):
-        typer.echo(f'left out, not installed: {", ".join(gone)}  (extra "bench-peers")\n')
     with files.tables.ResultSet():
         results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
         with files.tables.Whole(folder / "machine.json") as temporary:

@@ -19,7 +19,6 @@ from ..design.search import solve_from, starts_of
 from ..design.variables import sensor_of
 from ..design.volume import states_of
 from ..model.arrays import half_sizes, margins, readings
-from .casadi_layout import CasadiLayout
 
 Row = dict[str, Any]
 #: Limit of the search for one axis's range, mm and rad.
@@ -33,7 +32,6 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     bounds = {name: config.layout.variables[name] for name in names}
     layout = replace(config.layout, variables=bounds, starts=1)
     fast_start, built, best = optimise_with_facets(config.sensor, layout)
-    slow_start, slow_built, whole = optimise_with_casadi(config.sensor, layout)
     slow, value = optimise_with_scipy(config.sensor, layout, names)
     space = Space(config.sensor, config.range, config.layout, "sobol", 16 if quick else 64, seed)
     drawn = designs(space)
@@ -48,10 +46,8 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     )
     return [
         row("a start of the best layout by IPOPT", fast_start, fast_start, best),
-        row("the same by casadi's own derivatives", slow_start, fast_start, whole),
         row("the same by SciPy SLSQP with differences", slow, fast_start, value),
         row("its problem built", built, built, np.nan),
-        row("the same by casadi with its derivatives", slow_built, built, np.nan),
         row("ranges and resolution of a design", fast, fast, np.nan),
         row("the same where rivals are known", against, fast, np.nan),
         row("ranges of a design by SciPy brentq", scalar, fast, np.nan),
@@ -72,15 +68,6 @@ def optimise_with_facets(sensor: Any, layout: Any) -> tuple[float, float, float]
     built = time.process_time()
     best = solve_from(problem, starts_of(problem, layout)[0])
     return time.process_time() - built, built - begin, float(np.sqrt(best.objective))
-
-
-def optimise_with_casadi(sensor: Any, layout: Any) -> tuple[float, float, float]:
-    """Do the same with all constraints and casadi's own derivatives."""
-    begin = time.process_time()
-    problem = CasadiLayout(sensor, layout)
-    built = time.process_time()
-    _, best = problem.solve()
-    return time.process_time() - built, built - begin, float(np.sqrt(best))
 
 
 def mean_call_time(function: Any, drawn: Floats) -> float:

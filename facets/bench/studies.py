@@ -14,7 +14,7 @@ from ..model.arrays import jacobian, parameters, readings
 from ..model.threads import cores
 from ..optics.forward import build_geometry
 from ..optics.forward import readings as text
-from . import casadi_rival, peers, rivals
+from . import rivals
 from .clock import Contender, Timing, alternate
 
 Row = dict[str, Any]
@@ -75,7 +75,7 @@ def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
         Contender(f"{count} random rays", lambda s: rivals.rays(s, random(count, seed)), 2),
         Contender(f"{count} Sobol rays", lambda s: rivals.rays(s, sobol(count, seed)), 2),
     ]
-    return made + peers.forward(quick, seed)
+    return made
 
 
 def forward(quick: bool, seed: int) -> list[Row]:
@@ -152,9 +152,6 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
             poses,
         ),
         Contender(
-            "casadi Newton on Gauss-Legendre 12", casadi_rival.solver(), 100 if quick else 1000
-        ),
-        Contender(
             "fsolve on Gauss-Legendre 12", lambda r: solve_by(fsolve_root, twelve)(r[:, :9]), 10
         ),
         Contender(
@@ -171,7 +168,7 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
                 1,
             )
         )
-    return contenders + peers.inverse(quick)
+    return contenders
 
 
 def inverse(quick: bool, seed: int) -> list[Row]:

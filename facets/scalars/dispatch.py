@@ -3,9 +3,8 @@
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
 They then run as plain floats, as numbers that write code (`tracing`), inside loops that Numba
 compiles (`model.jit` gives each function here a compiled twin), and in high precision (mpmath);
-what is only geometry runs on arrays, as rigorous intervals (`intervals`) and with casadi's symbols
-(`casadi_symbols`) too. A formula holds no decimal literal, because a rounded constant would spoil a
-40-digit run.
+what is only geometry runs on arrays and as rigorous intervals (`intervals`), too. A formula holds
+no decimal literal, because a rounded constant would spoil a 40-digit run.
 
 A derivative is carried along by `dual.Dual`, over numbers of these kinds; in loops that Numba
 compiles, times STEP in the imaginary parts of complex numbers.
@@ -40,10 +39,6 @@ def library(x: Number) -> Any:
         return math
     if hasattr(x, "context"):
         return x.context
-    if type(x).__module__.startswith("casadi"):
-        from . import casadi_symbols
-
-        return casadi_symbols
     if type(x).__module__ == "numpy":
         return numpy
     if hasattr(x, "library"):  # `dual.Dual` and `tracing.Value` name their modules
@@ -128,6 +123,4 @@ def nan_unless_positive(value: Number, a: Number, b: Number, c: Number) -> Numbe
     first = real(a)
     if hasattr(first, "writer"):
         return first.library.nan_unless_positive(value, first, real(b), real(c))
-    if type(value).__module__.startswith("casadi"):
-        return value
     return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

@@ -86,12 +86,6 @@ def test_a_bound_spares_what_is_not_cut(results):
     assert cuts["beam at 1/e^2"] == 1
 
 
-@pytest.mark.slow
-def test_casadi_finds_the_same_poses(results):
-    inverse = read(results, "inverse").set_index("way")
-    assert inverse.length_error_mm["casadi Newton on Gauss-Legendre 12"] < 1e-8
-
-
 def test_rivals_agree_with_each_other():
     states = rivals.states_in_range(4, seed=2)
     exact = facets.readings(rivals.SENSOR, states)

@@ -18,7 +18,6 @@ from facets.core.layout import LaserPart, PsdPart
 from facets.design.exploration import meets
 from facets.design.problem import problem_of
 from facets.design.rounding import round_design, step_of
-from facets.design.search import solve_from, starts_of
 from facets.design.spots import ellipse_clearances
 from facets.design.variables import (
     columns_of_states,
@@ -167,17 +166,6 @@ def test_an_independent_optimiser_finds_no_better():
     found = minimize(objective, [200, 1.0], method="Nelder-Mead", options={"xatol": 1e-4})
     assert found.fun > 0.999 * np.sqrt(best.objective)
     assert found.fun == pytest.approx(np.sqrt(best.objective), rel=5e-3)
-
-
-@pytest.mark.slow
-def test_the_optimum_is_that_of_all_constraints_with_casadis_own_derivatives():
-    from facets.bench.casadi_layout import CasadiLayout
-
-    x, objective = CasadiLayout(CONFIG.sensor, CONFIG.layout).solve()
-    problem = replace(problem_of(CONFIG.sensor, CONFIG.layout), span=None)  # at the states alone
-    best = solve_from(problem, starts_of(problem, CONFIG.layout)[0])
-    assert best.objective == pytest.approx(objective, rel=1e-6)
-    np.testing.assert_allclose(best.x, x, rtol=1e-4)
 
 
 @pytest.mark.study

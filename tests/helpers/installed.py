@@ -37,7 +37,7 @@ PACKAGES = {
     "configs": "facets/configs",
 }
 #: Extras that are not for users, or need a driver by the maker of some hardware.
-LEFT_OUT = ("bench-peers", "ni", "thorlabs")
+LEFT_OUT = ("ni", "thorlabs")
 
 
 def run(*words: str | Path, cwd: Path) -> None:
