@@ -117,17 +117,6 @@ def seed_option(default: str = "") -> typer.models.OptionInfo:
     return option
 
 
-def filter_option(places: str) -> typer.models.OptionInfo:
-    """`--filter MODEL`."""
-    option: typer.models.OptionInfo = typer.Option(
-        "--filter",
-        metavar="MODEL",
-        help="Also filter the poses, by a motion model: MODEL is acceleration, speed or place, "
-        f"whichever is nearly constant. The filtered poses are {places}.",
-    )
-    return option
-
-
 ConfigName = Annotated[
     str,
     typer.Argument(

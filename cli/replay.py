@@ -21,7 +21,6 @@ from .options import (
     RecordingName,
     Web,
     Zero,
-    filter_option,
     output_option,
 )
 from .places import choose_point, zero_of
@@ -59,7 +58,6 @@ Smooth = Annotated[
         "MODEL is acceleration, speed or place, whichever is nearly constant.",
     ),
 ]
-Filter = Annotated[str | None, filter_option("written to -o, or sent with --publish")]
 
 
 def replay(
@@ -71,7 +69,6 @@ def replay(
     recover: Recover = False,
     compare: Compare = False,
     smooth: Smooth = None,
-    filter_by: Filter = None,
     publish: Publish = None,
     web: Web = None,
     point: Point = None,
@@ -88,7 +85,7 @@ def replay(
     """
     if recover and output is None:
         output = recording / "recovered.parquet"
-    live.refuse_output(output, force, smooth, filter_by, publish or ())
+    live.refuse_output(output, force, smooth)
     live.require_packages(publish, web)
     playback = live.Playback(
         recording,
@@ -99,10 +96,10 @@ def replay(
     )
     poses = playback.poses(real_time, recover)
     if publish:
-        poses = playback.publish_poses(poses, publish, filter_by, tell, typer.echo)
+        poses = playback.publish_poses(poses, publish, tell, typer.echo)
     with open_page(playback, web) as page:
         found, is_same = playback.finish(
-            page.following(poses) if page else poses, output, smooth, filter_by, compare, config
+            page.following(poses) if page else poses, output, smooth, compare, config
         )
         typer.echo("\n".join([*found, str(output)] if recover else found))
         if page and is_same:

@@ -13,12 +13,11 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from .peers import missing
 
 Row = dict[str, Any]
 
@@ -41,7 +40,7 @@ def live(quick: bool, seed: int) -> list[Row]:
     """
     if quick or sys.platform == "win32":
         return [{"run": "left out", "p99_ms": np.nan, "worst_p99_ms": np.nan, "lost": np.nan}]
-    return [row(name, seed) for name in RUNS if name != PAGE or not missing("aiohttp")]
+    return [row(name, seed) for name in RUNS if name != PAGE or find_spec("aiohttp")]
 
 
 def row(name: str, seed: int) -> Row:

@@ -23,7 +23,6 @@ from .run.live import Live
 from .run.loop import Ending, acquire
 from .run.pipeline import Pipeline
 from .run.reader import Reader
-from .run.smoothing import require_model
 from .stage_setup import check_sentences, open_tracker, refuse_board
 from .streams.publication import Publications, require_packages
 from .streams.sample_rows import row_content
@@ -99,7 +98,6 @@ class Run:
         max_loss: float = 0.001,
         compare: bool = False,
         publish: Sequence[str] = (),
-        filter_by: str | None = None,
         web: str | None = None,
         page_scripts: dict[str, str] | None = None,
         zero: ZeroRequest | None = None,
@@ -131,9 +129,8 @@ class Run:
         max_loss, compare
             Largest share of lost samples in a good run, and whether poses that differ from the
             board's poses make a run bad.
-        publish, filter_by
-            Addresses at which samples are published, and the model of a filter whose poses are
-            published beside the raw ones.
+        publish
+            Addresses at which samples are published.
         web, page_scripts
             Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
             `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
@@ -151,7 +148,7 @@ class Run:
             If the board or the stage cannot be opened. All parts opened before are then closed
             again, and an empty recording is removed.
         """
-        refuse_options(track, check_stage, seconds, publish, filter_by)
+        refuse_options(track, check_stage, seconds)
         port = require_port(port or config.acquire.port, "--port", "acquire.port")
         moves_stage = track or check_stage
         if moves_stage:
@@ -165,7 +162,7 @@ class Run:
             if record:
                 run.begin_recording(folder)
             if publish or web is not None:
-                run.publish(publish, filter_by, track, web, page_scripts, tell)
+                run.publish(publish, web, page_scripts, tell)
             if moves_stage:
                 run.open_stage(stage_port, search, check_stage, tell)
             run.reader = Reader(config, port, reconnect, run.live, tell)
@@ -197,17 +194,13 @@ class Run:
     def publish(
         self,
         addresses: Sequence[str],
-        filter_by: str | None,
-        carried: bool,
         web: str | None,
         page_scripts: dict[str, str] | None,
         tell: Tell,
     ) -> None:
-        """Begin to publish samples; report where.  carried: whether a stage carries the beam."""
-        self.publications = Publications(
-            addresses, self.config, filter_by=filter_by, carried=carried,
-            objects=self.live.pipeline.object_poses,
-        )  # fmt: skip
+        """Begin to publish samples; report where."""
+        objects = self.live.pipeline.object_poses
+        self.publications = Publications(addresses, self.config, objects=objects)
         self.live.sinks.append(self.publications)
         if addresses:
             tell(f"publishing at {', '.join(self.publications.places())}")
@@ -294,13 +287,7 @@ def resolve_object(config: Config) -> Config:
     return replace(config, resolved=resolved, sha256=fingerprint(resolved))
 
 
-def refuse_options(
-    track: bool,
-    check_stage: bool,
-    seconds: float | None,
-    publish: Sequence[str],
-    filter_by: str | None,
-) -> None:
+def refuse_options(track: bool, check_stage: bool, seconds: float | None) -> None:
     """Raise `InputError` for options that contradict each other."""
     if check_stage and track:
         raise InputError("--check-stage and --track both move the stage; check it first")
@@ -308,10 +295,6 @@ def refuse_options(
         raise InputError(
             "--seconds 0 would end at once; give more, or leave the option out to run until Ctrl-C"
         )
-    if filter_by is not None:
-        require_model("--filter", filter_by)
-        if not publish:
-            raise InputError("--filter needs --publish: filtered poses go to other programs")
 
 
 def require_port(port: str | None, option: str, key: str) -> str:

@@ -8,8 +8,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..core.channels import describe_channels
 from ..core.errors import InputError
 from ..core.extras import require_extra
@@ -23,10 +21,9 @@ from .recording.replay import label, recorded_config, replay
 from .run.pipeline import Pipeline, Poses, join_poses
 from .run.pulses import PulseClock, pulse_columns
 from .run.smoothing import require_model, smoothed_columns
-from .streams.filtered_rows import RowFilter
 from .streams.mcap_file import McapFile
 from .streams.publication import Publications
-from .streams.sample_rows import row_content, rows_of
+from .streams.sample_rows import row_content
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -96,7 +93,6 @@ class Playback:
         poses: Iterable[Poses],
         path: Path | None,
         smooth: str | None,
-        filter_by: str | None,
         compare: bool,
         config_name: str | None,
     ) -> tuple[list[str], bool]:
@@ -105,9 +101,9 @@ class Playback:
         The other arguments are those of `write` and `compare`. Returns the sentences for the user,
         and whether no comparison found a difference.
         """
-        if compare or smooth or filter_by:
+        if compare or smooth:
             poses = list(poses)
-        written = list(self.write(path, poses, smooth, filter_by)) if path else []
+        written = list(self.write(path, poses, smooth)) if path else []
         compared, is_same = self.compare(poses, config_name) if compare else ([], True)
         deque(poses, maxlen=0)  # solve all poses, even if no output uses them
         return [*self.sentences(), *written, *compared], is_same
@@ -116,7 +112,6 @@ class Playback:
         self,
         poses: Iterable[Poses],
         addresses: Sequence[str],
-        filter_by: str | None,
         tell: Callable[[str], None],
         say: Callable[[str], None],
     ) -> Iterator[Poses]:
@@ -126,9 +121,7 @@ class Playback:
         """
         offset = utc_offset(self.folder)
         objects = self.pipeline.object_poses
-        with Publications(
-            addresses, self.config, True, offset, filter_by, objects=objects
-        ) as publications:
+        with Publications(addresses, self.config, True, offset, objects) as publications:
             tell(f"publishing at {', '.join(publications.places())}")
             for part in poses:
                 publications.add_poses(part)
@@ -156,13 +149,11 @@ class Playback:
             if text:
                 yield f"  {text}"
 
-    def write(
-        self, path: Path, poses: Iterable[Poses], smooth: str | None, filter_by: str | None
-    ) -> Iterator[str]:
+    def write(self, path: Path, poses: Iterable[Poses], smooth: str | None) -> Iterator[str]:
         """Write poses to a table or an MCAP file; yield the sentences for the user.
 
-        smooth, filter_by: the model of a motion by which poses are smoothed, or filtered as in a
-        live run, in columns beside the raw ones. Raises `InputError` if there are no samples.
+        smooth: the model of a motion by which poses are smoothed, in columns beside the raw ones.
+        Raises `InputError` if there are no samples.
         """
         about = provenance.provenance_header(self.config)
         about |= describe_channels(self.config.acquire.channels)
@@ -170,9 +161,7 @@ class Playback:
         if objects.request is not None and objects.zero is not None:
             about["zero"] = zero_text(objects.request, objects.zero)
         content = row_content(self.config, objects)
-        if filter_by:
-            yield self.write_with_filter(path, list(poses), filter_by, about)
-        elif smooth:
+        if smooth:
             yield self.write_with_smoothing(path, list(poses), smooth, about)
         elif is_mcap(path):
             offset = utc_offset(self.folder) or 0.0
@@ -195,20 +184,6 @@ class Playback:
                 raise InputError(f"{self.folder}: {self.pipeline.object_poses.sentences()[0]}")
             held.append(part)
         return chain(held, rest)
-
-    def write_with_filter(
-        self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
-    ) -> str:
-        """Write the table of poses, with the poses that a live filter gives beside them."""
-        refuse_nothing(path, poses)
-        with_covariance = self.pipeline.object_poses.covariance
-        carried = self.pipeline.tally.misfit.carried
-        rows = RowFilter(self.config, model, carried, with_covariance)
-        wide = np.concatenate([rows.widen(rows_of(part, 0.0)) for part in poses])
-        columns = {name: wide[name] for name in rows.names}
-        about = about | {"filtered": f"constant {model}"}
-        tables.write_table(path, {**label(join_poses(poses)), **columns}, about)
-        return f"  filtered by constant {model}; {rows.sentence}"
 
     def write_with_smoothing(
         self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
@@ -273,30 +248,12 @@ def is_mcap(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".mcap"
 
 
-def refuse_models(smooth: str | None, filter_by: str | None) -> None:
-    """Raise `InputError` for an unknown model of a motion, and for two models."""
+def refuse_output(path: Path | None, force: bool, smooth: str | None) -> None:
+    """Raise `InputError` for an output that cannot be written, or options that contradict."""
     if smooth:
         require_model("--smooth", smooth)
-    if filter_by:
-        require_model("--filter", filter_by)
-    if smooth and filter_by:
-        raise InputError("--filter and --smooth exclude each other; give one of them")
-
-
-def refuse_output(
-    path: Path | None,
-    force: bool,
-    smooth: str | None,
-    filter_by: str | None,
-    publish: Sequence[str],
-) -> None:
-    """Raise `InputError` for an output that cannot be written, or options that contradict."""
-    refuse_models(smooth, filter_by)
-    is_table = path is not None and not is_mcap(path)
-    if smooth and not is_table:
-        raise InputError("--smooth needs -o, a table for the smoothed poses")
-    if filter_by and not publish and not is_table:
-        raise InputError("--filter needs -o, a table for the filtered poses, or --publish")
+        if path is None or is_mcap(path):
+            raise InputError("--smooth needs -o, a table for the smoothed poses")
     if path is None:
         return
     if is_mcap(path):

@@ -37,10 +37,7 @@ COLUMNS = {
         "u_noise",
         "u_calibration",
         "smooth",
-        "filtered",
         "smooth_object",
-        "filtered_object",
-        "u_filtered",
         "expanded",
         *OBJECTS,
     )

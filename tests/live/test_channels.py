@@ -32,7 +32,6 @@ from facets.live import Playback, Run
 from facets.live.recording.pose_table import recorded_poses
 from facets.live.run.pipeline import Pipeline, join_poses
 from facets.live.sources.frames import Samples, encode, parser
-from facets.live.streams.filtered_rows import RowFilter
 from facets.live.streams.json_rows import json_of
 from facets.live.streams.publication import Publications
 from facets.live.streams.row_stream import same_columns
@@ -204,11 +203,10 @@ def test_published_rows_and_texts_have_the_channels_with_their_units():
     for column in ("force_n", "temperature_c"):
         np.testing.assert_array_equal(rows[column], poses.channels[column])
     np.testing.assert_array_equal(rows["residual"], poses.solution.residual)
-    for some in (rows, RowFilter(config, "speed").widen(rows)):
-        texts = [json.loads(text) for text in json_of(some)]
-        assert texts[0]["channels"]["force_n"] == pytest.approx(rows["force_n"][0], rel=1e-8)
-        assert "force_n" not in texts[4]["channels"]  # it has no value
-        assert texts[4]["pose"].keys() == texts[0]["pose"].keys()
+    texts = [json.loads(text) for text in json_of(rows)]
+    assert texts[0]["channels"]["force_n"] == pytest.approx(rows["force_n"][0], rel=1e-8)
+    assert "force_n" not in texts[4]["channels"]  # it has no value
+    assert texts[4]["pose"].keys() == texts[0]["pose"].keys()
     with (
         Publications(["zmq://127.0.0.1:0"], config, True, utc_offset=5.0) as publications,
         Subscription(publications.places()[0]) as subscription,
@@ -261,7 +259,7 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     np.testing.assert_allclose(live["temperature_c"], sine, atol=1e-6)
     playback = Playback(tmp_path / "rec")
     table = tmp_path / "poses.parquet"
-    sentences, is_same = playback.finish(playback.poses(), table, None, None, True, None)
+    sentences, is_same = playback.finish(playback.poses(), table, None, True, None)
     assert is_same, sentences
     columns = pq.read_table(table)
     np.testing.assert_array_equal(columns["force_n"].to_numpy(), live["force_n"])
@@ -272,7 +270,7 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
 
 def assert_in_mcap(playback, path, force):
     reader = pytest.importorskip("mcap.reader")
-    list(playback.write(path, playback.poses(), None, None))
+    list(playback.write(path, playback.poses(), None))
     with path.open("rb") as file:
         found = list(reader.make_reader(file).iter_messages(topics=["/facets/sample"]))
     schema = json.loads(found[0][0].data)

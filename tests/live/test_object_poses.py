@@ -26,7 +26,6 @@ from facets.live.run.pipeline import Pipeline, join_poses
 from facets.live.run.smoothing import smoothed_columns
 from facets.live.run.view import Screen, values
 from facets.live.sources.frames import SIZE, Samples, pack
-from facets.live.streams.filtered_rows import RowFilter
 from facets.live.streams.json_rows import json_of
 from facets.live.streams.publication import Publications
 from facets.live.streams.row_stream import kept_dtype, same_columns
@@ -188,30 +187,14 @@ def test_views_show_the_object():
     assert "displacement yaw" in screen.export_text()
 
 
-def test_filtered_and_smoothed_poses_of_the_object_err_as_stated():
-    state = motion(9_000)
+def test_smoothed_poses_of_the_object_err_as_stated():
+    state = motion(2_000)
     state[:, :3] *= 0.1
-    _, poses = solve(WITH_OBJECT, data=board(state))
-    rows = rows_of(poses, 0.0)
-    one = RowFilter(WITH_OBJECT, "acceleration", covariance=True)
-    one.filter.late = 0.0  # these counts are those of electronics without a delay
-    wide = np.concatenate([one.widen(rows[n : n + 250]) for n in range(0, len(rows), 250)])
     places, turns = truth(state)
-    there = np.isfinite(wide["filtered_object_tx_mm"])
-    assert there.mean() > 0.4
-    assert (np.isfinite(wide["filtered_tx_mm"]) == there).all()
-    over = errors(wide[there], "filtered_object_", places[there], turns[there])
-    assert np.sqrt(np.mean(over**2)) == pytest.approx(1, abs=0.25)
-    np.testing.assert_allclose(
-        np.sqrt(wide["cov_filtered_tz_tz_mm2"][there]), wide["u_filtered_tz_mm"][there], rtol=1e-3
-    )
-    text = json.loads(json_of(wide[there][:1])[0])
-    assert len(text["filtered_object"]) == 12 + 21 + 21
-    part = slice(0, 2_000)
-    solution = solve(WITH_OBJECT, data=board(state[part]))[1].solution
+    solution = solve(WITH_OBJECT, data=board(state))[1].solution
     time = PERIOD_S * np.arange(2_000)
     columns, _ = smoothed_columns(WITH_OBJECT, time, solution, False, "acceleration")
-    over = errors(columns, "smooth_object_", places[part], turns[part])
+    over = errors(columns, "smooth_object_", places, turns)
     assert np.sqrt(np.mean(over**2)) == pytest.approx(1, abs=0.25)
 
 
@@ -258,7 +241,7 @@ def test_a_recording_keeps_its_point_and_is_replayed_to_the_bit(tmp_path):
 def test_subscribers_are_told_of_the_object():
     pipeline, poses = solve(WITH_OBJECT, data=DATA[: 500 * SIZE])
     with (
-        Publications(["zmq://127.0.0.1:0"], WITH_OBJECT, True, utc_offset=5.0, filter_by="speed",
+        Publications(["zmq://127.0.0.1:0"], WITH_OBJECT, True, utc_offset=5.0,
                      objects=pipeline.object_poses) as publications,
         Subscription(publications.places()[0]) as subscription,
     ):  # fmt: skip
@@ -267,7 +250,6 @@ def test_subscribers_are_told_of_the_object():
     np.testing.assert_array_equal(
         came["object_yaw_mrad"], poses.object["object_yaw_mrad"][: len(came)]
     )
-    assert "u_filtered_object_tz_mm" in came.dtype.names
 
 
 def test_a_bluesky_device_describes_the_object():

@@ -22,7 +22,6 @@ from facets.live.recording.pose_table import join_columns, pose_columns
 from facets.live.run.pipeline import Pipeline
 from facets.live.streams import publication as module
 from facets.live.streams import zeromq
-from facets.live.streams.filtered_rows import RowFilter
 from facets.live.streams.json_rows import json_of
 from facets.live.streams.publication import Publication, Publications
 from facets.live.streams.row_stream import same_columns
@@ -140,7 +139,7 @@ def test_json_says_what_the_rows_say():
 
 
 def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
-    """By ZeroMQ, in JSON and with filtered poses; a reader of the plain columns gets these."""
+    """By ZeroMQ and in JSON; a reader of the plain columns gets these."""
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
     pipeline = Pipeline(config)
@@ -149,13 +148,10 @@ def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
     assert rows.dtype == CALIBRATED_SAMPLE
     for name, column in columns.items():
         np.testing.assert_array_equal(rows[name], column)
-    wide = RowFilter(config, "speed").widen(rows)
-    for some in (rows, wide):
-        found = json.loads(json_of(some)[0])
-        for name in ("noise", "calibration"):
-            key = f"u_{name}_tz_mm"
-            assert found[f"u_{name}"][key] == pytest.approx(rows[key][0], rel=1e-8)
-        assert ("filtered" in found) == (some is wide)
+    found = json.loads(json_of(rows)[0])
+    for name in ("noise", "calibration"):
+        key = f"u_{name}_tz_mm"
+        assert found[f"u_{name}"][key] == pytest.approx(rows[key][0], rel=1e-8)
     assert same_columns(rows).dtype == SAMPLE
     with (
         Publications(["zmq://127.0.0.1:0"], config, True, utc_offset=5.0) as publications,

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import filtered_rows as filtered_rows
     from . import mcap_file as mcap_file
     from . import publication as publication
     from . import sample_rows as sample_rows

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from ...estimation.table import UNCERTAINTY_PARTS
-from .sample_rows import FILTER_COLUMNS, NUMBERS, PARTS
 from .sample_rows import HEAD as HEAD_COLUMNS
+from .sample_rows import NUMBERS, PARTS
 
 Rows = NDArray[np.void]
 
@@ -24,10 +24,6 @@ GROUPS = {
 }
 PART_GROUPS = {
     f"u_{part}": tuple(f"u_{part}_{name}" for name in STATE_COLUMNS) for part in UNCERTAINTY_PARTS
-}
-FILTER_GROUPS = {
-    "filtered": STATE_COLUMNS[:6],
-    "u_filtered": tuple(f"u_{name}" for name in STATE_COLUMNS[:6]),
 }
 
 
@@ -40,11 +36,10 @@ def json_template(groups: dict[str, tuple[str, ...]]) -> str:
 
 
 #: Columns that every program's text names by itself.
-KNOWN = {*NUMBERS, *PARTS, *FILTER_COLUMNS}
+KNOWN = {*NUMBERS, *PARTS}
 #: The beginnings of columns by the group of a text; those of no group are auxiliary channels.
 FURTHER_GROUPS = {
-    "object": re.compile(r"((u|u_noise|u_calibration)_)?(object|displacement)_|cov_(?!filtered_)"),
-    "filtered_object": re.compile(r"(u_)?filtered_|cov_filtered_"),
+    "object": re.compile(r"((u|u_noise|u_calibration)_)?(object|displacement)_|cov_"),
     "channels": re.compile(""),
 }
 
@@ -72,8 +67,6 @@ def template_of(names: tuple[str, ...]) -> str:
         for groups, is_there in (
             (PART_GROUPS, "u_noise_tx_mm" in names),
             *(({group: further[group]}, bool(further[group])) for group in ("object", "channels")),
-            (FILTER_GROUPS, FILTER_COLUMNS[0] in names),
-            ({"filtered_object": further["filtered_object"]}, bool(further["filtered_object"])),
         )
         if is_there
     ]

@@ -8,7 +8,6 @@ and counted: nothing waits for it.
 from __future__ import annotations
 
 import json
-import pickle
 import subprocess
 import sys
 import threading
@@ -41,8 +40,6 @@ MAX_WAITING_BYTES = 16_000_000
 START_TIMEOUT_S = 60.0
 #: A publication may take this time at its end to send what still waits, s.
 END_TIMEOUT_S = 3.0
-#: The same as `START_TIMEOUT_S` with a filter, which may have to compile the model first, s.
-COMPILE_TIMEOUT_S = 600.0
 #: A replay waits up to this time for its first receiver, s.
 FIRST_RECEIVER_WAIT_S = 20.0
 GONE = "its process has ended"
@@ -63,22 +60,20 @@ class Publication:
     given: samples that were to be published.  sent: that were given away; where nobody answers, as
     by UDP, that says nothing of their arrival.  dropped: that were not, since nobody took them in
     time.  receivers: that take them now, None where it cannot be known.  trouble: why nothing is
-    published any more, or nothing.  note: why there are no filtered poses.  filter: what it says.
+    published any more, or nothing.
     """
 
-    def __init__(
-        self, address: str, about: dict[str, Any], patient: bool = False, config: bytes = b""
-    ) -> None:
+    def __init__(self, address: str, about: dict[str, Any], patient: bool = False) -> None:
         """Raises `InputError` where there is no such address, or it cannot be used.
 
         about: what receivers are told of the samples.  patient: wait for receivers; for replays,
-        which lose nothing by it.  config: pickled, where its `filter` needs one.
+        which lose nothing by it.
         """
         self.address, self.patient = address, patient
         self.itemsize = sample_dtype(about).itemsize
         self.given = self.unplaced = self.sent = self.refused = self.lost = 0
         self.receivers: int | None = None
-        self.trouble = self.note = self.filter = ""
+        self.trouble = ""
         self.queue: deque[bytes] = deque()
         self.waiting = 0
         self.ended = False
@@ -87,7 +82,7 @@ class Publication:
             self.command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         )
         self.port: int | None = None
-        self.begin(description(about), config)
+        self.begin(description(about))
         self.threads = [
             threading.Thread(target=self.hand_over, name="publication", daemon=True),
             threading.Thread(target=self.listen, name="publication news", daemon=True),
@@ -105,17 +100,15 @@ class Publication:
         """So long its process may take at the end, s."""
         return END_TIMEOUT_S
 
-    def begin(self, about: dict[str, Any], config: bytes) -> None:
+    def begin(self, about: dict[str, Any]) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
-        watch = threading.Timer(COMPILE_TIMEOUT_S if config else START_TIMEOUT_S, self.process.kill)
+        watch = threading.Timer(START_TIMEOUT_S, self.process.kill)
         watch.daemon = True
         watch.start()
         try:
             told = json.dumps(about).encode()
             with suppress(OSError):
                 self.write(LENGTH.pack(len(told)) + told)
-                if config:
-                    self.write(LENGTH.pack(len(config)) + config)
             assert self.process.stdout is not None
             line = self.process.stdout.readline()
             words: dict[str, Any] = json.loads(line) if line else {"error": GONE}
@@ -187,7 +180,6 @@ class Publication:
         self.sent, self.refused = words["sent"], words["dropped"]
         self.lost = words.get("lost", 0)
         self.receivers = words["receivers"]
-        self.note, self.filter = words.get("note", ""), words.get("filter", "")
 
     @property
     def dropped_count(self) -> int:
@@ -234,14 +226,11 @@ class Publications(ClosedAtExit, Sink):
         config: Config,
         patient: bool = False,
         utc_offset: float | None = None,
-        filter_by: str | None = None,
-        carried: bool = False,
         objects: ObjectPoses | None = None,
     ) -> None:
         """Raises `InputError` for an address that cannot be used; none is then open.
 
-        filter_by: model of a filter, whose poses go beside the raw ones.  carried: whether a stage
-        carries the beam.  objects: which point's poses there are, as of `row_content`.
+        objects: which point's poses there are, as of `row_content`.
         """
         about: dict[str, Any] = {
             "config": config.name,
@@ -250,10 +239,6 @@ class Publications(ClosedAtExit, Sink):
             "statuses": {str(number): words for number, words in LABELS.items()},
             **row_content(config, objects),
         }
-        pickled = b""
-        if filter_by is not None:
-            about["filter"] = {"model": filter_by, "carried": carried}
-            pickled = pickle.dumps(config)
         self.offset = time.time() - time.monotonic() if utc_offset is None else utc_offset
         self.pulses = PulseClock() if config.acquire.mark == "pps" else None
         self.all: list[Publication] = []
@@ -261,7 +246,7 @@ class Publications(ClosedAtExit, Sink):
             check_address(address)
         try:
             for address in addresses:
-                self.all.append(Publication(address, about, patient, pickled))
+                self.all.append(Publication(address, about, patient))
         except BaseException:
             self.close()
             raise
@@ -293,8 +278,6 @@ class Publications(ClosedAtExit, Sink):
         for one in self.all:
             if one.trouble:
                 found.append(f"{one.address}: publishing has ended: {one.trouble}")
-            elif one.note:
-                found.append(f"{one.address}: {one.note}")
         return found
 
     def values(self) -> dict[str, Any]:
@@ -321,6 +304,4 @@ class Publications(ClosedAtExit, Sink):
             found.append(f"{text} ({one.trouble})" if one.trouble else text)
             if self.pulses is not None:
                 found.append(f"{one.address}: {self.pulses.sentence}")
-            if one.filter:
-                found.append(f"{one.address}: {one.filter}")
         return found

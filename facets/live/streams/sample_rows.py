@@ -38,9 +38,6 @@ SAMPLE = np.dtype([*HEAD, *((name, "<f8") for name in NUMBERS)])
 PARTS = tuple(f"u_{part}_{name}" for part in UNCERTAINTY_PARTS for name in STATE_COLUMNS)
 #: A row of a calibrated sensor: 370 bytes.
 CALIBRATED_SAMPLE = np.dtype([*SAMPLE.descr, *((name, "<f8") for name in PARTS)])
-FILTERED = tuple(f"filtered_{name}" for name in STATE_COLUMNS[:6])
-#: The filtered pose and its standard uncertainties.
-FILTER_COLUMNS = (*FILTERED, *(f"u_{name}" for name in FILTERED))
 
 
 def row_content(config: Config, objects: ObjectPoses | None = None) -> dict[str, Any]:

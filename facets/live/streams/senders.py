@@ -8,7 +8,6 @@ of its own, so that neither making text nor a slow receiver takes time from the 
 from __future__ import annotations
 
 import json
-import pickle
 import socket
 import sys
 import threading
@@ -23,11 +22,10 @@ from numpy.typing import NDArray
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
 from .addresses import check_address, options_of
-from .filtered_rows import RowFilter, widen_dtype
 from .json_rows import json_of
 from .lots import lots
 from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import NUMBERS, SAMPLE, columns_of, sample_dtype, unit_of
+from .sample_rows import SAMPLE, sample_dtype, unit_of
 from .zeromq import ZmqSender
 
 #: The parent is told what became of the samples this often, s.
@@ -153,32 +151,6 @@ class Lsl:
             time.sleep(0.05)
 
 
-class FilteringSender:
-    """Puts filtered poses beside the raw ones, and gives them to another sender."""
-
-    def __init__(self, sender: Sender, rows: RowFilter) -> None:
-        self.sender, self.rows = sender, rows
-
-    @property
-    def receivers(self) -> int | None:
-        return self.sender.receivers
-
-    @property
-    def missed_count(self) -> int:
-        return self.sender.missed_count
-
-    @property
-    def note(self) -> str:
-        """Why there are no filtered poses, or nothing."""
-        return self.rows.doubt
-
-    def send(self, rows: Rows) -> int:
-        return self.sender.send(self.rows.widen(rows))
-
-    def close(self) -> None:
-        self.sender.close()
-
-
 def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
     """The sender of an address. wait: s, for a first receiver, where there can be none yet."""
     check_address(address)
@@ -211,8 +183,6 @@ def serve(
     def report() -> None:
         words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
         words["lost"] = sender.missed_count
-        if isinstance(sender, FilteringSender):
-            words |= {"note": sender.note, "filter": sender.rows.sentence}
         tell(words)
 
     def report_often() -> None:
@@ -233,24 +203,6 @@ def serve(
     report()
 
 
-def filter_of(about: dict[str, Any], pickled: bytes) -> RowFilter:
-    """The filter that the parent asks for; warm, so that no sample waits for what it loads.
-
-    pickled: the configuration, by the process that has started this one. What receivers are told
-    of the rows is changed in `about`.
-    """
-    config = pickle.loads(pickled)
-    told = about["filter"]
-    covariance = bool(about.get("covariance"))
-    rows = RowFilter(config, told["model"], told["carried"], covariance)
-    nobody = np.zeros(2, SAMPLE)
-    for name in NUMBERS:
-        nobody[name] = 0.1
-    RowFilter(config, told["model"], covariance=covariance).widen(nobody)
-    about |= columns_of(widen_dtype(sample_dtype(about), rows.names), about)
-    return rows
-
-
 def main() -> None:
     def tell(words: dict[str, Any]) -> None:
         sys.stdout.write(json.dumps(words) + "\n")
@@ -260,14 +212,12 @@ def main() -> None:
     stream = sys.stdin.buffer
     incoming = lots(stream)
     about = json.loads(next(incoming))
-    rows = filter_of(about, next(incoming)) if "filter" in about else None
     try:
         sender = open_sender(address, about, wait)
     except FacetsError as error:
         tell({"error": str(error)})
         return
     port = sender.port if isinstance(sender, ZmqSender) else None
-    sender = FilteringSender(sender, rows) if rows else sender
     tell({"ready": True, "port": port})
     serve(sender, stream, sample_dtype(about), tell)
 
