@@ -48,9 +48,10 @@ class Recording(ClosedAtExit, Sink):
 
     Bytes go to the system at once, so that the end of the program takes none of them; a thread of
     its own has the system put them on the disk every `sync` seconds, so that a power failure takes
-    no more than that. Where the disk refuses, `trouble` says why and `lost` counts the bytes that
-    came and are not recorded; what was written stays readable, and writing goes on as soon as it
-    can. After the beginning no method raises.
+    no more than that. Where the disk refuses, `troubles` says why, by the file, and `lost` counts
+    the bytes that came and are not recorded; what was written stays readable, and writing goes on
+    as soon as it can. A file that is refused costs no other file anything. After the beginning no
+    method raises.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Recording(ClosedAtExit, Sink):
         """
         self.folder, self.disk = folder, disk or Disk()
         self.lost = 0
-        self.trouble = ""
+        self.troubles: dict[str, str] = {}
         self.refused = False
         self.locks = {name: threading.Lock() for name in NAMES}
         self.sizes = dict.fromkeys(NAMES, 0)
@@ -124,42 +125,35 @@ class Recording(ClosedAtExit, Sink):
                     while view:
                         view = view[self.disk.append(self.files[name], view) :]
             except OSError as error:
-                self.complain(name, error)
+                self.complain(name, "written to", error)
                 with suppress(OSError):
                     self.disk.shorten(self.files[name], before)
                 return False
             self.sizes[name] = before + sum(map(len, parts))
         return True
 
-    def complain(self, name: str, error: OSError) -> None:
-        """Keeps the first thing that the disk refused, in words, for those who show it."""
-        self.refused = True
-        self.retry = time.monotonic() + RETRY_INTERVAL_S
-        self.trouble = self.trouble or (
-            f"{self.folder / name}: cannot be written to: {error.strerror}"
-        )
+    def complain(self, name: str, what: str, error: OSError) -> None:
+        """Keep the first thing that the disk refused for a file, in words."""
+        reason = f"{self.folder / name}: cannot be {what}: {error.strerror}"
+        self.troubles.setdefault(name, reason)
 
     def add_block(self, block: Block) -> None:
-        """The bytes, then their row in the index: a row is never without its bytes."""
+        """The bytes, then their row in the index: a row is never without its bytes.
+
+        Bytes whose row is refused stay, because nothing else has them.
+        """
         if self.refused and time.monotonic() < self.retry:
             self.lost += len(block.data)
             return
         offset = self.sizes["bytes.bin"]
-        written = self.put("bytes.bin", block.data)
-        if written and not self.put("index.bin", make_row(block, offset, time.time())):
-            self.take_back(offset)
-            written = False
-        self.rows += written
-        if not written:
+        if not self.put("bytes.bin", block.data):
             self.lost += len(block.data)
-        elif self.refused:
+            self.refused, self.retry = True, time.monotonic() + RETRY_INTERVAL_S
+            return
+        self.rows += self.put("index.bin", make_row(block, offset, time.time()))
+        if self.refused:
             self.refused = False
             self.add_event("recording again", lost_bytes=self.lost)
-
-    def take_back(self, size: int) -> None:
-        with self.locks["bytes.bin"], suppress(OSError):
-            self.disk.shorten(self.files["bytes.bin"], size)
-            self.sizes["bytes.bin"] = size
 
     def add_event(self, name: str, **details: Any) -> None:
         """A line about something that happened now."""
@@ -192,9 +186,7 @@ class Recording(ClosedAtExit, Sink):
             try:
                 self.disk.sync(self.files[name])
             except OSError as error:
-                self.trouble = self.trouble or (
-                    f"{self.folder / name}: cannot be synced: {error.strerror}"
-                )
+                self.complain(name, "synced", error)
 
     def close(self) -> None:
         """Writes what waits, syncs, and closes every file, whatever of this fails."""
@@ -228,9 +220,13 @@ class Recording(ClosedAtExit, Sink):
 
     def messages(self) -> list[str]:
         """What the disk refused, if anything."""
-        if not self.trouble:
-            return []
-        return [f"{self.trouble}; {self.lost} received bytes are not recorded"]
+        counts = {
+            f"{self.lost} received bytes are not recorded": self.lost,
+            f"{self.poses_refused} poses are not recorded, `facets replay` computes them again":
+                self.poses_refused,
+        }  # fmt: skip
+        found = [*self.troubles.values(), *(text for text, count in counts.items() if count)]
+        return ["; ".join(found)] if found else []
 
     def values(self) -> dict[str, Any]:
         return {"recording": str(self.folder), "not_recorded_bytes": self.lost}
