@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
+from .names import LABELS
 from .units import Floats
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -38,13 +39,15 @@ class Numbers:
 
 
 class NotNumbersError(Exception):
-    """The reason why values are no array of numbers: "has text in it ('1')"."""
+    """The reason why values are no array of numbers: "has text in it ('1')"; and what is needed."""
 
 
-def as_floats(values: ArrayLike, what: str) -> Floats:
+def as_floats(values: ArrayLike, what: str, width: int = 0) -> Floats:
     """Convert values to an array of floats; an array of floats is returned unchanged.
 
-    Values under a NumPy mask, None inside a list or a table, and pandas' missing values are NaN.
+    Where a table, or a row of one, has names, the `width` columns that `LABELS` names are taken by
+    name and converted to the units of the code; without a width names do not count. Values under a
+    NumPy mask, None inside a list or a table, and pandas' missing values are NaN.
     Raises `InputError` for text, complex numbers, truth values, and rows of different lengths.
     """
     if type(values) is np.ndarray and values.dtype is FLOAT:
@@ -52,9 +55,10 @@ def as_floats(values: ArrayLike, what: str) -> Floats:
     try:
         if not may_be_numbers(values):
             raise NotNumbersError(f"is {describe_value(values)}")
-        return floats_of(values)
-    except NotNumbersError as fault:
-        raise InputError(f"{what} {fault}; needed: numbers, all rows of one length") from None
+        return floats_of(values, width)
+    except NotNumbersError as error:
+        fault, needed = (*error.args, "numbers, all rows of one length")[:2]
+        raise InputError(f"{what} {fault}; needed: {needed}") from None
 
 
 def unmask(values: Any) -> Any:
@@ -64,12 +68,38 @@ def unmask(values: Any) -> Any:
     return values.tolist() if values.dtype.kind == "O" else values
 
 
-def floats_of(values: Any) -> Floats:
+def labels_of(values: Any) -> list[Any]:
+    """The names of a table's columns, or of the numbers in a row of it; empty if there are none."""
+    dtype = getattr(values, "dtype", None)
+    sources = ((dtype, "names"), (values, "column_names"), (values, "columns"), (values, "index"))
+    found = (getattr(source, name, None) for source, name in sources)
+    labels = list(next((one for one in found if one is not None and not callable(one)), ()))
+    return labels if any(isinstance(label, str | tuple) for label in labels) else []
+
+
+def pick_columns(values: Any, labels: list[Any], width: int) -> Floats:
+    """The columns of `LABELS` for a width, by their names with or without units: (..., width)."""
+    columns, units = LABELS[width]
+    bare = [name.rpartition("_")[0] for name in columns]
+    if all(labels.count(name) == 1 for name in bare):
+        columns, units = tuple(bare), (1.0,) * width
+    faults = [name for name in columns if labels.count(name) != 1]
+    if faults:
+        raise NotNumbersError(
+            f"has names, but not once each: {', '.join(faults)}",
+            f"the columns {', '.join(columns)}, or an array without names, such as x.to_numpy()",
+        )
+    return np.stack([floats_of(values[name]) for name in columns], axis=-1) * units
+
+
+def floats_of(values: Any, width: int = 0) -> Floats:
     """Convert values as `as_floats` does, but raise `NotNumbersError`."""
+    if width and (labels := labels_of(values)):
+        return pick_columns(values, labels, width)
     if isinstance(values, np.ma.MaskedArray):
         values = unmask(values)
     if isinstance(values, list | tuple):
-        return floats_of_list(values)
+        return floats_of_list(values, width)
     try:
         array = np.asarray(values)
         if array.dtype.kind in "fiu":
@@ -85,13 +115,13 @@ def floats_of(values: Any) -> Floats:
     raise NotNumbersError(f"has {kind} in it{f': {shorten(values)}' if array.ndim == 0 else ''}")
 
 
-def floats_of_list(values: Sequence[Any]) -> Floats:
+def floats_of_list(values: Sequence[Any], width: int = 0) -> Floats:
     if not is_plain(values):
         pandas = sys.modules.get("pandas")
         missing = None if pandas is None else pandas.NA
         values = [np.nan if one is None or one is missing else one for one in values]
     if not is_plain(values):
-        values = [floats_of(value) for value in values]
+        values = [floats_of(value, width) for value in values]
     try:
         return np.array(values, dtype=np.float64)
     except ValueError:

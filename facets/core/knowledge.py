@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import as_floats, check_arguments
+from .arguments import as_floats, check_arguments, labels_of
 from .errors import InputError
 
 
@@ -29,10 +29,15 @@ class Prior:
     sigma: ArrayLike
 
     def __post_init__(self) -> None:
-        if not (as_floats(self.sigma, "a prior's sigma") >= 0).all():
-            raise InputError(f"a prior's sigma is {self.sigma!r}; allowed: 0 or more")
-        if not np.isfinite(as_floats(self.mean, "a prior's mean")).all():
-            raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
+        for name in ("mean", "sigma"):
+            value = getattr(self, name)
+            numbers = as_floats(value, f"a prior's {name}", 2)
+            if labels_of(value):
+                object.__setattr__(self, name, numbers)
+            if name == "sigma" and not (numbers >= 0).all():
+                raise InputError(f"a prior's sigma is {value!r}; allowed: 0 or more")
+            if name == "mean" and not np.isfinite(numbers).all():
+                raise InputError(f"a prior's mean is {value!r}; allowed: finite numbers")
 
 
 #: The forms of the arguments `beam` and `power` of public functions.

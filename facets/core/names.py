@@ -30,3 +30,12 @@ FINE_UNITS = tuple(1e-6 if name in ANGLES else 1e-3 for name in STATE)
 #: Columns of ranges and of standard uncertainties of the pose.
 RANGE_COLUMNS = tuple(f"range_{name}" for name in STATE_COLUMNS[:6])
 FINE_COLUMNS = tuple(f"u_{name}_urad" if name in ANGLES else f"u_{name}_um" for name in POSE)
+
+#: Columns of arrays that have names, by their number, with one unit of each in the units of the
+#: code. Names without their units stand for the units of the code.
+LABELS = {
+    9: (READING_COLUMNS, (1.0,) * 9),
+    8: (STATE_COLUMNS, STATE_UNITS),
+    6: (STATE_COLUMNS[:6], STATE_UNITS[:6]),
+    2: (STATE_COLUMNS[6:], STATE_UNITS[6:]),
+}

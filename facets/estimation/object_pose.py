@@ -118,7 +118,7 @@ def transform(
     if zero is None:
         pose, slopes = object_poses(rows[:, :6], body)
     else:
-        start = zero.state if isinstance(zero, ZeroPose) else as_floats(zero, "zero")
+        start = zero.state if isinstance(zero, ZeroPose) else as_floats(zero, "zero", 6)
         if start.shape not in ((6,), (8,)):
             raise InputError(f"zero has shape {start.shape}; needed: (6,) or (8,), one pose")
         pose, slopes, slopes_zero = object_displacements(rows[:, :6], start[:6], body)
@@ -149,7 +149,7 @@ def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, Covariance
     """States (..., 8 or 6), the used detectors (..., 3), statuses and covariances (n, 8, 8) of a
     solution or of bare states."""
     if not isinstance(solution, Solution):
-        return as_floats(solution, "solution"), None, None, CovarianceParts(None, None, None)
+        return as_floats(solution, "solution", 6), None, None, CovarianceParts(None, None, None)
     own = solution.covariance, solution.noise_covariance, solution.calibration_covariance
     parts = (None if part is None else part.reshape(-1, 8, 8) for part in own)
     return solution.state, solution.used, solution.status, CovarianceParts(*parts)

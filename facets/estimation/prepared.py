@@ -80,7 +80,7 @@ class Solver:
         Returns a `Solution` without leading shape. A reading that cannot be solved gets a status
         and NaN. Raises `InputError` for another shape.
         """
-        values = as_floats(reading, "reading")
+        values = as_floats(reading, "reading", 9)
         if values.shape != (9,):
             raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
         return self.solve_from(values, None)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.units import Floats
-from ..model.arrays import readings
+from ..model.arrays import as_vectors, readings
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -64,7 +64,7 @@ class FirmwareLibrary:
 
     def readings(self, states: ArrayLike) -> Floats:
         """(n, 9) at states (n, 8), as `facets.readings` gives them."""
-        rows = np.ascontiguousarray(states, self.kind)
+        rows = np.ascontiguousarray(as_vectors(states, 8, "states"), self.kind)
         out = np.empty((len(rows), 9), self.kind)
         for state, reading in zip(rows, out, strict=True):
             self._code.facets_readings(pointer(state), pointer(reading))
@@ -92,7 +92,7 @@ class FirmwareLibrary:
         power, as in `facets_options`; None for an unknown position and a known power.
         accept_unchecked: as for `facets.solve`.
         """
-        rows = np.ascontiguousarray(readings, self.kind)
+        rows = np.ascontiguousarray(as_vectors(readings, 9, "readings"), self.kind)
         found = np.zeros(len(rows), self._solution)
         begin: NDArray[Any] | None = None
         if start is not None:

@@ -212,8 +212,8 @@ def dual_geometry(sensor: Sensor) -> Geometry:
 
 
 def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
-    """Convert numbers to an (..., width) array."""
-    array = as_floats(values, what)
+    """Convert numbers to an (..., width) array, by their names where they have some."""
+    array = as_floats(values, what, width)
     if array.shape[-1:] != (width,):
         raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
     return array
@@ -301,7 +301,7 @@ def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> F
 
     Returns None for a state that is not finite or that the block cannot compute.
     """
-    one = as_floats(state, "state")
+    one = as_floats(state, "state", 8)
     kernel = kernel_name(sensor, name)
     if one.shape != (8,) or threads < 0 or kernel is None:
         return None

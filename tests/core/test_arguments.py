@@ -6,10 +6,12 @@ from decimal import Decimal
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 import facets
 from facets.core.arguments import as_floats
+from facets.core.names import LABELS
 
 CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor
@@ -91,6 +93,35 @@ def test_what_is_no_array_of_numbers_is_refused(given, fault):
         with pytest.raises(facets.InputError, match=re.escape(fault)) as refused:
             function(given)
         assert re.search("needed: |allowed: ", str(refused.value)), name
+
+
+@pytest.mark.parametrize(("function", "sound"), CASES)
+def test_names_count_where_there_are_names(function, sound):
+    """Columns in any order, with others beside them, and in their units; then rows of them."""
+    names, units = LABELS[len(sound)]
+    state = np.array([0.01, 0.02, 0.3, 1e-3, -2e-3, 3e-3, 0.0, 0.0])
+    sound = state if len(sound) == 8 else facets.readings(SENSOR, state)
+    table = pd.DataFrame([sound / units], columns=list(names)).iloc[:, ::-1].assign(time_s=1.0)
+    bare = pd.Series(sound, index=[name.rpartition("_")[0] for name in names])[::-1]
+    expected = function(sound)
+    for row in (table.iloc[0], table.to_records(index=False)[0], bare):
+        np.testing.assert_allclose(function(row), expected, rtol=1e-9, atol=1e-12)
+    if function not in (OF_READINGS["Solver"], OF_STATES["start"]):
+        for rows in (table, pa.Table.from_pandas(table), [table.iloc[0]]):
+            np.testing.assert_allclose(function(rows), [expected], rtol=1e-9, atol=1e-12)
+    for lacking in (table.drop(columns=names[1]), pd.concat([table, table[[names[1]]]], axis=1)):
+        with pytest.raises(facets.InputError, match=f"{names[1]}; needed: the columns {names[0]}"):
+            function(lacking)
+
+
+def test_names_of_poses_and_places_count():
+    table = pd.DataFrame([[4.0, 3.0, 0.2, 0.1]], columns=["yaw_mrad", "tx_mm", "by_mm", "bx_mm"])
+    table[["ty_mm", "tz_mm", "roll_mrad", "pitch_mrad"]] = 0.0
+    expected = [3.0, 0, 0, 0, 0, 4e-3]
+    np.testing.assert_allclose(facets.transform(table).pose, [expected], atol=1e-15)
+    from_zero = facets.transform(table, zero=table.iloc[0]).pose
+    np.testing.assert_allclose(from_zero, np.zeros((1, 6)), atol=1e-15)
+    np.testing.assert_array_equal(facets.Prior(table[["by_mm", "bx_mm"]], 0.1).mean, [[0.1, 0.2]])
 
 
 def test_numbers_of_other_types_are_numbers():
