@@ -14,7 +14,7 @@ from facets.core.errors import InputError
 from . import completion
 from .calibration_files import write_results
 from .calibration_text import show_verdict, show_weak
-from .console import FINDING, load_config
+from .console import FINDING, free_output, load_config
 from .options import (
     ConfigName,
     Force,
@@ -22,6 +22,7 @@ from .options import (
     Plot,
     PlotKind,
     Style,
+    output_folder,
     output_option,
     report_option,
     require_html,
@@ -47,7 +48,7 @@ Output = Annotated[
     Path | None,
     output_option(
         "calibrated configuration, YAML, or with --propose a table of poses",
-        "CONFIG-calibrated.yaml or CONFIG-poses.csv",
+        "CONFIG-calibrated.yaml or results/CONFIG-proposal.csv",
     ),
 ]
 Reference = Annotated[
@@ -93,12 +94,12 @@ AcceptMisfit = Annotated[
     ),
 ]
 Propose = Annotated[
-    int,
+    int | None,
     typer.Option(
-        min=0,
+        min=1,
         metavar="N",
         help="Write a table of the N poses that are best to calibrate with, instead of "
-        "calibrating; 0 calibrates.",
+        "calibrating.",
     ),
 ]
 Report = Annotated[
@@ -119,7 +120,7 @@ def calibrate(
     only: Only = None,
     dwells: Dwells = False,
     accept_misfit: AcceptMisfit = False,
-    propose: Propose = 0,
+    propose: Propose = None,
     report: Report = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
@@ -136,12 +137,13 @@ def calibrate(
     reasons, writes nothing and ends with exit status 1.
     """
     settings = load_config(config)
-    path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
+    path = output or Path(f"{settings.name}-calibrated.yaml")
     if propose and (data or reference or report):
         raise InputError(
             "--propose takes no DATA and no --report: it lists poses for a future motion"
         )
     if propose:
+        path = output_folder(output, settings.name, "proposal.csv")
         write_proposal(settings, path, propose, force)
     elif data is None:
         raise InputError(
@@ -275,7 +277,7 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
     poses = characterization.random_poses.poses_to_calibrate_with(settings)
     proposal = calibration.proposal.propose_poses(settings, poses, count)
     files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
-    typer.echo(
+    text = (
         f"Wrote {count} poses to {path}. A calibration with them reduces the parameters' standard\n"
         f"uncertainties to {100 * proposal.reduction:.3g} % of their prior values (geometric "
         f"mean); {count} random poses, to {100 * proposal.random_reduction:.3g} %.\n"
@@ -283,3 +285,5 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
         f"approaches each axis's poses\nfrom below in {100 * proposal.upward.min():.0f} to "
         f"{100 * proposal.upward.max():.0f} % of them, so that backlash of the reference shows."
     )
+    with free_output(path):
+        typer.echo(text)

@@ -12,6 +12,7 @@ import io
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from pathlib import Path
 from textwrap import fill
 from typing import IO, TYPE_CHECKING, Any, TypeVar
@@ -20,7 +21,7 @@ import typer
 
 import facets
 from facets import config as configuration
-from facets.files.whole import remove_older
+from facets.files.whole import STANDARD_STREAM, remove_older
 
 from . import signals
 
@@ -76,6 +77,11 @@ def report_coverage(about: Mapping[str, str]) -> None:
         f"the calibration: {about['calibration_degrees_of_freedom']}."
     )
     report_lines(text)
+
+
+def free_output(result: Path | None) -> AbstractContextManager[Any]:
+    """Context in which messages go to standard error if the result is the standard output."""
+    return redirect_stdout(sys.stderr) if result == STANDARD_STREAM else nullcontext()
 
 
 def report_lines(text: str) -> None:

@@ -246,7 +246,7 @@ Web = Annotated[
 
 
 def output_folder(folder: Path | None, name: str, ending: str = "") -> Path:
-    """The folder of the command line, or by default results/NAME-ENDING."""
+    """The folder or file of the command line, or by default results/NAME-ENDING."""
     return folder or Path("results") / (f"{name}-{ending}" if ending else name)
 
 

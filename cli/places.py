@@ -109,7 +109,7 @@ def zero_of(text: str | None) -> ZeroRequest | None:
         return ZeroRequest(seconds=float(text[:-1]))
     if re.fullmatch(r"row:0*[1-9]\d{0,14}", text):
         return ZeroRequest(row=int(text[4:]))
-    if Path(text).suffix.lower() not in tables.ENDINGS:
+    if not text.lower().endswith(tables.ENDINGS):
         raise InputError(
             f"--zero is {text!r}; allowed: seconds such as 2s, a row such as row:1 (the first), or "
             "a table of poses, FILE.csv or FILE.parquet"

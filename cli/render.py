@@ -14,7 +14,17 @@ from facets.core.errors import InputError
 
 from .console import load_config
 from .film import PictureForm, film_states, write_film
-from .options import At, ConfigName, Force, Look, Style, Track, motion_option, output_option
+from .options import (
+    At,
+    ConfigName,
+    Force,
+    Look,
+    Style,
+    Track,
+    motion_option,
+    output_folder,
+    output_option,
+)
 from .places import state_of
 
 if TYPE_CHECKING:
@@ -124,7 +134,7 @@ def render(
     settings = load_config(config)
     is_flat, is_film = spots or plan, bool(motion or recording) and view is not View.trail
     refuse_together(view, motion, recording, [spots, plan])
-    path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, is_film, view)}"
+    path = output_folder(output, settings.name, name_of(spots, plan, is_film, view))
     check_ending(path, is_flat, is_film)
     files.tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)

@@ -11,7 +11,7 @@ import typer
 import facets
 from facets import live, pictures
 
-from .console import FINDING
+from .console import FINDING, free_output
 from .options import (
     ConfigOption,
     Covariance,
@@ -28,7 +28,7 @@ from .places import choose_point, zero_of
 Output = Annotated[
     Path | None,
     output_option(
-        "table of poses, CSV or Parquet, or MCAP",
+        "table of poses (CSV, .csv.gz, - for standard output, or Parquet), or MCAP",
         "none is written; with --recover RECORDING/recovered.parquet",
     ),
 ]
@@ -101,7 +101,8 @@ def replay(
         found, is_same = playback.finish(
             page.following(poses) if page else poses, output, smooth, compare, config
         )
-        typer.echo("\n".join([*found, str(output)] if recover else found))
+        with free_output(output):
+            typer.echo("\n".join([*found, str(output)] if recover else found))
         if page and is_same:
             page.stay(tell)
     if not is_same:

@@ -174,7 +174,7 @@ def result_files(folder: Path, table: TableKind, plot: PlotKind) -> list[Path]:
 
 def read_columns(data: Path, column: str, config: str | None) -> tuple[Columns, Config]:
     """Read the columns of a recording or of a table, and the sensor's configuration."""
-    if data.is_dir() or data.suffix.lower() not in files.tables.ENDINGS:
+    if data.is_dir() or not data.name.lower().endswith(files.tables.ENDINGS):
         return solve_columns(data, column, config)
     if config is None:
         raise InputError(

@@ -16,7 +16,7 @@ import typer
 from facets import estimation, files
 from facets.core.errors import InputError
 
-from .console import FINDING, load_config, report_coverage
+from .console import FINDING, free_output, load_config, report_coverage
 from .options import (
     ConfigName,
     Covariance,
@@ -25,6 +25,7 @@ from .options import (
     Point,
     Zero,
     describe_default,
+    output_folder,
     output_option,
 )
 from .places import choose_point, zero_of
@@ -68,8 +69,15 @@ ReadingsTable = Annotated[
     Path,
     typer.Argument(
         metavar="READINGS",
-        help="Table of readings, CSV or Parquet, with the columns psi_a_mm, zeta_a_mm, "
-        "power_a_mw and so on for the detectors b and c.",
+        help="Table of readings, CSV (.csv, .csv.gz, or - for standard input) or Parquet, with the "
+        "columns psi_a_mm, zeta_a_mm, power_a_mw and so on for the detectors b and c.",
+    ),
+]
+Output = Annotated[
+    Path | None,
+    output_option(
+        "table of poses, CSV (.csv, .csv.gz, or - for standard output) or Parquet",
+        "results/CONFIG-poses.csv",
     ),
 ]
 BeamKnowledge = Annotated[
@@ -113,7 +121,7 @@ AcceptUnchecked = Annotated[
 def solve(
     config: ConfigName,
     readings: ReadingsTable,
-    output: Annotated[Path, output_option("table of poses, CSV or Parquet")],
+    output: Output = None,
     force: Force = False,
     beam: BeamKnowledge = None,
     power: PowerKnowledge = None,
@@ -145,26 +153,28 @@ def solve(
     about = files.provenance.provenance_header(settings)
     if coverage is not None:
         about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
-    files.tables.ending(output)
-    if output.exists() and readings.exists() and output.samefile(readings):
-        raise InputError(f"{output}: is the table of readings itself")
+    path = output_folder(output, settings.name, "poses.csv")
+    files.tables.ending(path)
+    if path.exists() and readings.exists() and path.samefile(readings):
+        raise InputError(f"{path}: is the table of readings itself")
     files.tables.require_table(readings)
-    files.tables.refuse_to_overwrite([output], force)
+    files.tables.refuse_to_overwrite([path], force)
     with progress_bar(readings) as advance:
         count = estimation.table.solve_table(
             settings,
             options,
             readings,
-            output,
+            path,
             about,
             advance,
             coverage=coverage,
             zero=request,
             covariance=covariance,
         )
-    report(count, output, settings, options)
-    if coverage is not None:
-        report_coverage(about)
+    with free_output(path):
+        report(count, path, settings, options)
+        if coverage is not None:
+            report_coverage(about)
     if not count.solved_count or misfit(count):
         raise typer.Exit(FINDING)
 

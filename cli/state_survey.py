@@ -74,11 +74,8 @@ def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats
     """Function that writes each chunk of states into the table, if one is requested."""
     if request.table is None:
         return None
-    temporary = stack.enter_context(files.tables.Whole(request.table))
-    writer = files.tables.Writer(
-        temporary, files.provenance.provenance_header(request.settings, request.seed)
-    )
-    stack.callback(writer.close)
+    about = files.provenance.provenance_header(request.settings, request.seed)
+    writer = stack.enter_context(files.tables.open_writer(request.table, about))
     return lambda states, values: writer.write(
         characterization.tables.state_columns(states, values)
     )

@@ -448,31 +448,27 @@ def solve_table(
     else:
         count.zero, parts = find_zero(zero, config, options, solved)
         about = about | {"zero": zero_text(zero, count.zero)}
-    with tables.Whole(poses) as temporary:
-        writer = tables.Writer(temporary, about)
-        try:
-            for chunk, solution, members in parts:
-                status = labels(solution, chunk.unparsable)
-                time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                temperature = chunk.columns.get(TEMPERATURE_COLUMN)
-                columns = pose_columns(solution, status)
-                columns |= object_columns(
-                    solution, config.object, count.zero, members=members & solution.ok,
-                    temperature=temperature, covariance=covariance, coverage=coverage,
-                )  # fmt: skip
-                writer.write({**time, **columns})
-                count.add(
-                    config.sensor, options, readings_in(chunk), solution, status,
-                    place_in(config.sensor, options, chunk),
-                    chunk.columns.get("time_s"), temperature,
-                )  # fmt: skip
-                bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
-                count.unparsable_lines += bad.tolist()
-                progress(chunk.bytes_read)
-            if not count.rows:
-                raise InputError(f"{readings}: no rows")
-        finally:
-            writer.close()
+    with tables.open_writer(poses, about) as writer:
+        for chunk, solution, members in parts:
+            status = labels(solution, chunk.unparsable)
+            time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
+            temperature = chunk.columns.get(TEMPERATURE_COLUMN)
+            columns = pose_columns(solution, status)
+            columns |= object_columns(
+                solution, config.object, count.zero, members=members & solution.ok,
+                temperature=temperature, covariance=covariance, coverage=coverage,
+            )  # fmt: skip
+            writer.write({**time, **columns})
+            count.add(
+                config.sensor, options, readings_in(chunk), solution, status,
+                place_in(config.sensor, options, chunk),
+                chunk.columns.get("time_s"), temperature,
+            )  # fmt: skip
+            bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
+            count.unparsable_lines += bad.tolist()
+            progress(chunk.bytes_read)
+        if not count.rows:
+            raise InputError(f"{readings}: no rows")
     return count
 
 

@@ -1,32 +1,38 @@
 """Tables in CSV and Parquet of any length: reading in chunks, writing completely or not at all.
 
-A table begins with its provenance: comment lines `# key: value` in CSV, metadata in Parquet.
+A table begins with its provenance: comment lines `# key: value` in CSV, metadata in Parquet. CSV
+may be compressed (.csv.gz), and the name - means CSV from the standard input or to the standard
+output.
 """
 
 from __future__ import annotations
 
 import csv
 import difflib
+import gzip
 import os
+import sys
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from io import TextIOWrapper
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.plain_numbers import plain_number
 from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
+from .whole import STANDARD_STREAM
 from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
 
 Columns = Mapping[str, Any]
-ENDINGS = (".csv", ".parquet")
+ENDINGS = (".csv", ".csv.gz", ".parquet")
 CHUNK = 50_000
 
 
@@ -46,8 +52,10 @@ class Chunk:
 
 
 def ending(path: Path) -> str:
-    if path.suffix.lower() not in ENDINGS:
-        raise InputError(f"{path}: a table's name ends in {' or '.join(ENDINGS)}")
+    if path == STANDARD_STREAM:
+        return ".csv"
+    if not path.name.lower().endswith(ENDINGS):
+        raise InputError(f"{path}: a table's name ends in .csv, .csv.gz or .parquet")
     return path.suffix.lower()
 
 
@@ -59,7 +67,7 @@ def read_chunks(
     Raises `InputError` if a needed column is missing or holds words, or if the file cannot be read.
     """
     require_table(path)
-    read = read_csv if ending(path) == ".csv" else read_parquet
+    read = read_parquet if ending(path) == ".parquet" else read_csv
     return read(path, needed, optional, rows)
 
 
@@ -68,22 +76,24 @@ BEGINNINGS = {
     b"\xff\xfe": "UTF-16 text; save it as UTF-8",
     b"\xfe\xff": "UTF-16 text; save it as UTF-8",
     b"PK\x03\x04": "a spreadsheet or an archive; save it as CSV",
-    b"\x1f\x8b": "compressed; unpack it first",
+    b"\x1f\x8b": "compressed; name it .csv.gz",
 }
 PARQUET = b"PAR1"
 
 
 def require_table(path: Path) -> None:
     """Raise `InputError` if a file is missing or is not of the kind that its name says."""
+    if path == STANDARD_STREAM:
+        return
     try:
         if path.is_dir():
             raise InputError(f"{path}: is a folder, not a table")
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-        with path.open("rb") as file:
+        with open_bytes(path) as file:
             begin = file.read(4)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise cannot_read(path, error) from None
     if ending(path) == ".parquet":
         if begin != PARQUET:
             raise InputError(f"{path}: not a Parquet table; name a table of text .csv")
@@ -93,6 +103,17 @@ def require_table(path: Path) -> None:
     for sign, what in BEGINNINGS.items():
         if begin.startswith(sign):
             raise InputError(f"{path}: is {what}")
+
+
+def cannot_read(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}")
+
+
+def open_bytes(path: Path) -> Any:
+    """Open a file, a compressed one, or the standard input."""
+    if path == STANDARD_STREAM:
+        return open(0, "rb", closefd=False)
+    return gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb")
 
 
 class MissingColumnsError(InputError):
@@ -121,14 +142,16 @@ def columns_to_read(
 class Sheet:
     """An open CSV table after its header: rows with their line numbers."""
 
-    def __init__(self, path: Path, raw: BinaryIO) -> None:
-        self.path = path
+    def __init__(self, path: Path, raw: Any) -> None:
+        self.path, self.raw = path, raw
         file = TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
-        self.text = file
-        header, self.first = "", 0
+        header, self.first, self.head = "", 0, {}
         for self.first, header in enumerate(file, start=1):
             if header.strip() and not header.startswith("#"):
                 break
+            key, mark, value = header[1:].partition(":")
+            if mark:
+                self.head[key.strip()] = value.strip()
         delimiter = delimiter_of(header)
         try:
             names = next(csv.reader([header], delimiter=delimiter), [])
@@ -151,6 +174,9 @@ class Sheet:
             if row and not row[0].startswith("#"):
                 yield self.first + self.reader.line_num, row
 
+    def bytes_read(self) -> int:
+        return os.lseek(self.raw.fileno(), 0, os.SEEK_CUR) if self.raw.seekable() else 0
+
 
 def read_head(path: Path) -> dict[str, str]:
     """Read the head of a table, written by `provenance.provenance_header`; empty if it has none."""
@@ -164,14 +190,8 @@ def read_head(path: Path) -> dict[str, str]:
         except (pa.ArrowException, OSError):
             return {}
         return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
-    head = {}
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for line in file:
-            if not line.startswith("#"):
-                break
-            key, _, value = line[1:].partition(":")
-            head[key.strip()] = value.strip()
-    return head
+    with open_sheet(path) as sheet:
+        return sheet.head
 
 
 def delimiter_of(header: str) -> str:
@@ -181,12 +201,11 @@ def delimiter_of(header: str) -> str:
 
 @contextmanager
 def open_sheet(path: Path) -> Iterator[Sheet]:
-    with path.open("rb") as raw:
-        sheet = Sheet(path, raw)
-        try:
-            yield sheet
-        finally:
-            sheet.text.detach()
+    try:
+        with open_bytes(path) as raw:
+            yield Sheet(path, raw)
+    except (OSError, EOFError, zlib.error) as error:
+        raise cannot_read(path, error) from None
 
 
 def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floats]:
@@ -210,18 +229,19 @@ def read_csv(
 ) -> Iterator[Chunk]:
     with open_sheet(path) as sheet:
         use = columns_to_read(path, sheet.names, needed, optional)
-    refuse_words(path, use)
-    with path.open("rb") as raw:
-        sheet = Sheet(path, raw)
         places, width = [sheet.names.index(name) for name in use], len(sheet.names)
         numbered = sheet.rows()
+        first = list(islice(numbered, LOOKED_AT))
+        refuse_words(path, dict(zip(use, places, strict=True)),
+                     [(line, row) for line, row in first if len(row) == width])  # fmt: skip
+        numbered = chain(first, numbered)
         while block := list(islice(numbered, rows)):
             values, bad = numbers([row for _, row in block], places, width)
             yield Chunk(
                 columns=dict(zip(use, values.T, strict=True)),
                 lines=np.array([line for line, _ in block]),
                 unparsable=bad,
-                bytes_read=os.lseek(raw.fileno(), 0, os.SEEK_CUR),
+                bytes_read=sheet.bytes_read(),
             )
 
 
@@ -229,15 +249,10 @@ def read_csv(
 LOOKED_AT = 1000
 
 
-def refuse_words(path: Path, use: Sequence[str]) -> None:
+def refuse_words(
+    path: Path, places: Mapping[str, int], rows: Sequence[tuple[int, list[str]]]
+) -> None:
     """Raise `InputError` for a column that holds words and no number in the checked rows."""
-    with open_sheet(path) as sheet:
-        rows = [
-            (line, row)
-            for line, row in islice(sheet.rows(), LOOKED_AT)
-            if len(row) == len(sheet.names)
-        ]
-        places = {name: sheet.names.index(name) for name in use}
     for name, place in places.items():
         cells = [(line, row[place].strip()) for line, row in rows]
         words = [(line, cell) for line, cell in cells if not is_number(cell)]
@@ -374,9 +389,11 @@ class Writer:
 
             self.file = pq.ParquetWriter(self.path, add_units(schema, self.about))
             return
+        import pyarrow as pa
         import pyarrow.csv as pc
 
-        self.sink = self.path.open("wb")
+        is_stream = self.path == STANDARD_STREAM
+        self.sink = sys.stdout.buffer if is_stream else pa.output_stream(str(self.path))
         lines = [f"# {key}: {' '.join(value.split())}" for key, value in self.about.items()]
         text = "\n".join([*lines, ",".join(schema.names)]) + "\n"
         self.sink.write(text.encode())
@@ -384,9 +401,24 @@ class Writer:
         self.file = pc.CSVWriter(self.sink, schema, write_options=options)
 
     def close(self) -> None:
-        for part in (self.file, self.sink):
-            if part is not None:
-                part.close()
+        if self.file is not None:
+            self.file.close()
+        if self.path == STANDARD_STREAM:
+            sys.stdout.flush()
+        elif self.sink is not None:
+            self.sink.close()
+
+
+@contextmanager
+def open_writer(path: Path, about: Mapping[str, str]) -> Iterator[Writer]:
+    """Open a table that appears under its name once it is complete.  about: its provenance."""
+    ending(path)
+    with nullcontext(path) if path == STANDARD_STREAM else Whole(path) as temporary:
+        writer = Writer(temporary, about)
+        try:
+            yield writer
+        finally:
+            writer.close()
 
 
 #: Units of covariances, by the ends of their columns' names.
@@ -418,10 +450,5 @@ def add_units(schema: Any, about: Mapping[str, str]) -> Any:
 
 def write_table(path: Path, columns: Columns, about: Mapping[str, str]) -> None:
     """Write a table at once.  about: its provenance."""
-    ending(path)
-    with Whole(path) as temporary:
-        writer = Writer(temporary, about)
-        try:
-            writer.write(columns)
-        finally:
-            writer.close()
+    with open_writer(path, about) as writer:
+        writer.write(columns)

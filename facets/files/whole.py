@@ -18,6 +18,9 @@ from typing import Any
 from ..core.errors import OutputError
 from .completeness import require_complete
 
+#: The name of the standard input, and of the standard output.
+STANDARD_STREAM = Path("-")
+
 
 def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
     """Check the places of all results before any work is done for them.
@@ -25,6 +28,7 @@ def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
     Raises `OutputError` if one of the paths exists and must not be replaced, is a folder, or
     cannot be written.
     """
+    paths = [path for path in paths if path != STANDARD_STREAM]
     for path in paths:
         require_writable(path)
     existing = [str(path) for path in paths if path.exists()]

@@ -209,17 +209,13 @@ class Playback:
         """Write the table of poses, with the times by a pulse per second if there is one."""
         pulses = PulseClock() if self.config.acquire.mark == "pps" else None
         offset = (utc_offset(self.folder) or 0.0) if pulses else 0.0
-        with tables.Whole(path) as temporary:
-            writer = tables.Writer(temporary, about)
-            try:
-                for part in poses:
-                    columns = label(part)
-                    if pulses is not None:
-                        columns |= pulse_columns(part, offset, pulses)
-                    writer.write(columns)
-                refuse_nothing(path, writer.file)
-            finally:
-                writer.close()
+        with tables.open_writer(path, about) as writer:
+            for part in poses:
+                columns = label(part)
+                if pulses is not None:
+                    columns |= pulse_columns(part, offset, pulses)
+                writer.write(columns)
+            refuse_nothing(path, writer.file)
         if pulses is not None:
             yield f"  {pulses.sentence}"
 

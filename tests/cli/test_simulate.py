@@ -51,6 +51,18 @@ def test_its_readings_solve_to_its_poses(folder):
     assert (again.used == "abc").all()
 
 
+def test_solve_names_its_table_or_sends_it_on(folder):
+    words = ("solve", "paper", "results/paper/readings.csv")
+    done = command(*words, cwd=folder)
+    assert "401 of 401 rows solved: results/paper-poses.csv" in done.stdout
+    sent = command(*words, "-o", "-", cwd=folder)
+    assert "401 of 401 rows solved: -" in sent.stderr
+    (folder / "sent.csv").write_text(sent.stdout)
+    named, again = poses(folder / "results/paper-poses.csv"), poses(folder / "sent.csv")
+    pd.testing.assert_frame_equal(named, again)
+    assert "use --force" in command(*words, cwd=folder).stderr
+
+
 def test_old_results_are_kept(folder):
     before = (folder / "results" / "paper" / "poses.csv").read_text()
     done = command("simulate", "paper", cwd=folder)
@@ -126,7 +138,7 @@ def test_a_known_beam_saves_a_row_without_a_detector_on_request(tmp_path):
         (("solve", "paper", "none.csv", "-o", "p.csv"), "none.csv: no such file"),
         (("solve", "paper", "names.csv", "-o", "p.csv"), "missing columns: psi_a_mm"),
         (("solve", "paper", "empty.csv", "-o", "p.csv"), "no rows"),
-        (("solve", "paper", "readings.csv", "-o", "p.txt"), "ends in .csv or .parquet"),
+        (("solve", "paper", "readings.csv", "-o", "p.txt"), "ends in .csv, .csv.gz or"),
         (("solve", "paper", "readings.csv", "-o", "readings.csv", "--force"), "itself"),
         (("solve", "papr", "readings.csv", "-o", "p.csv"), "papr"),
         (("solve", "paper", "readings.csv", "-o", "p.csv", "--beam", "fixed"), "fixed"),

@@ -154,7 +154,7 @@ def test_other_bad_files_are_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.csv: no such file"):
         read(tmp_path / "none.csv")
     (tmp_path / "t.txt").write_text("a,b\n")
-    with pytest.raises(InputError, match=r"ends in \.csv or \.parquet"):
+    with pytest.raises(InputError, match=r"ends in \.csv, \.csv\.gz or \.parquet"):
         read(tmp_path / "t.txt")
     (tmp_path / "t.parquet").write_text("a,b\n")
     with pytest.raises(InputError, match="not a Parquet table"):
@@ -164,7 +164,7 @@ def test_other_bad_files_are_named(tmp_path):
         read(tmp_path / "t.csv")
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("ending", ["csv", "csv.gz", "parquet"])
 def test_what_is_written_is_read_back_to_the_bit(tmp_path, ending):
     path = tmp_path / f"t.{ending}"
     a = np.array([0.1, -1e-300, 5e300, np.nan, 1 / 3])
@@ -174,6 +174,34 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path, ending):
     np.testing.assert_array_equal(columns["a"], a)
     np.testing.assert_array_equal(columns["b"], a * 2)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_damaged_compressed_table_is_named(tmp_path):
+    path = tmp_path / "t.csv.gz"
+    tables.write_table(path, {"a": np.random.default_rng(1).random(9999)}, {"seed": "1"})
+    assert tables.read_head(path) == {"seed": "1"}
+    whole = path.read_bytes()
+    for content, says in ((whole[:-999], "ended before"), (b"a\n1\n", "Not a gzipped file")):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=rf"t\.csv\.gz: cannot be read: .*{says}"):
+            read(path, ["a"])
+    (tmp_path / "t.csv").write_bytes(whole)
+    with pytest.raises(InputError, match=r"is compressed; name it \.csv\.gz"):
+        read(tmp_path / "t.csv", ["a"])
+
+
+def test_a_dash_is_the_standard_input_and_output(tmp_path):
+    code = (
+        "from pathlib import Path\n"
+        "from facets.files import tables\n"
+        "tables.refuse_to_overwrite([Path('-')], force=False)\n"
+        "(chunk,) = tables.read_chunks(Path('-'), ['a'], ['b'])\n"
+        "tables.write_table(Path('-'), chunk.columns, {'seed': '1'})\n"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=tmp_path, input=b"b,a\n1,2\n", stdout=-1, check=True)
+    assert done.stdout == b"# seed: 1\na,b\n2,1\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_table_says_how_it_was_made(tmp_path):
