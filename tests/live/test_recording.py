@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
+import os
+import shutil
 import threading
 from types import SimpleNamespace
 
@@ -146,6 +148,16 @@ def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):
     assert "cannot be synced: Input/output error" in recording.messages()[0]
     assert recording.lost == 0
     assert not disk.handles
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no open file can be deleted")
+def test_a_recording_that_is_deleted_during_its_run_is_told(tmp_path):
+    recording = Recording(tmp_path / "r", META, CONFIG.resolved)
+    recording.sync()
+    shutil.rmtree(tmp_path / "r")
+    assert not recording.messages()
+    recording.close()
+    assert "bytes.bin: cannot be synced: it was deleted" in recording.messages()[0]
 
 
 def test_what_is_written_is_synced_beside_the_writing(tmp_path):

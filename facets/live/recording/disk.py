@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -26,8 +27,11 @@ class Disk:
         os.ftruncate(handle, size)
 
     def sync(self, handle: int) -> None:
-        """Waits until a file is where a power failure cannot take it."""
+        """Waits until a file is where a power failure cannot take it; refuses one without a name,
+        which is gone as soon as it is closed."""
         os.fsync(handle)
+        if not os.fstat(handle).st_nlink:
+            raise FileNotFoundError(errno.ENOENT, "it was deleted, and what it held is lost")
 
     def sync_folder(self, folder: Path) -> None:
         """The same for the names of the files in a folder."""

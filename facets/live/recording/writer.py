@@ -219,13 +219,15 @@ class Recording(ClosedAtExit, Sink):
         )  # fmt: skip
 
     def messages(self) -> list[str]:
-        """What the disk refused, if anything."""
+        """What the disk refused, if anything: why for the first of the files, and how much."""
         counts = {
             f"{self.lost} received bytes are not recorded": self.lost,
-            f"{self.poses_refused} poses are not recorded, `facets replay` computes them again":
-                self.poses_refused,
-        }  # fmt: skip
-        found = [*self.troubles.values(), *(text for text, count in counts.items() if count)]
+            f"{self.poses_refused} poses are not recorded, `facets replay` computes them again": (
+                self.poses_refused
+            ),
+        }
+        reasons = [self.troubles[name] for name in NAMES if name in self.troubles]
+        found = [*reasons[:1], *(text for text, count in counts.items() if count)]
         return ["; ".join(found)] if found else []
 
     def values(self) -> dict[str, Any]:
