@@ -132,7 +132,7 @@ def axis(
     """
     start = time.perf_counter()
     paths = files_of(folder or Path("results") / f"axis-{axis.value}", plot)
-    files.tables.refuse_to_overwrite(paths.all, force)
+    files.tables.refuse_to_overwrite(paths.all, force, [poses, commands])
     told = (
         characterization.axis_visits.read_commands(commands, axis.value)
         if commands is not None

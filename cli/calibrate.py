@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from facets import calibration, characterization, files
+from facets import config as configuration
 from facets.core.errors import InputError
 
 from . import completion
@@ -196,7 +197,9 @@ def fit_rig(
     paths = result_files(path, plot)
     if report is not None:
         require_html(report)
-    files.tables.refuse_to_overwrite([*paths, *filter(None, [report])], force)
+    sources = [data, *filter(None, [reference])]
+    read = [*configuration.source_files(settings), *sources]
+    files.tables.refuse_to_overwrite([*paths, *filter(None, [report])], force, read)
     samples, asked = read_samples(settings, data, reference)
     chosen = (
         calibration.table.choose_groups(settings.sensor, asked, groups)
@@ -228,7 +231,6 @@ def fit_rig(
         if found.sensor is not None:
             typer.echo("To write it nevertheless, add --accept-misfit.", err=True)
         raise typer.Exit(FINDING)
-    sources = [data, *filter(None, [reference])]
     write_results(settings, found, paths, sources, report)
 
 
@@ -272,7 +274,7 @@ def result_files(path: Path, plot: PlotKind) -> list[Path]:
 
 def write_proposal(settings: Config, path: Path, count: int, force: bool) -> None:
     """Write a table of poses for a calibration; print how well they determine the parameters."""
-    files.tables.refuse_to_overwrite([path], force)
+    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
     files.tables.ending(path)
     poses = characterization.random_poses.poses_to_calibrate_with(settings)
     proposal = calibration.proposal.propose_poses(settings, poses, count)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets import config as configuration
 from facets import design, files, pictures
 from facets.core.errors import InputError
 
@@ -223,7 +224,7 @@ def write_pick(
     """Write one design of an earlier run as a configuration that extends that of the run."""
     path = output or Path(f"{settings.name}-{number}.yaml")
     require_yaml(path)
-    files.tables.refuse_to_overwrite([path], force)
+    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
     found = design.gallery.choose_design(settings, space, file, number)
     x, words = design.gallery.make_buildable(space, found)
     typer.echo("\n".join(words))

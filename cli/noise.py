@@ -9,6 +9,7 @@ import typer
 
 import facets
 from facets import characterization, files, live, pictures
+from facets import config as configuration
 
 from .console import FINDING, show_progress
 from .options import (
@@ -52,7 +53,8 @@ def noise(
     if write:
         require_yaml(write)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
-    files.tables.refuse_to_overwrite([*paths, write] if write else paths, force)
+    sources = configuration.source_files(playback.config)
+    files.tables.refuse_to_overwrite([*paths, write] if write else paths, force, sources)
     columns, settings = solve_recording(playback), playback.config
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from facets import config as configuration
 from facets import design, files, proof
 
 from .bounds import light_text, round_down
@@ -83,7 +84,8 @@ def optimize(
     if sheets:
         design.sheets.require_writable(sheets)
         pages.append(sheets)
-    files.tables.refuse_to_overwrite([path, *paths, *pages], force)
+    sources = configuration.source_files(settings)
+    files.tables.refuse_to_overwrite([path, *paths, *pages], force, sources)
     found = layout_for_yield(settings, search(settings))
     made = None if exact else rounded_layout(found)
     with files.tables.ResultSet():

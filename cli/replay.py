@@ -85,13 +85,14 @@ def replay(
     """
     if recover and output is None:
         output = recording / "recovered.parquet"
-    live.refuse_output(output, force, smooth)
+    request = zero_of(zero)
+    live.refuse_output(output, force, smooth, request)
     live.require_packages(publish, web)
     playback = live.Playback(
         recording,
         facets.load(config) if config else None,
         change=lambda settings: choose_point(settings, point),
-        zero=zero_of(zero),
+        zero=request,
         covariance=covariance,
     )
     poses = playback.poses(real_time, recover)

@@ -71,7 +71,7 @@ def resolution(
     paths = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
     request = TrialRequest(settings, rules, trials, coverage or DEFAULT_COVERAGE, seed, poses)
     pictured = request.paths(place, plot)
-    files.tables.refuse_to_overwrite([*paths, *pictured], force)
+    files.tables.refuse_to_overwrite([*paths, *pictured], force, [poses])
     states = request.states()
     found = characterization.resolution.resolve(
         settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)

@@ -130,7 +130,7 @@ def response(
         if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
             raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
     written = [*paths, *([uff] if uff else [])]
-    files.tables.refuse_to_overwrite(written, force)
+    files.tables.refuse_to_overwrite(written, force, [measurement])
     columns, settings = read_columns(measurement, input_column, config)
     settings = choose_point(settings, point)
     body = settings.object or core.rigid_body.MIRROR

@@ -101,7 +101,8 @@ def rezero(
     path = output or Path(f"{settings.name}-rezeroed.yaml")
     require_yaml(path)
     covariance = path.with_name(f"{path.stem}-covariance.csv")
-    files.tables.refuse_to_overwrite([path, covariance], force)
+    sources = [*configuration.source_files(settings), then, now]
+    files.tables.refuse_to_overwrite([path, covariance], force, sources)
     priors = calibration.rezero.ChangePriors(
         1e-3 * beam_um, power_percent / 100, gain_percent / 100, 1e-3 * post_um, 1e-3 * stop_um,
         1e-6 * stop_urad,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets import config as configuration
 from facets import core, estimation, files, pictures, simulation
 
 from .console import FINDING, load_config, name_files, show_table
@@ -99,7 +100,8 @@ def simulate(
     start = time.perf_counter()
     settings, request = choose_point(load_config(config), point), zero_of(zero)
     paths = files_of(output_folder(folder, settings.name), table, plot)
-    files.tables.refuse_to_overwrite(paths.all, force)
+    sources = [*configuration.source_files(settings), request.file if request else None]
+    files.tables.refuse_to_overwrite(paths.all, force, sources)
     segments = simulation.run.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
     zeros = simulation.run.find_zeros(settings, segments, request)

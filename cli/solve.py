@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from facets import estimation, files
-from facets.core.errors import InputError
 
 from .console import FINDING, free_output, load_config, report_coverage
 from .options import (
@@ -155,10 +154,8 @@ def solve(
         about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
     path = output_folder(output, settings.name, "poses.csv")
     files.tables.ending(path)
-    if path.exists() and readings.exists() and path.samefile(readings):
-        raise InputError(f"{path}: is the table of readings itself")
     files.tables.require_table(readings)
-    files.tables.refuse_to_overwrite([path], force)
+    files.tables.refuse_to_overwrite([path], force, [readings, request.file if request else None])
     with progress_bar(readings) as advance:
         count = estimation.table.solve_table(
             settings,

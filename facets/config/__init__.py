@@ -20,6 +20,7 @@ _HOMES = {
     "load": "loading",
     "schema": "json_schema",
     "shipped": "files",
+    "source_files": "loading",
     "to_yaml": "show",
 }
 __all__ = sorted(_HOMES)
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from .json_schema import schema as schema
     from .loading import fingerprint as fingerprint
     from .loading import load as load
+    from .loading import source_files as source_files
     from .show import to_yaml as to_yaml
 else:
     __getattr__ = load_on_use(__name__, _HOMES)

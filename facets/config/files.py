@@ -59,9 +59,12 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
 MOST_FILES = 50
 
 
-def gather(file: Path) -> Marked:
-    """Merge a file over all files that it extends; each value keeps its file and line."""
-    return _gather_files(file, (), {})
+def gather(file: Path, known: dict[Path, Marked] | None = None) -> Marked:
+    """Merge a file over all files that it extends; each value keeps its file and line.
+
+    known: receives all these files.
+    """
+    return _gather_files(file, (), {} if known is None else known)
 
 
 def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:

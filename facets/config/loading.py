@@ -169,6 +169,15 @@ def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, 
     return found
 
 
+def source_files(config: Config) -> list[Path]:
+    """The files that a configuration was read from: those that it extends, and its tables."""
+    files = dict[Path, Marked]()
+    gather(config.path, files)
+    motions = [keys for keys in config.resolved["motions"].values() if keys["kind"] == "table"]
+    tables = [keys[name] for keys, name, _ in measured_files(config.resolved)]
+    return [*files, *(Path(table) for table in (*tables, *(keys["file"] for keys in motions)))]
+
+
 def _block(keys: dict[str, Any], dotted: str) -> dict[str, Any]:
     """A block, empty if an older version did not have it."""
     for part in dotted.split("."):

@@ -22,15 +22,24 @@ from .completeness import require_complete
 STANDARD_STREAM = Path("-")
 
 
-def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
+def refuse_to_overwrite(
+    paths: Sequence[Path], force: bool, sources: Sequence[Path | None] = ()
+) -> None:
     """Check the places of all results before any work is done for them.
 
-    Raises `OutputError` if one of the paths exists and must not be replaced, is a folder, or
-    cannot be written.
+    sources: files that the results extend or are made from; None is skipped. Raises `OutputError`
+    if one of the paths is a source, exists and must not be replaced, is a folder, or cannot be
+    written.
     """
     paths = [path for path in paths if path != STANDARD_STREAM]
+    read = [source for source in sources if source and source.exists()]
     for path in paths:
         require_writable(path)
+        if path.exists() and any(path.samefile(source) for source in read):
+            raise OutputError(
+                f"{path}: the result extends this file or is made from it; give the result "
+                "another name"
+            )
     existing = [str(path) for path in paths if path.exists()]
     if existing and not force:
         raise OutputError(f"{', '.join(existing)}: exists already; use --force to replace it")

@@ -244,7 +244,9 @@ def is_mcap(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".mcap"
 
 
-def refuse_output(path: Path | None, force: bool, smooth: str | None) -> None:
+def refuse_output(
+    path: Path | None, force: bool, smooth: str | None, zero: ZeroRequest | None
+) -> None:
     """Raise `InputError` for an output that cannot be written, or options that contradict."""
     if smooth:
         require_model("--smooth", smooth)
@@ -256,4 +258,4 @@ def refuse_output(path: Path | None, force: bool, smooth: str | None) -> None:
         require_extra("mcap.writer", str(path))
     else:
         tables.ending(path)
-    tables.refuse_to_overwrite([path], force)
+    tables.refuse_to_overwrite([path], force, [zero.file if zero else None])

@@ -261,6 +261,40 @@ def test_what_cannot_be_used_is_said(run, words, reason):
     assert reason in err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("rezero", "calibrated.yaml", "then.csv", "then.csv", "-o", "calibrated.yaml"),
+        ("rezero", "top.yaml", "then.csv", "then.csv", "-o", "calibrated.yaml"),
+        ("rezero", "link.yaml", "then.csv", "then.csv", "-o", "calibrated.yaml"),
+        ("rezero", "calibrated.yaml", "then.csv", "then.csv", "-o", "link.yaml"),
+        ("rezero", "top.yaml", "then.csv", "then.csv", "-o", "old.yaml"),  # its covariance
+        ("optimize", "top.yaml", "-o", "calibrated.yaml"),
+        ("explore", "top.yaml", "--pick", "1", "-o", "calibrated.yaml"),
+        ("calibrate", "top.yaml", "then.csv", "-o", "calibrated.yaml"),
+        ("calibrate", "top.yaml", "--propose", "3", "-o", "then.csv"),  # the motion's table
+        ("solve", "paper", "then.csv", "-o", "then.csv"),
+        ("solve", "paper", "then.csv", "-o", "old-covariance.csv", "--zero", "old-covariance.csv"),
+        ("simulate", "top.yaml", "-d", ".", "--zero", "poses.csv"),
+    ],
+    ids=" ".join,
+)
+def test_a_result_never_replaces_what_it_extends_or_is_made_from(run, tmp_path, words):
+    (tmp_path / "known.csv").rename(tmp_path / "old-covariance.csv")
+    (tmp_path / "poses.csv").write_text("tx_mm\n0\n")
+    (tmp_path / "link.yaml").symlink_to("calibrated.yaml")
+    text = (tmp_path / "calibrated.yaml").read_text().replace("known.csv", "old-covariance.csv")
+    (tmp_path / "calibrated.yaml").write_text(text)
+    (tmp_path / "top.yaml").write_text(
+        "extends: [paper, calibrated.yaml]\nmotions: {own: {kind: table, file: then.csv}}\n"
+    )
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    status, _, err = run(*words, "--force")
+    assert status == 2
+    assert "extends this file or is made from it" in err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 @pytest.mark.slow
 def test_intervals_hold_on_a_rig_that_rays_read():
     """A few draws of `python -m facets.experiments.new_zero`, on a rig with real light."""
