@@ -49,11 +49,12 @@ def noise(
     If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
     show the noise: the command says why, writes nothing and ends with exit status 1.
     """
-    playback = live.Playback(recording, facets.load(config) if config else None)
+    given = facets.load(config) if config else None
+    playback = live.Playback(recording, given)
     if write:
         require_yaml(write)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
-    sources = configuration.source_files(playback.config)
+    sources = configuration.source_files(given) if given else [recording / "meta.yaml"]
     files.tables.refuse_to_overwrite([*paths, write] if write else paths, force, sources)
     columns, settings = solve_recording(playback), playback.config
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
