@@ -63,8 +63,8 @@ CheckStage = Annotated[
     bool,
     typer.Option(
         "--check-stage",
-        help="Move the stage by 0.05 mm along each axis and check with the readings that it is "
-        "wired as configured. The mirror must stand still.",
+        help="Move the stage by 0.05 mm along each axis, beginning with one native step, and check "
+        "with the readings that it is wired as configured. The mirror must stand still.",
     ),
 ]
 Write = Annotated[

@@ -89,7 +89,7 @@ def check_sentences(
 
     Nothing is written if the check, or the run that it was part of, is not good.
     """
-    if check.leg == len(check.LEGS):
+    if check.is_complete:
         for axis in check.axes():
             yield axis.sentence
     if not is_good:

@@ -3,6 +3,10 @@
 The mirror stands still. The stage moves the beam by STEP_MM along each axis and back, within the
 same envelope as in a run, and the readings alone, without the encoder, measure the beam's place.
 The result is the sign, the scale and the delay of each axis, and whether x and y are exchanged.
+
+The units of the envelope's limits are among what is checked, so the light bounds the moves: the
+first one is a single native step, each next one goes twice as far, and the check ends at the first
+sample without a good pose, or with the beam more than SLACK_MM from where it was to be.
 """
 
 from __future__ import annotations
@@ -14,16 +18,22 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
+from .arrival import distance_to_box, settling_time, words
 from .envelope import STALLED
 from .limits import Limits
-from .tracker import Sample, Tracker
+from .tracker import STALE, Sample, Tracker
 
 #: The beam's distance along each axis, mm (a quarter of the paper's head's range), and speed.
 STEP_MM, SPEED_MM_S = 0.05, 0.5
-#: The stage stands for DWELL_S after each move; the beam's place is the mean over the last MEAN_S.
+#: Largest distance of the beam from where its move was to bring it, mm: more than the noise.
+SLACK_MM = 0.01
+#: The stage stands for DWELL_S at both ends of STEP_MM; the beam's place is the mean over the last
+#: MEAN_S.
 DWELL_S, MEAN_S = 0.5, 0.25
-#: Longest gap between good samples, s; the stage gets no command in a gap, so it stands.
+#: Longest time without any sample, s; the stage gets no command in it, so it stands.
 WAIT_S = 2.0
+#: Longest time of a check, s.
+LONGEST_S = 60.0
 #: A check ends after more than this number of stalls of the loop.
 STALLS = 10
 #: Largest error of an axis's scale, and largest share of a move across its axis.
@@ -32,8 +42,8 @@ SCALE, ACROSS = 0.05, 0.1
 HARDLY = 0.1
 #: A mirror that moves by more than this during the check is not at rest, mm.
 MIRROR_MM = 0.01
-#: The part of each move over which the delay is taken: a stage has then reached its speed.
-RAMP = (0.3, 0.9)
+#: The part of the way back over which the delay is taken: a stage has then reached its speed.
+RAMP = (0.1, 0.7)
 
 
 class Axis(NamedTuple):
@@ -87,64 +97,105 @@ class StageCheck(Tracker):
     The samples must be solved with a free beam.
     """
 
-    #: Places to which the beam is moved, in steps from its first place.
-    LEGS = ((0, 0), (1, 0), (0, 0), (0, 1), (0, 0))
+    is_resumable = False
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
         full = self.envelope.limits
         self.narrow = Limits(full.low, full.high, min(full.speed, SPEED_MM_S), full.reach)
         self.origin = self.encoder.place
+        ways = [min(self.settings.step, STEP_MM)]
+        while ways[-1] < STEP_MM:
+            ways.append(min(2 * ways[-1], STEP_MM))
+        x, y = ([way * unit for way in ways] for unit in np.eye(2))
+        self.goals = np.array([np.zeros(2), *x, np.zeros(2), *y, np.zeros(2)])
+        most = len(ways)
+        self.ends = [0, most, most + 1, 2 * most + 1, 2 * most + 2]  # legs whose ends are measured
         self.leg, self.arrived, self.last = 0, np.inf, -np.inf
-        self.commands: list[list[tuple[float, Floats]]] = [[] for _ in self.LEGS]
-        self.beams: list[list[tuple[float, Floats]]] = [[] for _ in self.LEGS]
+        self.is_surprised = False
+        self.commands: list[list[tuple[float, Floats]]] = [[] for _ in self.goals]
+        self.beams: list[list[tuple[float, Floats]]] = [[] for _ in self.goals]
         self.apexes: list[Floats] = []
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all moves were made."""
+        return self.leg == len(self.goals)
+
+    @property
+    def stands(self) -> bool:
+        """Whether a stopped stage has had the time to come to rest."""
+        return self.clock() - self.envelope.latched_at > self.envelope.arrival.patience
 
     @property
     def is_over(self) -> bool:
         """Whether the check is complete, or the stage was stopped before."""
         latched = self.envelope.latched
         goes_on = latched == STALLED and self.envelope.stops <= STALLS
-        return self.leg == len(self.LEGS) or bool(self.error or (latched and not goes_on))
+        return self.is_complete or bool(self.error or (latched and not goes_on and self.stands))
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
-        """Continue the current move by a small part."""
-        if self.is_over or good.apex is None:
+        """Look at the light, and continue the current move by a small part."""
+        if self.is_complete:
+            return
+        if reason := self.reason_to_end(good, now):
+            self.envelope.latch(reason)
             return
         if good.time > self.last:
             self.last = good.time
             self.beams[self.leg].append((good.time, good.beam))
+            assert good.apex is not None
             self.apexes.append(good.apex)
-        goal = self.origin + STEP_MM * np.array(self.LEGS[self.leg])
+        goal = self.origin + self.goals[self.leg]
         sent = self.envelope.go(goal, good.time, self.narrow)
         if sent is not None:
             self.count(sent)
             self.commands[self.leg].append((now, sent))
             if np.abs(sent - goal).max() < 1e-9:
                 self.arrived = min(self.arrived, now)
-        if good.time > self.arrived + DWELL_S:
+        if self.has_stood(good.time):
             self.leg, self.arrived = self.leg + 1, np.inf
 
+    def has_stood(self, time: float) -> bool:
+        """Whether the stage has stood long enough at the goal of its leg."""
+        dwell = DWELL_S if self.leg in self.ends else settling_time(self.settings)
+        return time > self.arrived + dwell
+
+    def reason_to_end(self, good: Sample, now: float) -> str:
+        """The reason why the check must not go on; empty if there is none."""
+        if now - self.first > LONGEST_S:
+            return f"the check takes longer than {LONGEST_S:g} s"
+        if good.apex is None or self.newest.doubt not in ("", STALE):
+            return self.newest.doubt or "no pose"
+        if not self.leg:
+            return ""
+        start, goal = self.goals[self.leg - 1 : self.leg + 1]
+        moved = good.beam - self.mean(0)
+        corners = np.array([goal if self.has_stood(good.time) else start, goal])
+        self.is_surprised = not distance_to_box(moved, corners) <= SLACK_MM
+        if not self.is_surprised:
+            return ""
+        return f"the beam has moved by {words(moved)} mm instead of {words(goal)} mm"
+
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
-        """Resume a check by itself after a stall of the loop on a busy machine: the person who
-        began the check is there, and no move is longer than STEP_MM."""
-        stood = now - self.envelope.latched_at > self.envelope.arrival.patience
-        if self.envelope.latched == STALLED and stood and self.envelope.stops <= STALLS:
-            self.request = "the check"
-        return super().is_resumed(doubt, newest, now)
+        """Resume a check by itself, and by nobody else, after a stall of the loop on a busy
+        machine: the person who began the check is there, and no move is longer than STEP_MM."""
+        goes_on = self.envelope.latched == STALLED and self.envelope.stops <= STALLS
+        self.request = "the check" if goes_on and self.stands else ""
+        return bool(self.request) and super().is_resumed(doubt, newest, now)
 
     def bridge(self, now: float) -> bool:
-        """Stand for up to WAIT_S and wait for the next good sample."""
-        return now - self.good.time < WAIT_S
+        """Stand for up to WAIT_S while no samples come."""
+        return self.newest.doubt in ("", STALE) and now - self.good.time < WAIT_S
 
     def axes(self) -> list[Axis]:
         """Compute the response of both axes."""
-        means = [self.mean(leg) for leg in range(len(self.LEGS))]
+        means = [self.mean(leg) for leg in self.ends]
         x = (2 * means[1] - means[0] - means[2]) / (2 * STEP_MM)
         y = (2 * means[3] - means[2] - means[4]) / (2 * STEP_MM)
         return [
-            Axis("x", float(x[0]), float(x[1]), self.delay(1, 0, float(x[0]))),
-            Axis("y", float(y[1]), float(y[0]), self.delay(3, 1, float(y[1]))),
+            Axis("x", float(x[0]), float(x[1]), self.delay(self.ends[2], 0, float(x[0]))),
+            Axis("y", float(y[1]), float(y[0]), self.delay(self.ends[4], 1, float(y[1]))),
         ]
 
     def mean(self, leg: int) -> Floats:
@@ -154,25 +205,34 @@ class StageCheck(Tracker):
         return places
 
     def delay(self, leg: int, axis: int, scale: float) -> float:
-        """Time from a command to the light, s, by the beam's lag in the middle of a move."""
+        """Time from a command to the light, s, by the beam's lag in the middle of a way back."""
         times = np.array([time for time, _ in self.commands[leg]])
         commanded = np.array([place[axis] for _, place in self.commands[leg]]) - self.origin[axis]
         taken = np.array([time for time, _ in self.beams[leg]])
-        beam = np.array([place[axis] for _, place in self.beams[leg]]) - self.mean(leg - 1)[axis]
+        beam = np.array([place[axis] for _, place in self.beams[leg]]) - self.mean(leg)[axis]
         half = 0.5 / self.settings.rate  # a command lasts for one period
-        here = np.interp(taken - half, times, commanded, left=0.0)
+        here = np.interp(taken - half, times, commanded, left=STEP_MM)
         midst = (here > RAMP[0] * STEP_MM) & (here < RAMP[1] * STEP_MM)
         if not midst.any() or not scale:
             return float("nan")
-        return float((here - beam / scale)[midst].mean() / self.narrow.speed)
+        return float((beam / scale - here)[midst].mean() / self.narrow.speed)
 
     def faults(self) -> list[str]:
         """The reasons why the stage must not be used, in sentences; empty if there are none."""
-        if self.leg < len(self.LEGS):
+        if not self.is_complete:
             why = self.error or self.envelope.latched or "the samples ended too soon"
-            moved = "xxyy"[self.leg - 1] if self.leg else ""
-            at = f" while the stage was to move along {moved}" if moved else ""
-            return [f"the check was not completed{at}: {why}"]
+            moved = " xy"[int(np.searchsorted(self.ends[::2], self.leg))]
+            at = f" while the stage was to move along {moved}" if self.leg else ""
+            return [f"the check was not completed{at}: {why}", *self.surprise(moved)]
         if np.ptp(np.array(self.apexes), axis=0).max() > MIRROR_MM:
             return ["the mirror moved during the check: it must stand still"]
         return [axis.fault for axis in self.axes() if axis.fault]
+
+    def surprise(self, name: str) -> list[str]:
+        """What the beam's unexpected place says of the axis that was to move, if anything."""
+        axis = "xy".find(name)
+        way = float((self.encoder.place - self.origin)[axis])
+        if not (self.is_surprised and way and self.goals[self.leg].any()):
+            return []
+        share = (self.good.beam - self.mean(0)) / way
+        return [Axis(name, float(share[axis]), float(share[1 - axis]), float("nan")).fault]

@@ -64,8 +64,11 @@ class Tracker:
     Faults within it raise nothing: they stop the stage, and `error` describes them.
 
     bridging: whether the followed motion is a prediction.  bridges: number of bridged gaps.  moves:
-    number of commands.  begun: time of the first, s.  note: a message for the user.
+    number of commands.  begun: time of the first, s.  note: a message for the user.  is_resumable:
+    whether a person can end a stop.
     """
+
+    is_resumable = True
 
     def __init__(
         self,

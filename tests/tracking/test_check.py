@@ -10,7 +10,7 @@ from sensors import SENSORS
 
 import facets
 from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.check import STEP_MM, StageCheck, checked_today, stage_identity
+from facets.tracking.check import SLACK_MM, STEP_MM, StageCheck, checked_today, stage_identity
 from facets.tracking.control import Law
 from facets.tracking.stage import StageModel
 
@@ -20,14 +20,18 @@ RIGHT = ((1, 0), (0, 1))
 
 
 class Bench:
-    """A stage that moves the beam by `wiring` (2, 2) of its way, on a counted clock."""
+    """A stage that moves the beam by `wiring` (2, 2) of its way, on a counted clock.
 
-    def __init__(self, settings=STAGE, wiring=RIGHT, drift=0.0):
+    scale: its native step in those of `settings`.
+    """
+
+    def __init__(self, settings=STAGE, wiring=RIGHT, drift=0.0, scale=1.0):
         self.model, self.now = StageModel(settings), 10.0
+        settings = replace(settings, step=settings.step / scale)
         self.device = (PiController if settings.driver == "pi" else ZaberDevice)(self.model)
         self.model.advance(self.now)
         self.wiring, self.drift, self.replies = np.array(wiring), drift, b""
-        self.home, self.way = self.model.place.copy(), 0.0
+        self.home, self.way, self.targets = self.model.place.copy(), 0.0, []
         self.stalls = 0
         law = Law.from_sensor(SENSORS["paper"], settings)
         self.check = StageCheck(self, settings, law, lambda *_, **__: None, clock=self.clock)
@@ -46,9 +50,9 @@ class Bench:
     def close(self):
         pass
 
-    def run(self, dark_from=np.inf):
+    def run(self, dark=(), steps=1000):
         """To the end; the faults."""
-        for n in range(1000):
+        for n in range(steps):
             self.now += 0.01
             if n % 30 == 20 and n < 30 * self.stalls:  # a busy machine
                 self.now += 0.2
@@ -56,7 +60,9 @@ class Bench:
             self.model.advance(self.now)
             away = self.model.place - self.home
             self.way = max(self.way, np.abs(away).max())
-            light = np.full((1, 3), 0.0 if n >= dark_from else 0.1)
+            self.targets.append(self.model.target.copy())
+            is_dark = n in dark or np.hypot(*away) > 0.3
+            light = np.full((1, 3), 0.0 if is_dark else 0.1)
             apex = self.home + self.drift * (self.now - 10.0)
             beam = self.home + self.wiring @ away
             self.check.feed(np.array([self.now]), light, apex[None], beam[None])
@@ -90,27 +96,51 @@ def turned(degrees):
     return ((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle)))
 
 
+@pytest.mark.parametrize("scale", [1e6, 1000.0, 30.0, 1.9, 1.5, 1.24])
+def test_a_check_goes_no_further_than_its_light_allows_whatever_the_scale(scale):
+    bench = Bench(scale=scale)
+    assert "times as far: correct stage.step_um" in bench.run()[-1]
+    assert bench.way < STEP_MM + 1.2 * SLACK_MM
+    first = next(place for place in bench.targets if (place != bench.home).any())
+    assert np.abs(first - bench.home).max() == pytest.approx(STAGE.step, rel=1e-3)
+
+
+def test_a_check_ends_at_the_first_lost_sample():
+    bench = Bench()
+    (fault,) = bench.run(dark=[200])
+    assert "not every detector has light" in fault
+    assert np.ptp(bench.targets[201:], axis=0).max() < 1e-3
+    bench.check.resume("a person")
+    assert bench.check.step()
+    assert bench.check.envelope.latched
+
+
+def test_a_check_ends_after_a_minute():
+    bench = Bench(replace(STAGE, lag=0.9))
+    (fault,) = bench.run(steps=8000)
+    assert "takes longer than 60 s" in fault
+
+
 @pytest.mark.parametrize(
     ("wiring", "words"),
     [
         (((-1, 0), (0, 1)), ["a command along x moves the beam the wrong way"]),
         (((1, 0), (0, -1)), ["a command along y moves the beam the wrong way"]),
-        (((0, 1), (1, 0)), ["exchange the cables of x and y"] * 2),
-        (((2, 0), (0, 1)), ["x moves the beam 2 times as far: correct stage.step_um"]),
-        (((0.05, 0), (0, 0)), ["x hardly moves the beam", "y hardly moves the beam"]),
-        (turned(12), ["is rotated by 12 degrees relative to the sensor"] * 2),
+        (((0, 1), (1, 0)), ["exchange the cables of x and y"]),
+        (((2, 0), (0, 1)), ["x moves the beam 2.01 times as far: correct stage.step_um"]),
+        (((0.05, 0), (0, 0)), ["x hardly moves the beam"]),
+        (turned(8), ["is rotated by 8 degrees relative to the sensor"] * 2),
     ],
     ids=["x backwards", "y backwards", "swapped", "scale", "still", "turned"],
 )
 def test_a_stage_that_is_wired_wrong_is_refused(wiring, words):
     faults = Bench(wiring=wiring).run()
-    assert len(faults) == len(words)
-    for fault, text in zip(faults, words, strict=True):
+    for fault, text in zip(faults[-len(words) :], words, strict=True):
         assert text in fault
 
 
 def test_a_check_that_does_not_come_to_its_end_says_why():
-    (fault,) = Bench().run(dark_from=60)
+    (fault,) = Bench().run(dark=range(60, 1000))
     assert fault.startswith("the check was not completed while the stage was to move along x")
     assert "not every detector has light" in fault
     (fault,) = Bench(drift=0.02).run()

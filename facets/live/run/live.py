@@ -78,10 +78,11 @@ class Live:
         found += self.pipeline.doubts.said
         if self.pipeline.board.trouble():
             found.append(self.pipeline.board.trouble())
-        if self.stage_stop:
+        if self.tracker and self.stage_stop:
+            how = f"; resume it by the key r, the button on the page, or kill -USR1 {os.getpid()}"
             found.append(
-                f"the stage is stopped, the recording goes on: {self.stage_stop}; resume it by the "
-                f"key r, the button on the page, or kill -USR1 {os.getpid()}"
+                f"the stage is stopped, the recording goes on: {self.stage_stop}"
+                + how * self.tracker.is_resumable
             )
         if self.tracker and self.tracker.note:
             found.append(self.tracker.note)
