@@ -61,9 +61,16 @@ class PoseSeries:
     states: Floats
     misfit: Booleans
 
+    @property
+    def has_pose(self) -> Booleans:
+        """Whether a row has all six numbers of a pose (n,)."""
+        found: Booleans = np.isfinite(self.states[:, :6]).all(axis=1)
+        return found
+
     def usable(self) -> PoseSeries:
-        """The same with NaN for what does not fit."""
-        return replace(self, states=np.where(self.misfit[:, None], np.nan, self.states))
+        """The same with NaN for what does not fit, or lacks a number."""
+        good = self.has_pose & ~self.misfit
+        return replace(self, states=np.where(good[:, None], self.states, np.nan))
 
 
 @dataclass(frozen=True)
@@ -211,7 +218,7 @@ def find_visits(
     counts = VisitCounts(
         stray_stands=len(parts) - len(kept),
         missing=tuple(np.delete(commands.positions, partner[partner >= 0]).tolist()),
-        unsolved=int((~np.isfinite(series.states[:, 0])).sum()),
+        unsolved=int((~series.has_pose).sum()),
         misfits=int(series.misfit.sum()),
         moving=len(place) - sum(part.stop - part.start for part in kept),
         doubtful=tuple(doubtful),

@@ -75,10 +75,8 @@ def read(file: Path) -> Marked:
     yaml = YAML(typ="safe", pure=True)
     try:
         root = yaml.compose(text)
-        if root is None:
-            return Marked({}, file, 1)
         reader = _Reader(file, yaml)
-        tree = reader.mark(root, root.start_mark.line + 1, ())
+        tree = reader.mark(root, root.start_mark.line + 1, ()) if root else Marked({}, file, 1)
     except YAMLError as error:
         raise ConfigError(_syntax_message(file, error, text)) from None
     except (ValueError, OverflowError) as error:  # ruamel fails at a value that is none.
@@ -87,8 +85,11 @@ def read(file: Path) -> Marked:
         raise ConfigError(f"{path_text(file)}: nested too deeply") from None
     if reader.problems:
         raise ConfigError("\n".join(reader.problems))
-    if not isinstance(tree.value, dict):
-        raise ConfigError(f"{tree.place}: a configuration is made of `key: value` lines")
+    if not isinstance(tree.value, dict) or not tree.value:
+        raise ConfigError(
+            f"{tree.place}: a configuration is made of `key: value` lines; `extends: paper` alone "
+            "is the paper's rig"
+        )
     return tree
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import secrets
 import shutil
@@ -105,13 +106,17 @@ class Whole:
     def __init__(self, path: Path, alone: bool = False) -> None:
         self.path, self.alone = path, alone
         self.removes = False  # a set also takes older files away
+        self.handle = -1  # of the temporary file, which it locks as long as its writer lives
 
     def __enter__(self) -> Path:
         self.folders = missing_folders(self.path.parent)
         self.temporary = hidden_name(self.path)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            os.close(os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            remove_orphans(self.path)
+            self.handle = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+            if not lock_file(self.handle):
+                self.close()  # Windows renames no file that is open
         except BaseException as error:
             self.discard()
             if isinstance(error, OSError):
@@ -131,6 +136,7 @@ class Whole:
                 else:
                     self.temporary.replace(self.path)
                     sync_to_disk(self.path.parent)
+                    self.close()
                 return
         except BaseException as lost:
             self.discard()
@@ -153,9 +159,15 @@ class Whole:
         elif not (self.removes or self.temporary.exists()):
             self.path.unlink(missing_ok=True)
 
+    def close(self) -> None:
+        if self.handle >= 0:
+            os.close(self.handle)
+            self.handle = -1
+
     def discard(self) -> None:
         """Remove everything written so far, and the folders that were made for it."""
         with hold_signals():
+            self.close()
             for path in (self.temporary, self.backup):
                 with suppress(OSError):
                     path.unlink(missing_ok=True)
@@ -245,6 +257,26 @@ def remove_older(path: Path) -> None:
 def hidden_name(path: Path) -> Path:
     """An unused name in the same folder."""
     return path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
+
+
+def remove_orphans(path: Path) -> None:
+    """Remove the hidden files of this result whose writers were killed: nobody locks them."""
+    name = glob.escape(f".{path.stem[:40]}-|{path.suffix}").replace("|", 8 * "[0-9a-f]")
+    for hidden in path.parent.glob(name):
+        with suppress(OSError), hidden.open("rb") as file:
+            if lock_file(file.fileno()):
+                hidden.unlink()
+
+
+def lock_file(handle: int) -> bool:
+    """Lock an open file until it is closed; False if it is locked, or the system has no locks."""
+    try:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (ImportError, OSError):
+        return False
+    return True
 
 
 def missing_folders(folder: Path) -> list[Path]:

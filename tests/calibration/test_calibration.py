@@ -489,6 +489,7 @@ def test_the_command_proposes_poses(run):
     ("arguments", "words"),
     [
         (("paper",), "DATA is missing"),
+        (("paper", "--propose", "0"), "Invalid value for '--propose'"),
         (("paper", "nowhere.csv"), "no such file"),
         (("paper", "trial.csv", "-o", "new.yaml"), "missing columns: psi_a_mm"),
         (("paper", "trial.csv", "-o", "new.yaml"), "give their own table with --reference"),

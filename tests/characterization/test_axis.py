@@ -200,9 +200,11 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused(tmp_path):
         found_visits(poses, 1000 * UP_AND_DOWN)
     with pytest.raises(InputError, match="check the unit"):
         found_visits(poses, UP_AND_DOWN / 1000)
-    nothing = replace(poses, states=np.full_like(poses.states, np.nan))
-    with pytest.raises(InputError, match="no row has a pose"):
-        found_visits(nothing, UP_AND_DOWN)
+    for missing in (slice(None), 2, 5):  # a pose that lacks one number is missing, too
+        nothing = replace(poses, states=poses.states.copy())
+        nothing.states[:, missing] = np.nan
+        with pytest.raises(InputError, match="no row has a pose"):
+            found_visits(nothing, UP_AND_DOWN)
     table = tmp_path / "commands.csv"
     table.write_text("position_deg\n1\n2\n")
     with pytest.raises(InputError, match="needed for the axis Z: one of position_mm, position_um"):

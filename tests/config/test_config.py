@@ -59,10 +59,10 @@ def test_the_shipped_paper_is_the_default_sensor():
     assert list(config.motions) == ["x-steps", "yaw-sweep", "multi-axis"]
 
 
-def test_an_empty_file_is_the_paper_without_motions(write):
-    config = load(write(""))
-    assert config.sensor == Sensor()
-    assert config.motions == {}
+@pytest.mark.parametrize("text", ["", "# nothing\n", "{}\n", "null\n"])
+def test_a_file_without_a_key_is_no_rig(write, text):
+    (message,) = problems(write(text))
+    assert message.startswith("my.yaml:1: a configuration is made of `key: value` lines")
 
 
 def test_blocks_whose_keys_are_all_commented_out_take_the_defaults(write):
@@ -377,7 +377,7 @@ def test_a_duplicate_key_is_an_error_that_names_both_lines(write):
 
 
 def test_text_that_is_not_utf8_is_an_error_with_its_line(write):
-    path = write("")
+    path = write("a: 1")
     path.write_bytes(b"a: 1\nb: \xff\n")
     (message,) = problems(path)
     assert message.startswith("my.yaml:2: not UTF-8")

@@ -6,6 +6,7 @@ import errno
 import io
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -125,6 +126,28 @@ def test_a_file_alone_belongs_to_no_set(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         fail()
     assert tree(tmp_path) == {"kept.o": b"kept"}
+
+
+def test_the_next_writer_removes_the_hidden_file_of_a_killed_one(tmp_path):
+    path = tmp_path / "poses.csv"
+    code = (
+        "import os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from facets.files.whole import Whole\n"
+        "with Whole(Path('poses.csv')) as temporary:\n"
+        "    temporary.write_text('half')\n"
+        "    print('written', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stdin=-1, stdout=-1) as one:
+        assert one.stdout.readline() == b"written\n"
+        for count in (1, 0):
+            with Whole(path) as temporary:
+                temporary.write_text("whole")
+            assert len(tree(tmp_path)) == 1 + count
+            one.kill()
+            one.wait()
+    assert tree(tmp_path) == {"poses.csv": b"whole"}
 
 
 def test_a_full_disk_leaves_no_folder_behind(tmp_path):
