@@ -159,7 +159,8 @@ class Stage:
     stale: float = key(
         "stale_ms",
         50.0,
-        "age beyond which a pose is not followed; a predicted motion may follow it",
+        "age beyond which a pose is not followed, by the soonest data of the run; a predicted "
+        "motion may follow it",
         gt=0,
         le=10_000,
     )

@@ -89,6 +89,7 @@ class Tracker:
         self.newest = self.good = NOTHING
         self.error = self.note = self.request = ""
         self.home = self.encoder.place
+        self.halted, self.late = "", 0.0
         self.moves = self.bridges = 0
         self.first = self.begun = np.inf
         self.ending = threading.Event()
@@ -121,6 +122,10 @@ class Tracker:
         """Ask the loop, from any thread, to let a stopped stage move again.  by: who resumes."""
         self.request = by
 
+    def halt(self, reason: str) -> None:
+        """Ask the loop, from any thread, to stop the stage until a person resumes."""
+        self.halted = reason
+
     def __enter__(self) -> Tracker:
         for thread in self.threads:
             thread.start()
@@ -152,12 +157,15 @@ class Tracker:
         apexes: Floats,
         beams: Floats | None = None,
         permit: bool = False,
+        late: float = 0.0,
     ) -> None:
         """Take samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
-        saturated, apexes and beams (n, 2) mm or NaN.  permit: whether all of them have it."""
+        saturated, apexes and beams (n, 2) mm or NaN.  permit: whether all of them have it.  late:
+        how much earlier than these times they may have been taken, s."""
         came = self.clock()
         if not len(times):
             return
+        times, self.late = times - late, late
         if isinstance(self.envelope.permit, BoardPermit):
             self.envelope.permit.take(float(times[-1]), permit)
         for row in range(len(times) - 1, -1, -1):
@@ -217,6 +225,9 @@ class Tracker:
 
     def cycle(self) -> None:
         place = self.envelope.look().place
+        reason, self.halted = self.halted, ""
+        if reason:
+            self.envelope.latch(reason)
         now = self.clock()
         self.first = min(self.first, now)
         good, newest = self.good, self.newest
@@ -311,9 +322,11 @@ class Tracker:
             if good.apex is not None and np.abs(good.apex - place).max() > clearance:
                 return "the pose is farther from the beam than its light allows"
             return ""
-        if newest is NOTHING or now - newest.came > stale:
-            return NOTHING.doubt if newest is NOTHING else STALE
-        return newest.doubt or STALE
+        if newest is NOTHING:
+            return newest.doubt
+        if newest.doubt not in ("", STALE) and now - newest.came <= stale:
+            return newest.doubt
+        return f"{STALE}: all come {1e3 * self.late:.0f} ms late" if self.late > stale else STALE
 
     def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
         sent = self.envelope.go(place, sampled, search.limits if search else None)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import facets
+from facets.live import Live
+from facets.live.run.loop import CLOCK_MOVED, Loop
 from facets.live.run.pipeline import MARKED, Pipeline
-from facets.live.sources import host_time
+from facets.live.sources import Block, host_time
 from facets.live.sources.clock import WRAP
 from facets.live.sources.frames import ELECTRODES, MARK, Samples, encode
 from facets.live.sources.host_time import HostTime, touching_line
@@ -147,6 +150,42 @@ def test_a_clock_that_stood_still_and_one_that_was_set_are_noticed():
     for at, arrival in zip(true + 60, came + 58.3, strict=True):
         clock.add(at, arrival)
     assert clock.line.host_times(90.0) == pytest.approx(88.3, abs=1e-4)
+
+
+def test_a_delay_that_the_line_takes_over_is_remembered_until_it_goes():
+    """0.3 s for 8 s, and none again; then 1 ms more each second, above what a clock drifts."""
+    rng = np.random.default_rng(6)
+    clock, true = HostTime(), np.arange(0, 50, PACKET)
+    delay = np.where((true > 8) & (true < 16), 0.3, 0.0) + 1e-3 * np.maximum(true - 20, 0)
+    late, moves = [], []
+    for at, arrival in zip(true / (1 + DRIFT), polled(true + delay, rng), strict=True):
+        clock.add(at, arrival)
+        late.append(clock.late + clock.over)
+        moves.append(clock.moves)
+    late, settled = np.array(late), np.abs(true - 16.2) > 0.2
+    assert np.abs(late - delay)[settled].max() < 0.02
+    assert late[-1] > 0.02
+    assert moves[4_000 - 1] == 0
+    assert moves[8_000 - 1] == moves[-1] == 1  # the line was moved to the late data
+
+
+@pytest.mark.parametrize("timing", ["envelope", "arrival"])
+def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
+    config = replace(CONFIG, acquire=replace(CONFIG.acquire, timing=timing))
+    halts, ages = [], []
+    stage = SimpleNamespace(
+        halt=halts.append, begun=0.0, feed=lambda *fed: ages.append(arrival - (fed[0] - fed[-1]))
+    )
+    loop = Loop(Live(Pipeline(config), tracker=stage), SimpleNamespace(port=None))
+    for data, came, _ in life(0, 13_200, 100.0, np.random.default_rng(7)):
+        arrival = came + 0.3 * (came > 101.2)
+        loop.take(Block(data, arrival, None))
+        if len(loop.backlog) % 200 == 0:  # of some of them, the age is looked at
+            loop.pass_on(loop.live.pipeline.skip(loop.backlog.batches[-1]), arrival)
+    assert halts == [CLOCK_MOVED]
+    ages = np.concatenate(ages)
+    assert ages[:8].max() < 0.02
+    assert ages[16:].min() > 0.29
 
 
 def test_an_input_of_the_board_marks_its_samples():

@@ -307,6 +307,28 @@ def test_a_stopped_stage_stays_stopped_until_a_person_says_go():
     assert not follower.note
 
 
+def test_a_stage_is_not_resumed_on_late_data_and_not_by_itself_where_a_clock_moved():
+    follower, port, events = tracker(replace(STAGE, resume="auto"), search=True)
+    steady(follower, port, 6.28)
+    moves, light, place = follower.moves, np.full((1, 3), 0.1), np.array([[0.55, 0.0]])
+    for n in range(100):
+        port.now += 0.05
+        port.device.model.advance(port.now)
+        follower.feed(np.array([port.now]), light, place, late=0.3 * (n < 50))
+        if n == 40:
+            follower.halt("the clock has moved")
+            follower.resume("a person")
+        assert follower.step()
+    assert follower.moves == moves + 2  # predicted ones
+    assert follower.note == "the stage was not resumed: no fresh sample: all come 300 ms late"
+    assert follower.stop_reason.startswith("no fresh sample")
+    resume(follower, port)
+    assert follower.moves > moves + 2
+    follower.halt("the clock has moved")
+    assert follower.step()
+    assert ("stop", {"reason": "the clock has moved"}) in events
+
+
 def test_the_envelope_itself_sends_nothing_while_it_is_stopped():
     port = Port(ZaberDevice(StageModel(STAGE)))
     envelope = Envelope(port, STAGE, lambda *_, **__: None, port.clock)

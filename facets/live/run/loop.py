@@ -45,6 +45,7 @@ FINISH_S = 2.0
 #: small steps, else keeps the reader and the loop of the stage waiting for several milliseconds.
 THREAD_SWITCH_INTERVAL_S = 5e-4
 INTERRUPTED = "interrupted"
+CLOCK_MOVED = "the detector board's clock has moved against the host's, or its data come later"
 
 
 class Backlog:
@@ -128,7 +129,13 @@ class Loop:
                 self.take(self.reader.queue.get_nowait())
 
     def take(self, block: Block) -> None:
+        clock = self.live.pipeline.host_time
+        moves = clock.moves
         self.backlog.add(self.live.pipeline.take(block.data, block.arrival, block.encoder))
+        if clock.moves > moves:
+            self.live.add_event("clock moved", late_ms=round(1e3 * clock.late, 3))
+            if self.live.tracker:
+                self.live.tracker.halt(CLOCK_MOVED)
         self.live.check_silence()
 
     def solve_batch(self) -> None:
@@ -156,7 +163,9 @@ class Loop:
             if live.tracker:
                 is_permitted = bool((poses.flags & PERMITTED).all())
                 apexes, beams = apexes_of(poses)
-                live.tracker.feed(poses.host, powers_of(poses), apexes, beams, is_permitted)
+                live.tracker.feed(
+                    poses.host, powers_of(poses), apexes, beams, is_permitted, live.pipeline.late
+                )
         else:
             live.late += len(poses)
         self.give_to_sinks(poses)

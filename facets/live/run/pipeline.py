@@ -262,6 +262,13 @@ class Pipeline:
         self.latest = float(host[-1])
         return host
 
+    @property
+    def late(self) -> float:
+        """How much later the newest samples came than `host_times` says, by the soonest line of the
+        board's clock so far, s."""
+        over = self.host_time.over if self.config.acquire.timing == "arrival" else 0.0
+        return self.host_time.late + over
+
     def warm_up(self) -> None:
         """Compiles, or loads, what the stream will need, before it runs."""
         nobody = Batch(

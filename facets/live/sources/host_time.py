@@ -28,6 +28,8 @@ WORST_RATE = 100e-6
 RATE_CHANGE = 1e-6
 #: An arrival that is earlier than possible by more than this shows that a clock was set, s.
 EARLY_ARRIVAL_S = 0.05
+#: A line is known from this number of buckets on.
+KNOWN_BUCKETS = 5
 #: Number of newest buckets that must all be late to show that a clock has stood still.
 LATE_BUCKETS = 50
 #: An arrival with a delay above this counts as late, s.
@@ -60,19 +62,25 @@ class HostTime:
     """The line of one life of a board, from its arrivals so far; see the module.
 
     rate, rate_sigma: of the host's clock against the board's, and how well that is known; they
-    outlive a restart.  restarts: how often it was begun anew.
+    outlive a restart.  restarts: how often it was begun anew.  over: the delay of the newest block
+    after the line, s.  late: how much later the line is than the soonest one so far, s, but for the
+    drift; nothing tells a board's clock that lost time from a delay.  moves: how often a line that
+    was known was moved by more than its drift.
     """
 
     def __init__(self) -> None:
         self.rate, self.rate_sigma = 0.0, WORST_RATE
-        self.restarts = -1
+        self.restarts, self.moves = -1, 0
+        self.late = self.over = 0.0
+        self.points: deque[tuple[float, float]] = deque()  # board's time, and the lag of arrival
         self.restart()
 
     def restart(self) -> None:
         """The clocks are apart by another amount from here on; their rates are not."""
         self.restarts += 1
+        self.moves += len(self.points) >= KNOWN_BUCKETS
         self.line: ClockLine | None = None
-        self.points: deque[tuple[float, float]] = deque()  # board's time, and the lag of arrival
+        self.points.clear()
         self.bucket = -inf
         self.lowest: tuple[float, float] | None = None
         self.scale = 0.0
@@ -85,6 +93,7 @@ class HostTime:
             self.line = ClockLine(device, lag, self.rate)
             self.bucket = device
         over = lag - self.line.lag(device)
+        self.late = max(self.late + min(over, 0.0), 0.0)
         if over < -EARLY_ARRIVAL_S:
             self.restart()
             self.add(device, arrival)
@@ -98,7 +107,10 @@ class HostTime:
             self.lowest, self.bucket = None, device
             while len(self.points) > 1 and self.points[0][0] < device - ARRIVAL_MEMORY_S:
                 self.points.popleft()
+            before = self.line.lag(device)
             self.fit()
+            self.late = max(self.late + self.line.lag(device) - before, 0.0)
+        self.over = max(lag - self.line.lag(device), 0.0)
 
     def fit(self) -> None:
         """The line under the remembered arrivals."""
@@ -110,6 +122,7 @@ class HostTime:
         if self.stood_still(over):
             for _ in range(len(over) - LATE_BUCKETS):
                 self.points.popleft()
+            self.moves += 1
             self.fit()
             return
         count, length = len(over), float(at[-1] - at[0]) or BUCKET_S
@@ -134,7 +147,7 @@ class HostTime:
         """
         if self.line is None:
             return nan
-        if len(self.points) < 5:
+        if len(self.points) < KNOWN_BUCKETS:
             return inf
         end = END * self.scale / len(self.points)
         reach = (self.points[-1][0] - self.points[0][0]) / 2
