@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from .errors import InputError
 from .names import LABELS
-from .units import Floats
+from .units import Floats, describe_bounds, find_implausible
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -59,6 +59,14 @@ def as_floats(values: ArrayLike, what: str, width: int = 0) -> Floats:
     except NotNumbersError as error:
         fault, needed = (*error.args, "numbers, all rows of one length")[:2]
         raise InputError(f"{what} {fault}; needed: {needed}") from None
+
+
+def require_plausible(values: Floats | float, name: str, what: str) -> None:
+    """Raise `InputError` for numbers that are not plausible in the unit of a column's name."""
+    numbers = np.atleast_1d(values)
+    wrong = numbers[find_implausible(numbers, name)]
+    if len(wrong):
+        raise InputError(f"{what} is {wrong[0]:g}; allowed: {describe_bounds(name)}")
 
 
 def unmask(values: Any) -> Any:

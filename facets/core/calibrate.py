@@ -7,7 +7,9 @@ from typing import Any, Literal
 
 from .axis_keys import MAX_LENGTH_MM, convert_fine_units, pose_block
 from .keys import FieldSource, Key, block_of, block_of_keys, declare, key
+from .names import TEMPERATURE_COLUMN
 from .sensor import LIGHT_CANDIDATES
+from .units import bounds_of
 
 REFERENCE = pose_block(
     "Reference",
@@ -114,6 +116,9 @@ def _condition(name: str, meaning: str, low: float, high: float) -> Any:
     )
 
 
+TEMPERATURES = bounds_of(TEMPERATURE_COLUMN).values()
+
+
 @dataclass(frozen=True)
 class Statement:
     """Entries for the calibration certificate (`facets calibrate --report`), which copies them
@@ -135,7 +140,7 @@ class Statement:
         "calibration certificates of the reference and the national standards behind them",
     )
     temperature: tuple[float, float] | None = _condition(
-        "temperature_c", "lowest and highest temperature during the measurement", -273, 1000
+        "temperature_c", "lowest and highest temperature during the measurement", *TEMPERATURES
     )
     humidity: tuple[float, float] | None = _condition(
         "humidity_percent", "lowest and highest relative humidity during the measurement", 0, 100

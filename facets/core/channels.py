@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .keys import key
 from .names import READING_COLUMNS, STATE_COLUMNS
-from .units import KEY_UNITS, Floats
+from .units import KEY_UNITS, Floats, find_implausible
 
 #: Endings of columns by the unit as people write it.
 ENDINGS = {unit.label: ending for ending, unit in reversed(KEY_UNITS.items()) if unit.label} | {
@@ -80,10 +80,12 @@ class AuxiliaryChannel:
         return "_".join(part for part in (self.name, column_ending(self.unit)) if part)
 
     def values(self, raw: NDArray[np.float32]) -> Floats:
-        """Values of the channel in its unit; NaN for each number that is not finite."""
+        """Values of the channel in its unit; NaN for each number that is not finite, or not
+        plausible in this unit."""
         with np.errstate(over="ignore", invalid="ignore"):
             found: Floats = self.offset + self.scale * raw.astype(np.float64)
-        return np.where(np.isfinite(found), found, np.nan)
+        is_number = np.isfinite(found) & ~find_implausible(found, self.column)
+        return np.where(is_number, found, np.nan)
 
     def raw(self, values: Floats) -> NDArray[np.float32]:
         """The inverse of `values`, as a board sends them."""

@@ -15,11 +15,12 @@ from math import pi
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
-from .arguments import check_arguments
+from .arguments import check_arguments, require_plausible
 from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
 from .errors import InputError
 from .keys import FieldSource, Key, Values, declare, item_of, key
-from .names import DETECTORS
+from .names import DETECTORS, TEMPERATURE_COLUMN
+from .units import bounds_of
 
 Pair = tuple[float, float]
 Three = tuple[float, float, float]
@@ -311,7 +312,10 @@ class Electronics:
     )
     bandwidth: float = key("bandwidth_hz", 10_000.0, "bandwidth of a reading", gt=0, le=1e9)
     temperature: float = key(
-        "temperature_k", 296.0, "temperature of detectors and amplifiers", ge=0, le=1000
+        "temperature_k",
+        296.0,
+        "temperature of detectors and amplifiers",
+        **bounds_of("temperature_k"),
     )
     adc_bits: int = key(
         "adc_bits", 16, "resolution of the analogue-to-digital converter", ge=1, le=32
@@ -817,7 +821,10 @@ class Thermal:
     """
 
     reference: float = key(
-        "reference_c", 20.0, "temperature at which nothing is added", ge=-273.15, le=1000
+        "reference_c",
+        20.0,
+        "temperature at which nothing is added",
+        **bounds_of(TEMPERATURE_COLUMN),
     )
     beam: Pair = key(
         "beam_um_per_k", (0.0, 0.0), "shift of the beam's position in x and y", ge=-1e4, le=1e4
@@ -833,6 +840,7 @@ class Thermal:
 
     def __post_init__(self) -> None:
         _require(len(self.places) == 6, "thermal places", len(self.places), "6 coefficients")
+        require_plausible(self.reference, TEMPERATURE_COLUMN, "the reference temperature")
 
     @property
     def is_on(self) -> bool:

@@ -117,6 +117,35 @@ KEY_UNITS = {
     "pa_rthz": _multiply("", 1e-12, 1e12),
 }
 
+#: Least and largest plausible value of a column or a key, by the end of its name. Other values are
+#: in another unit, such as a temperature in kelvin, or come from a broken sensor.
+PLAUSIBLE = {
+    "temperature_c": (-60.0, 150.0),
+    "temperature_k": (60.0, 450.0),
+    "_mm": (-1e5, 1e5),
+    "_mrad": (-1e4, 1e4),
+    "_deg": (-36e3, 36e3),
+    "_mw": (-1e5, 1e5),
+}
+
+
+def bounds_of(name: str) -> dict[str, float]:
+    """The plausible range of a column or a key as the bounds of a key; empty if there is none."""
+    return next(({"ge": a, "le": b} for end, (a, b) in PLAUSIBLE.items() if name.endswith(end)), {})
+
+
+def describe_bounds(name: str) -> str:
+    """`bounds_of` with the unit, for a message: "-60 to 150 degC"."""
+    low, high = bounds_of(name).values()
+    return f"{low:g} to {high:g} {KEY_UNITS[unit_in(name)].label}"
+
+
+def find_implausible(values: Floats, name: str) -> Booleans:
+    """Which numbers of a column are finite and not plausible in its unit."""
+    low, high = bounds_of(name).values() or (-np.inf, np.inf)
+    found: Booleans = np.isfinite(values) & ((values < low) | (values > high))
+    return found
+
 
 def unit_in(key: str) -> str:
     """Return the unit at the end of a key's name, or "": `unit_in("max_speed_mm_s")` is "mm_s"."""

@@ -30,9 +30,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arguments import check_arguments
+from ..core.arguments import check_arguments, require_plausible
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ..core.names import TEMPERATURE_COLUMN
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
 from ..detectors.calibrated import MISFIT, MODEL_ERROR
@@ -354,7 +355,10 @@ def zero_pose(
         raise InputError(f"samples is {samples}; allowed: 1 or more")
     knowledge = Knowledge(beam=beam, power=power)
     rows, _ = as_rows(states, 8, "states")
-    warmer = 0.0 if temperature is None else temperature - sensor.thermal.reference
+    warmer = 0.0
+    if temperature is not None:
+        require_plausible(temperature, TEMPERATURE_COLUMN, "temperature")
+        warmer = temperature - sensor.thermal.reference
     plan = make_plan(sensor, knowledge, shape=(len(rows),))
     return make_zero(sensor, rows, plan, samples, warmer)
 

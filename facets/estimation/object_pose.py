@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arguments import as_floats, check_arguments
+from ..core.arguments import as_floats, check_arguments, require_plausible
 from ..core.errors import InputError
+from ..core.names import TEMPERATURE_COLUMN
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, object_poses
 from ..core.units import Floats
 from ..model.arrays import as_rows
@@ -125,6 +126,7 @@ def transform(
     if isinstance(zero, ZeroPose) and parts.whole is not None:
         is_member = as_row(members, len(rows), "members", 0.0) > 0
         warmer = as_row(temperature, len(rows), "temperature", np.nan)
+        require_plausible(warmer, TEMPERATURE_COLUMN, "temperature")
         warmer = np.nan_to_num(warmer - zero.sensor.thermal.reference)
         poses = MeasuredPoses(rows, used.reshape(-1, 3), parts)
         parts = displacement_covariance(poses, zero, (slopes, slopes_zero), is_member, warmer)

@@ -19,7 +19,7 @@ from ..core.names import (
     STATE_UNITS,
     TEMPERATURE_COLUMN,
 )
-from ..core.units import Booleans, Floats, unit_of
+from ..core.units import Booleans, Floats, describe_bounds, unit_of
 from ..detectors.calibrated import TEMPERATURE
 from ..detectors.correction import correct
 from ..detectors.skew import align
@@ -199,8 +199,9 @@ def unknown_temperatures(count: int, what: str) -> str:
     if not count:
         return ""
     return (
-        f"{count} {what} have no value of {TEMPERATURE_COLUMN}, which sensor.temperature needs, "
-        "and therefore no pose."
+        f"{count} {what} have no value of {TEMPERATURE_COLUMN} from "
+        f"{describe_bounds(TEMPERATURE_COLUMN)}, which sensor.temperature needs, and therefore no "
+        "pose."
     )
 
 

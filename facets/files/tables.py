@@ -15,7 +15,7 @@ import sys
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
@@ -25,7 +25,15 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.plain_numbers import plain_number
-from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
+from ..core.units import (
+    KEY_UNITS,
+    Booleans,
+    Floats,
+    Integers,
+    describe_bounds,
+    find_implausible,
+    unit_in,
+)
 from .whole import STANDARD_STREAM
 from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
@@ -64,11 +72,28 @@ def read_chunks(
 ) -> Iterator[Chunk]:
     """Read the named columns of a table, `rows` at a time, and skip the others.
 
-    Raises `InputError` if a needed column is missing or holds words, or if the file cannot be read.
+    Values that are not plausible in their column's unit are NaN. Raises `InputError` if a needed
+    column is missing or holds words, if most of a column is not plausible, or if the file cannot be
+    read.
     """
     require_table(path)
     read = read_parquet if ending(path) == ".parquet" else read_csv
-    return read(path, needed, optional, rows)
+    return (screen(path, chunk) for chunk in read(path, needed, optional, rows))
+
+
+def screen(path: Path, chunk: Chunk) -> Chunk:
+    """The chunk with NaN where a value is not plausible, see `read_chunks`."""
+    columns = dict(chunk.columns)
+    for name, values in chunk.columns.items():
+        wrong = find_implausible(values, name)
+        if 2 * wrong.sum() > np.isfinite(values).sum():
+            line, value = chunk.lines[wrong.argmax()], values[wrong.argmax()]
+            raise InputError(
+                f"{path}:{line}: column {name} holds {value:g}; plausible: "
+                f"{describe_bounds(name)}; give the column in the unit that its name says"
+            )
+        columns[name] = np.where(wrong, np.nan, values)
+    return replace(chunk, columns=columns)
 
 
 #: First bytes of files that are not text tables, and the kind of file.

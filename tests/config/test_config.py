@@ -550,6 +550,18 @@ CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
         "sensor.light.delays_us[0]",
         ["out of range", "-1000000 to 1000000 us"],
     ),
+    (
+        "",
+        "sensor: {temperature: {reference_c: 293.15}}",
+        "sensor.temperature.reference_c",
+        ["out of range", "-60 to 150 degC"],
+    ),
+    (
+        "",
+        "sensor: {electronics: {temperature_k: 23}}",
+        "sensor.electronics.temperature_k",
+        ["out of range", "60 to 450 K"],
+    ),
     ("", "sensor: {light: {delays_us: [1, 2]}}", "sensor.light.delays_us", ["three numbers"]),
     ("", "sensor: {beam: {power_mw: 1_0}}", "sensor.beam.power_mw", ["no underscores", "1_0"]),
 ]

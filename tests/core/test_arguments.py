@@ -12,6 +12,7 @@ import pytest
 import facets
 from facets.core.arguments import as_floats
 from facets.core.names import LABELS
+from facets.core.sensor import Thermal
 
 CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor
@@ -177,6 +178,10 @@ RNG = np.random.default_rng(1)
         (lambda: facets.Sensor(psds=np.array(1.0)), "a sequence of 3, each a Psd"),
         (lambda: facets.Electronics(kind="quad"), "kind is 'quad'; allowed: \"duo-lateral\""),
         (lambda: facets.Rules(coarsest=(1.0,)), "coarsest has 1 numbers; allowed: 6"),
+        (lambda: Thermal(293.15), "temperature is 293.15; allowed: -60 to 150 degC"),
+        (lambda: facets.transform(facets.solve(SENSOR, READING), temperature=[293.15],
+                                  zero=facets.zero_pose(SENSOR, REST)), "to 150 degC"),
+        (lambda: facets.zero_pose(SENSOR, REST, temperature=293.15), "allowed: -60 to 150 degC"),
     ],
 )  # fmt: skip
 def test_an_argument_of_another_kind_is_refused(call, message):

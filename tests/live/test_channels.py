@@ -128,9 +128,10 @@ def test_samples_without_a_temperature_are_counted_and_named():
     config = replace(config, sensor=replace(config.sensor, thermal=THERMAL))
     temperature = np.full(400, 21.0)
     temperature[5:25] = np.nan
+    temperature[9] = 293.15  # in kelvin
     pipeline = Pipeline(config)
     found = pipeline.feed(warm_stream(np.zeros(8), temperature), 1.0).solution
-    assert np.array_equal(~found.converged, np.isnan(temperature))
+    assert np.array_equal(~found.converged, temperature != 21.0)
     assert pipeline.temperature_sentence().startswith("20 samples have no value of temperature_c")
     (text,) = pipeline.doubts.sentences()
     assert text.startswith("5 % of the newest samples have no value of temperature_c")

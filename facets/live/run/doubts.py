@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import DETECTORS, TEMPERATURE_COLUMN
-from ...core.units import Floats
+from ...core.units import Floats, describe_bounds
 from ...detectors.counts import SATURATED
 
 #: So many samples are looked at together; what is said is said of them.
@@ -72,7 +72,8 @@ class Doubts:
         if self.share(COLD) > NOTICED:
             found.append(
                 f"{self.percent(COLD)} of the newest samples have no value of "
-                f"{TEMPERATURE_COLUMN}, which sensor.temperature needs, and therefore no pose"
+                f"{TEMPERATURE_COLUMN} from {describe_bounds(TEMPERATURE_COLUMN)}, which "
+                "sensor.temperature needs, and therefore no pose"
             )
         lost = [name for name in DETECTORS if self.share(name) > NOTICED]
         if lost:
