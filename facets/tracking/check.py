@@ -97,8 +97,6 @@ class StageCheck(Tracker):
     The samples must be solved with a free beam.
     """
 
-    is_resumable = False
-
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
         full = self.envelope.limits
@@ -116,6 +114,11 @@ class StageCheck(Tracker):
         self.commands: list[list[tuple[float, Floats]]] = [[] for _ in self.goals]
         self.beams: list[list[tuple[float, Floats]]] = [[] for _ in self.goals]
         self.apexes: list[Floats] = []
+
+    @property
+    def is_resumable(self) -> bool:
+        """Whether a person can end a stop."""
+        return False
 
     @property
     def is_complete(self) -> bool:

@@ -25,7 +25,14 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
-from .arrival import MAX_PLACE_AGE_S, POSITION_SLACK_MM, Arrival, settling_time
+from .arrival import (
+    MAX_PLACE_AGE_S,
+    POSITION_SLACK_MM,
+    Arrival,
+    distance_to_box,
+    settling_time,
+    words,
+)
 from .drivers import Driver, open_driver
 from .encoder import Encoder
 from .interlock import Always, Heartbeat, Permit, close_line, open_permit
@@ -64,6 +71,7 @@ class Envelope:
     port: open; for `stage.driver: other` its name.  say: called with an event's name and its
     values.  open_again: returns the port again after a fault.  failed: whether the line is closed.
     latched: the reason of a stop until somebody resumes, otherwise ''.  stops: their number.
+    lost_reference: the reason why nobody can resume a stage that came back at another place, or ''.
     """
 
     def __init__(
@@ -80,7 +88,7 @@ class Envelope:
         self.open_again = open_again
         self.failed = self.moving = self.stalled = self.closed = False
         self.latched, self.latched_at, self.is_for_auto = "", -math.inf, False
-        self.stops = 0
+        self.stops, self.lost_reference = 0, ""
         self.resumed: deque[float] = deque()
         self.permit: Permit = Always()
         self.heartbeat: Heartbeat | None = None
@@ -108,12 +116,14 @@ class Envelope:
     def look(self, forget_place: bool = False) -> Encoder:
         """Read the stage's place; stop the stage if the place, permit or heartbeat requires a stop.
 
-        forget_place: the earlier place is not valid. Raises `StageError` for an impossible place.
+        forget_place: the line was just opened. Raises `StageError` for an impossible place.
         """
         self.beat = before = self.clock()
         place = self._driver.place()
         self.beat = after = self.clock()
         self._refuse_place(place)
+        if forget_place and self.encoder:
+            self._compare_reference(self.encoder.place, place)
         earlier = None if forget_place else self.encoder
         now = (before + after) / 2
         speed = np.zeros(2) if earlier is None else self._speed(earlier, now, after, place)
@@ -150,6 +160,21 @@ class Envelope:
         passed = now - earlier.time
         speed = (place - earlier.place) / passed if passed > 1e-4 else earlier.speed
         return np.clip(speed, -s.max_speed, s.max_speed)
+
+    def _compare_reference(self, last: Floats, place: Floats) -> None:
+        """Refuse every resume of a stage that is not where it was before its line was closed, nor
+        where it was sent then: its soft limits may have moved with its reference."""
+        sent = [goal for _, goal in (*self.arrival.goals, *filter(None, [self.sent]))]
+        if (
+            distance_to_box(place, np.array([last, *sent])) > self.arrival.slack
+            and not self.lost_reference
+        ):
+            self.lost_reference = self.latched = (
+                f"its controller may have lost its reference: the stage was at {words(last)} mm "
+                f"before its line was closed, and says {words(place)} mm now; home it and begin "
+                "a new run"
+            )
+            self.tell("stop", reason=self.latched)
 
     def _require_permits(self, now: float) -> None:
         """Stop the stage without the external permit, or if no heartbeat can be sent."""
@@ -251,8 +276,8 @@ class Envelope:
     def resume(self, by: str) -> str:
         """Let the stage move again; return the reason of a refusal, or ''.  by: who resumes."""
         now = self.clock()
-        if self.failed:
-            return "its line is closed"
+        if self.failed or self.lost_reference:
+            return self.lost_reference or "its line is closed"
         self.permit.was_lost = False
         if not self.permit.allows_motion(now):
             return "the external permit is not given"

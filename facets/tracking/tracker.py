@@ -64,11 +64,8 @@ class Tracker:
     Faults within it raise nothing: they stop the stage, and `error` describes them.
 
     bridging: whether the followed motion is a prediction.  bridges: number of bridged gaps.  moves:
-    number of commands.  begun: time of the first, s.  note: a message for the user.  is_resumable:
-    whether a person can end a stop.
+    number of commands.  begun: time of the first, s.  note: a message for the user.
     """
-
-    is_resumable = True
 
     def __init__(
         self,
@@ -108,6 +105,11 @@ class Tracker:
     def stop_reason(self) -> str:
         """The reason why the stage does not follow; '' while it follows."""
         return self.envelope.latched or ("" if self.started else NOTHING.doubt)
+
+    @property
+    def is_resumable(self) -> bool:
+        """Whether a person can end a stop."""
+        return not self.envelope.lost_reference
 
     @property
     def state(self) -> str:

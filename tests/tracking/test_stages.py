@@ -621,6 +621,25 @@ def test_a_stage_can_be_resumed_after_a_fault_of_its_line():
     assert port.closed
 
 
+@pytest.mark.parametrize("settings", [STAGE, PI])
+def test_a_reference_that_was_lost_while_the_line_was_closed_is_accepted_by_no_resume(settings):
+    follower, port, events = tracker(settings, search=True)
+    follower.envelope.open_again = lambda: port
+    for shift, is_resumed in ((0.0, True), (3.0, False), (-3.0, False)):
+        feed(follower, port)
+        assert follower.step()
+        moves = follower.moves
+        follower.envelope.fail("the line went away")
+        follower.error = "the line went away"
+        port.device.zero = port.device.zero - shift
+        for _ in range(2):  # the first opens the line again
+            resume(follower, port)
+        assert (follower.moves > moves) == is_resumed
+    assert "may have lost its reference" in follower.stop_reason
+    assert "may have lost its reference" in follower.note
+    assert [name for name, _ in events].count("resume") == 1
+
+
 def steady(follower, port, speed, count=10):
     """Feeds a mirror that moves along x, each 10 ms a sample; where it is at last."""
     for n in range(count):
