@@ -8,7 +8,7 @@ configuration.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import degrees, pi, radians
+from math import degrees, floor, log10, pi, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +61,14 @@ def write_micro(unit: str) -> str:
 def ascii_unit(text: str) -> str:
     """Write text for a table's column or cell: "µm" is "um"."""
     return text.replace(MICRO, "u")
+
+
+def round_to(value: float, uncertainty: float) -> str:
+    """A value to the place of the second digit of its uncertainty, without decimals if it is 10 or
+    more; to six digits if there is none."""
+    if not uncertainty > 0:
+        return f"{value:.6g}"
+    return f"{value:z.{max(0, 1 - floor(log10(uncertainty)))}f}"
 
 
 class KeyUnit(NamedTuple):

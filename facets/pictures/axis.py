@@ -9,7 +9,7 @@ import numpy as np
 
 from ..characterization.positioning import standard_deviations_of_runs, unidirectional_means
 from ..core.hues import chosen_hues
-from ..core.units import write_micro
+from ..core.units import round_to, write_micro
 from . import report_page, style
 
 if TYPE_CHECKING:
@@ -165,4 +165,4 @@ def value_cells(value: float, expanded: float) -> tuple[str, str]:
         return "-", "-"
     if not expanded > 0:
         return f"{value:.4g}", "-" if np.isnan(expanded) else "0"
-    return report_page.round_to(value, expanded), report_page.round_to(expanded, expanded)
+    return round_to(value, expanded), round_to(expanded, expanded)

@@ -11,12 +11,12 @@ import numpy as np
 from ..calibration import budget as budgets
 from ..calibration.table import parameter_table
 from ..core.names import POSE
-from ..core.units import MICRO, unit_of, write_micro
+from ..core.units import MICRO, round_to, unit_of, write_micro
 from ..core.version import __version__
 from ..estimation.coverage import coverage_factor
 from ..files.provenance import origin_line, provenance_header
 from ..files.tables import Whole
-from .report_page import ReportSection, report, round_to
+from .report_page import ReportSection, report
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
-from math import floor, log10
 from typing import TYPE_CHECKING
 
 from ..core.hues import DARK, LIGHT, chosen_hues
@@ -67,14 +66,6 @@ def report(
         sheet=re.sub(r"[^\w .,/·-]", " ", sheet),
         hues=hues,
     )
-
-
-def round_to(value: float, uncertainty: float) -> str:
-    """A value to the place of the second digit of its uncertainty, without decimals if it is 10 or
-    more; to six digits if there is none."""
-    if not uncertainty > 0:
-        return f"{value:.6g}"
-    return f"{value:z.{max(0, 1 - floor(log10(uncertainty)))}f}"
 
 
 def inline(picture: Figure, words: str) -> str:

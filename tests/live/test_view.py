@@ -71,6 +71,13 @@ def test_no_light_is_called_so():
     assert "-" in "\n".join(drawn(Live(Pipeline(CONFIG)), 80))
 
 
+def test_a_line_names_the_axes_and_shows_two_digits_of_the_noise():
+    found = view.plain_line(live())
+    place, fine = re.search(r"tz (-?\d+\.(\d+)) mm  roll", found).groups()
+    assert 10 <= 10 ** len(fine) * 1e-3 * view.values(live())["u_tz_um"] < 100
+    assert float(place) == pytest.approx(view.values(live())["tz_mm"], abs=10.0 ** -len(fine))
+
+
 def test_a_loop_that_is_behind_says_so_in_every_view():
     now = live()
     now.behind, now.age, now.late = True, 1.5, 7

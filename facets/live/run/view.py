@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.hues import DARK, LIGHT, Hues
 from ...core.names import ANGLES, DETECTORS, POSE, STATE
+from ...core.units import round_to
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...estimation.solution import Status
@@ -118,12 +119,17 @@ def json_line(live: Live) -> str:
 
 
 def pose_in_words(now: dict[str, Any]) -> str:
-    """The newest pose of `values`, or the status that it has instead."""
+    """The newest pose of `values`, each number to two digits of its uncertainty; or the status that
+    it has instead."""
     if now.get("status") != Status.CONVERGED.label:
         return str(now.get("status", "no pose"))
-    places = " ".join(f"{now[f'{n}_mm']:+.4f}" for n in STATE[:3])
-    angles = " ".join(f"{now[f'{n}_mrad']:+.4f}" for n in ANGLES)
-    return f"{places} mm {angles} mrad"
+    parts = []
+    for names, unit, fine in ((STATE[:3], "mm", "um"), (ANGLES, "mrad", "urad")):
+        for n in names:
+            u = 1e-3 * (now[f"u_{n}_{fine}"] or 0.0)
+            parts.append(f"{n} {round_to(now[f'{n}_{unit}'], u)}")
+        parts.append(f"{unit} ")
+    return " ".join(parts).rstrip()
 
 
 def plain_line(live: Live) -> str:
