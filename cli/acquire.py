@@ -82,7 +82,10 @@ Reconnect = Annotated[
 MaxLoss = Annotated[
     float,
     typer.Option(
-        min=0, max=1, help="Largest share of lost samples (0 to 1) that still ends with status 0."
+        min=0,
+        max=1,
+        help="Largest share of lost samples, or of time without samples (0 to 1), that still ends "
+        "with status 0.",
     ),
 ]
 AsLines = Annotated[
@@ -143,10 +146,11 @@ def acquire(
     the zero is measured. Ctrl-C, SIGTERM and closing the terminal end the run: the
     stage is stopped first, and the recording is closed last.
 
-    Exit status 1 if too many samples were lost, no sample arrived, most samples did not fit, the
-    stage was stopped and not resumed, no zero could be measured, or the check of the stage or the
-    disk failed; the command prints which. Exit status 2 if it cannot start or the port is closed;
-    after SIGTERM or SIGHUP 128 plus the signal's number.
+    Exit status 1 if too many samples were lost, the board was silent for too long, no sample
+    arrived or gave a pose, most samples did not fit, the stage was stopped and not resumed, no zero
+    could be measured, or the check of the stage or the disk failed; the command prints which. Exit
+    status 2 if it cannot start or the port is closed; after SIGTERM or SIGHUP 128 plus the signal's
+    number.
     """
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")

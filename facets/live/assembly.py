@@ -16,6 +16,7 @@ from ..config.loading import fingerprint
 from ..core.errors import InputError
 from ..core.keys import block_of
 from ..core.rigid_body import MIRROR, MeasuredObject
+from ..estimation.solution import Status
 from ..files.provenance import run_record
 from ..tracking.check import StageCheck
 from .recording.writer import Recording
@@ -127,8 +128,8 @@ class Run:
         reconnect : bool
             Whether the run waits for an unplugged board.
         max_loss, compare
-            Largest share of lost samples in a good run, and whether poses that differ from the
-            board's poses make a run bad.
+            Largest share of lost samples or of silence in a good run, and whether poses that differ
+            from the board's poses make a run bad.
         publish
             Addresses at which samples are published.
         web, page_scripts
@@ -248,14 +249,7 @@ class Run:
 
     def complaints(self) -> list[str]:
         """The faults of a finished run, in sentences; empty for a good run."""
-        live, found = self.live, []
-        if not live.pipeline.tally.samples:
-            found.append("no sample came.")
-        if live.loss > self.max_loss:
-            found.append(
-                f"{live.pipeline.sequence.lost} samples were lost, {100 * live.loss:.3g} % of all; "
-                f"--max-loss allows {100 * self.max_loss:.3g} %."
-            )
+        live, found = self.live, self.sample_complaints()
         if live.pipeline.tally.misfit.is_mostly_flagged:
             found.append(live.pipeline.tally.misfit.sentence)
         if live.pipeline.object_poses.is_measuring:
@@ -268,6 +262,23 @@ class Run:
             found.append(f"the stage was stopped and not resumed: {live.stage_stop}")
         if self.recording:
             found += [f"{text}." for text in self.recording.messages()]
+        return found
+
+    def sample_complaints(self) -> list[str]:
+        """What is wrong with the samples of a finished run, in sentences."""
+        live, found = self.live, []
+        tally, without = live.pipeline.tally, live.time_without_samples
+        if not tally.samples:
+            found.append("no sample came.")
+        elif not tally.statuses[Status.CONVERGED.label]:
+            words = ", ".join(f"{count} {status}" for status, count in tally.statuses.items())
+            found.append(f"no sample gave a pose: {words}.")
+        if live.loss > self.max_loss:
+            silence = f" and none came for {without:.1f} s" if without else ""
+            found.append(
+                f"{live.pipeline.sequence.lost} samples were lost{silence}, {100 * live.loss:.3g} "
+                f"% of all; --max-loss allows {100 * self.max_loss:.3g} %."
+            )
         return found
 
     def check_sentences(self, path: Path | None) -> Iterator[str]:

@@ -69,6 +69,16 @@ def test_a_board_that_paused_has_not_restarted_where_a_sample_is_lost():
     assert time[-1] == times[-1]
 
 
+@pytest.mark.parametrize("first", [100, 0], ids=["goes on", "begins anew"])
+def test_a_board_that_took_no_samples_for_a_while_was_silent(first):
+    sequence = Sequence()
+    sequence.follow(samples(range(100)), arrival=1.0)
+    assert sequence.silent == 0
+    sequence.follow(samples(range(first, first + 50), np.arange(50) * 100 + 6_000_000), arrival=7.0)
+    assert sequence.lost == 0
+    assert sequence.silent == pytest.approx(6e6, rel=0.01)
+
+
 def test_samples_stamped_together_have_the_mean_step():
     sequence = Sequence()
     sequence.follow(samples(range(100), 1000 * (np.arange(100) // 10)), 1.0)

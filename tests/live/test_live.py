@@ -20,12 +20,13 @@ from programs import Program, count_lines, size_of
 
 import facets
 from facets import InputError
+from facets.live import Run
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording.reader import blocks
 from facets.live.recording.replay import recorded_config, replay
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.reader import MAX_BLOCK_S
-from facets.live.sources.frames import SIZE
+from facets.live.sources.frames import SIZE, pack, parser
 from facets.live.virtual import Faults, truth_of
 
 CONFIG = facets.load("bench")
@@ -360,6 +361,30 @@ def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
     end = end_of(tmp_path / "rec")
     assert end["exit_status"] == 1
     assert end["reasons"] == ["10 samples were lost, 5 % of all; --max-loss allows 0.1 %."]
+
+
+def test_a_board_that_falls_silent_is_a_reason_for_the_exit_status(tmp_path):
+    (tmp_path / "board.bin").write_bytes(stream(200))
+    run = Run.from_config(CONFIG, f"file:{tmp_path / 'board.bin'}", record=False)
+    run.acquire()
+    assert not run.complaints()
+    run.live.first = run.live.last = run.live.end - 5.0
+    (reason,) = run.complaints()
+    assert "0 samples were lost and none came for 5.0 s, 100 % of all" in reason
+
+
+def test_a_run_without_a_single_pose_ends_with_status_1(tmp_path):
+    (tmp_path / "dark.bin").write_bytes(dark(stream(200)))
+    result = command("acquire", "bench", "--port", "file:dark.bin", "--plain", "--no-record",
+                     cwd=tmp_path)  # fmt: skip
+    assert result.returncode == 1
+    assert "exit status 1: no sample gave a pose: 200 " in result.stderr
+
+
+def dark(data):
+    """The same frames without light."""
+    samples = parser("frames", "").feed(data)
+    return pack(replace(samples, counts=0 * samples.counts))
 
 
 def test_a_stream_of_the_wrong_kind_says_so(tmp_path):

@@ -92,8 +92,9 @@ class Slow(Pipeline):
 def run(monkeypatch, seconds, count):
     clock = Clock()
     monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr("facets.live.run.live.time", clock)
     kept = Kept()
-    live = Live(Slow(clock, seconds), sinks=[kept])
+    live = Live(Slow(clock, seconds), sinks=[kept], begin=clock.now)
     seen = []
     loop = Loop(live, Board(clock, count), lambda now: seen.append(now.messages()))
     loop.run(Ending())

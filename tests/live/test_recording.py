@@ -233,6 +233,7 @@ class Stage:
     begun = float("inf")
 
     note = ""
+    is_resumable = True
     envelope = SimpleNamespace(latched="", heartbeat=None)
 
     def __init__(self, error="", at_exit=None):

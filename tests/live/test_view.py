@@ -6,6 +6,7 @@ import io
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -88,6 +89,77 @@ def test_a_loop_that_is_behind_says_so_in_every_view():
     assert (found["behind_s"], found["late"], found["skipped"]) == (1.5, 7, 0)
     assert words in "\n".join(drawn(now, 200))
     assert any("fell behind: 7 samples" in line for line in view.summary(now))
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that stands; the test moves it."""
+    clock = SimpleNamespace(now=1000.0, monotonic=lambda: clock.now)
+    monkeypatch.setattr("facets.live.run.live.time", clock)
+    return clock
+
+
+def test_the_last_pose_of_a_silent_board_is_not_the_present_one(clock):
+    now = live()
+    now.add_arrival(clock.now)
+    clock.now += 0.9
+    assert "yaw_mrad" in view.values(now)
+    assert not now.messages()
+    clock.now += 8.1
+    found = json.loads(view.json_line(now))
+    assert "yaw_mrad" not in found
+    assert (found["loss"], found["silent_s"]) == (1.0, 9.0)
+    assert "no pose" in view.plain_line(now)
+    assert "lost 0 (100 %)" in view.plain_line(now)
+    assert "no sample has come for 9 s" in found["note"]
+    assert "no sample has come for 9 s" in "\n".join(drawn(now, 80))
+    assert "●" not in "\n".join(drawn(now, 80))
+    assert any("100.0000 % lost" in line for line in view.summary(now))
+    now.backlog = 10  # samples that wait are no silence
+    assert not now.messages()
+    now.backlog = 0
+    now.add_arrival(clock.now)
+    assert "yaw_mrad" in view.values(now)
+    assert not now.messages()
+
+
+def test_a_slow_board_is_not_silent_between_its_samples(clock):
+    now = live()
+    now.pipeline.tally.samples = 0
+    for _ in range(3):
+        clock.now += 20
+        now.pipeline.tally.samples += 1
+        now.add_arrival(clock.now)
+    clock.now += 20
+    assert not now.messages()
+    assert now.loss == 0
+
+
+def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
+    now = Live(Pipeline(CONFIG), begin=clock.now)
+    clock.now += 3
+    assert "no bytes arrive" in now.messages()[0]
+    now.bytes = 1
+    assert "bytes arrive, but no sample" in now.messages()[0]
+    now.add_arrival(clock.now)
+    assert not now.messages()
+
+
+@pytest.mark.parametrize("steps", [(2e-3, 2e-3), (1e-3, 2e-3)], ids=["board", "both clocks"])
+def test_fewer_samples_than_before_are_told(clock, steps):
+    """By the board's clock, or where this became as slow as the samples."""
+    now, arrival = Live(Pipeline(CONFIG)), clock.now
+    sequence = now.pipeline.sequence
+    sequence.seq = sequence.time = 0
+    for part in range(100):
+        is_slow = part >= 50
+        sequence.seq += 100
+        sequence.time += int(1e8 * (steps[0] if is_slow else 1e-3))
+        arrival += 100 * (steps[1] if is_slow else 1e-3)
+        now.add_arrival(arrival)
+        clock.now = arrival
+        assert is_slow or not now.messages()
+    assert now.messages() == ["only 500 samples come per second; before, there were 1000"]
 
 
 def hues_in(now, wide=80):

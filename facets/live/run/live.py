@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass, field
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,16 @@ from .beam_loss import BeamLoss
 from .pipeline import Pipeline, Poses
 from .sink import Sink
 
-#: Without a sample for this long, s, the line is taken to be set wrongly.
-SILENCE_S = 2.0
+#: Without a sample for this long, s, the board is silent: its last pose is no longer the present.
+SILENCE_S = 1.0
+#: So many of the usual times between samples pass before a slow board is silent.
+SILENT_SAMPLES = 10
+#: The rate of samples is that of this time, s.
+RATE_WINDOW_S = 2.0
+#: So many samples have a rate.
+RATE_SAMPLES = 100
+#: A share of the highest rate so far below which it is said that samples became fewer.
+FEWER = 0.8
 
 
 @dataclass
@@ -46,12 +55,57 @@ class Live:
     is_urgent: bool = False
     beam_loss: BeamLoss = field(default_factory=BeamLoss)
     note: str = ""
+    first: float = nan
+    last: float = nan
+    rate: float = 0.0
+    best: float = 0.0
+    mark: tuple[int, float, float] | None = None
+    end: float = inf
 
     @property
     def loss(self) -> float:
-        """Samples that never came, as a share of all."""
+        """Samples that never came, as a share of all: by their numbers, or by the time without any,
+        whichever is more, because a board that is silent numbers none."""
         lost = self.pipeline.sequence.lost
-        return lost / max(1, lost + self.pipeline.tally.samples)
+        by_number = lost / max(1, lost + self.pipeline.tally.samples)
+        without = self.time_without_samples
+        return max(by_number, without / (self.now - self.first)) if without else by_number
+
+    @property
+    def now(self) -> float:
+        """The present time, s; that of the end once the run has ended."""
+        return min(time.monotonic(), self.end)
+
+    @property
+    def silence(self) -> float:
+        """For how long the board has been silent by now, s; 0 where samples come as usual."""
+        has_begun = not isnan(self.last)
+        passed = self.now - (self.last if has_begun else self.begin)
+        usual = (self.last - self.first) / max(1, self.pipeline.tally.samples) if has_begun else 0.0
+        is_late = passed > max(SILENCE_S, SILENT_SAMPLES * usual) and not self.backlog
+        return passed if is_late else 0.0
+
+    @property
+    def time_without_samples(self) -> float:
+        """For how long the board has been silent since its first sample, s."""
+        return 0.0 if isnan(self.first) else 1e-6 * self.pipeline.sequence.silent + self.silence
+
+    @property
+    def current(self) -> Poses | None:
+        """The newest poses, unless the board has fallen silent since."""
+        return None if self.silence else self.newest
+
+    def add_arrival(self, arrival: float, waits: bool = False) -> None:
+        """Take note of samples that came at a time, s.  waits: whether their source does."""
+        self.first = arrival if isnan(self.first) else self.first
+        self.last = arrival
+        seq, time_s = self.pipeline.sequence.seq, 1e-6 * self.pipeline.sequence.time
+        begin = self.mark = self.mark or (seq, time_s, arrival)
+        # late samples come fast after it; a board may count its time as slowly as its samples
+        passed = max(time_s - begin[1], 0.0 if waits else arrival - begin[2])
+        if passed >= RATE_WINDOW_S and seq - begin[0] >= RATE_SAMPLES:
+            self.mark, self.rate = (seq, time_s, arrival), (seq - begin[0]) / passed
+            self.best = max(self.best, self.rate)
 
     @property
     def stage_stop(self) -> str:
@@ -64,7 +118,7 @@ class Live:
 
     def messages(self) -> list[str]:
         """What a person should know now, in sentences."""
-        found = [self.note] if self.note else []
+        found = self.line_messages()
         if self.behind:
             found.append(
                 f"the loop is {self.age:.1f} s behind: all bytes are recorded, and the newest "
@@ -97,17 +151,20 @@ class Live:
         for sink in self.sinks:
             sink.add_event(name, **details)
 
-    def check_silence(self) -> None:
-        """Note that the line seems to be set wrongly where no sample has come for a while."""
-        if self.pipeline.tally.samples:
-            if self.note.startswith(("bytes come", "nothing comes")):
-                self.note = ""
-        elif time.monotonic() - self.begin < SILENCE_S:
-            return
-        elif self.bytes:
-            self.note = (
-                "bytes arrive, but no sample can be read from them: check acquire.baud and "
-                "acquire.format"
-            )
-        elif not self.note:
-            self.note = "no bytes arrive: check that the board is on and sending"
+    def line_messages(self) -> list[str]:
+        """What the reader waits for, or why no samples come, or that they are fewer."""
+        if self.note:
+            return [self.note]
+        if silence := self.silence:
+            if not isnan(self.last):
+                what = f"no sample has come for {silence:.0f} s"
+            elif not self.bytes:
+                what = "no bytes arrive"
+            else:
+                what = "bytes arrive, but no sample can be read from them"
+                return [f"{what}: check acquire.baud and acquire.format"]
+            return [f"{what}: check that the board is on and sending"]
+        if self.rate < FEWER * self.best:
+            now, before = f"{self.rate:.4g}", f"{self.best:.4g}"
+            return [f"only {now} samples come per second; before, there were {before}"]
+        return []

@@ -114,8 +114,6 @@ class Loop:
                 self.solve_batch()
             elif not self.reader.is_alive() and self.reader.queue.empty():
                 break
-            else:
-                self.live.check_silence()
             self.report_backlog()
             self.display()
 
@@ -131,12 +129,14 @@ class Loop:
     def take(self, block: Block) -> None:
         clock = self.live.pipeline.host_time
         moves = clock.moves
-        self.backlog.add(self.live.pipeline.take(block.data, block.arrival, block.encoder))
+        batches = self.live.pipeline.take(block.data, block.arrival, block.encoder)
+        self.backlog.add(batches)
         if clock.moves > moves:
             self.live.add_event("clock moved", late_ms=round(1e3 * clock.late, 3))
             if self.live.tracker:
                 self.live.tracker.halt(CLOCK_MOVED)
-        self.live.check_silence()
+        if batches:
+            self.live.add_arrival(block.arrival, self.patient)
 
     def solve_batch(self) -> None:
         """Solve one batch, and give up those that are too old."""
@@ -199,6 +199,7 @@ class Loop:
     def finish(self) -> None:
         """Solve what waits for up to `FINISH_S`, and give up the rest."""
         self.gather()
+        self.live.end = time.monotonic()
         last = time.monotonic() + FINISH_S
         while self.backlog and time.monotonic() < last:
             self.solve_batch()

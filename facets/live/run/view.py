@@ -20,7 +20,7 @@ from ...estimation.table import UNCERTAINTY_PARTS
 from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live
-from .pipeline import FLAGS, LABELS
+from .pipeline import FLAGS, LABELS, Poses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,6 +46,8 @@ def values(live: Live) -> dict[str, Any]:
         "samples": tally.samples,
         "rate_hz": round(tally.samples / passed, 1),
         "lost": sequence.lost,
+        "loss": round(live.loss, 6),
+        "silent_s": round(live.silence, 3),
         "corrupt": parser.corrupt,
         "skipped_bytes": parser.skipped,
         "doubled": sequence.doubled,
@@ -66,8 +68,8 @@ def values(live: Live) -> dict[str, Any]:
     if live.pipeline.board.came:
         found["board"] = live.pipeline.board.values()
     found |= live.values()
-    if live.newest is not None:
-        found |= sample(live)
+    if live.current is not None:
+        found |= sample(live.current)
     if live.tracker:
         found |= {
             "stage_mm": [round_digits(x) for x in live.tracker.encoder.place],
@@ -80,9 +82,7 @@ def values(live: Live) -> dict[str, Any]:
     return found
 
 
-def sample(live: Live) -> dict[str, Any]:
-    poses = live.newest
-    assert poses is not None
+def sample(poses: Poses) -> dict[str, Any]:
     solution, reading = poses.solution, poses.readings[-1]
     state, sizes = solution.state[-1], {"": solution.uncertainty[-1]}
     if solution.calibration_covariance is not None:
@@ -134,8 +134,9 @@ def pose_in_words(now: dict[str, Any]) -> str:
 
 def plain_line(live: Live) -> str:
     now = values(live)
+    share = f" ({100 * now['loss']:.3g} %)" if now["loss"] else ""
     text = f"{now['seconds']:.1f} s  {pose_in_words(now)}  {now['rate_hz']:.0f}/s"
-    text += f"  lost {now['lost']}  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
+    text += f"  lost {now['lost']}{share}  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
     if now["late"] or now["skipped"]:
         text += f"  late {now['late']}  skipped {now['skipped']}"
     if now["latency_p99_ms"] is not None:
@@ -201,6 +202,8 @@ def loop_sentences(live: Live) -> Iterator[str]:
     if live.pipeline.board.came:
         yield live.pipeline.board.sentence()
     yield from clock_sentences(live)
+    if without := live.time_without_samples:
+        yield f"no sample came for {without:.1f} s of the {live.now - live.begin:.1f} s"
     for sink in live.sinks:
         yield from sink.sentences()
     if live.pipeline.sequence.restarts:
@@ -353,8 +356,8 @@ def face(live: Live, k: int, wide: int, high: int) -> Any:
     for row in rows:
         row[wide // 2] = "·"
     power = float("nan")
-    if live.newest is not None:
-        y, z, power = live.newest.readings[-1, 3 * k : 3 * k + 3]
+    if (newest := live.current) is not None:
+        y, z, power = newest.readings[-1, 3 * k : 3 * k + 3]
         half = half_sizes(live.pipeline.config.sensor)[k]
         if np.isfinite([y, z]).all() and abs(y) <= half[0] and abs(z) <= half[1]:
             across = round((y / half[0] + 1) / 2 * (wide - 1))
@@ -372,10 +375,10 @@ def face(live: Live, k: int, wide: int, high: int) -> Any:
 
 def light(live: Live, k: int, power: float) -> str:
     """A detector's light in words that fit above its face."""
-    if live.newest is None:
+    if (newest := live.current) is None:
         return "-"
     if np.isnan(power):
-        return "full" if live.newest.flags[-1] & SATURATED else "no light"
+        return "full" if newest.flags[-1] & SATURATED else "no light"
     sensor = live.pipeline.config.sensor
     return f"{1e3 * power:.1f} µW" if power > least_light(sensor)[k] else "no light"
 

@@ -59,6 +59,7 @@ class Sequence:
 
     lost: samples that never came.  doubled: that came again, or too late, and were dropped.
     restarts: of the board, whose counters then begin anew; what was lost meanwhile is not known.
+    silent: time for which the board took no samples, though none is missing by its number, us.
     period: between samples, us, 0 while it is not known.  fresh: of the samples that were followed
     last, the first after a restart; 0 where there was none.
     """
@@ -69,7 +70,7 @@ class Sequence:
     AHEAD = 10_000_000
 
     def __init__(self) -> None:
-        self.lost = self.doubled = self.restarts = self.fresh = 0
+        self.lost = self.doubled = self.restarts = self.fresh = self.silent = 0
         self.seq = self.time = -1
         self.raw_seq = self.raw_time = 0
         self.period = 0.0
@@ -151,6 +152,8 @@ class Sequence:
                     waited = gap if isfinite(gap) and not seqs else 0.0
                     step, whole = 1, int(max(waited, self.period, 1.0))
                 self.lost += step - 1
+                if step == 1 and self.period and whole > max(CLOSE_US, 10 * self.period):
+                    self.silent += whole
                 run = slice(n, end)
                 seqs.append(seq + step + np.arange(end - n))
                 times.append(time + whole + elapsed_counts(samples.time[run]))

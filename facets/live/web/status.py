@@ -161,6 +161,6 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
         target = np.asarray(sent[1], dtype=float)
         found["target"] = [round_digits(x) for x in target]
         found["error"] = [round_digits(x) for x in place - target]
-    if live.newest is not None:
-        found["chi"] = [round_digits(x) for x in tracking_error(live.newest.readings[-1, 2::3])]
+    if (newest := live.current) is not None:
+        found["chi"] = [round_digits(x) for x in tracking_error(newest.readings[-1, 2::3])]
     return found
