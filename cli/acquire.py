@@ -194,11 +194,14 @@ def refuse_file(path: Path | None, check_stage: bool) -> None:
 def run_to_end(run: live.Run, screen: AbstractContextManager[Show]) -> None:
     """Run, and print the outcome, even if an error ended the reading."""
     failure: FacetsError | None = None
-    with screen as show:
-        try:
+    try:
+        with screen as show:
             run.acquire(show)
-        except FacetsError as error:
-            failure = error
+    except FacetsError as error:
+        failure = error
+    except KeyboardInterrupt:  # of a signal that came before the run took note of them
+        run.abandon()
+        raise
     report(run)
     if failure:
         raise failure

@@ -2,7 +2,8 @@
 
 A terminal that is closed sends SIGHUP, a system that shuts down SIGTERM. Both raise
 `KeyboardInterrupt` where the program is, as SIGINT does; the exit status is then 128 and the
-signal's number. A signal that is ignored when the program starts (`nohup`) stays ignored.
+signal's number. A signal that is ignored when the program starts (`nohup`) stays ignored. SIGUSR1,
+which resumes a stopped stage, is ignored while there is none, for example before it is opened.
 """
 
 from __future__ import annotations
@@ -60,6 +61,8 @@ def interrupting() -> Iterator[None]:
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
             before[number] = signal.signal(number, interrupt)
+    if hasattr(signal, "SIGUSR1"):
+        before[signal.SIGUSR1] = signal.signal(signal.SIGUSR1, signal.SIG_IGN)
     try:
         yield
     finally:

@@ -18,6 +18,7 @@ from ..core.keys import block_of
 from ..core.rigid_body import MIRROR, MeasuredObject
 from ..estimation.solution import Status
 from ..files.provenance import run_record
+from ..files.whole import hold_signals
 from ..tracking.check import StageCheck
 from .recording.writer import Recording
 from .run.live import Live
@@ -189,7 +190,8 @@ class Run:
         if (zero := self.live.pipeline.object_poses.request) is not None:
             begin["zero"] = zero.text
         meta = run_record(self.config, None, 0.0, begin)
-        self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
+        with hold_signals():  # a folder that is begun has an owner, who removes it
+            self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
         self.live.sinks.append(self.recording)
 
     def publish(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import command
+from facets.cli import signals
 from programs import Program, await_true, size_of
 
 import facets
@@ -116,3 +117,12 @@ def test_nohup_is_respected(tmp_path):
         "assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL\n"  # fmt: skip
     subprocess.run([PROGRAM[0], "-c", text], cwd=tmp_path, check=True)
     assert command("--version", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="Windows has no SIGUSR1")
+def test_the_signal_that_resumes_a_stage_ends_no_program():
+    """It may come before the stage is opened, or where no stage is moved."""
+    before = signal.getsignal(signal.SIGUSR1)
+    with signals.interrupting():
+        assert signal.getsignal(signal.SIGUSR1) == signal.SIG_IGN
+    assert signal.getsignal(signal.SIGUSR1) == before

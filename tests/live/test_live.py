@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import PROGRAM, command
+from facets.cli.acquire import run_to_end
 from facets.experiments.kills import BLOCK, RATE, kill, stream
 from facets.experiments.soak import soak
 from programs import Program, count_lines, size_of
@@ -24,6 +25,7 @@ from facets.live import Run
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording.reader import blocks
 from facets.live.recording.replay import recorded_config, replay
+from facets.live.recording.writer import Recording
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.reader import MAX_BLOCK_S
 from facets.live.sources.frames import SIZE, pack, parser
@@ -385,6 +387,36 @@ def dark(data):
     """The same frames without light."""
     samples = parser("frames", "").feed(data)
     return pack(replace(samples, counts=0 * samples.counts))
+
+
+def test_a_signal_while_a_recording_begins_leaves_none(tmp_path, monkeypatch):
+    def begin(recording, *more, known=Recording.begin):
+        known(recording, *more)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Recording, "begin", begin)
+    with pytest.raises(KeyboardInterrupt):
+        Run.from_config(CONFIG, "file:board.bin", folder=tmp_path / "new" / "rec")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_signal_before_the_run_begins_leaves_no_recording(tmp_path):
+    (tmp_path / "board.bin").write_bytes(stream(20))
+    run = Run.from_config(CONFIG, f"file:{tmp_path / 'board.bin'}", folder=tmp_path / "rec")
+    with pytest.raises(KeyboardInterrupt):
+        run_to_end(run, Interrupted())
+    run.reader.finish()
+    assert not (tmp_path / "rec").exists()
+
+
+class Interrupted:
+    """A display during whose beginning the signal comes."""
+
+    def __enter__(self):
+        signal.raise_signal(signal.SIGINT)
+
+    def __exit__(self, *_):
+        pass
 
 
 def test_a_stream_of_the_wrong_kind_says_so(tmp_path):

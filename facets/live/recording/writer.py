@@ -234,8 +234,10 @@ class Recording(ClosedAtExit, Sink):
         return {"recording": str(self.folder), "not_recorded_bytes": self.lost}
 
     def discard(self) -> None:
-        """Remove a recording that holds nothing yet, and the folders that were made for it."""
+        """Close a recording, and if it holds nothing yet remove it with the folders made for it."""
         self.close()
+        if self.sizes["bytes.bin"]:
+            return
         for file in self.folder.iterdir():
             file.unlink()
         self.folder.rmdir()
