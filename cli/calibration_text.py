@@ -9,6 +9,8 @@ import typer
 
 from facets import calibration
 
+from .console import show_table
+
 if TYPE_CHECKING:
     from facets.calibration.effect_search import EffectSearch
     from facets.calibration.identifiability import Direction
@@ -50,38 +52,27 @@ def wrap(words: str) -> str:
 
 def show_candidates(done: EffectSearch) -> None:
     """Print which effects the data require."""
-    from rich.console import Console
-    from rich.table import Table
-
-    shown = Table(box=None)
     columns = ("effect", "unknowns", "fall of chi-square", "error of new readings", "", "why")
-    for name in columns:
-        left = name in ("effect", "", "why")
-        shown.add_column(name, justify="left" if left else "right", no_wrap=True)
-    shown.add_row(
-        "the plain fit", str(len(done.plain.choice.names)), "", f"{done.error:.4f}", "", ""
-    )
+    rows = [("the plain fit", str(len(done.plain.choice.names)), "", f"{done.error:.4f}", "", "")]
     for row in done.rows:
         error = f"{row.error:.4f}" if row.error == row.error else ""
         fall = f"{row.fall:.5g}" if row.fall == row.fall else ""
         decision = "included" if row.accepted else "left out"
-        shown.add_row(row.words, str(row.unknowns), fall, error, decision, row.why)
-    typer.echo("\nEffects of real light, and whether the data need them; error of new readings: of "
-               "readings\nthat were not fitted, over their noise")  # fmt: skip
-    Console(highlight=False, width=130).print(shown, "")
+        rows.append((row.words, str(row.unknowns), fall, error, decision, row.why))
+    title = (
+        "\nEffects of real light, and whether the data need them; error of new readings: of "
+        "readings\nthat were not fitted, over their noise"
+    )
+    show_table(title, columns, rows, left=(0, 4, 5))
 
 
 def show_parameters(table: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    shown = Table(box=None)
-    for name in ("parameter", "known before", "change", "u (1 sigma)", "unit"):
-        left = name in ("parameter", "unit")
-        shown.add_column(name, justify="left" if left else "right", no_wrap=True)
-    for name, unit, before, change, u in zip(*table.values(), strict=True):
-        shown.add_row(name, f"± {before:.3g}", f"{change:+.4g}", f"{u:.2g}", unit)
-    Console(highlight=False, width=120).print(shown, "")
+    columns = ("parameter", "known before", "change", "u (1 sigma)", "unit")
+    rows = [
+        (name, f"± {before:.3g}", f"{change:+.4g}", f"{u:.2g}", unit)
+        for name, unit, before, change, u in zip(*table.values(), strict=True)
+    ]
+    show_table("", columns, rows, left=(0, 4))
 
 
 def show_errors(table: dict[str, Any]) -> None:

@@ -404,16 +404,30 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
 
 
 def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
-    """A table of each unknown's change and uncertainties."""
-    units = [unit_of(name, nominal) for name in found.choice.names]
+    """A table of each unknown's change and uncertainties.
+
+    The first mount's angles are left out: in what is written they are part of the facets, whose
+    change and uncertainty hold them here, too.
+    """
+    calibrated = found.sensor.calibration
+    assert calibrated is not None
+    kept = [n for n, name in enumerate(found.choice.names) if not name.startswith("mount.")]
+    names = [found.choice.names[n] for n in kept]
+    units = [unit_of(name, nominal) for name in names]
     factors = np.array([factor for _, factor in units])
-    change = found.values - values_of(nominal)[found.choice.places]
+    change = (found.values - values_of(nominal)[found.choice.places])[kept]
+    written, after = values_of(found.sensor), np.sqrt(np.diag(calibrated.covariance))
+    u = found.uncertainty[kept]
+    for n, name in enumerate(names):
+        if name.startswith("facet_"):
+            change[n] = written[PLACE[name]] - values_of(nominal)[PLACE[name]]
+            u[n] = after[calibrated.names.index(name)]
     return {
-        "parameter": np.array(found.choice.names),
+        "parameter": np.array(names),
         "unit": np.array([unit for unit, _ in units]),
-        "known_before": found.choice.sigma * factors,
+        "known_before": found.choice.sigma[kept] * factors,
         "change": change * factors,
-        "u": found.uncertainty * factors,
+        "u": u * factors,
     }
 
 

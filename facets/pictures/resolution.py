@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Marks of sources, in their order.
-MARKS = ("o", "D", "s", "^", "v")
+#: Marks of sources, in their order; seven beside five hues, so that no two look alike.
+MARKS = ("o", "D", "s", "^", "v", "P", "X")
 #: The least share of the variance for which another source is named.
 NAMED_SHARE = 0.01
 
@@ -54,29 +54,34 @@ def heading(panel: Axes, place: float, text: str) -> None:
 
 def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
     """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
+    from matplotlib.transforms import offset_copy
+
     hues, i = chosen_hues(), POSE.index(name)
     factor = style.unit_of(name).fine_factor
     rest, worst = factor * found.nominal[i], factor * found.worst[i]
     panel.plot([rest, worst], [place, place], color=hues.grey, lw=1.0, zorder=1)
     panel.plot(worst, place, "|", color=hues.ink, ms=8, mew=1.4)
     order = np.argsort(-found.shares[i])
-    panel.plot(rest, place, color=hue_of(int(order[0])), ms=5.5, ls="",
-               marker=MARKS[int(order[0]) % len(MARKS)])  # fmt: skip
+    panel.plot(rest, place, ms=5.5, **look(int(order[0])))
     if len(order) > 1 and found.shares[i][order[1]] >= NAMED_SHARE:
+        beside = offset_copy(panel.transData, panel.figure, 9, units="points")
+        panel.plot(worst, place, ms=4, transform=beside, **look(int(order[1])))
         text = f"{100 * found.shares[i][order[1]]:.0f} %"
-        panel.annotate(text, (worst, place), (5, 0), textcoords="offset points", va="center",
-                       fontsize=style.LEAST, color=hue_of(int(order[1])))  # fmt: skip
+        panel.annotate(text, (worst, place), (14, 0), textcoords="offset points", va="center",
+                       fontsize=style.LEAST)  # fmt: skip
 
 
-def hue_of(source: int) -> str:
+def look(source: int) -> dict[str, Any]:
+    """The mark of a source."""
     series = chosen_hues().series
-    return series[source % len(series)]
+    return {"color": series[source % len(series)], "marker": MARKS[source % len(MARKS)], "ls": ""}
 
 
 def finish(panel: Axes, lanes: int, unit: str) -> None:
     panel.set(xscale="log", ylim=(lanes - 0.5, -0.5), xlabel=f"standard uncertainty, {unit}")
     low, high = panel.get_xlim()
-    panel.set_xlim(low / 1.15, high * 1.5)
+    span = high / low
+    panel.set_xlim(low / span**0.02, high * span**0.22)
     style.plain_log(panel.xaxis)
     panel.grid(visible=False, axis="y")
     panel.tick_params(axis="y", length=0)
@@ -88,10 +93,7 @@ def legend(picture: Figure, found: Sequence[Resolution]) -> None:
 
     hues = chosen_hues()
     sources = list(dict.fromkeys(source for one in found for source in one.sources))
-    handles: list[Any] = [
-        Line2D([], [], color=hue_of(n), marker=MARKS[n % len(MARKS)], ls="")
-        for n in range(len(sources))
-    ]
+    handles: list[Any] = [Line2D([], [], **look(n)) for n in range(len(sources))]
     handles.append(Line2D([], [], color=hues.ink, marker="|", ls="", ms=8, mew=1.4))
     made = style.legend_below(picture, handles, [*sources, "at worst in the axis's range"], 4)
     whose = "" if found[0].object is None else "displacement of the object\n"

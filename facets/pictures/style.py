@@ -45,6 +45,7 @@ DIGITS = (
     (1, 1.5, 2, 3, 4, 6, 8),
     (1, 2, 3, 5),
     (1, 2, 5),
+    (1, 3),
     (1,),
 )
 #: Largest number of ticks with a number.
@@ -250,7 +251,7 @@ def plain_log(axis: Any) -> None:
 def log_ticks(low: float, high: float) -> list[float]:
     """Return round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
 
-    An interval with fewer than three gets steps of equal size instead.
+    Less than a decade with fewer than three gets steps of equal size instead.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -261,7 +262,7 @@ def log_ticks(low: float, high: float) -> list[float]:
         found = [place for place in found if low <= place <= high]
         if len(found) <= TICKS:
             break
-    if len(found) < 3:
+    if len(found) < 3 and high < 10 * low:
         even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         found = [float(place) for place in even]
     return [place for place in found if low <= place <= high]

@@ -52,7 +52,9 @@ def text_of(page):
 
 def test_a_certificate_states_what_was_entered_found_and_read(folder):
     words = ("my.yaml", "good.csv", "-o", "c.yaml", "--report", "c.html")
-    assert "c.html" in command("calibrate", *words, cwd=folder).stdout
+    printed = command("calibrate", *words, cwd=folder).stdout
+    assert "c.html" in printed
+    assert "…" not in printed
     page = (folder / "c.html").read_text("utf-8")
     text = text_of(page)
     assert "Calibration certificate of head <no. 3>" in text
@@ -75,6 +77,12 @@ def test_a_certificate_states_what_was_entered_found_and_read(folder):
     assert value == pytest.approx(sensor.psds[0].height, abs=0.5 * expanded)
     assert expanded == pytest.approx(factor * standard, rel=0.05)
     assert 1.96 <= factor < 2.1
+    found = pd.read_csv(folder / "c-found.csv", comment="#", index_col="parameter")
+    for name in ("psd_a.height", "facet_a.azimuth"):  # the screen, the table and the certificate
+        row = [x.replace("\N{MINUS SIGN}", "-") for x in text.partition(f" {name} ")[2].split()[:5]]
+        assert found.u[name] == pytest.approx(float(row[2]) / float(row[4]), rel=0.05)
+        change, u = f"{found.change[name]:+.4g}", f"{found.u[name]:.2g}"
+        assert re.search(rf"{name} .* {re.escape(change)} +{u} ", printed)
 
 
 def test_a_calibration_that_failed_is_not_called_valid(folder):

@@ -89,6 +89,13 @@ def test_a_style_has_its_ground_and_its_dots(tmp_path, name):
             assert (np.abs(pixels[..., :3] - there).max(axis=-1) < 0.02).sum() > 50, hue
 
 
+@pytest.mark.parametrize("high", np.geomspace(2, 1e4, 20))
+def test_numbers_of_a_logarithmic_axis_have_room(high):
+    ticks = np.log(style.log_ticks(1.7, 1.7 * high))
+    assert len(ticks) >= 2
+    assert np.diff(ticks).min() > 0.085 * np.log(high)
+
+
 def test_a_style_is_chosen_and_ends():
     before = chosen_style()
     with use_style("dark") as hues:
