@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from hashlib import sha256
 from os.path import relpath
 from pathlib import Path
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from facets.calibration.rezero import ChangePriors, NewZero, StopReadings
     from facets.config import Config
 
-#: A motion of the mirror that explains this much by chance is not named.
-DOUBTFUL_CHANCE = 0.05
 #: An uncertainty above this share of the one before is named as not determined.
 UNDETERMINED_SHARE = 0.5
 
@@ -66,6 +65,7 @@ GainPercent = Annotated[
 PostUm = Annotated[
     float, prior_option("the change of the height of each detector's post since then, um", 1e4)
 ]
+WidthPercent = Annotated[float, prior_option("the change of the beam's diameter since then, %", 10)]
 StopUm = Annotated[
     float, prior_option("the mirror's position at the stop now relative to then, um", 1e4)
 ]
@@ -84,6 +84,7 @@ def rezero(
     power_percent: PowerPercent = 5.0,
     gain_percent: GainPercent = 0.2,
     post_um: PostUm = 3.0,
+    width_percent: WidthPercent = 0.5,
     stop_um: StopUm = 0.1,
     stop_urad: StopUrad = 0.5,
     force: Force = False,
@@ -92,10 +93,12 @@ def rezero(
 
     The mirror stands at the same stop as at the time of the calibration; no reference instrument is
     needed. From the change of the mean readings the command estimates by how much the beam moved,
-    and by how much the laser's power, the three detectors' gains and the heights of their posts
-    changed. It writes a small configuration that extends CONFIG and has the new covariance of all
-    parameters. If these nine changes do not explain the readings, the mirror moved or something
-    else changed: the command says so, writes nothing and ends with exit status 1.
+    and by how much its width, the laser's power, the three detectors' gains and the heights of
+    their posts changed. It writes a small configuration that extends CONFIG and has the new
+    covariance of all parameters. If these changes do not explain the readings, or a motion of the
+    mirror explains them better than chance does, the command says so, writes nothing and ends with
+    exit status 1. A CONFIG whose zero was renewed already, and a THEN that was recorded after NOW,
+    are refused.
     """
     settings = load_config(config)
     path = output or Path(f"{settings.name}-rezeroed.yaml")
@@ -104,9 +107,10 @@ def rezero(
     sources = [*configuration.source_files(settings), then, now]
     files.tables.refuse_to_overwrite([path, covariance], force, sources)
     priors = calibration.rezero.ChangePriors(
-        1e-3 * beam_um, power_percent / 100, gain_percent / 100, 1e-3 * post_um, 1e-3 * stop_um,
-        1e-6 * stop_urad,
+        1e-3 * beam_um, power_percent / 100, gain_percent / 100, 1e-3 * post_um,
+        width_percent / 100, 1e-3 * stop_um, 1e-6 * stop_urad,
     )  # fmt: skip
+    origin = trace_origin(settings, then, now)
     stops = [read_stops(settings, source, dwells) for source in (then, now)]
     zero = calibration.rezero.renew_zero(
         settings.sensor, stops[0], stops[1], priors, settings.solve.beam_offset
@@ -114,7 +118,44 @@ def rezero(
     show_changes(settings, zero, priors)
     if not zero.is_explained:
         refuse(zero)
-    write_zero(settings, zero, path, covariance)
+    write_zero(settings, zero, path, covariance, origin)
+
+
+def trace_origin(settings: Config, then: Path, now: Path) -> dict[str, str]:
+    """What the new zero comes from, for its provenance.
+
+    Raises `InputError` for a zero that was renewed already, which would be corrected twice, and for
+    recordings in the wrong order, which would turn all signs.
+    """
+    known = settings.resolved["sensor"]["calibration"]["file"]
+    older = files.tables.read_head(Path(known)) if known else {}
+    if "zero_now" in older:
+        raise InputError(
+            f"{settings.path}: its zero was renewed already, from {older['zero_now']}; give the "
+            f"configuration that it extends ({older.get('config')})"
+        )
+    dates = [find_date(source) for source in (then, now)]
+    if dates[0] and dates[1] and dates[0] > dates[1]:
+        raise InputError(
+            f"{then}: was recorded at {dates[0]}, after {now} ({dates[1]}); give the readings at "
+            "the time of the calibration first, and those of now second"
+        )
+    words = [
+        f"{source}, recorded at {date or 'an unknown time'}"
+        for source, date in zip((then, now), dates, strict=True)
+    ]
+    return {"zero_then": words[0], "zero_now": words[1]}
+
+
+def find_date(source: Path) -> datetime | None:
+    """When the readings of a recording or of a table were recorded, if they say it."""
+    is_table = not source.is_dir()
+    head = files.tables.read_head(source) if is_table else live.recording.reader.meta_of(source)
+    try:
+        date = datetime.fromisoformat(str(head.get("recorded") or head.get("made")))
+    except ValueError:
+        return None
+    return date.astimezone(UTC)
 
 
 def read_stops(settings: Config, source: Path, dwells: bool) -> StopReadings:
@@ -129,13 +170,14 @@ def read_stops(settings: Config, source: Path, dwells: bool) -> StopReadings:
     return calibration.rezero.average_stop(settings.sensor, columns, str(source))
 
 
-#: What changes, in the order of `calibration.rezero.CHANGES`: name, unit, and the factor to it; of
-#: the power, from a share.
+#: The changes, in the order of `ChangePriors.sigmas`: name, unit, and the factor to it from
+#: mm or a share.
 ROWS = (
     *((f"beam {axis}", "um", 1e3) for axis in "xy"),
     ("laser's power", "%", 100.0),
     *((f"gain of detector {letter.upper()}", "%", 100.0) for letter in DETECTORS),
     *((f"post of detector {letter.upper()}", "um", 1e3) for letter in DETECTORS),
+    ("beam's width", "%", 100.0),
 )
 
 
@@ -144,10 +186,10 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
     typer.echo("Changes since the calibration, with standard uncertainties:")
     typer.echo(f"  {'':19} {'change':>9} {'u':>8} {'u before':>9}")
     weak = []
-    numbers = zip(ROWS, zero.change, zero.uncertainty, zero.prior, strict=True)
-    for (name, unit, factor), *values in numbers:
-        scale = factor * priors.power / zero.prior[2] if name == "laser's power" else factor
-        change, u, before = (scale * value for value in values)
+    scales = priors.sigmas(1.0) / zero.prior  # of the power, to a share
+    numbers = zip(ROWS, scales, zero.change, zero.uncertainty, zero.prior, strict=True)
+    for (name, unit, factor), scale, *values in numbers:
+        change, u, before = (factor * scale * value for value in values)
         typer.echo(f"  {name:19} {change:+9.3g} {u:8.2g} {before:9.2g} {unit}")
         if u > UNDETERMINED_SHARE * before:
             weak.append(name)
@@ -160,7 +202,7 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
         f"larger one: {zero.chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed).",
     ]
     axis, chance = zero.likeliest_motion
-    if chance < DOUBTFUL_CHANCE:
+    if chance < calibration.rezero.LEAST_CHANCE:
         factor, unit = (1e3, "um") if axis < 3 else (1e6, "urad")
         moved, u = factor * zero.motion[:, axis]
         notes.append(
@@ -199,9 +241,11 @@ def refuse(zero: NewZero) -> NoReturn:
     raise typer.Exit(FINDING)
 
 
-def write_zero(settings: Config, zero: NewZero, path: Path, covariance: Path) -> None:
+def write_zero(
+    settings: Config, zero: NewZero, path: Path, covariance: Path, origin: dict[str, str]
+) -> None:
     """Write the configuration and the covariance, after loading them from a temporary folder."""
-    about = files.provenance.provenance_header(settings)
+    about = files.provenance.provenance_header(settings) | origin
     with TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)

@@ -4,10 +4,11 @@
 
 Each rig has the light of a bench and is read by rays, which share no code with the model
 (`bench_rays`). It is calibrated as `facets calibrate` does it, from 500 poses. Then the beam, the
-laser, the gains and the posts change, drawn from the standard uncertainties that `facets rezero`
-has by default, and so does the mirror's pose at the stop. Printed are the estimates of one known
-change with a stop that repeats exactly, the coverage of the 95 % intervals of all changes and of
-poses solved before and after, and what a mirror does that moved between the stops. Two minutes.
+laser, its beam's width, the gains and the posts change, drawn from the standard uncertainties that
+`facets rezero` has by default, and so does the mirror's pose at the stop. Printed are the estimates
+of one known change with a stop that repeats exactly, the coverage of the 95 % intervals of all
+changes and of poses solved before and after, and what a mirror does that moved between the stops.
+Two minutes.
 """
 
 from __future__ import annotations
@@ -20,7 +21,12 @@ import numpy as np
 
 import facets
 from facets.calibration.bundle_adjustment import states_of
-from facets.calibration.rezero import ChangePriors, NewZero, StopReadings, renew_zero
+from facets.calibration.rezero import (
+    ChangePriors,
+    NewZero,
+    StopReadings,
+    renew_zero,
+)
 from facets.calibration.table import choice
 from facets.calibration.unknowns import fold_mount
 from facets.calibration.verdict import verdict
@@ -29,14 +35,15 @@ from facets.core.units import Floats
 from facets.detectors.correction import correct, invert_correction
 from facets.detectors.noise import add_noise, standard_deviations
 
-from .bench_rays import spots
+from .bench_rays import RayBench, spots
 from .rigs import BOX, REACH_MM, BenchRig, Rng, draw_bench_rig, poses_on_bench, sample_bench_motion
 
+NOTHING = np.zeros(10)
 #: Number of rows averaged at a stop.
 ROWS = 20_000
 UNITS = np.array([1e3] * 3 + [1e6] * 3)
-#: Priors for a stop that repeats almost exactly.
-EXACT_STOP = ChangePriors(stop=1e-7, stop_angle=1e-9)
+#: Priors for a stop that repeats almost exactly, and a beam whose width stays.
+EXACT_STOP = ChangePriors(width=1e-7, stop=1e-7, stop_angle=1e-9)
 
 
 class CalibratedRig(NamedTuple):
@@ -58,7 +65,7 @@ def calibrate_rig(seed: int, samples: int = 500) -> CalibratedRig:
 
 
 def change_rig(real: BenchRig, change: Floats) -> Sensor:
-    """The rig's sensor after changes (9,) in the order of `CHANGES`, with power as a share."""
+    """The rig's sensor after changes (10,), with power as a share; its light: `change_light`."""
     sensor = real.rig.sensor
     psds = [
         replace(psd, height=psd.height + change[6 + k],
@@ -69,10 +76,16 @@ def change_rig(real: BenchRig, change: Floats) -> Sensor:
     return replace(sensor, beam=beam, psds=(psds[0], psds[1], psds[2]))
 
 
+def change_light(bench: RayBench, change: Floats) -> RayBench:
+    """The light of the rays after changes (10,), of which the last is the beam's width."""
+    return bench._replace(covariance=bench.covariance * (1 + change[9]) ** 2)
+
+
 def read_stop(one: CalibratedRig, pose: Floats, change: Floats) -> StopReadings:
     """Mean detector readings of the changed rig at the reference's poses (m, 6)."""
     sensor = change_rig(one.real, change)
-    exact = spots(sensor, one.real.bench, true_states(one, pose, change[:2]))
+    bench = change_light(one.real.bench, change)
+    exact = spots(sensor, bench, true_states(one, pose, change[:2]))
     sigma = standard_deviations(sensor, exact) / np.sqrt(ROWS)
     noisy = exact + sigma * one.rng.standard_normal(exact.shape)
     return StopReadings(invert_correction(sensor, noisy), sigma**2)
@@ -90,7 +103,7 @@ def true_states(one: CalibratedRig, pose: Floats, beam: Floats, is_folded: bool 
 
 
 class ChangeDraw(NamedTuple):
-    """off: errors of the changes over their uncertainties (9,).  chi_square: of the fit.
+    """off: errors of the changes over their uncertainties (10,).  chi_square: of the fit.
     before, after: errors of poses (n, 6) over their uncertainties, by the old and new zero."""
 
     off: Floats
@@ -102,12 +115,11 @@ class ChangeDraw(NamedTuple):
 def draw_changes(one: CalibratedRig, priors: ChangePriors, poses: int = 20) -> ChangeDraw:
     rng = one.rng
     pose = 0.3 * rng.uniform(-1, 1, (1, 6)) * BOX
-    change = priors.sigmas(1.0) * rng.standard_normal(9)
+    change = priors.sigmas(1.0) * rng.standard_normal(len(NOTHING))
     missed = np.array([priors.stop] * 3 + [priors.stop_angle] * 3) * rng.standard_normal((1, 6))
-    then = read_stop(one, pose, np.zeros(9))
+    then = read_stop(one, pose, NOTHING)
     zero = renew_zero(one.sensor, then, read_stop(one, pose + missed, change), priors)
-    power = zero.prior[2] / priors.power
-    off = (zero.change - change * np.array([1, 1, power, 1, 1, 1, 1, 1, 1])) / zero.uncertainty
+    off = (zero.change - change * zero.prior / priors.sigmas(1.0)) / zero.uncertainty
     fresh = poses_on_bench(one.real.rig, poses, rng).pose
     before = solve_poses(one, fresh, change, one.sensor, np.zeros(2))
     after = solve_poses(one, fresh, change, zero.sensor, zero.beam)
@@ -119,7 +131,8 @@ def solve_poses(
 ) -> Floats:
     """Errors of poses of the changed rig, solved by a sensor, over their uncertainties (n, 6)."""
     real = change_rig(one.real, change)
-    exact = spots(real, one.real.bench, true_states(one, pose, change[:2]))
+    bench = change_light(one.real.bench, change)
+    exact = spots(real, bench, true_states(one, pose, change[:2]))
     raw = invert_correction(real, add_noise(real, exact, one.rng))
     found = facets.solve(
         sensor, correct(sensor, raw), beam=facets.Prior(beam, 0.0), power="unknown", threads=0
@@ -131,25 +144,25 @@ def solve_poses(
 
 def move_mirror(one: CalibratedRig, moved: Floats, priors: ChangePriors) -> NewZero:
     """Compute the new zero if only the mirror moved, by (6,), between the stops."""
-    pose, nothing = np.zeros((1, 6)), np.zeros(9)
-    then, now = (read_stop(one, pose + by, nothing) for by in (0.0, moved))
+    pose = np.zeros((1, 6))
+    then, now = (read_stop(one, pose + by, NOTHING) for by in (0.0, moved))
     return renew_zero(one.sensor, then, now, priors)
 
 
 def known_change(one: CalibratedRig) -> NewZero:
     """Changes: beam 1 um aside, posts 2.3 um higher, laser 1 % brighter, gain A 0.1 % higher."""
-    change = np.array([1e-3, 0, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3])
+    change = np.array([1e-3, 0, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3, 0])
     pose = np.zeros((1, 6))
-    stops = [read_stop(one, pose, by) for by in (np.zeros(9), change)]
+    stops = [read_stop(one, pose, by) for by in (NOTHING, change)]
     return renew_zero(one.sensor, stops[0], stops[1], EXACT_STOP)
 
 
 def show(name: str, zero: NewZero) -> None:
-    factors = np.array([1e3, 1e3, 100 / zero.prior[2] * 0.05, 100, 100, 100, 1e3, 1e3, 1e3])
+    factors = np.array([1e3, 1e3, 100 / zero.prior[2] * 0.05, *[100] * 3, *[1e3] * 3, 100])
     values = zip(zero.change * factors, zero.uncertainty * factors, strict=True)
     told = "  ".join(f"{value:+.3f} ± {u:.3f}" for value, u in values)
     print(f"{name}: chi-square {zero.chi_square:.1f}, explained: {zero.is_explained}")
-    print(f"  beam, um; power, %; gains, %; posts, um: {told}")
+    print(f"  beam, um; power, %; gains, %; posts, um; width, %: {told}")
 
 
 def main() -> None:

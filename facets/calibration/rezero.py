@@ -4,11 +4,12 @@ The mirror stands at the same stop twice. The difference d of the mean readings 
 
     d = D x + P m + G t + n
 
-x: what changed: the beam's position, the laser's power, the detectors' gains and the heights of
-their posts; Gaussian, with the standard uncertainties of `ChangePriors`.  m: how far the mirror
-stands from where it stood.  t: errors of the calibrated parameters.  n: noise of the means.  D, P:
-derivatives of the readings.  G: difference of the readings' derivatives now and then, so that t
-counts only where a large change meets a parameter that is not well known.
+x: what changed: the beam's position and width, the laser's power, the detectors' gains and
+the heights of their posts; Gaussian, with the standard uncertainties of `ChangePriors`. At one stop
+a wider beam and higher posts look nearly alike: only both together are known.  m: how far the
+mirror stands from where it stood.  t: errors of the calibrated parameters.  n: noise of the means.
+D, P: derivatives of the readings.  G: difference of the readings' derivatives now and then, so that
+t counts only where a large change meets a parameter that is not well known.
 
 The estimate of x is the most probable one, found by Gauss-Newton steps, because 20 um of beam
 motion are a tenth of the beam's width. The calibrated values stay. The covariance of the parameters
@@ -35,6 +36,7 @@ from ..estimation.solution import Status
 from ..estimation.solver import solve
 from ..estimation.uncertainty_parts import parameter_derivatives
 from ..model.arrays import jacobian, readings
+from ..model.beam_shape import SHAPE, shape_of
 from .bundle_adjustment import PLACES, Data
 from .fit import GAINS
 from .linear_prediction import chance_of
@@ -49,9 +51,9 @@ if TYPE_CHECKING:
     from ..core.settings import Config
 
 HEIGHTS = tuple(f"psd_{letter}.height" for letter in DETECTORS)
-#: What may have changed, by the names of a calibration; the beam's position moves the light's
-#: centre.
-CHANGES = (*LIGHT_CENTRE, "beam.power", *GAINS, *HEIGHTS)
+#: The parameters that may have changed; the beam's position moves the light's centre. The last of
+#: ten changes is a factor to the beam's width, which keeps its shape.
+CHANGES = (*LIGHT_CENTRE, "beam.power", *GAINS, *HEIGHTS, *SHAPE)
 #: A stop's rows are compared in so many blocks, of two rows at least.
 BLOCKS, MIN_ROWS = 16, 32
 #: Standard deviation of the blocks' means over the noise of one sample: beyond it the mirror or the
@@ -59,9 +61,9 @@ BLOCKS, MIN_ROWS = 16, 32
 MAX_WANDER = 2.0
 #: Gauss-Newton steps; four settle the largest changes.
 STEPS = 6
-#: Probability of a misfit that is at least as large, below which the changes do not explain the
-#: readings.
-LEAST_CHANCE = 1e-3
+#: Probability below which the changes do not explain the readings: of a misfit that is at least as
+#: large, and that chance explains as much as a motion of the mirror would.
+LEAST_CHANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,8 @@ class ChangePriors:
         Of each detector's gain, as a share.
     post
         Of the height of each detector's post, mm.
+    width
+        Of the beam's diameter, as a share of it, the same in all directions.
     stop, stop_angle
         Of the mirror's position (mm) and angles (rad) at the stop now against those then.
     """
@@ -86,12 +90,14 @@ class ChangePriors:
     power: float = 0.05
     gain: float = 0.002
     post: float = 0.003
+    width: float = 0.005
     stop: float = 1e-4
     stop_angle: float = 5e-7
 
     def sigmas(self, power: float) -> Floats:
-        """Of `CHANGES` (9,), in mm, mW and shares.  power: the laser's, mW."""
-        return np.array([self.beam] * 2 + [self.power * power] + [self.gain] * 3 + [self.post] * 3)
+        """Of the changes (10,), in mm, mW and shares.  power: the laser's, mW."""
+        sizes = ([self.beam] * 2, [self.power * power], [self.gain] * 3, [self.post] * 3)
+        return np.concatenate([*sizes, [self.width]])
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,7 @@ class NewZero:
         Position of the beam (2,) beside the one that is known otherwise, mm: see
         `Solve.beam_offset`.
     change, uncertainty, prior
-        Of `CHANGES` (9,): the changes, their standard uncertainties, and those before; mm, mW and
+        Of the changes (10,): they, their standard uncertainties, and those before; mm, mW and
         shares.
     chi_square, freedom
         Of the readings' differences, with all priors; and what it is on average.
@@ -150,7 +156,7 @@ class NewZero:
 
     @property
     def is_explained(self) -> bool:
-        """Whether the nine changes explain the readings, and a motion of the mirror along one axis
+        """Whether the changes explain the readings, and a motion of the mirror along one axis
         would not explain them better than chance does."""
         return min(self.chance, self.likeliest_motion[1]) >= LEAST_CHANCE
 
@@ -338,7 +344,7 @@ def renew_zero(
 
 
 class StopComparison:
-    """The readings at the stops then and now, and what the model makes of changes (9,)."""
+    """The readings at the stops then and now, and what the model makes of changes (10,)."""
 
     def __init__(
         self,
@@ -375,15 +381,17 @@ class StopComparison:
         self.noise += np.diag((then.variance + now.variance).ravel())
 
     def change_sensor(self, change: Floats) -> Sensor:
-        """The sensor with changes (9,), but for the beam's position."""
+        """The sensor with changes (10,), but for the beam's position."""
         sensor = self.sensor
         psds = [
             replace(psd, height=psd.height + height,
                     correction=replace(psd.correction, power=psd.correction.power + gain))
-            for psd, gain, height in zip(sensor.psds, *change[3:].reshape(2, 3).tolist(),
+            for psd, gain, height in zip(sensor.psds, *change[3:9].reshape(2, 3).tolist(),
                                          strict=True)
         ]  # fmt: skip
-        beam = replace(sensor.beam, power=sensor.beam.power + float(change[2]))
+        beam, power, wider = sensor.beam, *change[[2, 9]].tolist()
+        beam = replace(beam, power=beam.power + power, diameter_x=beam.diameter_x * (1 + wider),
+                       diameter_y=beam.diameter_y * (1 + wider))  # fmt: skip
         return replace(sensor, beam=beam, psds=(psds[0], psds[1], psds[2]))
 
     def situation(self, change: Floats) -> tuple[Sensor, Floats]:
@@ -400,6 +408,10 @@ class StopComparison:
         """How far model and readings part now for each unit of some parameters: (9 m, p)."""
         return derivatives(*self.situation(change), names, self.now_warmer)
 
+    def slopes(self, change: Floats) -> Floats:
+        """How far model and readings part now for each unit of the changes: (9 m, 10)."""
+        return self.derivatives(change, CHANGES) @ spread_of(self.change_sensor(change))
+
     def weights(self, change: Floats) -> tuple[Floats, Floats]:
         """The inverse covariance of the readings' differences without changes (9 m, 9 m), and by
         how much they follow errors of the calibration (9 m, p)."""
@@ -409,11 +421,11 @@ class StopComparison:
         return np.linalg.inv(covariance), apart
 
     def estimate(self) -> Floats:
-        """The most probable changes (9,)."""
-        change, known = np.zeros(9), self.prior**-2
+        """The most probable changes (10,)."""
+        change, known = np.zeros(len(self.prior)), self.prior**-2
         for _ in range(STEPS):
             weights, _ = self.weights(change)
-            slopes, residuals = self.derivatives(change, CHANGES), self.residuals(change)
+            slopes, residuals = self.slopes(change), self.residuals(change)
             matrix = slopes.T @ weights @ slopes + np.diag(known)
             change = change + np.linalg.solve(
                 matrix, slopes.T @ weights @ residuals - known * change
@@ -426,11 +438,11 @@ class StopComparison:
         return (exact - self.predict(change) - self.offset).ravel()
 
     def conclude(self, change: Floats) -> tuple[Floats, Floats, float, Floats]:
-        """Of the most probable changes: their covariance (9, 9), that between them and the
-        calibrated parameters (9, p), chi-square, and what the mirror's motion would be, see
+        """Of the most probable changes: their covariance (10, 10), that between them and the
+        calibrated parameters (10, p), chi-square, and what the mirror's motion would be, see
         `NewZero.motion`."""
         weights, apart = self.weights(change)
-        slopes, residuals = self.derivatives(change, CHANGES), self.residuals(change)
+        slopes, residuals = self.slopes(change), self.residuals(change)
         known = self.prior**-2
         matrix = slopes.T @ weights @ slopes + np.diag(known)
         covariance: Floats = np.linalg.inv(matrix).astype(float)
@@ -444,6 +456,14 @@ class StopComparison:
             [moved.T @ weights @ residuals / information, 1 / np.sqrt(information)]
         )
         return covariance, -back @ apart @ self.known, cost, motion
+
+
+def spread_of(sensor: Sensor) -> Floats:
+    """The parameters `CHANGES` for each unit of the changes: (12, 10)."""
+    beam, spread = sensor.beam, np.eye(len(CHANGES), len(CHANGES) - 2)
+    shape = shape_of(beam.diameter_x, beam.diameter_y, beam.rotation)
+    spread[9:, 9] = 2 * np.array(shape)
+    return spread
 
 
 def exact_at_reference(sensor: Sensor, raw: Floats, warmer: Floats) -> Floats:
@@ -471,13 +491,15 @@ def block_diagonal(blocks: Floats) -> Floats:
 
 def add_covariance(sensor: Sensor, known: Calibration, covariance: Floats, cross: Floats) -> Sensor:
     """The sensor with the covariance of its parameters now: each is the calibrated one and its
-    change.  covariance, cross: of `CHANGES` (9, 9), and with the calibrated parameters (9, p)."""
+    change.
+
+    covariance, cross: of the changes (10, 10), and with the calibrated parameters (10, p)."""
     names = (*known.names, *(name for name in CHANGES if name not in known.names))
-    size, count = len(known.names), len(CHANGES)
+    size, count = len(known.names), len(covariance)
     joint = np.block([[np.array(known.covariance), cross.T], [cross, covariance]])
     sums = np.zeros((len(names), size + count))
     sums[range(size), range(size)] = 1.0
-    sums[[names.index(name) for name in CHANGES], range(size, size + count)] = 1.0
+    sums[[names.index(name) for name in CHANGES], size:] = spread_of(sensor)
     matrix = sums @ joint @ sums.T
     matrix = (matrix + matrix.T) / 2
     now = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))

@@ -69,8 +69,8 @@ class Playback:
         zero: ZeroRequest | None = None,
         covariance: bool = False,
     ) -> None:
-        meta_of(folder, own=config is None)
-        self.folder = folder
+        meta = meta_of(folder, own=config is None)
+        self.folder, self.recorded = folder, str(meta.get("made", ""))
         self.config = change(config or recorded_config(folder))
         self.pipeline, self.damage = Pipeline(self.config, zero, covariance), Damage()
 
@@ -156,7 +156,7 @@ class Playback:
         Raises `InputError` if there are no samples.
         """
         about = provenance.provenance_header(self.config)
-        about |= describe_channels(self.config.acquire.channels)
+        about |= describe_channels(self.config.acquire.channels) | {"recorded": self.recorded}
         poses, objects = self.await_zero(poses), self.pipeline.object_poses
         if objects.request is not None and objects.zero is not None:
             about["zero"] = zero_text(objects.request, objects.zero)

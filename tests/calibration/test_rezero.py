@@ -13,6 +13,7 @@ from facets.experiments.bench_rays import RayBench, spots
 import facets
 from facets.calibration.rezero import (
     CHANGES,
+    LEAST_CHANCE,
     ChangePriors,
     StopReadings,
     renew_zero,
@@ -38,16 +39,17 @@ NAMES = (*(name for name in PARAMETERS if name.startswith("psd")), *CHANGES[2:6]
 KNOWN = facets.Calibration(NAMES, tuple(map(tuple, (1e-12 * (np.eye(len(NAMES)) + 0.1)).tolist())))
 SENSOR = replace(NOMINAL, calibration=KNOWN)
 POSE = np.array([0.01, -0.02, 0.3, 1e-3, -2e-3, 1e-3])
-CHANGE = np.array([1e-3, -5e-4, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3])
+NOTHING = np.zeros(10)
+CHANGE = np.array([1e-3, -5e-4, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3, 0])
 EXACT = new_zero.EXACT_STOP
 
 
 def read(change: Floats, pose: Floats = POSE, rows: int = 20_000) -> StopReadings:
     """The means of the changed sensor by rays, without noise; their variances are those of noise.
 
-    change: power as a share.
+    change: power and widths as shares.
     """
-    heights, gains = change[6:], change[3:6]
+    heights, gains = change[6:9], change[3:6]
     psds = [
         replace(psd, height=h, correction=replace(psd.correction, power=g))
         for psd, h, g in zip(NOMINAL.psds, heights, gains, strict=True)
@@ -56,25 +58,24 @@ def read(change: Floats, pose: Floats = POSE, rows: int = 20_000) -> StopReading
     sensor = replace(
         NOMINAL, beam=replace(NOMINAL.beam, power=power), psds=(psds[0], psds[1], psds[2])
     )
-    pose = np.atleast_2d(pose)
-    exact = spots(sensor, IDEAL, np.column_stack([pose, np.tile(change[:2], (len(pose), 1))]))
+    pose, light = np.atleast_2d(pose), new_zero.change_light(IDEAL, change)
+    exact = spots(sensor, light, np.column_stack([pose, np.tile(change[:2], (len(pose), 1))]))
     sigma = standard_deviations(sensor, exact) / np.sqrt(rows)
     return StopReadings(invert_correction(sensor, exact), sigma**2)
 
 
-THEN = read(np.zeros(9))
+THEN = read(NOTHING)
 
 
 def test_changes_are_found_again_from_rays():
     zero = renew_zero(SENSOR, THEN, read(CHANGE), EXACT)
-    share = np.array([1, 1, NOMINAL.beam.power, 1, 1, 1, 1, 1, 1])
-    off = zero.change - CHANGE * share
+    off = zero.change - CHANGE * zero.prior / EXACT.sigmas(1.0)
     assert zero.is_explained
     assert zero.chi_square < 3  # of the priors, which the posts stretch
     assert (np.abs(off) < 0.7 * zero.uncertainty).all()  # the priors draw gains towards zero
     um, percent = 1e3 * zero.uncertainty, 100 * zero.uncertainty
     assert um[:2] == pytest.approx([0.036, 0.036], abs=0.004)
-    assert um[6:] == pytest.approx([0.03] * 3, abs=0.005)
+    assert um[6:9] == pytest.approx([0.03] * 3, abs=0.005)
     assert percent[3:6] == pytest.approx([0.117] * 3, abs=0.003)
     assert zero.sensor.beam.power == pytest.approx(1.01 * NOMINAL.beam.power, rel=1e-3)
     assert [psd.height for psd in zero.sensor.psds] == pytest.approx([2.3e-3] * 3, abs=1e-4)
@@ -82,20 +83,20 @@ def test_changes_are_found_again_from_rays():
 
 def test_the_estimate_is_that_of_weighted_rows():
     """Derivatives by differences of rays, priors as rows of their own, and least squares."""
-    step = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2])
+    step = np.array([*[1e-3] * 6, *[1e-2] * 3, 1e-3])
     columns = [
         (read(unit * step).mean - read(-unit * step).mean)[0] / (2 * unit @ step)
-        for unit in np.eye(9)
+        for unit in np.eye(10)
     ]
     now = read(CHANGE)
     sigma = np.sqrt(THEN.variance + now.variance)[0]
     prior = EXACT.sigmas(1.0)
     rows = np.concatenate([np.array(columns).T / sigma[:, None], np.diag(1 / prior)])
-    side = np.concatenate([((now.mean - THEN.mean)[0]) / sigma, np.zeros(9)])
+    side = np.concatenate([((now.mean - THEN.mean)[0]) / sigma, NOTHING])
     change = np.linalg.lstsq(rows, side, rcond=None)[0]
     u = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
     zero = renew_zero(SENSOR, THEN, now, EXACT)
-    share = np.array([1, 1, NOMINAL.beam.power, 1, 1, 1, 1, 1, 1])
+    share = zero.prior / prior
     # 1 um of the beam and 1 % of power bend the readings by some hundredths of this
     assert (np.abs(zero.change / share - change) < 0.1 * u).all()
     assert zero.uncertainty / share == pytest.approx(u, rel=0.02)
@@ -107,7 +108,7 @@ def test_the_estimate_is_that_of_weighted_rows():
 def test_a_mirror_that_moved_is_refused(axis, size):
     pose = POSE.copy()
     pose[axis] += size
-    zero = renew_zero(SENSOR, THEN, read(np.zeros(9), pose))
+    zero = renew_zero(SENSOR, THEN, read(NOTHING, pose))
     assert not zero.is_explained
     if axis != 4:  # which of roll and pitch it was, this pose does not always tell
         assert zero.likeliest_motion[0] == axis
@@ -117,9 +118,28 @@ def test_a_mirror_that_moved_is_refused(axis, size):
 
 def test_along_z_a_motion_of_the_mirror_looks_like_posts():
     pose = POSE + np.array([0, 0, 1e-3, 0, 0, 0])
-    zero = renew_zero(SENSOR, THEN, read(np.zeros(9), pose))
+    zero = renew_zero(SENSOR, THEN, read(NOTHING, pose), ChangePriors(width=1e-7))
     assert zero.is_explained
-    assert zero.change[6:] == pytest.approx([-1e-3] * 3, rel=0.05)
+    assert zero.change[6:9] == pytest.approx([-1e-3] * 3, rel=0.05)
+
+
+def test_a_wider_beam_is_not_read_as_higher_posts():
+    """At one stop both look alike: the posts' uncertainty covers it; more tell them apart."""
+    wider = NOTHING + np.array([*[0] * 9, 0.005])
+    zero = renew_zero(SENSOR, THEN, read(wider))
+    assert zero.is_explained
+    assert (np.abs(zero.change[6:9]) < 1.96 * zero.uncertainty[6:9]).all()
+    poses = POSE + np.array([[0.1, 0, 0, 0, 0, 0], [-0.1, 0.1, 0, 0, 0, 0], [0, -0.1, 0, 0, 0, 0]])
+    zero = renew_zero(SENSOR, read(NOTHING, poses), read(wider, poses))
+    assert zero.change[9] == pytest.approx(0.005, abs=2 * zero.uncertainty[9])
+    assert zero.uncertainty[9] < 0.001
+
+
+def test_a_motion_that_explains_better_than_chance_is_refused():
+    pose = POSE + np.array([4.4e-4, 0, 0, 0, 1.76e-6, 0])
+    zero = renew_zero(SENSOR, THEN, read(NOTHING, pose))
+    assert 1e-3 < zero.likeliest_motion[1] < LEAST_CHANCE
+    assert not zero.is_explained
 
 
 def test_an_error_of_the_stop_widens_what_it_spoils():
@@ -127,14 +147,14 @@ def test_an_error_of_the_stop_widens_what_it_spoils():
         renew_zero(SENSOR, THEN, read(CHANGE), one).uncertainty
         for one in (EXACT, ChangePriors(stop=5e-4, stop_angle=1e-9))
     )
-    assert (half[6:] > 10 * exact[6:]).all()  # the posts stand for the mirror's height
+    assert (half[6:9] > 10 * exact[6:9]).all()  # the posts stand for the mirror's height
     assert half[2] == pytest.approx(exact[2], rel=0.01)  # the laser does not
 
 
 def test_several_stops_tell_more():
     poses = POSE + np.array([[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0], [0, 0.1, 1, 0, 0, 0]])
     one = renew_zero(SENSOR, THEN, read(CHANGE)).uncertainty
-    three = renew_zero(SENSOR, read(np.zeros(9), poses), read(CHANGE, poses))
+    three = renew_zero(SENSOR, read(NOTHING, poses), read(CHANGE, poses))
     assert three.freedom == 27
     assert three.is_explained
     assert (three.uncertainty < one).all()
@@ -146,7 +166,7 @@ def test_errors_of_the_calibration_go_into_changes_as_stated():
     """The beam moved by 20 um; the estimate follows a detector that is thought to be turned."""
     names, sizes = ("psd_a.roll", "psd_b.roll", "psd_c.radius"), np.array([0.02, 0.02, 0.3])
     known = facets.Calibration(names, tuple(map(tuple, np.diag(sizes**2).tolist())))
-    change = np.array([0.02, -0.01, 0, 0, 0, 0, 0, 0, 0])
+    change = np.array([0.02, -0.01, *[0] * 8])
     now = read(change)
     for n, name in enumerate(names):
         found = []
@@ -207,12 +227,12 @@ def run(tmp_path, run_in_process):
     return run_in_process
 
 
-def write_stop(path, stop, rows=500):
+def write_stop(path, stop, rows=500, **about):
     rng = np.random.default_rng(len(path.stem))
     sigma = np.sqrt(stop.variance * 20_000)
     noise = rng.standard_normal((rows, 9))
     raw = stop.mean + sigma * (noise - noise.mean(axis=0))
-    tables.write_table(path, dict(zip(READING_COLUMNS, raw.T, strict=True)), {})
+    tables.write_table(path, dict(zip(READING_COLUMNS, raw.T, strict=True)), about)
 
 
 def test_the_command_writes_a_configuration_that_extends_the_calibrated_one(run, tmp_path):
@@ -235,9 +255,29 @@ def test_the_command_writes_a_configuration_that_extends_the_calibrated_one(run,
     assert run("rezero", "calibrated.yaml", "then.csv", "now.csv", "-o", "new/today.yaml")[0] == 2
 
 
+def test_a_zero_is_not_renewed_twice_nor_from_recordings_in_the_wrong_order(run, tmp_path):
+    for name, change, date in (("old.csv", NOTHING, "10"), ("new.csv", CHANGE, "11")):
+        write_stop(tmp_path / name, read(change), made=f"2026-01-{date}T00:00:00+00:00")
+    assert run("rezero", "calibrated.yaml", "old.csv", "new.csv", "-o", "today.yaml")[0] == 0
+    for file in ("today.yaml", "today-covariance.csv"):
+        text = (tmp_path / file).read_text()
+        assert "# zero_then: old.csv, recorded at 2026-01-10 00:00:00+00:00" in text
+        assert "# zero_now: new.csv, recorded at 2026-01-11 00:00:00+00:00" in text
+        assert "# config: calibrated" in text
+    (tmp_path / "top.yaml").write_text("extends: today.yaml")
+    for words, reason in (
+        (("top.yaml", "old.csv", "new.csv"), "its zero was renewed already, from new.csv"),
+        (("calibrated.yaml", "new.csv", "old.csv"), "new.csv: was recorded at 2026-01-11"),
+    ):
+        status, _, err = run("rezero", *words, "-o", "twice.yaml")
+        assert status == 2
+        assert reason in err
+    assert not (tmp_path / "twice.yaml").exists()
+
+
 def test_the_command_refuses_a_mirror_that_moved(run, tmp_path):
     pose = POSE + np.array([0, 0, 0, 0, 0, 2e-5])
-    write_stop(tmp_path / "now.csv", read(np.zeros(9), pose))
+    write_stop(tmp_path / "now.csv", read(NOTHING, pose))
     status, out, err = run("rezero", "calibrated.yaml", "then.csv", "now.csv")
     assert status == 1
     assert "in yaw between the stops" in out
