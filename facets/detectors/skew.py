@@ -16,7 +16,8 @@ from ..core.units import Floats
 
 Times = NDArray[np.floating[Any]]
 
-#: A pause of this many usual steps separates recordings: no derivative is taken across it.
+#: A step longer than this many times the step on a row's other side is a pause between recordings:
+#: no derivative is taken across it.
 LONGEST_PAUSE = 10.0
 
 
@@ -24,22 +25,21 @@ def slopes(time: Times, values: Floats) -> Floats:
     """Derivatives by time (s) of rows of values (n, m): (n, m), per s.
 
     The mean of the difference quotients to the rows before and after; one of them if the other is
-    unknown; 0 if both are, because of a value that is not finite, a pause or equal times.
+    unknown; 0 if both are, because of a value that is not finite, a pause or equal times. A row's
+    slope depends on these three rows alone.
     """
-    out = np.zeros_like(values)
-    if len(time) < 2:
-        return out
-    step = np.diff(time)
-    usual = np.median(step[step > 0]) if (step > 0).any() else 0.0
-    sound = (step > 0) & (step <= LONGEST_PAUSE * usual)
+    ends = np.full((1, *values.shape[1:]), np.nan)
+    step = np.concatenate([[np.nan], np.diff(time), [np.nan]])
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        each = np.where(sound[:, None], np.diff(values, axis=0) / step[:, None], np.nan)
-    known = np.isfinite(each)
-    total, count = np.zeros_like(values), np.zeros(values.shape)
-    for rows in (slice(None, -1), slice(1, None)):
-        total[rows] += np.where(known, each, 0.0)
-        count[rows] += known
-    return np.divide(total, count, out=out, where=count > 0)
+        step[step <= 0] = np.nan
+        quotients = np.concatenate([ends, np.diff(values, axis=0), ends]) / step[:, None]
+        sides = np.stack([quotients[:-1], quotients[1:]])
+        steps = np.stack([step[:-1], step[1:]])
+    sides[steps > LONGEST_PAUSE * steps[::-1]] = np.nan
+    known = np.isfinite(sides)
+    total: Floats = np.where(known, sides, 0.0).sum(axis=0)
+    mean: Floats = total / np.maximum(known.sum(axis=0), 1)
+    return mean
 
 
 def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:

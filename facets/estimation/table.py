@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,11 +84,10 @@ class StatusCounts:
         found: Solution,
         status: Any,
         place: Floats | None = None,
-        time: Floats | None = None,
         temperature: Floats | None = None,
     ) -> None:
-        """Counts some rows.  readings: (n, 9).  status: (n,) in words.  place, time, temperature:
-        as of `solve_readings`."""
+        """Counts some rows.  status: (n,) in words.  readings, place, temperature: as of
+        `solve_readings`."""
         self.statuses.update(status.tolist())
         self.lacks_temperature |= sensor.thermal.is_on and temperature is None
         if sensor.thermal.is_on and temperature is not None:
@@ -95,7 +95,7 @@ class StatusCounts:
         place = beam_place(sensor, place, temperature)
         exact = readings
         if found.misfit.any():
-            exact = exact_readings(sensor, readings, time, temperature)
+            exact = exact_readings(sensor, readings, temperature)
         knowledge = options.knowledge(sensor, None if place is None else np.nan_to_num(place))
         self.misfit.add(found, sensor, knowledge, options.method, exact)
         self.unchecked += int((found.converged & (found.checks == 0)).sum())
@@ -125,14 +125,12 @@ def solve_readings(
     options: Solve,
     readings: Floats,
     place: Floats | None,
-    time: Floats | None = None,
     temperature: Floats | None = None,
 ) -> Solution:
-    """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
+    """Solves readings (n, 9) of one instant each (`align`) as a config's `solve` block says.
 
     place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
     finite, there is no pose.
-    time: (n,) of the readings, s, for detectors that are read one after the other.
     temperature: (n,) degrees Celsius, for a sensor that follows it (`Sensor.thermal`).
     """
     place = beam_place(sensor, place, temperature)
@@ -144,7 +142,7 @@ def solve_readings(
     knowledge = options.knowledge(sensor, place)
     solution = solve(
         sensor,
-        exact_readings(sensor, readings, time, temperature),
+        exact_readings(sensor, readings, temperature),
         beam=knowledge.beam,
         power=knowledge.power,
         method=options.method,
@@ -227,17 +225,15 @@ def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
     compile_for(sensor, "poses", *tasks, knowledge=options.knowledge(sensor))
 
 
-def exact_readings(
-    sensor: Sensor, readings: Floats, time: Floats | None, temperature: Floats | None = None
-) -> Floats:
-    """Convert readings (n, 9), as the detectors gave them, to those of the model at one instant
-    each and at the sensor's reference temperature."""
+def exact_readings(sensor: Sensor, readings: Floats, temperature: Floats | None = None) -> Floats:
+    """Convert readings (n, 9) of one instant each to those of the model at the sensor's reference
+    temperature."""
     exact = correct(sensor, readings)
     if temperature is not None and sensor.thermal.is_on:
         exact = exact.copy()
         warmer = temperature - sensor.thermal.reference
         exact[:, PLACES] -= warmer[:, None] * np.array(sensor.thermal.places)
-    return exact if time is None else align(sensor, time, exact)
+    return exact
 
 
 def readings_in(chunk: tables.Chunk) -> Floats:
@@ -257,16 +253,38 @@ def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | No
     return place - options.beam_offset - (0.0 if shift is None else shift)
 
 
+def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:
+    """Yield the pieces of a table with the readings of each row at one instant; see `align`.
+
+    A row's neighbours may stand in the piece before, or after.
+    """
+    if not any(sensor.light.delays):
+        yield from chunks
+        return
+    near = deque[tables.Chunk | None]([None], maxlen=3)
+    for chunk in chain(chunks, [None]):
+        near.append(chunk)
+        here = near[1]
+        if len(near) < 3 or here is None:
+            continue
+        if "time_s" not in here.columns:
+            raise InputError(
+                "sensor.light.delays_us are given, but the readings have no column time_s to tell "
+                "how fast they change; add the column, or set the delays to 0"
+            )
+        rows = zip(near, (slice(-1, None), slice(None), slice(1)), strict=True)
+        parts = [(one.columns["time_s"][n], readings_in(one)[n]) for one, n in rows if one]
+        time, raw = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        first = int(near[0] is not None)
+        aligned = align(sensor, time, raw)[first : first + len(here.lines)]
+        named = dict(zip(READING_COLUMNS, aligned.T, strict=True))
+        yield replace(here, columns={**here.columns, **named})
+
+
 def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
-    time = chunk.columns.get("time_s")
-    if time is None and any(sensor.light.delays):
-        raise InputError(
-            "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
-            "fast they change; add the column, or set the delays to 0"
-        )
     temperature = chunk.columns.get(TEMPERATURE_COLUMN)
     place = place_in(sensor, options, chunk)
-    return solve_readings(sensor, options, readings_in(chunk), place, time, temperature)
+    return solve_readings(sensor, options, readings_in(chunk), place, temperature)
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
@@ -441,6 +459,7 @@ def solve_table(
     if options.beam != "free":
         beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
     chunks = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
+    chunks = align_chunks(config.sensor, chunks)
     count = StatusCounts()
     parts: Iterator[SolvedPart]
     solved = ((c, solve_chunk(config.sensor, options, c)) for c in known_places(readings, chunks))
@@ -462,8 +481,7 @@ def solve_table(
             writer.write({**time, **columns})
             count.add(
                 config.sensor, options, readings_in(chunk), solution, status,
-                place_in(config.sensor, options, chunk),
-                chunk.columns.get("time_s"), temperature,
+                place_in(config.sensor, options, chunk), temperature,
             )  # fmt: skip
             bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
             count.unparsable_lines += bad.tolist()

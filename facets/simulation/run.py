@@ -18,6 +18,7 @@ from ..core.settings import Config, Solve
 from ..core.units import Floats
 from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise, fullness
+from ..detectors.skew import align
 from ..estimation.differences import ZeroPose
 from ..estimation.object_pose import transform
 from ..estimation.solution import Solution, Status
@@ -130,7 +131,8 @@ def simulate_motion(
         truth = simulate_following(config.sensor, config.stage, time, truth)
     seen, reached, saturated = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
-    solution = solve_readings(config.sensor, config.solve, seen, place, time)
+    aligned = align(config.sensor, time, seen)
+    solution = solve_readings(config.sensor, config.solve, aligned, place)
     return Segment(name, time, truth, seen, place, reached, saturated, solution, force)
 
 

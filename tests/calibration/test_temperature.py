@@ -83,7 +83,7 @@ def test_poses_at_another_temperature(calibrated):
     temperature = np.full(400, 22.5)
     raw = add_noise(NOMINAL, read(pose, temperature), rng)
     with_it, without = (
-        solve_readings(calibrated, KNOWN, raw, None, None, one) for one in (temperature, None)
+        solve_readings(calibrated, KNOWN, raw, None, one) for one in (temperature, None)
     )
     held = [
         (np.abs((found.state[:, :6] - pose) / found.uncertainty[:, :6]) < 1.96).mean(axis=0)
@@ -103,7 +103,7 @@ def test_poses_at_another_temperature(calibrated):
 def test_rows_without_a_temperature_have_no_pose(calibrated):
     raw, temperature = read(np.zeros((2, 6)), np.full(2, 20.0)), np.array([20.0, np.nan])
     for options in (KNOWN, Solve(beam="free")):
-        found = solve_readings(calibrated, options, raw, None, None, temperature)
+        found = solve_readings(calibrated, options, raw, None, temperature)
         assert found.converged.tolist() == [True, False]
 
 

@@ -20,13 +20,15 @@ from facets.experiments.soak import soak
 from programs import Program, count_lines, size_of
 
 import facets
-from facets import InputError
+from facets import BenchLight, InputError
+from facets.detectors.skew import align
+from facets.estimation.table import solve_readings
 from facets.live import Run
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording.reader import blocks
 from facets.live.recording.replay import recorded_config, replay
 from facets.live.recording.writer import Recording
-from facets.live.run.pipeline import Pipeline
+from facets.live.run.pipeline import Pipeline, join_poses
 from facets.live.run.reader import MAX_BLOCK_S
 from facets.live.sources.frames import SIZE, pack, parser
 from facets.live.virtual import Faults, truth_of
@@ -79,6 +81,22 @@ def test_an_unread_stream_is_solved_to_the_truth():
     truth = np.sin(np.arange(500) / 100)
     assert np.abs(poses["yaw_mrad"] - truth).max() < 5 * poses["u_yaw_mrad"].max()
     assert pipeline.tally.samples == 500
+
+
+def test_no_pose_depends_on_the_blocks_where_detectors_are_read_one_after_the_other():
+    sensor = replace(CONFIG.sensor, light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
+    config, data, states = replace(CONFIG, sensor=sensor), stream(600), []
+    for size in (37 * SIZE, len(data)):
+        pipeline = Pipeline(config)
+        parts = [pipeline.feed(data[n : n + size], 1.0 + n) for n in range(0, len(data), size)]
+        parts += map(pipeline.solve, pipeline.release())
+        found = join_poses([part for part in parts if part is not None])
+        np.testing.assert_array_equal(found.seq, np.arange(600))
+        states.append(found.solution.state)
+    np.testing.assert_array_equal(*states)
+    exact = align(sensor, 1e-6 * found.time.astype(float), found.readings)
+    expected = solve_readings(sensor, config.solve, exact, None)
+    np.testing.assert_allclose(states[0], expected.state, atol=1e-12)
 
 
 @pytest.mark.parametrize("faults", ["", "flip=1e-3,lose=1e-3,double=1e-3,drop=1e-3,block=0.5"])

@@ -213,12 +213,12 @@ def test_a_sample_without_light_takes_no_step(light):
     (batch,) = pipeline.take(stream(40), 1.0)
     dark = batch.readings.copy()
     dark[:, 2::3] = light
-    poses = pipeline.solve(replace(batch, readings=dark))
+    poses = pipeline.solve(replace(batch, aligned=dark))
     assert (poses.solution.iterations == 0).all()
     assert not poses.solution.ok.any()
     far = batch.readings.copy()
     far[:, ::3] = 50.0
-    assert (pipeline.solve(replace(batch, readings=far)).solution.iterations == 0).all()
+    assert (pipeline.solve(replace(batch, aligned=far)).solution.iterations == 0).all()
 
 
 def test_two_detectors_give_no_pose_that_nothing_checks():

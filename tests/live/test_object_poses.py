@@ -134,7 +134,7 @@ def test_a_zero_waits_for_light_and_says_that_the_mirror_moves():
     pipeline = Pipeline(WITH_OBJECT, ZeroRequest(seconds=0.05))
     live = Live(pipeline)
     batch = pipeline.take(data[: 100 * SIZE], 1.0)[0]
-    pipeline.solve(replace(batch, readings=np.full_like(batch.readings, np.nan)))
+    pipeline.solve(replace(batch, aligned=np.full_like(batch.readings, np.nan)))
     assert "waits for a pose" in live.messages()[0]
     pipeline.feed(data[300 * SIZE : 500 * SIZE], 2.0)
     assert "keep the mirror still" in live.messages()[0]

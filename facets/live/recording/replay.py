@@ -105,6 +105,7 @@ def replay(
             if doubtful and damage.since is None:
                 damage.since = int(poses.seq[0])
             yield poses
+    yield from map(pipeline.solve, pipeline.release())
 
 
 #: The name by which others know it.

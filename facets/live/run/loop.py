@@ -200,6 +200,7 @@ class Loop:
         """Solve what waits for up to `FINISH_S`, and give up the rest."""
         self.gather()
         self.live.end = time.monotonic()
+        self.backlog.add(self.live.pipeline.release())
         last = time.monotonic() + FINISH_S
         while self.backlog and time.monotonic() < last:
             self.solve_batch()

@@ -2,8 +2,8 @@
 
 A block is taken in once, in order: parsed, its counters followed, its counts turned into light.
 What it held is then solved in batches, each by itself: the poses of a batch depend on nothing but
-its own samples, so that they are the same to the last bit in whatever order, at whatever time, and
-beside whatever else they are solved.
+what was taken in with it, so that they are the same to the last bit in whatever order, at whatever
+time, and beside whatever else they are solved.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from math import hypot, isnan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ...core.names import TEMPERATURE_COLUMN
 from ...core.units import Floats
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
 from ...detectors.noise import least_light
+from ...detectors.skew import align
 from ...estimation.estimates import prepare
 from ...estimation.misfit import Misfit
 from ...estimation.series import solve_series
@@ -78,20 +79,25 @@ LABELS = {status.value: status.label for status in Status} | {
 }
 
 
+#: The fields of `Batch` with a row for each sample.
+PER_SAMPLE = ("seq", "time", "host", "readings", "aligned", "flags")
+
+
 @dataclass(frozen=True)
 class Batch:
     """Samples that wait to be solved.
 
     seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
-    readings: (n, 9) as the detectors gave them.  flags: (n,) bits of FLAGS.  arrival: of their
-    bytes, s.  encoder: what the stage said then.  channels: (n,) values of each auxiliary channel
-    by its column; NaN where there is none.
+    readings: (n, 9) as the detectors gave them.  aligned: those of one instant each.  flags: (n,)
+    bits of FLAGS.  arrival: of their bytes, s.  encoder: what the stage said then.  channels: (n,)
+    values of each auxiliary channel by its column; NaN where there is none.
     """
 
     seq: NDArray[np.int64]
     time: NDArray[np.int64]
     host: Floats
     readings: Floats
+    aligned: Floats
     flags: NDArray[np.uint8]
     arrival: float
     encoder: Encoder | None
@@ -103,12 +109,22 @@ class Batch:
     def split(self) -> Iterator[Batch]:
         """Itself in batches of at most BATCH samples, in their order."""
         for start in range(0, len(self), BATCH):
-            part = slice(start, start + BATCH)
-            yield Batch(
-                self.seq[part], self.time[part], self.host[part], self.readings[part],
-                self.flags[part], self.arrival, self.encoder,
-                {column: values[part] for column, values in self.channels.items()},
-            )  # fmt: skip
+            yield self.part(slice(start, start + BATCH))
+
+    def part(self, rows: slice) -> Batch:
+        channels = {column: values[rows] for column, values in self.channels.items()}
+        columns = {name: getattr(self, name)[rows] for name in PER_SAMPLE}
+        return replace(self, channels=channels, **columns)
+
+    def join(self, later: Batch) -> Batch:
+        """Both, with the arrival of the later samples and what the stage said then."""
+
+        def join(one: Any, other: Any) -> Any:
+            return np.concatenate([one, other])
+
+        channels = {name: join(self.channels[name], later.channels[name]) for name in self.channels}
+        columns = {name: join(getattr(self, name), getattr(later, name)) for name in PER_SAMPLE}
+        return replace(later, channels=channels, **columns)
 
 
 @dataclass(frozen=True)
@@ -182,6 +198,7 @@ class Pipeline:
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
         self.latest = -float("inf")  # host's time of the last sample, s
+        self.waiting: Batch | None = None  # the last two samples; see `await_neighbours`
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> Poses | None:
         """The poses of all samples that a block completes; None where it completes none.
@@ -218,8 +235,28 @@ class Pipeline:
             channel.column: channel.values(samples.channels[:, n])
             for n, channel in enumerate(self.config.acquire.channels)
         }
-        whole = Batch(seq, time, host, readings, flags, arrival, encoder, channels)
-        return list(whole.split())
+        whole = Batch(seq, time, host, readings, readings, flags, arrival, encoder, channels)
+        return list(self.await_neighbours(whole).split())
+
+    def await_neighbours(self, newest: Batch) -> Batch:
+        """The samples whose neighbours on both sides have come, with readings of one instant.
+
+        Where detectors are read one after the other, the newest sample waits for the next one: from
+        both sides its change is the same for whatever blocks the samples came in.
+        """
+        if not any(self.config.sensor.light.delays):
+            return newest
+        first = len(self.waiting) - 1 if self.waiting else 0
+        rows = self.waiting.join(newest) if self.waiting else newest
+        seconds = 1e-6 * rows.time.astype(np.float64)
+        rows = replace(rows, aligned=align(self.config.sensor, seconds, rows.readings))
+        self.waiting = rows.part(slice(-2, None))
+        return rows.part(slice(first, -1))
+
+    def release(self) -> list[Batch]:
+        """The last sample of a stream, if it waits for the next one."""
+        last, self.waiting = self.waiting, None
+        return [last.part(slice(-1, None))] if last else []
 
     def refuse_other_channels(self) -> None:
         """Raise `InputError` if the stream has other auxiliary channels than the configuration.
@@ -271,8 +308,9 @@ class Pipeline:
 
     def warm_up(self) -> None:
         """Compiles, or loads, what the stream will need, before it runs."""
+        light = np.full((2, 9), 0.1)
         nobody = Batch(
-            np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
+            np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), light, light,
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
         prepare(self.config.sensor, self.knowledge(nobody.host, nobody.encoder))
@@ -324,8 +362,7 @@ class Pipeline:
     ) -> tuple[Solution, Knowledge, Floats]:
         """The solution of a batch, by what knowledge of the beam, and of which exact readings."""
         sensor, options = self.config.sensor, self.config.solve
-        time = 1e-6 * batch.time.astype(np.float64)
-        exact = exact_readings(sensor, batch.readings, time, temperature)
+        exact = exact_readings(sensor, batch.aligned, temperature)
         knowledge = self.knowledge(batch.host, batch.encoder, temperature)
         solution = solve_series(
             sensor,

@@ -39,5 +39,6 @@ def poses(
                 found = pipeline.feed(data, time.monotonic())
                 if found is not None:
                     yield found
+        yield from map(pipeline.solve, pipeline.release())
     finally:
         source.close()
