@@ -23,7 +23,7 @@ from .uncertainty_parts import UncertaintyParts, uncertainty_parts
 def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> UncertaintyParts | None:
     """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
     covariances."""
-    if sensor.calibration is None or len(found.covariances) == 0:
+    if sensor.calibration is None or not found.covariances.shape[1]:
         return None
     parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo.free, todo.weights)
     found.covariances[:] += parts.calibration

@@ -110,8 +110,8 @@ class Readings(NamedTuple):
 class Results(NamedTuple):
     """states: (n, 9), with the power.  used: (n, 3) the detectors that took part.
     status, steps: (n,).  residuals: (n,) root of the sum of squares left.
-    covariances: (n, 8, 8), or empty.  Where status is not CONVERGED, states, residuals and
-    covariances become NaN."""
+    covariances: (n, 8, 8); (0, 0, 0) for none.  Where status is not CONVERGED, states, residuals
+    and covariances become NaN."""
 
     states: Array
     used: Array
@@ -223,7 +223,7 @@ def empty_results(count: int, covariance: bool) -> Results:
         status=np.empty(count, np.int8),
         steps=np.empty(count, np.int32),
         residuals=np.empty(count),
-        covariances=np.empty((count if covariance else 0, 8, 8)),
+        covariances=np.empty((count, 8, 8) if covariance else (0, 0, 0)),
     )
 
 

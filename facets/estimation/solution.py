@@ -274,7 +274,7 @@ def solution(
         residual=found.residuals.reshape(shape),
         checks=checks.reshape(shape),
         limit=chance.limits(checks).reshape(shape),
-        covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
+        covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.shape[1] else None,
         noise_covariance=None if parts is None else parts.noise.reshape(*shape, 8, 8),
         calibration_covariance=None if parts is None else parts.calibration.reshape(*shape, 8, 8),
         calibration_degrees_of_freedom=(
@@ -334,14 +334,13 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
 def results_of(numbers: Floats) -> problem.Results:
     """The numbers of `SolutionOfOne` as results, whose arrays are parts of them."""
     found = Solution(*(make(numbers) for make in FIELDS.values()))
-    covariance = () if found.covariance is None else found.covariance
     return problem.Results(
         states=numbers[None, :9],
         used=found.used[None],
         status=found.status[None],
         steps=found.iterations[None],
         residuals=found.residual[None],
-        covariances=np.reshape(covariance, (-1, 8, 8)),
+        covariances=np.empty((0, 0, 0)) if found.covariance is None else found.covariance[None],
     )
 
 

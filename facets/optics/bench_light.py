@@ -19,6 +19,7 @@ from .curved_light import (
     trace_ray,
 )
 from .edge_light import (
+    FAINT,
     EdgeEffects,
     add_apex_loss,
     add_rolloff,
@@ -91,7 +92,7 @@ def reading(
         geometry, at, back, image, k, (step, after), streaks, scatter, centre, total
     )
     rest = mass - total.lost
-    rest = nan_unless_positive(rest, rest - total.lost, mass, ray.facing)
+    rest = nan_unless_positive(rest, rest - total.lost, mass - FAINT, ray.facing)
     share = 1 / rest
     spot = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])

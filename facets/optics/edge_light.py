@@ -27,6 +27,10 @@ from .forward import Geometry, Scene, Three, project_to_sigmas
 from .profile import density_at_point, moment_slopes
 from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
+#: Share of the beam, or of it in a sigma along an edge, below which a facet counts as dark, and the
+#: place and the width of an edge's light as 0 and 1 sigma: it has no effect, and underflows.
+FAINT = 1e-290
+
 
 class EdgeStep(NamedTuple):
     """A step of one mm across an edge, into the facet that begins there, and the edge's own light.
@@ -61,7 +65,8 @@ def edge_step(
     step = scale(1 / size, across)
     u, (length, first, second, _) = at.sides[edge], at.integrals[edge]
     away = cross2(u, apply(back, project_to_sigmas(geometry, step)))
-    far = first / length
+    lit = maximum(length, FAINT)
+    far = first / lit
     middle = at.q[0] + far * u[0], at.q[1] + far * u[1]
     fan = geometry.light.fan
     height = dot2(at.q, u)
@@ -75,7 +80,7 @@ def edge_step(
         middle=middle,
         along=combine(u[0], geometry.spread[0], u[1], geometry.spread[1]),
         fan=combine(u[0], fan[0], u[1], fan[1]),
-        spread=second / length - far * far,
+        spread=(second + (lit - length)) / lit - far * far,
         blur=maximum(waves, waves * 0),
     )
 

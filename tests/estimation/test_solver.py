@@ -155,9 +155,13 @@ def test_single_batch_and_shaped_give_the_same_bits(readings):
 
 
 def test_no_readings_give_no_solutions():
-    solution = facets.solve(SENSOR, np.empty((0, 9)))
-    assert solution.state.shape == (0, 8)
-    assert solution.ok.shape == (0,)
+    known = replace(SENSOR, calibration=facets.Calibration(("psd_a.height",), ((1e-6,),)))
+    solution = facets.solve(known, np.empty((3, 0, 9)))
+    assert solution.state.shape == solution.uncertainty.shape == (3, 0, 8)
+    assert solution.calibration_uncertainty.shape == (3, 0, 8)
+    assert solution.ok.shape == (3, 0)
+    without = facets.solve(known, np.empty((0, 9)), covariance=False)
+    assert without.covariance is without.noise_covariance is None
 
 
 @pytest.mark.parametrize(

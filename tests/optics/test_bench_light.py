@@ -414,3 +414,24 @@ def test_states_without_light_read_nan_and_say_nothing(capfd):
     assert 100 < dark.sum() < 500
     assert np.isnan(slopes[dark]).any(axis=(1, 2)).all()
     assert np.isfinite(slopes[~dark]).all()
+
+
+@pytest.mark.parametrize("diameters", [(0.3, 0.3), (0.3, 0.03), (0.004, 0.005)])
+def test_derivatives_are_known_where_readings_are(diameters):
+    """Also of a beam so narrow that the light along the edges underflows; a facet that has all of
+    it reads as a mirror does."""
+    sensor = facets.load("bench-light").sensor
+    sensor = replace(
+        sensor, beam=replace(sensor.beam, diameter_x=diameters[0], diameter_y=diameters[1])
+    )
+    rng, sigma = np.random.default_rng(0), diameters[0] / 4
+    near = np.concatenate([rng.normal(0, a * sigma, (100, 2)) for a in (1, 10, 30, 100, 300)])
+    poses = np.column_stack([near, rng.normal(0, 3e-3, (500, 6)) * [100, 1, 1, 1, 0, 0]])
+    found, slopes = facets.readings(sensor, poses), facets.jacobian(sensor, poses)
+    np.testing.assert_array_equal(np.isfinite(slopes).all(axis=-1), np.isfinite(found))
+    assert np.isfinite(found).any(axis=1).mean() > 0.9
+    step = 1e-6 * np.eye(8)[4]
+    change = facets.readings(sensor, poses + step) - facets.readings(sensor, poses - step)
+    whole = np.repeat(np.abs(found[:, 2::3] - 0.3) < 0.01, 3, axis=1)
+    assert whole.sum() > 100
+    np.testing.assert_allclose(change[whole], 2e-6 * slopes[..., 4][whole], rtol=1e-5, atol=1e-8)
