@@ -97,6 +97,7 @@ def _resolve(tree: Marked) -> dict[str, Any]:
         *_locate_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
         *_channel_conflicts(tree, resolved["acquire"]["channels"]),
+        *_stage_conflicts(tree, resolved["stage"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),
         *_layout_conflicts(tree, resolved["optimize"]),
     ]
@@ -333,6 +334,27 @@ def _channel_conflicts(tree: Marked, channels: list[dict[str, Any]]) -> list[str
             problems.append(message(tree, [(*path, "scale")], "must not be 0"))
         columns.setdefault(column, place)
     return problems
+
+
+#: Largest force of a stage without a permit and a heartbeat, N: what ISO 14120 allows a powered
+#: guard without a protective device.
+MAX_FORCE_N = 75.0
+GRAVITY_M_S2 = 9.81
+
+
+def _stage_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
+    """Check that a stage that can hurt somebody has a permit and a heartbeat."""
+    inertia = keys["mass_kg"] * max(GRAVITY_M_S2, keys["acceleration_mm_s2"] / 1e3)
+    force = max(keys["force_n"], inertia)
+    lacking = [f"stage.{name}" for name in ("permit", "heartbeat") if keys[name] is None]
+    if not lacking or force <= MAX_FORCE_N:
+        return []
+    name = "mass_kg" if inertia == force else "force_n"
+    reason = (
+        f"a stage whose force, or the weight or the inertia of whose mass, is {force:.3g} N needs "
+        f"{' and '.join(lacking)}; allowed without: up to {MAX_FORCE_N:g} N"
+    )
+    return [message(tree, [("stage", name)], reason)]
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:

@@ -195,6 +195,26 @@ class Stage:
     acceleration: float = key(
         "acceleration_mm_s2", 2000.0, "largest acceleration of the stage", gt=0, le=1e7
     )
+    native_limits: Pair | None = key(
+        "native_limits",
+        None,
+        "largest speed and acceleration of each axis in the controller's own units, whatever "
+        "`step_um` is; written into the controller, read back, and given back at the end (Zaber: "
+        "maxspeed, accel; PI: VEL, ACC and DEC; Kinesis: velparams)",
+        gt=0,
+        le=1e12,
+    )
+    mass: float = key(
+        "mass_kg", 0.0, "mass that the stage moves; 0: not stated; see `force_n`", ge=0, le=1e6
+    )
+    force: float = key(
+        "force_n",
+        0.0,
+        "largest force of an axis; 0: not stated. If it, or the weight or the inertia of "
+        "`mass_kg`, is above 75 N, `permit` and `heartbeat` are mandatory",
+        ge=0,
+        le=1e6,
+    )
     resume: Literal["person", "auto"] = key(
         "resume",
         "person",

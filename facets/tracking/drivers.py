@@ -24,6 +24,8 @@ GROUP = "facets.stages"
 #: Drivers of this package that need an extra.
 SHIPPED = (EntryPoint("kinesis", "facets.tracking.kinesis:open_kinesis", GROUP),)
 PARTS = ("prepare", "place", "move", "stop", "cry", "close")
+#: A driver has this one, too, if it can hold `stage.native_limits`.
+LIMITING = "give_back"
 
 
 class Driver(Protocol):
@@ -35,8 +37,8 @@ class Driver(Protocol):
     """
 
     def prepare(self) -> None:
-        """Stop the stage, and bound every move by `max_speed` and `acceleration` of the settings.
-        Raise an exception if the stage has no reference."""
+        """Stop the stage, and bound every move by `max_speed`, `acceleration` and `native_limits`
+        of the settings. Raise an exception if the stage has no reference."""
         ...
 
     def place(self) -> Floats:
@@ -59,6 +61,11 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Close the line; a second call does nothing."""
+        ...
+
+    def give_back(self) -> None:
+        """Write the speed and the acceleration that the controller had before `prepare` set
+        `native_limits`; needed only with these."""
         ...
 
 
@@ -100,7 +107,8 @@ def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver
     except Exception as error:
         what = f"{driver.value}: {type(error).__name__}: {error}"
         raise StageError(f"{name}: cannot be opened by {what}") from None
-    lacks = [part for part in PARTS if not callable(getattr(found, part, None))]
+    parts = (*PARTS, LIMITING) if settings.native_limits else PARTS
+    lacks = [part for part in parts if not callable(getattr(found, part, None))]
     if lacks:
         raise StageError(f"{name}: {driver.value} gives no driver: it has no {', '.join(lacks)}")
     return found

@@ -359,12 +359,19 @@ class Envelope:
                 self._driver.cry()
                 self._driver.stop(patience=STOP_WAIT_S)
                 self.moving, answered = False, True
+                self._give_back()
                 break
             except Exception as error:
                 self.tell("stop not answered", reason=str(error) or type(error).__name__)
         with suppress(Exception):
             self._driver.close()
         return answered
+
+    def _give_back(self) -> None:
+        """Give a controller its own limits back; it is safe where this fails."""
+        if self.settings.native_limits:
+            with suppress(Exception):
+                self._driver.give_back()
 
     def tell(self, name: str, **more: Any) -> None:
         """Report an event; a failure to record the event must not delay a stop."""

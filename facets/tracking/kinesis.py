@@ -19,10 +19,9 @@ from ..core.extras import require_extra
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .line import PATIENCE_S
+from .native_limits import ROUNDED, NativeLimits
 from .stage import StageError
 
-#: Largest excess of a reported speed, as a share: controllers round speeds to whole units.
-ROUNDED = 0.01
 #: Longest time for which `cry` waits for the end of another thread's question, s.
 CRY_WAIT_S = 0.5
 
@@ -53,7 +52,7 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
     return Kinesis(axes, settings)
 
 
-class Kinesis:
+class Kinesis(NativeLimits):
     """Driver of two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
 
     A motor's question and answer must not be interrupted: `turn` lets one thread at a time ask.
@@ -69,6 +68,8 @@ class Kinesis:
         self.stop()
         s = self.settings
         with self.turn:
+            if s.native_limits:
+                self.original = self.read_limits()
             for (motor, channel), name in zip(self.axes, "xy", strict=True):
                 if motor.get_scale_units() == "internal":
                     raise StageError(
@@ -90,6 +91,29 @@ class Kinesis:
                         f"acceleration of {found.acceleration:g} mm/s2, more than it was told "
                         "(stage.max_speed_mm_s, stage.acceleration_mm_s2)"
                     )
+
+            if s.native_limits:
+                limits = np.array(s.native_limits)[:, None]
+                self.hold_back(np.minimum(limits, self.read_limits()))
+
+    def read_limits(self) -> Floats:
+        """The largest speed and acceleration of each axis (2, 2), internal units."""
+        with self.turn:
+            found = [
+                motor.get_velocity_parameters(channel=channel, scale=False)
+                for motor, channel in self.axes
+            ]
+        return np.array([[one.max_velocity for one in found], [one.acceleration for one in found]])
+
+    def write_limits(self, limits: Floats) -> None:
+        """Set the largest speed and acceleration of each axis."""
+        with self.turn:
+            for (motor, channel), (speed, acceleration) in zip(
+                self.axes, limits.T.astype(int).tolist(), strict=True
+            ):
+                motor.setup_velocity(
+                    acceleration=acceleration, max_velocity=speed, channel=channel, scale=False
+                )
 
     def place(self) -> Floats:
         """The beam's place by the encoders."""

@@ -12,13 +12,15 @@ import numpy as np
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .line import PATIENCE_S, Line
+from .native_limits import NativeLimits
 from .stage import StageError
 
 UNKNOWN_COMMAND, STOPPED = "2", "10"
 STOP_ALL = b"\x18"
+LIMITS = ("VEL", "ACC", "DEC")
 
 
-class Pi:
+class Pi(NativeLimits):
     """Driver of axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
@@ -52,23 +54,46 @@ class Pi:
         self.cry()
         self.line.drain()
         self.stop()
-        speed, change = self.settings.max_speed, self.settings.acceleration
-        self.tell(f"VEL 1 {speed:.6f} 2 {speed:.6f}")
-        for word in ("ACC", "DEC"):  # not every controller has these commands
-            self.tell(f"{word} 1 {change:.6f} 2 {change:.6f}", UNKNOWN_COMMAND)
+        s = self.settings
+        speed, acceleration = s.native_limits or (np.inf, np.inf)
+        speed, acceleration = min(s.max_speed, speed), min(s.acceleration, acceleration)
+        self.hold_back(np.array([[speed], [acceleration], [acceleration]]))
+
+    def read_limits(self) -> Floats:
+        """Speed, acceleration and deceleration of each axis (3, 2)."""
+        return np.array([self.limit(name) for name in LIMITS])
+
+    def limit(self, name: str) -> Floats:
+        """One of the limits (2,); NaN where the controller does not have it."""
+        self.line.write(f"{name}? 1 2\nERR?\n".encode())
+        lines = self.answers()
+        if "=" in lines[0]:
+            self.answers()  # the error code
+            return self.numbers(lines)
+        if lines[0].strip() != UNKNOWN_COMMAND or self.settings.native_limits:
+            raise StageError(f"the stage does not say its {name}, so that it cannot be limited")
+        return np.full(2, np.nan)
+
+    def write_limits(self, limits: Floats) -> None:
+        """Set those of the limits that the controller has."""
+        for name, (x, y) in zip(LIMITS, limits, strict=True):
+            self.tell(f"{name} 1 {x:.6f} 2 {y:.6f}", UNKNOWN_COMMAND)
+
+    def numbers(self, lines: list[str]) -> Floats:
+        """The numbers of both axes in an answer."""
+        try:
+            found = dict(line.strip().split("=") for line in lines)
+            numbers = np.array([float(found["1"]), float(found["2"])])
+        except (ValueError, KeyError):
+            numbers = np.full(2, np.nan)
+        if not np.isfinite(numbers).all():
+            raise StageError(f"the stage's answer cannot be understood: {lines}")
+        return numbers
 
     def place(self) -> Floats:
         """The beam's place by the encoders."""
         self.line.write(b"POS? 1 2\n")
-        lines = self.answers()
-        try:
-            found = dict(line.strip().split("=") for line in lines)
-            place = np.array([float(found["1"]), float(found["2"])])
-        except (ValueError, KeyError):
-            place = np.full(2, np.nan)
-        if not np.isfinite(place).all():
-            raise StageError(f"the stage's position cannot be understood: {lines}")
-        there: Floats = self.zero + place
+        there: Floats = self.zero + self.numbers(self.answers())
         return there
 
     def move(self, place: Floats) -> None:

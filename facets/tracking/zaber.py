@@ -13,12 +13,15 @@ import numpy as np
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .line import PATIENCE_S, Line
+from .native_limits import NativeLimits
 from .stage import StageError
 
 #: One native unit of speed, microsteps/s.
 SPEED_UNIT_STEPS_PER_S = 1 / 1.6384
 #: One native unit of acceleration, microsteps/s².
 ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
+#: The settings of an axis that hold its moves back; a device stores them.
+LIMITS = ("maxspeed", "accel")
 #: The first firmware whose moves have a speed and an acceleration of their own.
 FIRMWARE = 7.25
 #: The numbers of messages are below this, and repeat.
@@ -32,7 +35,7 @@ def checksum(message: str) -> str:
     return f"{-sum(message.encode()) & 0xFF:02X}"
 
 
-class Zaber:
+class Zaber(NativeLimits):
     """Driver of axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
@@ -98,11 +101,13 @@ class Zaber:
         self.line.drain()
         self.stop()
         s = self.settings
+        if s.native_limits:
+            self.hold_back(np.array(s.native_limits)[:, None])
         most = (
             round(s.max_speed / s.step / SPEED_UNIT_STEPS_PER_S),
             round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2),
         )
-        own = self.numbers("get maxspeed").max(), self.numbers("get accel").max()
+        own = self.read_limits().max(axis=1)
         if own[0] <= most[0] and 0 < own[1] <= most[1]:  # an acceleration of 0 sets no limit
             return
         version = self.ask("get version")
@@ -114,9 +119,20 @@ class Zaber:
             raise StageError(
                 f"the stage's own maxspeed {own[0]:g} or accel {own[1]:g} is above what "
                 f"stage.max_speed_mm_s and stage.acceleration_mm_s2 allow; set them to "
-                f"{most[0]} and {max(1, most[1])} by its maker's program"
+                f"stage.native_limits: [{most[0]}, {max(1, most[1])}]"
             )
         self.bounds = f" {max(1, most[0])} {max(1, most[1])}"
+
+    def read_limits(self) -> Floats:
+        """The largest speed and acceleration of each axis (2, 2), native."""
+        return np.array([self.numbers(f"get {name}") for name in LIMITS])
+
+    def write_limits(self, limits: Floats) -> None:
+        """Set the largest speed and acceleration of each axis."""
+        for name, values in zip(LIMITS, limits, strict=True):
+            for axis, value in enumerate(values, start=1):
+                command = f"set {name} {int(value)}"
+                self.receive(self.send(command, axis), command)
 
     def place(self) -> Floats:
         """The beam's place by the encoders."""

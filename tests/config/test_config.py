@@ -329,6 +329,9 @@ WRONG = [
     ("solve: {beam: fre}", 1, "solve.beam", ["did you mean 'free'?"]),
     ("stage: {permit: bord}", 1, "stage.permit", ["board, ni:DEVICE/LINE", "'bord'"]),
     ("stage: {heartbeat: 'file:'}", 1, "stage.heartbeat", ["file:PATH", "'file:'"]),
+    ("stage: {native_limits: [0, 1]}", 1, "stage.native_limits[0]", ["got 0"]),
+    ("stage: {force_n: 76}", 1, "stage.force_n", ["stage.permit and stage.heartbeat", "up to 75"]),
+    ("stage: {mass_kg: 8, permit: board}", 1, "stage.mass_kg", ["78.5 N needs stage.heartbeat;"]),
     ("solve: {method: paper,\n beam: prior}", 2, "solve.beam", ["`method: paper`", "free"]),
 ]
 
@@ -339,6 +342,11 @@ def test_a_wrong_key_is_named_with_file_and_line(write, text, line, key, words):
     assert message.startswith(f"my.yaml:{line}: {key}: ")
     for word in words:
         assert word in message
+
+
+def test_a_strong_stage_with_a_permit_and_a_heartbeat_is_right(write):
+    strong = "{force_n: 500, mass_kg: 20, permit: board, heartbeat: board}"
+    assert load(write(f"stage: {strong}")).stage.force == 500
 
 
 def test_all_problems_of_a_file_come_at_once_and_in_its_order(write):
@@ -680,7 +688,8 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "mean_resolution",
         "range",
         "size",
-    }  # prices and weights
+        "native_limits",
+    }  # prices, weights and a controller's own units
     units = (
         "_per_hour",
         "_hpa",
@@ -715,6 +724,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_mm_s",
         "_mm_s2",
         "_n",
+        "_kg",
     )
     for block, node in schema()["$defs"].items():
         for name, key in node["properties"].items():

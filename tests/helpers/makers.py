@@ -123,6 +123,7 @@ class KinesisMotor:
     model = None  # a StageModel, set by the test
     axes: ClassVar = {"27000001": 0, "27000002": 1}
     units, homed, keeps = "user_step", True, None
+    internal = 1e-3  # mm/s and mm/s2 in one internal unit
 
     def __init__(self, conn, scale="step", default_channel=1, is_rack_system=False):
         if conn not in self.axes and conn != "70000001":
@@ -160,8 +161,14 @@ class KinesisMotor:
     def setup_velocity(
         self, min_velocity=None, acceleration=None, max_velocity=None, channel=None, scale=True
     ):
-        self.model.max_speed, self.model.acceleration = max_velocity, acceleration
-        return self.keeps or Velocity(0.0, acceleration, max_velocity)
+        unit = 1.0 if scale else self.internal
+        self.model.max_speed, self.model.acceleration = max_velocity * unit, acceleration * unit
+        return self.get_velocity_parameters(channel, scale)
+
+    def get_velocity_parameters(self, channel=None, scale=True):
+        unit = 1.0 if scale else self.internal
+        own = Velocity(0.0, self.model.acceleration / unit, self.model.max_speed / unit)
+        return self.keeps or own
 
     def close(self):
         self.closed = True

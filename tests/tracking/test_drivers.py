@@ -98,6 +98,15 @@ def test_a_kinesis_stage_that_can_not_be_held_back_is_not_used(
         Envelope("kinesis:27000001,27000002", OTHER, lambda *_, **__: None, bench.clock)
 
 
+def test_native_limits_of_a_kinesis_stage_are_its_internal_units_and_given_back(bench):
+    bench.model.max_speed, bench.model.acceleration = 7.0, 900.0
+    settings = replace(OTHER, step=OTHER.step / 1000, native_limits=(2000, 300_000))
+    envelope = Envelope("kinesis:70000001", settings, lambda *_, **__: None, bench.clock)
+    assert (bench.model.max_speed, bench.model.acceleration) == (2.0, 300.0)
+    assert envelope.close()
+    assert (bench.model.max_speed, bench.model.acceleration) == (7.0, 900.0)
+
+
 def test_the_envelope_holds_back_a_kinesis_stage(bench):
     """No further than a step, and a stop at the end, whatever is asked for."""
     events = []
@@ -187,6 +196,11 @@ def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
 def test_what_is_no_driver_is_told(mine, name, words):
     with pytest.raises(StageError, match=words):
         Envelope(name, OTHER, lambda *_, **__: None, mine.clock)
+
+
+def test_a_driver_that_can_not_hold_native_limits_is_refused_them(mine):
+    with pytest.raises(StageError, match="it has no give_back"):
+        Envelope("mine:1", replace(OTHER, native_limits=(1, 1)), lambda *_, **__: None, mine.clock)
 
 
 def test_a_kinesis_stage_needs_its_package_and_its_numbers(monkeypatch):

@@ -175,14 +175,77 @@ def test_a_stage_that_is_faster_than_allowed_is_held_back(settings):
     assert model.acceleration == pytest.approx(settings.acceleration, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("settings", "limits"), [(STAGE, (32768, 3)), (PI, (2.0, 100.0))], ids=["zaber", "pi"]
+)
+def test_limits_are_written_into_the_controller_whatever_a_step_is_and_given_back(settings, limits):
+    model = StageModel(settings)
+    model.max_speed, model.acceleration = 200.0, 3e4
+    port = Port((PiController if settings is PI else ZaberDevice)(model))
+    driver = driver_on(Pi if settings is PI else Zaber, port, settings)
+    before = driver.read_limits()
+    wrong = replace(settings, step=settings.step / 1000, native_limits=limits)
+    envelope = Envelope(port, wrong, lambda *_, **__: None, port.clock)
+    np.testing.assert_array_equal(driver.read_limits()[[0, -1]].T, [limits] * 2)
+    envelope.go(np.array([0.5001, 0.0]), port.now)
+    assert model.max_speed == pytest.approx(2.0, rel=1e-3)
+    assert envelope.close()
+    np.testing.assert_array_equal(driver.read_limits(), before)
+
+
+class Keeps(ZaberDevice):
+    """A controller that accepts limits and keeps its own."""
+
+    def set(self, axis, name, value):
+        return "0"
+
+
+class KeepsSpeed(PiController):
+    """The same, of PI; `lacks` are commands that it does not have."""
+
+    lacks = ()
+
+    def set(self, name, words):
+        if name == "MOV":
+            super().set(name, words)
+
+    def answer(self, line):
+        if line.partition(" ")[0].strip("?") in self.lacks:
+            self.error = 2
+            return ""
+        return super().answer(line)
+
+
+@pytest.mark.parametrize(
+    ("made", "settings"),
+    [(Keeps, replace(STAGE, native_limits=(1000, 3))), (KeepsSpeed, replace(PI, max_speed=1.0))],
+    ids=["zaber", "pi"],
+)
+def test_a_controller_that_keeps_other_limits_than_it_was_told_is_not_used(made, settings):
+    port = Port(made(StageModel(STAGE)))
+    with pytest.raises(StageError, match="the stage keeps the limits"):
+        Envelope(port, settings, lambda *_, **__: None, port.clock)
+    assert port.closed
+
+
+def test_a_limit_that_a_controller_does_not_have_is_not_asked_of_it():
+    port = Port(KeepsSpeed(StageModel(PI)))
+    port.device.lacks = ("ACC", "DEC")
+    Envelope(port, PI, lambda *_, **__: None, port.clock)
+    with pytest.raises(StageError, match="does not say its ACC"):
+        Envelope(port, replace(PI, native_limits=(1, 1)), lambda *_, **__: None, port.clock)
+
+
 def test_an_old_zaber_that_can_not_be_held_back_is_not_used():
     model = StageModel(STAGE)
     model.max_speed *= 10
     port = Port(ZaberDevice(model))
     port.device.VERSION = "6.28"
-    with pytest.raises(StageError, match="set them to"):
+    with pytest.raises(StageError, match=r"set them to stage.native_limits: \[327680, 3277\]"):
         Envelope(port, STAGE, lambda *_, **__: None, port.clock)
     assert port.closed
+    settings = replace(STAGE, native_limits=(327680, 3277))
+    Envelope(port, settings, lambda *_, **__: None, port.clock)
 
 
 def tracker(settings=STAGE, search=False):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...core.units import Floats
 from ...tracking.pi import STOP_ALL
 from ...tracking.stage import StageModel
 from ...tracking.zaber import ACCELERATION_UNIT_STEPS_PER_S2, SPEED_UNIT_STEPS_PER_S, checksum
@@ -65,6 +66,8 @@ class ZaberDevice:
             return self.get(axis, words[1])
         if words[:2] == ["move", "abs"] and 3 <= len(words) <= 5 and axis in (1, 2):
             return self.move(axis, words[2:])
+        if words[0] == "set" and len(words) == 3:
+            return self.set(axis, words[1], words[2])
         if words == ["stop"]:
             self.model.halt()
             self.target = np.array(self.model.place)
@@ -80,6 +83,13 @@ class ZaberDevice:
             return "!BADCOMMAND"
         values = np.round(table[name]).astype(int)
         return " ".join(map(str, values if axis == 0 else values[axis - 1 : axis]))
+
+    def set(self, axis: int, name: str, value: str) -> str:
+        limits = {"maxspeed": self.most, "accel": self.change}.get(name)
+        if limits is None or axis not in (1, 2) or not value.isdigit():
+            return "!BADDATA"
+        limits[axis - 1] = int(value)
+        return "0"
 
     def move(self, axis: int, words: list[str]) -> str:
         try:
@@ -143,11 +153,11 @@ class PiController:
             return f"{code}\n"
         if words[0] == "*IDN?":
             return "(c) virtual stage, GCS 2.0\n"
-        if words[0] == "POS?":
+        if words[0] in ("POS?", "VEL?", "ACC?", "DEC?"):
             axes = words[1:] or ["1", "2"]
-            here = self.model.place - self.zero
+            values = self.values(words[0])
             if set(axes) <= {"1", "2"}:
-                return " \n".join(f"{a}={here[int(a) - 1]:.6f}" for a in axes) + "\n"
+                return " \n".join(f"{a}={values[int(a) - 1]:.6f}" for a in axes) + "\n"
         if words[0] in ("MOV", "VEL", "ACC", "DEC"):
             self.set(words[0], words[1:])
         elif words[0] in ("STP", "HLT"):
@@ -155,6 +165,12 @@ class PiController:
         else:
             self.error = PI_UNKNOWN
         return ""
+
+    def values(self, query: str) -> Floats:
+        """What a query asks of both axes."""
+        if query == "POS?":
+            return self.model.place - self.zero
+        return np.full(2, self.model.max_speed if query == "VEL?" else self.model.acceleration)
 
     def set(self, name: str, words: list[str]) -> None:
         values = {}
