@@ -169,7 +169,8 @@ class PiController:
     def values(self, query: str) -> Floats:
         """What a query asks of both axes."""
         if query == "POS?":
-            return self.model.place - self.zero
+            here: Floats = self.model.place - self.zero
+            return here
         return np.full(2, self.model.max_speed if query == "VEL?" else self.model.acceleration)
 
     def set(self, name: str, words: list[str]) -> None:
