@@ -73,7 +73,7 @@ LineOption = Annotated[
         "--line",
         help="Line from which straightness, or the tilt of a rotary axis, is measured: by least "
         "squares, through the means at the first and the last position, or the object's axis "
-        "(nominal).",
+        "(nominal). Positioning is always measured along the axis itself.",
     ),
 ]
 Dwell = Annotated[
@@ -127,8 +127,10 @@ def axis(
     position. Repeated runs in both directions give the reversal error B, the repeatability R, the
     systematic error E and the accuracy A of ISO 230-2, each with its expanded uncertainty by the
     sensor. Writes a page, a picture, tables by position and of all quantities, a compensation table
-    for controllers, and a record of the run into the folder. A table of poses needs --config.
-    Exit status 1 if the axis was not found at some commanded positions.
+    for controllers, and a record of the run into the folder. Stands that are far off and drift are
+    named, with the quantities without them; the compensation leaves both out. A table of poses
+    needs --config. Exit status 1, and no compensation table, if the axis was not found at some
+    commanded positions.
     """
     start = time.perf_counter()
     paths = files_of(folder or Path("results") / f"axis-{axis.value}", plot)
@@ -186,10 +188,12 @@ def write(report: AxisReport, settings: Config, paths: AxisFiles, title: str, st
     files.tables.write_table(paths.positions, report.table(), about)
     files.tables.write_table(paths.quantities, report.summary(), about)
     pictures.style.save(pictures.axis.axis_picture(report), paths.picture)
-    for path, text in (
-        (paths.compensation, report.compensation()),
-        (paths.page, pictures.axis.axis_page(report, title, about)),
-    ):
+    texts = {paths.page: pictures.axis.axis_page(report, title, about)}
+    if report.counts.missing:
+        files.whole.remove_older(paths.compensation)
+    else:
+        texts[paths.compensation] = report.compensation()
+    for path, text in texts.items():
         with files.whole.Whole(path) as temporary:
             temporary.write_text(text, "utf-8")
     seconds = time.perf_counter() - start

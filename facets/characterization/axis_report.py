@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.knowledge import Knowledge
 from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Sensor
-from ..core.units import Floats
+from ..core.units import Floats, write_micro
 from ..estimation.dwells import finite_means
 from ..estimation.plan import make_plan
+from .axis_disturbances import Disturbances, find_disturbances
 from .axis_visits import Commands, PoseSeries, VisitCounts, find_visits
 from .error_motions import ErrorMotions, ReferenceLine, Visits, measure_error_motions
 from .positioning import (
@@ -29,21 +31,13 @@ from .positioning import (
 
 #: A beam whose position varies by more than this between stands was carried by a stage.
 STILL_BEAM_MM = 0.02
-#: A drift is reported beyond this number of its standard deviations.
-DRIFT_SIGMAS = 4.0
+#: Largest angle between an axis under test and the object's axis, degrees.
+LARGEST_LEAN_DEG = 10.0
 #: Scatter within stands, over the sensor's noise, that is reported.
 LARGE_EXCESS = 2.0
 #: The sensor's part in the result is reported where the expanded uncertainty of the accuracy is
 #: more than this share of it.
 LARGE_SHARE = 1 / 3
-
-
-@dataclass(frozen=True)
-class Drift:
-    """The change of an error motion over the test, at equal positions, mm or rad."""
-
-    name: str
-    change: float
 
 
 @dataclass(frozen=True)
@@ -66,6 +60,10 @@ class AxisReport:
         Whether the beam was solved for.
     is_calibrated
         Whether the sensor's calibration, with its covariance, is known.
+    disturbances
+        Stands that are far off, and drift.
+    undisturbed
+        The report without these; None if there are none.
     """
 
     motions: ErrorMotions
@@ -75,6 +73,8 @@ class AxisReport:
     has_commands: bool
     is_beam_free: bool
     is_calibrated: bool
+    disturbances: Disturbances
+    undisturbed: AxisReport | None = None
 
     def units(self, component: int) -> tuple[str, float]:
         """The unit of a component's errors, and the factor to it."""
@@ -112,26 +112,12 @@ class AxisReport:
         there = np.isfinite(self.motions.values[self.motions.main]).sum(axis=2)
         return int(there[:, 0].min()), int(there[:, 1].min())
 
-    @cached_property
-    def drifts(self) -> list[Drift]:
-        """Error motions that change with time at equal positions and directions."""
-        late = self.motions.times - finite_means(self.motions.times)[..., None]
-        there = np.isfinite(late)
-        square = float((late[there] ** 2).sum())
-        freedom = int(there.sum() - there.any(axis=-1).sum() - 1)
-        if freedom < 3 or square == 0:
-            return []
-        found = []
-        duration = float(np.nanmax(self.motions.times) - np.nanmin(self.motions.times))
-        for name, x, errors in zip(
-            self.motions.names, self.motions.values, self.motions.draws, strict=True
-        ):
-            rest = (x - finite_means(x)[..., None])[there]
-            slope = float(rest @ late[there]) / square
-            sigma = np.sqrt(((rest - slope * late[there]) ** 2).sum() / freedom / square)
-            noise = errors[:, there] @ late[there] / square
-            if abs(slope) > DRIFT_SIGMAS * np.hypot(sigma, noise.std()):
-                found.append(Drift(name, slope * duration))
+    @property
+    def drifts(self) -> Floats:
+        """By how much the error motions (6,) drifted at equal positions, mm and rad: from the
+        lowest to the highest, less than 0 if the highest came first."""
+        trend = self.disturbances.trend
+        found: Floats = np.ptp(trend, axis=0) * np.sign(trend.argmax(axis=0) - trend.argmin(axis=0))
         return found
 
     def table(self) -> dict[str, Any]:
@@ -166,13 +152,15 @@ class AxisReport:
                                                                strict=True)}  # fmt: skip
 
     def compensation(self) -> str:
-        """The error motions as plain CSV without comments, for controllers.
+        """The error motions as plain CSV without comments, for controllers, and without what
+        disturbed the test.
 
         The values are errors, actual less commanded: a correction has the opposite sign.
         """
         _, factor = self.position_unit
         rows = [",".join([self.motions.axis, *self.motions.names])]
-        for target, errors in zip(self.motions.targets, self.means.T, strict=True):
+        means = (self.undisturbed or self).means
+        for target, errors in zip(self.motions.targets, means.T, strict=True):
             if np.isfinite(errors).all():
                 scaled = [value * self.units(n)[1] for n, value in enumerate(errors)]
                 rows.append(",".join(f"{value:.6g}" for value in (factor * target, *scaled)))
@@ -183,14 +171,15 @@ class AxisReport:
         main = self.motions.main % 3
         across = [n for n in range(3) if n != main]
         names = " and ".join("XYZ"[n] for n in across)
-        words = ""
-        if self.line != "nominal":
-            tilts = " and ".join(f"{1e3 * self.motions.frame[main, n]:+.3g}" for n in across)
-            words = f"Its direction leans by {tilts} mrad towards {names} of the object. "
+        tilts = " and ".join(f"{1e3 * self.motions.frame[main, n]:+.3g}" for n in across)
+        words = f"Its direction leans by {tilts} mrad towards {names} of the object. "
         if self.motions.is_rotary:
             places = " and ".join(f"{self.motions.offset[n]:+.3g}" for n in across)
             words += f"It lies {places} mm from the point of interest in {names}. "
-        return words + "Neither is part of the errors." if words else ""
+        if self.line == "nominal":
+            kind = "tilt" if self.motions.is_rotary else "straightness"
+            return f"{words}The lean is part of the {kind}, and not of the positioning."
+        return f"{words}Neither is part of the errors."
 
     def record(self) -> dict[str, Any]:
         """What the record of the run states."""
@@ -207,8 +196,8 @@ class AxisReport:
                 "rows_without_pose": self.counts.unsolved,
                 "misfits": self.counts.misfits,
             },
-            "compensation": f"errors (actual less commanded) in um and urad at positions in {unit};"
-            " a correction has the opposite sign",
+            "compensation": f"errors (actual less commanded) in um and urad at positions in {unit},"
+            " without drift and stands far off; a correction has the opposite sign",
             "notes": self.notes(),
         }
 
@@ -230,7 +219,8 @@ class AxisReport:
                 f"Commanded positions without a stand: {len(counts.missing)}, the first at "
                 f"{factor * counts.missing[0]:.6g} {unit}. Likely cause: the recording ended "
                 "earlier, the axis stood still for less than --dwell, the pose was lost there, or "
-                "the object's axis points against that of the commands, so that runs are swapped."
+                "the object's axis points against that of the commands, so that runs are swapped. "
+                "No compensation is written."
             )
         if counts.misfits:
             found.append(
@@ -284,18 +274,7 @@ class AxisReport:
                 "The configuration has no calibration of the sensor: U holds the noise and the "
                 "converters' steps alone, as if the sensor were exactly as it is configured."
             )
-        if self.drifts:
-            names = {drift.name for drift in self.drifts}
-            sizes = ", ".join(
-                f"{drift.name} by {self.units(n)[1] * drift.change:+.3g} {self.units(n)[0]}"
-                for drift in self.drifts
-                for n in [self.motions.names.index(drift.name)]
-            )
-            found.append(
-                f"Equal positions drifted during the test: {sizes}. It is part of the "
-                f"repeatabilities and not of their uncertainties. Likely cause: "
-                f"{self.drift_cause(names)}."
-            )
+        found += self.disturbance_notes()
         excess = self.visits.excess
         for kind, part in (("shifts", excess[:3]), ("angles", excess[3:])):
             if part.max() > LARGE_EXCESS:
@@ -311,6 +290,49 @@ class AxisReport:
                 "what is seen is the sensor's. Longer stands and more runs reduce the noise's part."
             )
         return found
+
+    def disturbance_notes(self) -> list[str]:
+        """Stands that are far off and drift, and the quantities without them."""
+        found, (unit, factor) = [], self.position_unit
+        far, names = self.disturbances.is_far, self.motions.names
+        if far.any():
+            stands = "; ".join(
+                f"at {factor * self.motions.targets[self.visits.target[k]]:.6g} {unit} "
+                f"({self.visits.time[k]:.4g} s), {self.write_sizes(distances)}"
+                for k, distances in enumerate(self.disturbances.distances)
+                if far[k]
+            )
+            found.append(
+                f"Stands far off the others of their position and direction: {stands}. Likely "
+                "cause: a knock, dirt, or a stand that was not reached."
+            )
+        if self.drifts.any():
+            cause = self.drift_cause({names[n] for n in np.flatnonzero(self.drifts)})
+            found.append(
+                f"Equal positions drifted during the test: {self.write_sizes(self.drifts)}. "
+                f"Likely cause: {cause}."
+            )
+        if self.undisturbed is not None:
+            unit, scale = self.units(self.motions.main)
+            sizes = ", ".join(
+                f"{q.symbol} {scale * q.value:.4g} ± {scale * q.expanded:.2g}"
+                for q in self.undisturbed.quantities[self.motions.main]
+                if q.symbol in ("B", "B_mean", "R", "E", "A") and np.isfinite(q.value)
+            )
+            found.append(
+                f"Without this, {names[self.motions.main]} has {sizes} {write_micro(unit)}. The "
+                "compensation is without it; all other results hold it."
+            )
+        return found
+
+    def write_sizes(self, sizes: Floats) -> str:
+        """The sizes of error motions (6,), mm and rad, that are not 0."""
+        return ", ".join(
+            f"{name} by {scale * size:+.3g} {write_micro(unit)}"
+            for n, (name, size) in enumerate(zip(self.motions.names, sizes, strict=True))
+            for unit, scale in [self.units(n)]
+            if size
+        )
 
     def drift_cause(self, names: set[str]) -> str:
         """A likely cause of a drift of these error motions."""
@@ -362,14 +384,30 @@ def evaluate_axis(
     Raises
     ------
     InputError
-        If no stands are found, or they do not belong to the commands or to this axis.
+        If no stands are found, they do not belong to the commands or to this axis, or the axis
+        leans by more than 10 degrees from the object's.
     """
     plan = make_plan(sensor, knowledge)
     visits, counts = find_visits(series, axis, commands, sensor, plan, body, shortest_s)
     place = visits.states[:, 6:]
     is_tracked = knowledge.beam != "free" and bool((np.ptp(place, axis=0) > STILL_BEAM_MM).any())
     motions = measure_error_motions(sensor, knowledge, visits, axis, body, line, is_tracked)
-    return AxisReport(
+    main = motions.main % 3
+    lean = np.degrees(np.arccos(min(1.0, motions.frame[main, main])))
+    if lean > LARGEST_LEAN_DEG:
+        raise InputError(
+            f"the axis leans by {lean:.3g} degrees from the object's {'XYZ'[main]}; allowed: "
+            f"{LARGEST_LEAN_DEG:g}. Turn the object's axes with `object:` in the configuration"
+        )
+    found = find_disturbances(visits, motions)
+    report = AxisReport(
         motions, visits, counts, line, commands is not None, knowledge.beam == "free",
-        sensor.calibration is not None,
+        sensor.calibration is not None, found,
     )  # fmt: skip
+    if not (found.is_far.any() or found.trend.any()):
+        return report
+    rest = visits.select(~found.is_far, found.trend)
+    motions = measure_error_motions(sensor, knowledge, rest, axis, body, line, is_tracked)
+    draws = motions.draws + rest.grid(found.errors[..., ~found.is_far])
+    without = replace(report, visits=rest, motions=replace(motions, draws=draws))
+    return replace(report, undisturbed=without)

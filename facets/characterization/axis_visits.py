@@ -34,7 +34,7 @@ POSITIONS = {
 #: How many of the first stands and commands are tried as each other's partner.
 FIRST_STANDS = 4
 #: Least ratio of the measured way to the commanded one, and the inverse of the largest.
-LEAST_SCALE = 0.5
+LEAST_SCALE = 0.8
 #: Rows of a stand from which the scatter of its parts is taken.
 SCATTER_ROWS = 32
 #: Gaps between positions are more than this many times as wide as the widest gap within one.
@@ -64,8 +64,7 @@ class PoseSeries:
     @property
     def has_pose(self) -> Booleans:
         """Whether a row has all six numbers of a pose (n,)."""
-        found: Booleans = np.isfinite(self.states[:, :6]).all(axis=1)
-        return found
+        return np.asarray(np.isfinite(self.states[:, :6]).all(axis=1))
 
     def usable(self) -> PoseSeries:
         """The same with NaN for what does not fit, or lacks a number."""
@@ -285,12 +284,20 @@ def match_stands(
     partner = commands.positions[best[matched]]
     scale = np.polyfit(partner, places[matched], 1)[0] if len(np.unique(partner)) > 1 else 0.0
     is_stray = 2 * matched.sum() < min(len(places), len(labels))
-    if is_stray or not LEAST_SCALE < scale < 1 / LEAST_SCALE:
+    ratio = np.ptp(places) / np.ptp(targets)
+    rescaled = match_by_offset(places / ratio, places.min() / ratio - targets[0], targets, labels,
+                               agrees)  # fmt: skip
+    if (
+        (rescaled >= 0).sum() > matched.sum()
+        or is_stray
+        or not LEAST_SCALE < scale < 1 / LEAST_SCALE
+    ):
         raise InputError(
             f"the {len(places)} stands, from {places.min():.4g} to {places.max():.4g}, do not "
             f"belong to the {len(labels)} commanded positions, from {targets[0]:.4g} to "
-            f"{targets[-1]:.4g} (mm or rad); check the unit and the sign of the table, and whether "
-            "the axis stood still at each position for the time of --dwell"
+            f"{targets[-1]:.4g} (mm or rad); check the unit and the sign of the table, whether it "
+            "holds diameters, whether the object's axis lies along this one, and whether the axis "
+            "stood still at each position for the time of --dwell"
         )
     # An offset by the first stand has that stand's error: the median of all is nearer.
     offset = float(np.median(places[matched] - partner))

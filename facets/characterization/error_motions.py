@@ -14,7 +14,7 @@ poses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from ..core.knowledge import Knowledge
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, rotation_matrix
 from ..core.sensor import Calibration, Sensor
-from ..core.units import Floats, Integers
+from ..core.units import Booleans, Floats, Integers
 from ..detectors.calibrated import MISFIT
 from ..detectors.noise import step_variances
 from ..estimation.differences import carry, lasting_covariance, propagate_in_light
@@ -58,6 +58,8 @@ class Visits:
     excess
         (6,) by how much the means scatter more than the sensor's noise explains, as a factor of
         the standard deviation, 1 or more.
+    trend
+        (k, 6) drift of the errors that is removed; mm and rad.
     """
 
     targets: Floats
@@ -68,6 +70,13 @@ class Visits:
     states: Floats
     samples: Floats
     excess: Floats
+    trend: Floats | float = 0.0
+
+    def select(self, kept: Booleans, trend: Floats) -> Visits:
+        """Some of the stands, without a drift (k, 6)."""
+        names = ("target", "direction", "run", "time", "states", "samples")
+        some = {name: getattr(self, name)[kept] for name in names}
+        return replace(self, **some, trend=trend[kept])
 
     def grid(self, values: Floats) -> Floats:
         """Values (..., k) of the stands by target, direction and run: (..., m, 2, n)."""
@@ -197,12 +206,16 @@ def fit_errors(
     moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), body or MIRROR)
     commanded = visits.targets[visits.target]
     frame, offset = np.eye(3), np.zeros(3)
-    for _ in range(1 if line == "nominal" else 3):  # the direction; corrections of second order
-        raw = deviations_of(moved, commanded, main, frame)
-        design, weights = set_up_design(visits, moved, main, frame, line)
+    first: ReferenceLine = "least-squares" if line == "nominal" else line
+    for step in (first, first, line):  # the direction; corrections of second order
+        raw = deviations_of(moved, commanded, main, frame) - visits.trend
+        design, weights = set_up_design(visits, moved, main, frame, step)
+        if step == "nominal":  # the axis leans from the object's, and moves as far as it does
+            for n in crosswise(main):
+                raw[:, n] += commanded * frame[main % 3, n % 3] / frame[main % 3, main % 3]
         solver = np.linalg.pinv(design * weights[:, None]) * weights
         found = solver @ raw.ravel()
-        if line != "nominal":
+        if step != "nominal":
             frame = turn_frame(frame, main, found[6:8])
     errors = (raw.ravel() - design @ found).reshape(raw.shape)
     if main >= 3:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import facets
 from facets import InputError
+from facets.characterization.axis_disturbances import find_far_stands, fit_drift
 from facets.characterization.axis_report import evaluate_axis
 from facets.characterization.axis_visits import (
     Commands,
@@ -124,6 +125,7 @@ def test_a_linear_axis_has_the_errors_that_a_rigid_body_was_given():
     ends = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "end-points")
     np.testing.assert_allclose(ends.values[1, :, 0, 0], errors[1], atol=2e-8)
     given = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, "nominal")
+    np.testing.assert_allclose(given.values[0, :, 0, 0], expected[0], atol=2e-8)  # no cosine
     slope = np.polyfit(way, given.values[1, :, 0, 0], 1)[0]
     assert slope == pytest.approx(-3e-3, rel=0.01)
 
@@ -198,8 +200,13 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused(tmp_path):
         found_visits(replace(poses, states=np.tile(poses.states[:1], (len(poses.time), 1))), None)
     with pytest.raises(InputError, match="check the unit"):
         found_visits(poses, 1000 * UP_AND_DOWN)
-    with pytest.raises(InputError, match="check the unit"):
-        found_visits(poses, UP_AND_DOWN / 1000)
+    for scale in (1 / 1000, 0.5, 1.25, 2):  # of 2: diameters
+        with pytest.raises(InputError, match="check the unit"):
+            found_visits(poses, scale * UP_AND_DOWN)
+    leaning = replace(poses, states=poses.states.copy())
+    leaning.states[:, 0] = np.tan(np.radians(11)) * poses.states[:, 2]
+    with pytest.raises(InputError, match=r"leans by 11 degrees from the object's Z; allowed: 10"):
+        evaluate_axis(SENSOR, KNOWN, leaning, "Z", shortest_s=0.1)
     for missing in (slice(None), 2, 5):  # a pose that lacks one number is missing, too
         nothing = replace(poses, states=poses.states.copy())
         nothing.states[:, missing] = np.nan
@@ -272,6 +279,7 @@ def test_the_command_writes_what_it_found(tmp_path):
     more = command(*words, "--commands", "more.csv", "-d", "more", cwd=tmp_path)
     assert more.returncode == 1
     assert "Commanded positions without a stand: 1, the first at" in more.stdout
+    assert not (tmp_path / "more/compensation.csv").exists()
 
 
 def test_wrong_input_is_named(tmp_path):
@@ -298,13 +306,45 @@ def test_a_drift_and_a_lack_of_runs_are_named():
     poses.states[:, 2] += 2e-3 * poses.time / poses.time[-1]
     told = Commands(np.tile(UP_AND_DOWN, 3), approach_directions(np.tile(UP_AND_DOWN, 3)))
     report = evaluate_axis(SENSOR, KNOWN, poses, "Z", told, shortest_s=0.1)
-    (drift,) = report.drifts
-    assert drift.name == "EZZ"
-    assert drift.change == pytest.approx(2e-3, rel=0.2)
+    assert np.flatnonzero(report.drifts).tolist() == [2]
+    assert report.drifts[2] == pytest.approx(2e-3, rel=0.2)
     notes = " ".join(report.notes())
     assert "the axis or its encoder warmed up" in notes
     assert "3 in the positive and 3 in the negative" in notes
     assert "no calibration of the sensor" in notes
+
+
+def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
+    told = Commands(np.tile(UP_AND_DOWN, 5), np.tile(np.repeat([0, 1], 4), 5))
+    way = np.tile([-1, 0, 1, 2, 3, 4, 3, 2, 1, 0], 5)  # -1 and 4 are no commands
+    clean = series(way, np.random.default_rng(8))
+    poses = replace(clean, states=clean.states.copy())
+    poses.states[:, 2] += 3e-3 * np.sin(np.pi * poses.time / poses.time[-1])
+    for stand, axis, size in ((12, 2, 0.015), (13, 2, 0.012), (27, 4, 1e-4)):
+        poses.states[260 * stand : 260 * (stand + 1), axis] += size
+    report = evaluate_axis(SENSOR, KNOWN, poses, "Z", told, shortest_s=0.1)
+    assert report.disturbances.is_far.sum() == 3
+    assert np.flatnonzero(report.drifts).tolist() == [2]
+    notes = " ".join(report.notes())
+    assert "at 1 mm (3.28 s), EZZ by +14.6 µm; at 2 mm (3.539 s), EZZ by +11.7 µm; at 2" in notes
+    assert "(7.179 s), EBZ by +100 µrad" in notes
+    alone = evaluate_axis(SENSOR, KNOWN, clean, "Z", told, shortest_s=0.1)
+    assert alone.undisturbed is None
+    for n in (0, 1, 4, 7, 11):  # B, B_mean, R, E and A
+        true, found = alone.quantities[2][n].value, report.undisturbed.quantities[2][n]
+        assert found.value == pytest.approx(true, abs=1.5 * found.expanded)
+        assert report.quantities[2][n].value > true + 10 * found.expanded
+    errors = [float(line.split(",")[3]) for line in report.compensation().splitlines()[1:]]
+    np.testing.assert_allclose(errors, 1e3 * alone.means[2], atol=0.1)
+
+
+def test_the_scatter_of_an_axis_is_neither_far_off_nor_drift():
+    rng, sides = np.random.default_rng(9), np.tile(2 * UP_AND_DOWN.astype(int) + [0, 1] * 4, 4)
+    for _ in range(150):
+        values = rng.standard_normal((len(sides), 6))
+        args = values, sides, np.arange(len(sides)) * 1.0, np.zeros(6)
+        assert not find_far_stands(*args).any()
+        assert not fit_drift(*args, 1)[0].any()
 
 
 def test_of_two_stands_that_of_the_commanded_direction_belongs_to_the_command():
