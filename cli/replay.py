@@ -81,7 +81,7 @@ def replay(
     recording's own configuration and the same version of facets, the poses equal the recorded ones
     to the last bit; --compare checks this. The recording itself is not changed. With an object in
     the configuration or --point, each sample also has the pose of that object, and with --zero its
-    displacement.
+    displacement. Exit status 1 if no sample gave a pose, or if --compare finds a difference.
     """
     if recover and output is None:
         output = recording / "recovered.parquet"
@@ -106,7 +106,15 @@ def replay(
             typer.echo("\n".join([*found, str(output)] if recover else found))
         if page and is_same:
             page.stay(tell)
+    require_poses(playback)
     if not is_same:
+        raise typer.Exit(FINDING)
+
+
+def require_poses(playback: live.Playback) -> None:
+    """End with status 1 if no sample gave a pose, and say what they gave."""
+    if reason := playback.pipeline.tally.pose_complaint():
+        tell(f"exit status {FINDING}: {reason}")
         raise typer.Exit(FINDING)
 
 

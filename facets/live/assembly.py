@@ -16,7 +16,6 @@ from ..config.loading import fingerprint
 from ..core.errors import InputError
 from ..core.keys import block_of
 from ..core.rigid_body import MIRROR, MeasuredObject
-from ..estimation.solution import Status
 from ..files.provenance import run_record
 from ..files.whole import hold_signals
 from ..tracking.check import StageCheck
@@ -268,13 +267,8 @@ class Run:
 
     def sample_complaints(self) -> list[str]:
         """What is wrong with the samples of a finished run, in sentences."""
-        live, found = self.live, []
-        tally, without = live.pipeline.tally, live.time_without_samples
-        if not tally.samples:
-            found.append("no sample came.")
-        elif not tally.statuses[Status.CONVERGED.label]:
-            words = ", ".join(f"{count} {status}" for status, count in tally.statuses.items())
-            found.append(f"no sample gave a pose: {words}.")
+        live, without = self.live, self.live.time_without_samples
+        found = [text for text in (live.pipeline.tally.pose_complaint(),) if text]
         if live.loss > self.max_loss:
             silence = f" and none came for {without:.1f} s" if without else ""
             found.append(

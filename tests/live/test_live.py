@@ -395,10 +395,10 @@ def test_a_board_that_falls_silent_is_a_reason_for_the_exit_status(tmp_path):
 
 def test_a_run_without_a_single_pose_ends_with_status_1(tmp_path):
     (tmp_path / "dark.bin").write_bytes(dark(stream(200)))
-    result = command("acquire", "bench", "--port", "file:dark.bin", "--plain", "--no-record",
-                     cwd=tmp_path)  # fmt: skip
-    assert result.returncode == 1
-    assert "exit status 1: no sample gave a pose: 200 " in result.stderr
+    words = ("acquire", "bench", "--port", "file:dark.bin", "--plain", "-d", "rec")
+    for result in (command(*words, cwd=tmp_path), command("replay", "rec", cwd=tmp_path)):
+        assert result.returncode == 1
+        assert "exit status 1: no sample gave a pose: 200 " in result.stderr
 
 
 def dark(data):

@@ -127,15 +127,14 @@ class Loop:
                 self.take(self.reader.queue.get_nowait())
 
     def take(self, block: Block) -> None:
-        clock = self.live.pipeline.host_time
-        moves = clock.moves
-        batches = self.live.pipeline.take(block.data, block.arrival, block.encoder)
-        self.backlog.add(batches)
+        clock, tally = self.live.pipeline.host_time, self.live.pipeline.tally
+        moves, samples = clock.moves, tally.samples
+        self.backlog.add(self.live.pipeline.take(block.data, block.arrival, block.encoder))
         if clock.moves > moves:
             self.live.add_event("clock moved", late_ms=round(1e3 * clock.late, 3))
             if self.live.tracker:
                 self.live.tracker.halt(CLOCK_MOVED)
-        if batches:
+        if tally.samples > samples:
             self.live.add_arrival(block.arrival, self.patient)
 
     def solve_batch(self) -> None:
@@ -199,7 +198,6 @@ class Loop:
     def finish(self) -> None:
         """Solve what waits for up to `FINISH_S`, and give up the rest."""
         self.gather()
-        self.live.end = time.monotonic()
         self.backlog.add(self.live.pipeline.release())
         last = time.monotonic() + FINISH_S
         while self.backlog and time.monotonic() < last:
@@ -216,7 +214,8 @@ class Loop:
         live.add_event(
             "end", samples=tally.samples, lost=sequence.lost, restarts=sequence.restarts,
             late=live.late, statuses=dict(tally.statuses), messages=live.messages(), **followed,
-            is_urgent=live.is_urgent, exit_status=status, reasons=reasons,
+            silent_s=round(live.time_without_samples, 3), is_urgent=live.is_urgent,
+            exit_status=status, reasons=reasons,
         )  # fmt: skip
 
 
@@ -281,6 +280,8 @@ def acquire(
             loop.run(ending, signals)
         except KeyboardInterrupt:
             live.note = INTERRUPTED
+        finally:
+            live.end = time.monotonic()
     if reader.error:
         raise reader.error
 

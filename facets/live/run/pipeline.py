@@ -173,6 +173,13 @@ class Tally:
         """Samples that were looked at and have no pose."""
         return self.statuses.total() - self.statuses[Status.CONVERGED.label]
 
+    def pose_complaint(self) -> str:
+        """Why there is no pose at all; nothing where there is one."""
+        if not self.samples:
+            return "no sample came."
+        words = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
+        return "" if self.statuses[Status.CONVERGED.label] else f"no sample gave a pose: {words}."
+
     @property
     def skipped_count(self) -> int:
         return self.statuses[LABELS[SKIPPED]]
