@@ -11,10 +11,11 @@ import typer
 from facets import calibration, characterization, files
 from facets import config as configuration
 from facets.core.errors import InputError
+from facets.core.names import STATE_COLUMNS
 
 from . import completion
 from .calibration_files import write_results
-from .calibration_text import show_verdict, show_weak
+from .calibration_text import show_verdict, show_weak, wrap
 from .console import FINDING, free_output, load_config
 from .options import (
     ConfigName,
@@ -279,13 +280,16 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
     poses = characterization.random_poses.poses_to_calibrate_with(settings)
     proposal = calibration.proposal.propose_poses(settings, poses, count)
     files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
+    different = len(set(zip(*(proposal.columns[name] for name in STATE_COLUMNS[:6]), strict=True)))
+    again = f" ({different} different ones; what tells most is visited again)"
     text = (
-        f"Wrote {count} poses to {path}. A calibration with them reduces the parameters' standard\n"
-        f"uncertainties to {100 * proposal.reduction:.3g} % of their prior values (geometric "
-        f"mean); {count} random poses, to {100 * proposal.random_reduction:.3g} %.\n"
-        f"Visiting them in this order shortens the path by {100 * proposal.saving:.0f} % and "
-        f"approaches each axis's poses\nfrom below in {100 * proposal.upward.min():.0f} to "
-        f"{100 * proposal.upward.max():.0f} % of them, so that backlash of the reference shows."
+        f"Wrote {count} poses to {path}{again * (different < count)}. A calibration with them "
+        f"reduces the parameters' standard uncertainties to {100 * proposal.reduction:.3g} % of "
+        f"their prior values (geometric mean); {count} random poses, to "
+        f"{100 * proposal.random_reduction:.3g} %. Visiting them in this order shortens the path "
+        f"by {100 * proposal.saving:.0f} % and approaches each axis's poses from below in "
+        f"{100 * proposal.upward.min():.0f} to {100 * proposal.upward.max():.0f} % of them, so "
+        "that backlash of the reference shows."
     )
     with free_output(path):
-        typer.echo(text)
+        typer.echo(wrap(text))

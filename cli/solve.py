@@ -213,7 +213,7 @@ def report(count: StatusCounts, output: Path, settings: Config, options: Solve) 
         temperature_sentence(count, settings, options),
         *(estimation.zero.zero_findings(count.zero) if count.zero else ()),
     )
-    for sentence in (count.misfit.sentence, *beside):
+    for sentence in (count.misfit.words, *beside):
         if sentence:
             typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
 

@@ -135,6 +135,14 @@ class Misfit:
             "says which."
         )
 
+    @property
+    def words(self) -> str:
+        """The message; where chance explains all flags, how large the residuals are."""
+        if self.sentence or not self.kept:
+            return self.sentence
+        size = float(np.sqrt(np.mean(np.concatenate(self.sizes) ** 2)))
+        return f"the residuals are {size:.2f} times the noise (RMS; 1 is expected)"
+
     def cause(self, size: float) -> str:
         """The cause that explains the examples, whose residuals are `size` times the noise; or
         ""."""

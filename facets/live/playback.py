@@ -145,7 +145,7 @@ class Playback:
                 yield f"  {count} {words}"
         temperature = self.pipeline.temperature_sentence()
         board, zero = self.pipeline.board, self.pipeline.object_poses.sentences()
-        for text in (tally.misfit.sentence, temperature, *zero, board.sentence(), board.trouble()):
+        for text in (tally.misfit.words, temperature, *zero, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"
 

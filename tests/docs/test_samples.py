@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from pages import DOCS, shape, steps
+from pages import DOCS, agree, shape, steps
 from reader import Reader
 
 #: Pages whose examples need nobody at a second terminal, in an order in which each finds what an
@@ -55,3 +55,5 @@ def test_a_line_is_compared_but_for_its_numbers() -> None:
     assert shape(" tx  -0.274  1.2e-3  5 %") == shape(" tx     3  +4 12 %")
     assert shape(" tx  0.1  um") != shape(" tx  0.1  mm")
     assert shape(" tx  0.1  0.2") != shape(" tx  0.1")
+    assert agree(" tx 1,020 5 ...", " tx 1,000 6 7", 0.02)
+    assert not agree(" tx 1,020 8", " tx 1,000 5", 0.02)

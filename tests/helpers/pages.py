@@ -63,6 +63,23 @@ def shape(line: str) -> str:
     return " ".join(re.sub(r"[-+±]*\d[\d.,]*(e[-+]?\d+)?", "#", line).split())
 
 
+#: A number, unless it is a time: how long a command takes is another on each computer.
+NUMBER = re.compile(r"\d[\d,]*\.?\d*(?:e[-+]?\d+)?(?![\d.,e]*(?: m?s\b|\d))")
+
+
+def agree(shown: str, printed: str, share: float) -> bool:
+    """Whether the numbers of two lines of one shape agree to a share of the larger one, or to two
+    units in the last place of the shown one; what follows `...` is not compared."""
+    for one, other in zip(
+        NUMBER.findall(shown.partition("...")[0]), NUMBER.findall(printed), strict=False
+    ):
+        a, b = (float(text.replace(",", "").rstrip(".")) for text in (one, other))
+        unit = 10.0 ** -len(one.partition(".")[2].partition("e")[0])
+        if abs(a - b) > max(share * min(abs(a), abs(b)), 2 * unit if "e" not in one else 0.0):
+            return False
+    return True
+
+
 def prose(page: Path) -> str:
     """Remove the code blocks of a page."""
     return FENCE.sub("", page.read_text())

@@ -185,8 +185,8 @@ def sample_sentences(live: Live) -> Iterator[str]:
         without = f", {tally.statuses[full]} of them without a pose" if words == full else ""
         if count:
             yield f"{count} {words}{without}"
-    if tally.misfit.sentence:
-        yield tally.misfit.sentence
+    if tally.misfit.words:
+        yield tally.misfit.words
     yield from filter(None, [live.pipeline.temperature_sentence()])
     yield from live.pipeline.object_poses.sentences()
 
