@@ -26,6 +26,7 @@ from .ranges import (
     FARTHEST_MM_RAD,
     SINGULAR,
     clearances,
+    determinant_signs,
     find_exits,
     fine_slopes,
     require_inside,
@@ -135,7 +136,10 @@ def trace(
     shares = np.linspace(0, 1, 9)[1:, None, None]
     within = (shares * boundary.points[:: max(1, len(boundary.points) // 64)]).reshape(-1, 2)
     poses = poses_on_axes(pose, axes, within)
-    if (clearances(sensor, poses, rules)[:, SINGULAR:] > np.log(2)).all():
+    signs = determinant_signs(sensor, poses, rules)
+    if (clearances(sensor, poses, rules)[:, SINGULAR:] > np.log(2)).all() and (
+        signs == determinant_signs(sensor, pose[None], rules)
+    ).all():
         return boundary  # conditioning and resolution are nowhere near their limits
     return trace_outline(sensor, rules, axes, pose)
 

@@ -43,6 +43,8 @@ CAUSES = (
     "too coarse",
 )
 PSD, LIGHT, SATURATED, SINGULAR, COARSE = range(5)
+#: The reading without which Eq. (11) takes the determinant: the power of C.
+LEFT_OUT = 8
 #: Largest distances of the search: mm and rad, larger than any range of a sensor of this kind.
 FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
 #: Rays along the pose's axes, to the low and to the high ends of their ranges.
@@ -208,51 +210,116 @@ def find_exits(
     def margins_at(distance: Floats, ray: Integers) -> Floats:
         return clearances(sensor, start + distance[:, None] * rays[ray], rules)
 
-    return first_exits(margins_at, len(rays), tolerance)
+    def signs_at(distance: Floats, ray: Integers) -> Floats:
+        return determinant_signs(sensor, start + distance[:, None] * rays[ray], rules)
+
+    limited = np.isfinite([rules.condition, *rules.coarsest]).any()
+    return first_exits(margins_at, len(rays), tolerance, signs_at if limited else None)
+
+
+def determinant_signs(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
+    """Signs (n,) of the determinants of Eq. (11) at poses (n, 6); NaN without light.
+
+    Between poses with different signs the Jacobian is near singular, however thin that band is.
+    """
+    matrices = np.delete(jacobian(sensor, states_of(poses, rules)), LEFT_OUT, axis=1)
+    with np.errstate(invalid="ignore"):
+        signs: Floats = np.linalg.slogdet(matrices)[0]
+    return signs
+
+
+#: Columns of what is known at places along rays, before the heights and slopes of the margins.
+RAY, PLACE, SIGN, CAUSE, HEIGHTS = range(5)
 
 
 def first_exits(
-    margins_at: Callable[[Floats, Integers], Floats], count: int, tolerance: float
+    margins_at: Callable[[Floats, Integers], Floats],
+    count: int,
+    tolerance: float,
+    signs_at: Callable[[Floats, Integers], Floats] | None = None,
 ) -> Exits:
     """Distances at which `count` rays that begin inside a range first leave it.
 
     margins_at: the margins (m, causes) at distances (m,) along rays with these ascending numbers
-    (m,).  tolerance: of a distance.
+    (m,).  tolerance: of a distance.  signs_at: signs (m,) there; between different ones a margin
+    may be small.
     """
     from scipy.optimize.elementwise import find_root
 
     calls = 0
 
-    def least(distance: Floats, ray: Integers) -> Floats:
+    def examine(distance: Floats, ray: Integers) -> Floats:
         nonlocal calls
         calls += distance.size
-        margin = least_of_rows(margins_at(distance.ravel(), ray.ravel()))
-        return margin.reshape(distance.shape)
+        return margins_at(distance, ray)
 
-    numbers = np.arange(count)
-    first = np.full(count, len(STEP_SHARES))  # the step at which a ray is first outside
+    def least(distance: Floats, ray: Integers) -> Floats:
+        return least_of_rows(examine(distance.ravel(), ray.ravel())).reshape(distance.shape)
+
+    def look(distance: Floats, ray: Integers) -> Floats:
+        """What is known at places (n,): columns as above, then heights and slopes."""
+        beside = np.stack([distance, distance + tolerance], axis=1).ravel()
+        margins = examine(beside, np.repeat(ray, 2)).reshape(len(ray), 2, -1)
+        signs = np.ones(len(ray)) if signs_at is None else signs_at(distance, ray)
+        with np.errstate(invalid="ignore", over="ignore"):
+            height = np.expm1(margins)
+            slope = (height[:, 1] - height[:, 0]) / tolerance
+        about = np.stack([ray, distance, signs, margins[:, 1].argmin(axis=1)], axis=1)
+        return np.concatenate([about, height[:, 0], slope], axis=1)
+
+    ends, causes = np.full(count, np.inf), np.full(count, -1)
+    numbers, found = np.arange(count), []
     for begin in range(0, len(STEP_SHARES), STEPS_AT_ONCE):
-        # Rays that have left the range need no further steps.
-        which = numbers[first == len(STEP_SHARES)]
-        steps = np.repeat(STEP_SHARES[None, begin : begin + STEPS_AT_ONCE], len(which), axis=0)
-        outside = least(steps, np.repeat(which[:, None], steps.shape[1], axis=1)) <= 0
-        left = outside.any(axis=1)
-        first[which[left]] = begin + np.argmax(outside[left], axis=1)
-    leaves = first < len(STEP_SHARES)
-    end = np.ones(count)
-    cause = np.full(count, -1)
-    if leaves.any():
-        which = numbers[leaves]
-        low, high = STEP_SHARES[first[leaves] - 1], STEP_SHARES[first[leaves]]
-        found = find_root(
-            least,
-            (low, high),
-            args=(which,),
-            tolerances={"xatol": tolerance, "xrtol": 0, "fatol": 0},
+        if len(numbers):
+            steps = STEP_SHARES[begin : begin + STEPS_AT_ONCE]
+            found.append(look(np.tile(steps, len(numbers)), np.repeat(numbers, len(steps))))
+            # Rays that have left the range need no further steps.
+            numbers = np.setdiff1d(numbers, found[-1][is_outside(found[-1]), RAY].astype(int))
+    while found:
+        rows = np.concatenate(found)
+        rows = rows[np.lexsort([rows[:, PLACE], rows[:, RAY]])]
+        outside = np.flatnonzero(
+            is_outside(rows) & (rows[:, PLACE] < ends[rows[:, RAY].astype(int)])
         )
-        end[leaves] = found.x
-        cause[leaves] = margins_at(end[leaves] + tolerance, which).argmin(axis=1)
-    return Exits(end, cause, calls + int(leaves.sum()))
+        which, first = np.unique(rows[outside, RAY].astype(int), return_index=True)
+        if len(which):
+            bracket = rows[outside[first] - 1, PLACE], rows[outside[first], PLACE]
+            tolerances = {"xatol": tolerance, "xrtol": 0, "fatol": 0}
+            ends[which] = find_root(least, bracket, args=(which,), tolerances=tolerances).x
+            last = look(ends[which], which)
+            causes[which] = last[:, CAUSE]
+            found = [rows[rows[:, PLACE] <= ends[rows[:, RAY].astype(int)]], last]
+            continue
+        place, ray = doubtful_places(rows, tolerance)
+        found = [rows, look(place, ray)] if len(ray) else []
+    return Exits(np.minimum(ends, 1.0), causes, calls)
+
+
+def is_outside(rows: Floats) -> NDArray[np.bool_]:
+    """Whether places are outside the range, by rows of `first_exits`."""
+    heights = rows[:, HEIGHTS : (HEIGHTS + rows.shape[1]) // 2]
+    return ~(least_of_rows(heights) > 0)
+
+
+def doubtful_places(rows: Floats, tolerance: float) -> tuple[Floats, Integers]:
+    """Places between those of `rows`, and their rays, where a margin may be negative: where its
+    tangents from both sides meet below zero, or halfway between different signs."""
+    near, far = rows[:-1], rows[1:]
+    open_ = (near[:, RAY] == far[:, RAY]) & (far[:, PLACE] - near[:, PLACE] > 4 * tolerance)
+    near, far = near[open_], far[open_]
+    count = (rows.shape[1] - HEIGHTS) // 2
+    width = (far[:, PLACE] - near[:, PLACE])[:, None]
+    height, fall = near[:, HEIGHTS:-count], -near[:, -count:]
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        rise = far[:, -count:]
+        away = (height - far[:, HEIGHTS:-count] + rise * width) / (fall + rise)
+        sinks = (fall > 0) & (rise > 0) & (height < fall * away)
+    away = np.where(sinks, away, np.inf).min(axis=1)
+    turns = near[:, SIGN] * far[:, SIGN] < 0
+    away = np.where(turns & np.isinf(away), width[:, 0] / 2, away)
+    some = np.isfinite(away)
+    away = np.clip(away, tolerance, width[:, 0] - tolerance)
+    return (near[:, PLACE] + away)[some], near[some, RAY].astype(int)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from ..characterization.ranges import (
     CAUSES,
     COARSE,
     FARTHEST_MM_RAD,
+    LEFT_OUT,
     LIGHT,
     PSD,
     SATURATED,
@@ -56,8 +57,6 @@ SKIPPED = (
 OUTSIDE = {PSD: 1, LIGHT: 2, SATURATED: 8, SINGULAR: 6, COARSE: 7}
 #: Largest number of designs whose states are in memory at a time.
 CHUNK = 128
-#: The reading that Eq. (11) leaves out: the last power.
-LEFT_OUT = 8
 
 
 class Designs(NamedTuple):

@@ -61,6 +61,30 @@ def test_a_limit_on_the_condition_ends_the_range():
     assert CAUSES[found.high_cause] == "Jacobian near singular"
 
 
+@pytest.mark.parametrize(
+    "rules",
+    [
+        Rules(),
+        Rules(tracking=True),
+        Rules(coarsest=(np.inf, np.inf, 6.0, *[np.inf] * 3), condition=np.inf),
+    ],
+    ids=["fixed", "tracked", "coarsest"],
+)
+def test_no_band_inside_a_range_is_stepped_over(rules):
+    """Near rest the Jacobian of `singular` is singular, in bands a hundredth of a step wide, with
+    regular poses on either side."""
+    sensor = facets.load("singular").sensor
+    found = ranges.axis_ranges(sensor, rules, REST)
+    assert {found[n].low_cause for n in (0, 3, 4)} <= {ranges.SINGULAR, ranges.COARSE}
+    ends = np.array([end for axis in found for end in (axis.low, axis.high)])
+    poses = np.zeros((12, 1000, 6))
+    for n, end in enumerate(ends):
+        poses[n, :, n // 2] = np.geomspace(1e-4, 0.9999, 1000) * end
+    assert (ranges.clearances(sensor, poses.reshape(-1, 6), rules) > 0).all()
+    outline = facets.trace(sensor, rules, ("tx", "yaw"))
+    assert outline.points[:, 0].min() > 1.1 * found[0].low
+
+
 @pytest.mark.parametrize("kind", ["duo-lateral", "pincushion", "tetra-lateral"])
 def test_a_range_ends_where_a_detector_saturates(kind):
     """Just inside a detector reads, just outside it does not: as `add_noise` has it."""
