@@ -51,14 +51,6 @@ StagePort = Annotated[
         help="Serial port or TCP address of the stage.  [default: the configuration's `stage.port`]"
     ),
 ]
-SearchMirror = Annotated[
-    bool,
-    typer.Option(
-        "--search-mirror/--no-search-mirror",
-        help="Search for a lost mirror by moving the stage with --track, after a person has "
-        "resumed the stopped stage.",
-    ),
-]
 CheckStage = Annotated[
     bool,
     typer.Option(
@@ -120,7 +112,6 @@ def acquire(
     record: Record = True,
     track: Track = False,
     stage_port: StagePort = None,
-    search_mirror: SearchMirror = True,
     check_stage: CheckStage = False,
     write: Write = None,
     seconds: Seconds = None,
@@ -164,7 +155,6 @@ def acquire(
         track=track,
         check_stage=check_stage,
         stage_port=stage_port,
-        search=search_mirror,
         seconds=seconds,
         samples=samples,
         reconnect=reconnect,

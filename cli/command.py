@@ -37,8 +37,10 @@ RENAMED = {
     ("jacobian", "--no-search"): "--no-search-worst",
     ("jacobian", "--sampling"): "--uniform for uniform random states, the default for Sobol' ones",
     ("jacobian", "--table"): "--state-table",
-    ("acquire", "--search"): "--search-mirror",
-    ("acquire", "--no-search"): "--no-search-mirror",
+    **{
+        ("acquire", f"--{word}"): "stage.search_mm of the configuration, 0 by default"
+        for word in ("search", "no-search", "search-mirror", "no-search-mirror")
+    },
     ("acquire", "--compare"): "--compare-board",
     ("acquire", "--rate"): "--display-rate",
     ("render", "--rate"): "--frame-rate",

@@ -584,9 +584,10 @@ FINDINGS = ("the stage is at", "the stage accepted a", "the encoder disagrees wi
 
 def begin(world: World, search: bool, again: bool) -> Tracker | None:
     """Start a tracker in a world; None if the stage is unusable and was not moved."""
+    settings = replace(world.settings, search_distance=2.0 if search else 0.0)
     try:
         tracker = Tracker(
-            world, world.settings, world.law, world.say, search, world.clock,
+            world, settings, world.law, world.say, world.clock,
             world.open_again if again else None,
         )  # fmt: skip
     except (StageError, OSError):

@@ -218,11 +218,27 @@ class Stage:
     resume: Literal["person", "auto"] = key(
         "resume",
         "person",
-        "who ends a stop: `person`: a person; `auto`: the program, as soon as good samples arrive "
-        "after a stop for want of good samples; stops for any other reason need a person",
+        "who ends a stop: `person`: a person; `auto`: the program, once poses have been found for "
+        "50 ms after a stop for want of good samples; stops for any other reason need a person",
     )
     resumes_per_hour: int = key(
         "resumes_per_hour", 6, "largest number of stops in an hour that `auto` ends", ge=1, le=3600
+    )
+    search_distance: float = key(
+        "search_mm",
+        0.0,
+        "largest distance from the last good place to which the stage searches for a lost mirror, "
+        "once a person resumes without a good sample; 0: such a resume is refused",
+        ge=0,
+        le=MAX_LENGTH_MM,
+    )
+    search_time: float = key("search_s", 15.0, "longest time of a search", gt=0, le=3600)
+    search_reversals: int = key(
+        "search_reversals",
+        6,
+        "how often the light may lead a search back before it ends",
+        ge=0,
+        le=1000,
     )
     permit: str | None = key(
         "permit",

@@ -92,7 +92,6 @@ class Run:
         track: bool = False,
         check_stage: bool = False,
         stage_port: str | None = None,
-        search: bool = True,
         seconds: float | None = None,
         samples: int | None = None,
         reconnect: bool = False,
@@ -121,8 +120,6 @@ class Run:
             neither is set, the stage never moves.
         stage_port : str, optional
             Port of the stage; `stage.port` of the configuration by default.
-        search : bool
-            Whether the stage searches for a lost mirror after a person has resumed the stage.
         seconds, samples
             The run ends after this time, s, or after this number of samples.
         reconnect : bool
@@ -165,7 +162,7 @@ class Run:
             if publish or web is not None:
                 run.publish(publish, web, page_scripts, tell)
             if moves_stage:
-                run.open_stage(stage_port, search, check_stage, tell)
+                run.open_stage(stage_port, check_stage, tell)
             run.reader = Reader(config, port, reconnect, run.live, tell)
             on_failure.pop_all()
         run.ending = Ending(seconds or inf, samples or inf, run.is_check_over)
@@ -219,12 +216,10 @@ class Run:
             tell(text)
         self.page.show()
 
-    def open_stage(self, port: str | None, search: bool, check: bool, tell: Tell) -> None:
+    def open_stage(self, port: str | None, check: bool, tell: Tell) -> None:
         """Open the stage, which the page can then resume."""
         self.stage_port = require_port(port or self.config.stage.port, "--stage-port", "stage.port")
-        tracker = open_tracker(
-            self.config, self.stage_port, search, check, tell, self.live.add_event
-        )
+        tracker = open_tracker(self.config, self.stage_port, check, tell, self.live.add_event)
         self.live.tracker = tracker
         if self.page:
             self.page.resume = partial(tracker.resume, "the page")
@@ -259,6 +254,8 @@ class Run:
             found += live.pipeline.board.complaints()
         if self.check:
             return found + self.check.faults()
+        if live.tracker and live.tracker.searching:
+            found.append("the run ended in a search for the mirror, which was not found.")
         if live.stage_stop:
             found.append(f"the stage was stopped and not resumed: {live.stage_stop}")
         if self.recording:

@@ -49,16 +49,15 @@ def require_stage_check(config: Config, port: str) -> None:
 def open_tracker(
     config: Config,
     port: str,
-    search: bool,
     check: bool,
     tell: Callable[[str], None],
     add_event: Callable[..., None],
 ) -> Tracker:
     """Open the stage, and report the stability of the loop before anything moves.
 
-    search: search for a lost mirror, after a person has resumed the stage.  check: move the stage
-    to check its wiring, instead of following the mirror. Raises `InputError` if the stage was not
-    checked, or the loop would be unstable; `PortError` if the port cannot be opened.
+    check: move the stage to check its wiring, instead of following the mirror. Raises `InputError`
+    if the stage was not checked, or the loop would be unstable; `PortError` if the port cannot be
+    opened.
     """
     stage = config.stage
     if not check:
@@ -79,7 +78,7 @@ def open_tracker(
     law = Law.from_sensor(config.sensor, stage)
     if check:
         return StageCheck(open_stage(), stage, law, add_event)
-    return Tracker(open_stage(), stage, law, add_event, search, open_again=open_stage)
+    return Tracker(open_stage(), stage, law, add_event, open_again=open_stage)
 
 
 def check_sentences(

@@ -99,6 +99,7 @@ class StageCheck(Tracker):
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
+        self.search = None
         full = self.envelope.limits
         self.narrow = Limits(full.low, full.high, min(full.speed, SPEED_MM_S), full.reach)
         self.origin = self.encoder.place

@@ -1,14 +1,14 @@
 """The search for a lost mirror: towards the light while there is any, otherwise in a spiral.
 
 Light shows the direction of the mirror over several millimetres, so the stage goes there within the
-limits of following, for at most MAX_CHASE_S. In the dark it goes back to the last good place, or to
-where the light went out, and from there in a spiral that is slower and has shorter steps. The
-spiral ends at MAX_RADIUS_MM, or after a number of commands if the stage does not follow.
+limits of following. In the dark it goes back to the last good place, or to where the light went
+out, and from there in a spiral that is slower and has shorter steps. Settings bound its time, its
+distance from the last good place, and how often the light may lead back.
 """
 
 from __future__ import annotations
 
-from math import ceil, cos, hypot, pi, sin
+from math import cos, hypot, inf, pi, sin
 
 import numpy as np
 
@@ -20,15 +20,8 @@ from .limits import Limits
 TURN_SPACING_MM = 0.25
 #: Maximum distance between two commanded positions, mm.
 MAX_STEP_MM = 0.1
-#: Radius at which the spiral ends, mm.
-MAX_RADIUS_MM = 2.0
 #: Maximum speed in the dark, mm/s.
 DARK_SPEED_MM_PER_S = 10.0
-#: Maximum number of commands in the spiral, relative to those that its length needs: it also ends
-#: if the stage does not follow.
-SPARE_FACTOR = 3.0
-#: A search follows light without a pose for up to this time, s.
-MAX_CHASE_S = 10.0
 
 
 class Search:
@@ -38,52 +31,63 @@ class Search:
     """
 
     def __init__(self, settings: Settings) -> None:
+        self.settings, self.most = settings, settings.search_distance
+        self.goal = np.zeros(2)
         self.full = full = Limits.from_settings(settings)
         speed = min(settings.max_speed, DARK_SPEED_MM_PER_S)
         self.step = min(MAX_STEP_MM, full.reach, speed / settings.rate)
         self.narrow = self.limits = Limits(full.low, full.high, speed, self.step)
-        self.most_spiral = ceil(SPARE_FACTOR * pi * MAX_RADIUS_MM**2 / TURN_SPACING_MM / self.step)
-        self.most_chase = ceil(MAX_CHASE_S * settings.rate)
         self.forget()
 
     def forget(self) -> None:
         """Prepare a new search."""
-        self.limits = self.narrow
+        self.limits, self.begun = self.narrow, inf
         self.centre: Floats | None = None
-        self.goal: Floats | None = None
+        self.way: Floats | None = None
         self.angle = 0.0
-        self.spirals = self.chases = 0
+        self.reversals = 0
         self.outcome = ""
 
-    def next(self, place: Floats, towards: Floats | None, home: Floats) -> Floats | None:
+    @property
+    def scope(self) -> str:
+        """How far and for how long a search goes, in words."""
+        return f"within {self.most:g} mm, in {self.settings.search_time:g} s"
+
+    def next(
+        self, now: float, place: Floats, towards: Floats | None, home: Floats
+    ) -> Floats | None:
         """The next place of the search (2,), mm; None at its end, which `outcome` describes.
 
-        place: of the stage.  towards: the mirror's place by the light, or None in the dark.  home:
-        the last good place, at which a search in the dark begins.
+        now: s.  place: of the stage.  towards: the mirror's place by the light, or None in the
+        dark.  home: the last good place, at which a search in the dark begins.
         """
+        self.begun = min(self.begun, now)
+        if now - self.begun > self.settings.search_time or self.radius > self.most:
+            self.outcome = self.outcome or f"the mirror was not found {self.scope}"
         if self.outcome:
             return None
-        if towards is not None:
-            self.limits = self.full
-            self.chases += 1
-            self.centre = self.goal = None  # the spiral begins where the light goes out
-            self.angle = 0.0
-            if self.chases <= self.most_chase:
-                return towards
-            self.outcome = f"the light was followed for {MAX_CHASE_S:g} s without a pose"
-            return None
+        goal = self.spiral(place, home) if towards is None else self.chase(place, towards)
+        away = goal - home
+        self.goal = home + away * min(1.0, self.most / max(hypot(*away), 1e-9))
+        return self.goal
+
+    def chase(self, place: Floats, towards: Floats) -> Floats:
+        """The place of the mirror by the light."""
+        self.limits, self.centre = self.full, None  # the spiral begins where the light goes out
+        way, self.angle = towards - place, 0.0
+        self.reversals += self.way is not None and bool(way @ self.way < 0)
+        self.way = way
+        if self.reversals > self.settings.search_reversals:
+            self.outcome = f"the light led back {self.settings.search_reversals} times"
+        return towards
+
+    def spiral(self, place: Floats, home: Floats) -> Floats:
         self.limits = self.narrow
-        self.spirals += 1
-        if self.centre is None or self.goal is None:
-            self.centre = (place if self.chases else home).copy()
-            self.goal = self.centre
-        elif hypot(*(place - self.goal)) < 2 * self.step:  # otherwise the stage is still on its way
-            self.goal = self.turn()
-        if self.radius <= MAX_RADIUS_MM and self.spirals <= self.most_spiral:
-            return self.goal
-        at = ", ".join(f"{x:.3f}" for x in self.centre)
-        self.outcome = f"the mirror was not found within {MAX_RADIUS_MM:g} mm of ({at}) mm"
-        return None
+        if self.centre is None:
+            self.centre = (home if self.way is None else place).copy()
+            return self.centre
+        on_its_way = hypot(*(place - self.goal)) >= 2 * self.step
+        return self.goal if on_its_way else self.turn()
 
     @property
     def radius(self) -> float:

@@ -43,6 +43,8 @@ class Sample(NamedTuple):
 NO_BEAM = np.full(2, np.nan)
 NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, NO_BEAM, "waiting for light")
 STALE = "no fresh sample"
+#: Time for which poses must have been found before `stage.resume: auto` ends a stop, s.
+FOUND_S = 0.05
 #: If the first good sample comes later than this after the start, a person must resume, s.
 START_WITHIN_S = 10.0
 
@@ -64,7 +66,7 @@ class Tracker:
     Faults within it raise nothing: they stop the stage, and `error` describes them.
 
     bridging: whether the followed motion is a prediction.  bridges: number of bridged gaps.  moves:
-    number of commands.  begun: time of the first, s.  note: a message for the user.
+    number of commands.  begun: time of the first, s.
     """
 
     def __init__(
@@ -73,7 +75,6 @@ class Tracker:
         settings: Settings,
         law: Law,
         say: Callable[..., None],
-        search: bool = False,
         clock: Callable[[], float] = time.monotonic,
         open_again: Callable[[], Any] | None = None,
     ) -> None:
@@ -81,12 +82,12 @@ class Tracker:
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock, open_again)
         self.tell = self.envelope.tell
-        self.search = Search(settings) if search else None
+        self.search = Search(settings) if settings.search_distance else None
         self.started = self.searching = self.bridging = False
         self.newest = self.good = NOTHING
-        self.error = self.note = self.request = ""
+        self.error = self.refused = self.request = self.offer = ""
         self.home = self.encoder.place
-        self.halted, self.late = "", 0.0
+        self.halted, self.late, self.found_since = "", 0.0, np.inf
         self.moves = self.bridges = 0
         self.first = self.begun = np.inf
         self.ending = threading.Event()
@@ -119,6 +120,11 @@ class Tracker:
         if self.searching:
             return "searching"
         return self.stop_reason or ("bridging a gap" if self.bridging else "following")
+
+    @property
+    def note(self) -> str:
+        """A message for the user: why a resume was refused, and whether one would search."""
+        return "; ".join(filter(None, (self.refused, self.offer)))
 
     def resume(self, by: str) -> None:
         """Ask the loop, from any thread, to let a stopped stage move again.  by: who resumes."""
@@ -238,11 +244,12 @@ class Tracker:
             self.envelope.compare(good.time, good.beam)
         if self.envelope.latched and not self.is_resumed(doubt, newest, now):
             self.end_search(self.envelope.latched)
+            self.offer = self.search_offer(doubt, newest, now)
             return
-        self.request = ""
+        self.request = self.offer = ""
         if not doubt:
             self.end_search("found")
-            self.started, self.bridging, self.note = True, False, ""
+            self.started, self.bridging, self.refused = True, False, ""
             self.home = self.encoder.places(np.array([good.time]))[0]
             self.follow(good, place, now)
         elif not self.started:
@@ -279,22 +286,32 @@ class Tracker:
         known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
         return known and self.search is not None
 
+    def search_offer(self, doubt: str, newest: Sample, now: float) -> str:
+        """The search that a resume would begin, in words; '' if it would begin none."""
+        if not doubt or self.search is None or not self.can_search(newest, now):
+            return ""
+        return f"a resume searches for the mirror {self.search.scope}"
+
+    def is_found(self, doubt: str) -> bool:
+        """Whether poses have been found for a while; to be asked in each cycle."""
+        is_pose = not doubt and self.good.apex is not None
+        self.found_since = min(self.found_since, self.good.time) if is_pose else np.inf
+        return self.good.time - self.found_since >= FOUND_S
+
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
         """Whether a stopped stage may move again, by a person's request or by `stage.resume`."""
         by, self.request = self.request, ""
-        refusal = doubt if doubt and not self.can_search(newest, now) else ""
-        if not refusal:
-            if by:
-                refusal = self.envelope.resume(by)
-            elif not self.envelope.resume_by_itself():
+        if not by:
+            if not (self.is_found(doubt or newest.doubt) and self.envelope.resume_by_itself()):
                 return False
-        if refusal:
-            if by:
-                self.note = f"the stage was not resumed: {refusal}"
-                self.tell("resume refused", by=by, reason=refusal)
+        elif refusal := (
+            doubt if doubt and not self.can_search(newest, now) else self.envelope.resume(by)
+        ):
+            self.refused = f"the stage was not resumed: {refusal}"
+            self.tell("resume refused", by=by, reason=refusal)
             return False
         self.law.forget()
-        self.started, self.bridging, self.note = True, False, ""
+        self.started, self.bridging, self.refused, self.found_since = True, False, "", np.inf
         if doubt and self.search:
             self.search.forget()
             self.searching = True
@@ -344,7 +361,8 @@ class Tracker:
         """Search for the mirror."""
         assert self.search is not None
         beam = self.encoder.places(np.array([newest.time]))[0]
-        goal = self.search.next(place, self.law.locate_apex(newest.powers, beam, LIT), self.home)
+        towards = self.law.locate_apex(newest.powers, beam, LIT)
+        goal = self.search.next(self.clock(), place, towards, self.home)
         if goal is None:
             self.stop(self.search.outcome)
         else:

@@ -20,7 +20,7 @@ from facets.tracking.interlock import ENABLE_S
 from facets.tracking.limits import Limits
 from facets.tracking.line import Line
 from facets.tracking.pi import Pi
-from facets.tracking.search import MAX_RADIUS_MM, Search
+from facets.tracking.search import Search
 from facets.tracking.stage import StageError, StageModel
 from facets.tracking.tracker import START_WITHIN_S, Tracker
 from facets.tracking.zaber import Zaber, checksum
@@ -248,7 +248,8 @@ def test_an_old_zaber_that_can_not_be_held_back_is_not_used():
     Envelope(port, settings, lambda *_, **__: None, port.clock)
 
 
-def tracker(settings=STAGE, search=False):
+def tracker(settings=STAGE, search=0.0):
+    settings = replace(settings, search_distance=search)
     port = Port((ZaberDevice if settings.driver == "zaber" else PiController)(StageModel(settings)))
     events = []
     law = Law.from_sensor(SENSORS["paper"], settings)
@@ -256,7 +257,7 @@ def tracker(settings=STAGE, search=False):
     def say(name, **more):
         events.append((name, more))
 
-    return Tracker(port, settings, law, say, search, clock=port.clock), port, events
+    return Tracker(port, settings, law, say, clock=port.clock), port, events
 
 
 def feed(follower, port, apex=(0.55, 0.0), powers=(0.1, 0.1, 0.1), age=0.0):
@@ -371,7 +372,7 @@ def test_a_stopped_stage_stays_stopped_until_a_person_says_go():
 
 
 def test_a_stage_is_not_resumed_on_late_data_and_not_by_itself_where_a_clock_moved():
-    follower, port, events = tracker(replace(STAGE, resume="auto"), search=True)
+    follower, port, events = tracker(replace(STAGE, resume="auto"), search=2.0)
     steady(follower, port, 6.28)
     moves, light, place = follower.moves, np.full((1, 3), 0.1), np.array([[0.55, 0.0]])
     for n in range(100):
@@ -383,7 +384,7 @@ def test_a_stage_is_not_resumed_on_late_data_and_not_by_itself_where_a_clock_mov
             follower.resume("a person")
         assert follower.step()
     assert follower.moves == moves + 2  # predicted ones
-    assert follower.note == "the stage was not resumed: no fresh sample: all come 300 ms late"
+    assert "the stage was not resumed: no fresh sample: all come 300 ms late" in follower.note
     assert follower.stop_reason.startswith("no fresh sample")
     resume(follower, port)
     assert follower.moves > moves + 2
@@ -416,6 +417,14 @@ def stop_for_a_gap(follower, port):
     feed(follower, port)
 
 
+def find(follower, port):
+    """Poses for 60 ms."""
+    for _ in range(7):
+        feed(follower, port)
+        assert follower.step()
+        port.now += 0.01
+
+
 def test_an_unattended_run_resumes_by_itself_no_more_often_than_it_may():
     follower, port, events = tracker(replace(STAGE, resume="auto", resumes_per_hour=2))
     feed(follower, port)
@@ -425,8 +434,7 @@ def test_an_unattended_run_resumes_by_itself_no_more_often_than_it_may():
         assert follower.step()
         assert follower.envelope.latched  # not before it has stood for a second
         port.now += AUTO_RESUME_AFTER_S
-        feed(follower, port)
-        assert follower.step()
+        find(follower, port)
         assert bool(follower.envelope.latched) == (n >= 2)
         if n >= 2:
             resume(follower, port)
@@ -436,9 +444,30 @@ def test_an_unattended_run_resumes_by_itself_no_more_often_than_it_may():
     port.now += 3600
     stop_for_a_gap(follower, port)
     port.now += AUTO_RESUME_AFTER_S
+    find(follower, port)
+    assert not follower.envelope.latched
+
+
+def test_no_run_resumes_by_itself_without_poses_and_a_search_is_announced():
+    follower, port, events = tracker(replace(STAGE, resume="auto"), search=2.0)
     feed(follower, port)
     assert follower.step()
-    assert not follower.envelope.latched
+    stop_for_a_gap(follower, port)
+    moves, dark = follower.moves, {"apex": None, "powers": (0.0, 0.0, 0.0)}
+    for n in range(300):
+        port.now += 0.01
+        feed(follower, port, **(dark if n % 4 else {}))  # a pose now and then
+        assert follower.step()
+    assert follower.moves == moves
+    assert "resume" not in [name for name, _ in events]
+    feed(follower, port, **dark)
+    port.now += STAGE.stale
+    feed(follower, port, **dark)
+    assert follower.step()
+    assert follower.note == "a resume searches for the mirror within 2 mm, in 15 s"
+    find(follower, port)
+    assert ("resume", {"by": "auto", "reason": "no fresh sample"}) in events
+    assert not follower.note
 
 
 def test_no_run_resumes_by_itself_after_a_fault_of_the_stage(tmp_path):
@@ -659,7 +688,7 @@ def test_a_stage_can_be_resumed_after_a_fault_of_its_line():
         port.closed = False
         return port
 
-    follower = Tracker(port, STAGE, law, lambda *_, **__: None, False, port.clock, open_again)
+    follower = Tracker(port, STAGE, law, lambda *_, **__: None, port.clock, open_again)
     feed(follower, port)
     assert follower.step()
     port.pulled = OSError(5, "Input/output error")
@@ -770,7 +799,7 @@ def test_the_envelope_predicts_no_older_and_no_further_than_the_settings_allow()
 
 
 def test_a_loss_stops_and_only_search_looks():
-    for search in (False, True):
+    for search in (0.0, 2.0):
         follower, port, _ = tracker(search=search)
         feed(follower, port)
         follower.step()
@@ -783,8 +812,8 @@ def test_a_loss_stops_and_only_search_looks():
             assert follower.step()
         assert follower.moves == 1
         resume(follower, port, **dark)
-        assert (follower.moves > 1) == follower.searching == search
-        assert ("not resumed" in follower.note) != search
+        assert (follower.moves > 1) == follower.searching == bool(search)
+        assert ("not resumed" in follower.note) != bool(search)
 
 
 def lose(follower, port, powers=(0.0, 0.0, 0.0)):
@@ -799,7 +828,7 @@ def lose(follower, port, powers=(0.0, 0.0, 0.0)):
 
 
 def test_a_search_does_not_move_on_stale_data():
-    follower, port, _ = tracker(search=True)
+    follower, port, _ = tracker(search=2.0)
     feed(follower, port)
     follower.step()
     for _ in range(50):
@@ -811,7 +840,7 @@ def test_a_search_does_not_move_on_stale_data():
 
 
 def test_a_search_in_the_dark_ends_and_says_so():
-    follower, port, events = tracker(search=True)
+    follower, port, events = tracker(search=2.0)
     feed(follower, port)
     follower.step()
     lose(follower, port)
@@ -828,7 +857,7 @@ def test_a_search_in_the_dark_ends_and_says_so():
     assert names.count("search") == 1
     assert names[-2:] == ["search ended", "stop"]
     away = np.hypot(*(np.array(places) - places[0]).T)
-    assert MAX_RADIUS_MM * 0.9 < away.max() < MAX_RADIUS_MM * 1.1
+    assert 1.8 < away.max() < 2.2
     steps = np.hypot(*np.diff([[m["x"], m["y"]] for n, m in events if n == "move"], axis=0).T)
     assert steps[1:].max() <= STAGE.max_step
     before = follower.moves
@@ -841,7 +870,7 @@ def test_a_search_in_the_dark_ends_and_says_so():
 
 
 def test_a_search_in_the_dark_begins_at_the_last_good_place():
-    follower, port, events = tracker(search=True)
+    follower, port, events = tracker(search=2.0)
     steady(follower, port, 6.28)
     home = follower.home.copy()
     lose(follower, port)
@@ -852,7 +881,7 @@ def test_a_search_in_the_dark_begins_at_the_last_good_place():
 
 
 def test_a_saturated_detector_shows_the_way_and_is_not_followed():
-    follower, port, _ = tracker(search=True)
+    follower, port, _ = tracker(search=2.0)
     feed(follower, port)
     follower.step()
     lose(follower, port, powers=(np.inf, 0.01, 0.01))
@@ -869,7 +898,7 @@ def test_a_saturated_detector_shows_the_way_and_is_not_followed():
 
 
 def test_a_search_goes_towards_the_light_and_finds_it():
-    follower, port, events = tracker(search=True)
+    follower, port, events = tracker(search=2.0)
     feed(follower, port)
     follower.step()
     apex = np.array([2.0, -1.0])
@@ -889,20 +918,28 @@ def test_a_search_goes_towards_the_light_and_finds_it():
     assert ("search ended", {"outcome": "found"}) in events
 
 
-def test_a_search_has_the_limits_of_the_stage():
-    search = Search(replace(STAGE, max_step=0.01, zero=(0, 0), low=(-1, -1), high=(1, 1)))
-    place, places = np.zeros(2), []
-    while (goal := search.next(place, None, np.zeros(2))) is not None:
+def test_a_search_is_limited_in_place_time_distance_and_reversals():
+    limits = replace(STAGE, max_step=0.01, zero=(0, 0), low=(-1, -1), high=(1, 1))
+    search = Search(replace(limits, search_distance=2.0, search_time=60.0))
+    place, places, here = np.zeros(2), [], np.zeros(2)
+    while (goal := search.next(0.01 * len(places), place, None, here)) is not None:
         place = search.limits.hold(goal, place)
         places.append(place)
-    assert "not found" in search.outcome
+    assert search.outcome == "the mirror was not found within 2 mm, in 60 s"
     assert np.hypot(*np.diff(places, axis=0).T).max() <= 0.01 + 1e-12
-    assert np.abs(places).max() <= 1.0
-    stuck = Search(STAGE)
-    here = np.zeros(2)
-    while stuck.next(here, None, here) is not None:  # a stage that does not follow ends it, too
-        pass
-    assert "not found" in stuck.outcome
+    assert np.abs(places).max() == 1.0
+    stuck, now = Search(replace(STAGE, search_distance=2.0)), 0.0
+    while stuck.next(now, here, None, here) is not None:  # a stage that does not follow
+        now += 0.01
+    assert now == pytest.approx(STAGE.search_time, abs=0.02)
+    hunting, goals = Search(replace(STAGE, search_distance=0.3)), []
+    towards = np.array([1.0, 0.0])
+    while (goal := hunting.next(0.0, here, towards, here)) is not None:
+        goals.append(goal[0])
+        towards = -towards
+    np.testing.assert_allclose(np.abs(goals), 0.3)
+    assert len(goals) == STAGE.search_reversals + 2
+    assert hunting.outcome == "the light led back 6 times"
 
 
 class Pulled(Port):
