@@ -17,7 +17,7 @@ from .design_pages import write_gallery
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.core.units import Floats
-    from facets.design.exploration import Share, Space
+    from facets.design.exploration import Space
 
 #: Maximum number of designs from which the sensitivity indices are computed.
 PILOT = 10_000
@@ -47,10 +47,7 @@ class Exploration:
         name_files(self.folder, paths)
 
 
-def sample(
-    job: Exploration, paths: list[Path], scheduler: str | None, part: Share | None,
-    gather: bool, force: bool,
-) -> None:  # fmt: skip
+def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bool) -> None:
     """Compute the designs that are missing in the folder."""
     space, folder = job.space, job.folder
     if scheduler:
@@ -59,15 +56,9 @@ def sample(
     files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
     design.exploration.require_variables(space)
     design.exploration.prepare(folder, space, job.header, force)
-    if gather:
-        design.exploration.require_whole(space, folder)
-        return
     show_progress(
-        lambda tell: design.exploration.explore(space, folder, job.header, scheduler, tell, part)
+        lambda tell: design.exploration.explore(space, folder, job.header, scheduler, tell)
     )
-    if part:
-        count = len(design.exploration.parts_of(space, part))
-        typer.echo(f"{folder}/parts/: the {count} parts of share {part} are there")
 
 
 def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> None:

@@ -122,23 +122,6 @@ NoTable = Annotated[
         "--no-table", help="Write no table of all designs; the data set in parts/ holds them too."
     ),
 ]
-Part = Annotated[
-    str | None,
-    typer.Option(
-        "--share",
-        metavar="K/N",
-        help="Compute only share K (1 to N) of N of the designs, for job arrays: N processes with "
-        "the same folder and the same other options compute all of them.",
-    ),
-]
-Gather = Annotated[
-    bool,
-    typer.Option(
-        "--gather",
-        help="Write the results from the designs that all shares have computed in the folder, "
-        "without computing any.",
-    ),
-]
 
 
 def explore(
@@ -151,8 +134,6 @@ def explore(
     every: Every = False,
     required: Required = False,
     scheduler: Scheduler = None,
-    share: Part = None,
-    gather: Gather = False,
     force: Force = False,
     table: Table = TableKind.parquet,
     no_table: NoTable = False,
@@ -176,12 +157,7 @@ def explore(
     settings = load_config(config)
     asked = (objective or GOALS, sampling.value, designs, seed, every, required)
     space = design.exploration.space_of(settings, *asked)
-    part = design.exploration.share_of(share)
-    refuse_together(
-        {"--share": share, "--gather": gather, "--front": front, "--pick": pick is not None,
-         "--scheduler": scheduler, "--force": force, "--report": part and report,
-         "--certify": part and certify}
-    )  # fmt: skip
+    refuse_together({"--scheduler": scheduler, "--front": front, "--pick": pick is not None})
     place = output_folder(folder, settings.name, "explore")
     if pick is not None:
         source = place / ("pareto.csv" if front else "front.csv")
@@ -198,9 +174,8 @@ def explore(
     begin = time.perf_counter()
     whole = "parts" if no_table else f"designs.{table.value}"
     paths = [place / name for name in (whole, "front.csv", f"front.{plot.value}")]
-    sample(job, paths, scheduler, part, gather, force)
-    if not part:
-        write(job, paths, time.perf_counter() - begin, certify)
+    sample(job, paths, scheduler, force)
+    write(job, paths, time.perf_counter() - begin, certify)
 
 
 def refuse_together(options: dict[str, Any]) -> None:

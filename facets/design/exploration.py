@@ -2,8 +2,7 @@
 
 Designs are numbered, so that any part of them can be made again anywhere: a part is some hundred
 designs, goes to a worker as a number, and comes back as a table that is written at once. A run that
-was interrupted continues with the missing parts. Several processes may share the parts of one
-search in one folder, each with its own, without communicating.
+was interrupted continues with the missing parts.
 
 Designs of a sensor with ideal light and simple noise are measured many at once, all of them in full
 (`survey`). For other sensors nine tenths of the time goes into ranges, so the ranges of a design
@@ -73,8 +72,6 @@ PILOT_TASKS = 5
 LARGEST_FACTOR, LEAST_TASKS = 50, 100
 #: The file that identifies the search whose parts a folder holds.
 MARK = "search.txt"
-#: The key of a part's share in the part's file.
-SHARE = "share"
 #: Interval at which a worker checks that its parent still runs, s.
 PARENT_CHECK_INTERVAL_S = 1.0
 #: Largest number of rivals that a design is compared with.
@@ -89,29 +86,6 @@ FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
 MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition", "regular")
 AT_RANGES = slice(1, 7)
 NO_RIVALS = np.empty((0, len(MEASURES)))
-
-
-@dataclass(frozen=True)
-class Share:
-    """The parts of one process of several: every `count`-th part from number `number` on."""
-
-    number: int = 1
-    count: int = 1
-
-    def __str__(self) -> str:
-        return f"{self.number}/{self.count}"
-
-
-def share_of(text: str | None) -> Share | None:
-    """Parse '3/16' as the third of sixteen shares; None gives None."""
-    if text is None:
-        return None
-    number, slash, count = text.partition("/")
-    if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
-        return Share(int(number), int(count))
-    raise InputError(
-        f"--share is {text!r}; allowed: K/N, whole numbers with K from 1 to N, as 3/16"
-    )
 
 
 @dataclass(frozen=True)
@@ -422,19 +396,14 @@ def explore(
     about: dict[str, str],
     scheduler: str | None = None,
     tell: Callable[[int, int], None] = lambda done, whole: None,
-    share: Share | None = None,
 ) -> None:
     """Write a Parquet file for each missing part.
 
-    scheduler: address of a Dask cluster; by default all cores of this machine compute.  share: the
-    parts of this process; other processes may make the others in the same folder, at the same time.
+    scheduler: address of a Dask cluster; by default all cores of this machine compute.
     """
-    if share is None:
-        for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
-            torn.unlink()
-    else:
-        about = about | {SHARE: str(share)}
-    firsts = parts_of(space, share or Share())
+    for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
+        torn.unlink()
+    firsts = parts(space)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
     tell(done, len(firsts))
@@ -452,29 +421,6 @@ def explore(
 def parts(space: Space) -> range:
     """The number of the first design of each part."""
     return range(0, len(designs(space)), space.part)
-
-
-def parts_of(space: Space, share: Share) -> list[int]:
-    """List the first designs of a process's parts: its share, and the pilot's parts if they give
-    rivals."""
-    firsts = parts(space)
-    own = firsts[share.number - 1 :: share.count]
-    return [n for n in firsts if n in own or (space.has_rivals and n < space.pilot)]
-
-
-def require_whole(space: Space, folder: Path) -> None:
-    """Raise `InputError` if parts are missing, and name their shares."""
-    present, firsts = set(parts_in(folder)), parts(space)
-    missing = [n for n, first in enumerate(firsts) if part_path(folder, first) not in present]
-    if not missing:
-        return
-    counts = {read_head(path).get(SHARE, "/").partition("/")[2] for path in present}
-    remedy = "run the same command without --gather to compute them here"
-    if len(counts) == 1 and (text := counts.pop()):
-        count = int(text)
-        names = ", ".join(str(Share(k + 1, count)) for k in sorted({n % count for n in missing}))
-        remedy = f"run --share {names} again, or {remedy}"
-    raise InputError(f"{folder}: {len(missing)} of {len(firsts)} parts are missing; {remedy}")
 
 
 def rivals_in(space: Space, folder: Path) -> Floats:

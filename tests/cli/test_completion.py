@@ -110,7 +110,7 @@ def test_the_manual_page_has_every_command_and_its_options(tmp_path):
     page = command("--manual", cwd=tmp_path).stdout
     for name in COMMANDS:
         assert f".SS facets {name}".replace("-", "\\-") in page
-    for words in ("--share", "--gather", "--certify", "facets config show", "by SIGTERM"):
+    for words in ("--scheduler", "--certify", "facets config show", "by SIGTERM"):
         assert words.replace("-", "\\-") in page
     assert "\n.B \\-o, \\-\\-output" in page
     if shutil.which("groff"):

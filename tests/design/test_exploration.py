@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import shlex
 import signal
 import subprocess
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
 from commands import PROGRAM, command
-from nursery import nursery
-from programs import GUARD, Program, await_true
 
 import facets
 from facets import InputError, OutputError, axis_ranges
@@ -313,67 +308,6 @@ def test_nothing_to_vary_is_an_error():
         designs(replace(SPACE, layout=replace(SPACE.layout, variables={})))
 
 
-@pytest.mark.slow
-def test_sixteen_processes_share_a_search_though_one_is_killed(tmp_path):
-    """As a job array with a core for each task, by the documentation's script for SLURM."""
-    words = ("explore", "layout", "--designs", "6400", "--folder", "out")
-    out = tmp_path / "out"
-    lost = [study.part_path(out, first) for first in range(800, 6400, 3200)]
-    with contextlib.ExitStack() as running:
-        forker, cores = nursery().process.pid, os.sched_getaffinity(0)
-        running.callback(os.sched_setaffinity, forker, cores)
-        shares = []
-        for k in range(1, 17):
-            os.sched_setaffinity(forker, {sorted(cores)[k % len(cores)]})
-            share = Program(*words, "--share", f"{k}/16", cwd=tmp_path)
-            shares.append(running.enter_context(share))
-        await_true(lost[0].exists, "the first part of share 5")
-        shares[4].process.kill()
-        for share in shares:
-            share.process.wait(GUARD)
-    kept = {path: path.stat().st_mtime_ns for path in study.parts_in(out)}
-    assert set(kept).isdisjoint(lost[-1:])
-    assert len(kept) >= 32 - len(lost)
-    early = command(*words, "--gather", cwd=tmp_path)
-    assert early.returncode == 2
-    assert "run --share 5/16 again" in early.stderr
-    assert not (out / "front.csv").exists()
-
-    (tmp_path / "facets").write_text(f'#!/bin/sh\nexec {shlex.join(PROGRAM)} "$@"\n')
-    (tmp_path / "facets").chmod(0o755)
-    script = Path(__file__).parents[2] / "docs/cluster/explore.slurm"
-    task = {"SLURM_ARRAY_TASK_ID": "5", "SLURM_ARRAY_TASK_COUNT": "16", "DESIGNS": "6400",
-            "FOLDER": "out", "PATH": f"{tmp_path}:{os.environ['PATH']}"}  # fmt: skip
-    subprocess.run(
-        ["taskset", "-c", f"{min(cores)}", "bash", script],
-        cwd=tmp_path,
-        env=os.environ | task,
-        check=True,
-    )
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    result = command(*words, "--gather", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "6400 designs" in result.stdout
-    alone = part_of(replace(SPACE, count=6400, part=6400), 0, NO_RIVALS)
-    for name, column in collect(out).items():
-        if name != "seconds":
-            np.testing.assert_array_equal(column, alone[name])
-
-
-def test_shares_of_a_slow_search_have_the_pilot_in_common():
-    """What the other designs are held against is the same in each share; nothing else is twice."""
-    space = replace(PILOTED, count=1100)
-    assert space.has_rivals
-    made = [study.parts_of(space, study.Share(k, 3)) for k in (1, 2, 3)]
-    assert [set(some) - set(range(0, 500, 100)) for some in made] == [
-        {600, 900}, {700, 1000}, {500, 800}
-    ]  # fmt: skip
-    assert all(set(some) >= set(range(0, 500, 100)) for some in made)
-    for whole in (replace(space, every=True), replace(SPACE, count=1100, part=100)):
-        made = [study.parts_of(whole, study.Share(k, 3)) for k in (1, 2, 3)]
-        assert sorted(first for some in made for first in some) == list(range(0, 1100, 100))
-
-
 def test_a_part_of_another_search_is_not_mixed_in(tmp_path):
     """Two processes may find the folder empty; the second to write notices."""
     table = part_of(replace(SPACE, part=4, count=4), 0, NO_RIVALS)
@@ -381,24 +315,3 @@ def test_a_part_of_another_search_is_not_mixed_in(tmp_path):
     with pytest.raises(OutputError, match="another search"):
         study.write_part(replace(SPACE, seed=2), tmp_path, 60, table, {})
     assert len(study.parts_in(tmp_path)) == 1
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--share", "0/4"), "allowed: K/N"),
-        (("--share", "5/4"), "allowed: K/N"),
-        (("--share", "1"), "allowed: K/N"),
-        (("--share", "1/4", "--gather"), "cannot be given together"),
-        (("--share", "1/4", "--force"), "cannot be given together"),
-        (("--gather", "--front"), "cannot be given together"),
-        (("--gather",), "5 of 5 parts are missing"),
-    ],
-)
-def test_a_share_that_means_nothing_is_refused(words, says, tmp_path):
-    result = command(
-        "explore", "layout", "--designs", "1000", *words, "--folder", "out", cwd=tmp_path
-    )
-    assert result.returncode == 2
-    assert says in result.stderr
-    assert not (tmp_path / "out").exists()
