@@ -32,6 +32,7 @@ from .places import choose_point, zero_of
 if TYPE_CHECKING:
     from facets.config import Config, Solve
     from facets.estimation.table import StatusCounts
+    from facets.estimation.zero import ZeroRequest
 
 
 #: Errors of a pose that are reported, and those without a bound; standard uncertainties.
@@ -169,7 +170,7 @@ def solve(
             covariance=covariance,
         )
     with free_output(path):
-        report(count, path, settings, options)
+        report(count, path, settings, options, request)
         if coverage is not None:
             report_coverage(about)
     if not count.solved_count or misfit(count):
@@ -197,7 +198,9 @@ def misfit(count: StatusCounts) -> bool:
     return 2 * count.misfit.flagged > count.solved_count
 
 
-def report(count: StatusCounts, output: Path, settings: Config, options: Solve) -> None:
+def report(
+    count: StatusCounts, output: Path, settings: Config, options: Solve, zero: ZeroRequest | None
+) -> None:
     typer.echo(f"{count.solved_count} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
         if status != "converged":
@@ -206,6 +209,9 @@ def report(count: StatusCounts, output: Path, settings: Config, options: Solve) 
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
+    if zero is not None and count.zero is not None:
+        text = f"zero: {estimation.zero.zero_text(zero, count.zero)}"
+        typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
     beside = (
         unchecked_sentence(count),
         edge_sentence(count),

@@ -133,7 +133,6 @@ PLAUSIBLE = {
     "_mm": (-1e5, 1e5),
     "_mrad": (-1e4, 1e4),
     "_deg": (-36e3, 36e3),
-    "_mw": (-1e5, 1e5),
 }
 
 
@@ -149,9 +148,9 @@ def describe_bounds(name: str) -> str:
 
 
 def find_implausible(values: Floats, name: str) -> Booleans:
-    """Which numbers of a column are finite and not plausible in its unit."""
+    """Which numbers of a column are not plausible in its unit, such as infinite ones; not NaN."""
     low, high = bounds_of(name).values() or (-np.inf, np.inf)
-    found: Booleans = np.isfinite(values) & ((values < low) | (values > high))
+    found: Booleans = (values < low) | (values > high)
     return found
 
 

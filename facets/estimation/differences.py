@@ -287,8 +287,8 @@ class ZeroPose:
     propagation
         How the state follows noise, priors and parameters.
     scatter
-        (6,) of the samples: their standard deviation over that of their noise; NaN for fewer than
-        30 samples. Above about 1.5 the mirror did not stand still.
+        (6,) of the samples: their standard deviation over that of their noise; NaN for a single
+        sample. Above about 1.5, and 1 + 3 / sqrt(samples - 1), the mirror did not stand still.
     same_calibration
         Whether the errors of the calibration are those of the poses that are compared with it.
     """
@@ -300,10 +300,6 @@ class ZeroPose:
     propagation: Propagation
     scatter: Floats
     same_calibration: bool = True
-
-
-#: Least number of samples whose scatter is compared with their noise.
-SCATTER_SAMPLES = 30
 
 
 @check_arguments
@@ -384,7 +380,7 @@ def make_zero(
             "measured with this sensor; choose another zero"
         )
     scatter = np.full(6, np.nan)
-    if len(rows) >= SCATTER_SAMPLES:
+    if len(rows) > 1:
         scatter = rows[:, :6].std(axis=0, ddof=1) / root_of_diagonal(found.noise)[0, :6]
     return ZeroPose(mean[0], samples or len(rows), sensor, plan, found, scatter)
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from ..core.settings import Config, Solve
     from .solution import Solution
 
-#: Scatter of a zero's samples over their noise above which the mirror did not stand still.
-MOVED = 1.5
+#: Scatter of a zero's samples over their noise above which the mirror did not stand still; and what
+#: chance adds to 1 once in 10,000, times the root of one less than their number.
+MOVED, BY_CHANCE = 1.5, 3.0
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def zero_findings(zero: ZeroPose) -> list[str]:
     """What a user of a zero should know, as sentences."""
     found = []
     worst = int(np.nanargmax(zero.scatter)) if np.isfinite(zero.scatter).any() else 0
-    if zero.scatter[worst] > MOVED:
+    if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):
         found.append(
             f"The mirror moved while the zero was measured: its samples scatter "
             f"{zero.scatter[worst]:.3g} times as much in {POSE[worst]} as their noise. The stated "

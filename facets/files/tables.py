@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.names import READING_COLUMNS
 from ..core.plain_numbers import plain_number
 from ..core.units import (
     KEY_UNITS,
@@ -82,11 +83,15 @@ def read_chunks(
 
 
 def screen(path: Path, chunk: Chunk) -> Chunk:
-    """The chunk with NaN where a value is not plausible, see `read_chunks`."""
+    """The chunk with NaN where a value is not plausible, see `read_chunks`.
+
+    Readings stay: those of a dark detector are of any size, and the solver gives them a status.
+    """
     columns = dict(chunk.columns)
-    for name, values in chunk.columns.items():
+    for name in columns.keys() - set(READING_COLUMNS):
+        values = columns[name]
         wrong = find_implausible(values, name)
-        if 2 * wrong.sum() > np.isfinite(values).sum():
+        if 2 * wrong.sum() > len(wrong) - np.isnan(values).sum():
             line, value = chunk.lines[wrong.argmax()], values[wrong.argmax()]
             raise InputError(
                 f"{path}:{line}: column {name} holds {value:g}; plausible: "

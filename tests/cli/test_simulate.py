@@ -217,6 +217,7 @@ def test_objects_and_zeros_are_columns_that_cover_the_truth(folder):
     readings = str(folder / "moved" / "readings.csv")
     done = command("solve", "paper", readings, "-o", "moved.csv", *words, cwd=folder)
     assert done.returncode == 0, done.stderr
+    assert "\n  zero: row 201, 1 sample: tx_mm" in done.stdout
     again = poses(folder / "moved.csv")
     names = [name for name in again if "object" in name or "displacement" in name]
     assert len(names) == 4 * 6 + 2 * 21

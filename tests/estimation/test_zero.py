@@ -81,6 +81,20 @@ def test_a_saved_pose_is_a_zero(readings):
         zero_of_table(path, CONFIG, CONFIG.solve)
 
 
+def test_few_samples_of_a_mirror_that_moves_are_told(readings):
+    """Samples at rest scatter by chance alone, the more the fewer they are."""
+    for count in (2, 3, 10, 29):
+        noisy = facets.add_noise(
+            CONFIG.sensor, facets.readings(CONFIG.sensor, np.zeros((200, count, 8))),
+            np.random.default_rng(3),
+        )  # fmt: skip
+        states = facets.solve(CONFIG.sensor, noisy).state
+        zeros = [facets.zero_pose(CONFIG.sensor, some) for some in states]
+        assert sum(bool(zero_findings(zero)) for zero in zeros) <= 1
+        states[0, :, 3] += np.linspace(0, 1e-4, count)
+        assert "mirror moved" in zero_findings(facets.zero_pose(CONFIG.sensor, states[0]))[0]
+
+
 def test_zeros_that_the_table_does_not_have(readings):
     with pytest.raises(facets.InputError, match="row 201, but the table has 200 rows"):
         solve(readings, "no.csv", ZeroRequest(row=201), 30)

@@ -107,10 +107,10 @@ def test_a_column_with_some_numbers_is_one_of_numbers(tmp_path):
 @pytest.mark.parametrize("ending", tables.ENDINGS)
 def test_values_in_another_unit_are_missing_and_a_column_of_them_is_refused(tmp_path, ending):
     path = tmp_path / f"t{ending}"
-    broken = {"temperature_c": np.array([20.0, 293.15, np.nan, 21.0]), "seq_c": 4 * [1e3]}
+    broken = {"temperature_c": np.array([20.0, 293.15, np.nan, 21.0, np.inf]), "seq_c": 5 * [1e3]}
     tables.write_table(path, broken, {})
     columns, _, _ = read(path, broken)
-    np.testing.assert_array_equal(columns["temperature_c"], [20.0, np.nan, np.nan, 21.0])
+    np.testing.assert_array_equal(columns["temperature_c"], [20.0, np.nan, np.nan, 21.0, np.nan])
     np.testing.assert_array_equal(columns["seq_c"], broken["seq_c"])
     tables.write_table(path, {"temperature_c": np.array([np.nan, 293.15, 294.0])}, {})
     says = "column temperature_c holds 293.15; plausible: -60 to 150 degC; give the column in the"
