@@ -28,9 +28,11 @@ from .spline import SPLINE, spline_slopes
 from .unknowns import (
     ALL,
     BACKLASH,
+    CLOCKS,
     DELAY,
     DRIFTS,
     GEOMETRY,
+    LAG,
     MOUNTING,
     OF_DRIFT,
     OF_SEAT,
@@ -59,14 +61,15 @@ class Data(NamedTuple):
     reference, mm and rad.
 
     sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
-    column then holds the initial guess.  beam: (n, 2) mm.  velocity: (n, 6) mm/s and rad/s.  clock:
-    (n, 2) time in half runs from -1 to 1, and temperature less its mean, K.  seat: (n,) number of
-    the mirror's seating; thirds: (n,) thirds of a turn by which the mirror was turned.  noise: (n,
-    9) standard deviations of the readings, which then follow no unknown.  slow: (n, 5) polynomials
-    for the laser's power over the run.  approach: (n, 6) the signs of each axis's last step; 0
-    where none is known.  rows: (n,) number of rows of the table in a sample's mean; None where each
-    sample is one row.  number: (n,) the table's row, from 1, or the number of the stand where rows
-    were averaged.  temperature: the mean one, degrees Celsius.
+    column then holds the initial guess. beam: (n, 2) mm. velocity: (n, 6) mm/s and rad/s. clock:
+    (n, 4) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K, and means of
+    its past less the temperature, K. seat: (n,) number of the mirror's seating; thirds: (n,) thirds
+    of a turn by which the mirror was turned. noise: (n, 9) standard deviations of the readings,
+    which then follow no unknown. slow: (n, 5) polynomials for the laser's power over the run.
+    approach: (n, 6) the signs of each axis's last step; 0 where none is known. step: (n, 6) by how
+    much the reference moved since the row before. rows: (n,) number of rows of the table in a
+    sample's mean; None where each sample is one row. number: (n,) the table's row, from 1, or the
+    number of the stand where rows were averaged. temperature: the mean one, degrees Celsius.
     """
 
     raw: Floats
@@ -80,6 +83,7 @@ class Data(NamedTuple):
     noise: Floats | None = None
     slow: Floats | None = None
     approach: Floats | None = None
+    step: Floats | None = None
     rows: Floats | None = None
     number: NDArray[np.int64] | None = None
     temperature: float | None = None
@@ -164,10 +168,12 @@ def seating(data: Data, mounting: Floats) -> Seating:
 
 def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
     """The reference's pose of each sample (n, 6), with the delay and the sample's own part added
-    and the backlash subtracted."""
+    and backlash and lag subtracted."""
     pose: Floats = data.pose + opening[:, :6]
     if data.approach is not None:
         pose = pose - values[block(BACKLASH)] * data.approach
+    if data.step is not None:
+        pose = pose - values[block(LAG)] * data.step
     if data.velocity is not None:
         pose = pose + values[PLACE[DELAY]] * data.velocity
     return pose
@@ -190,10 +196,10 @@ def states_of(data: Data, opening: Floats, values: Floats) -> Floats:
 
 
 def drift(data: Data, values: Floats) -> Floats:
-    """Drifts (n, 8) of the beam's position and of the readings with time and temperature, mm."""
+    """Drifts (n, 8) of the beam's position and of the readings by the clock, mm."""
     if data.clock is None:
         return np.zeros((len(data.raw), len(OF_DRIFT)))
-    each: Floats = data.clock @ values[block(DRIFTS)].reshape(2, len(OF_DRIFT))
+    each: Floats = data.clock @ values[block(DRIFTS)].reshape(len(CLOCKS), len(OF_DRIFT))
     return each
 
 
@@ -220,12 +226,12 @@ LEAST_STEP = 4.0
 
 
 def add_approach(data: Data) -> Data:
-    """Add the direction of each axis's last step; the rows are in the order of the motion."""
+    """Add each axis's last step and its direction; the rows are in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
     sign = np.where(np.abs(step) > LEAST_STEP * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
-    return data._replace(approach=np.take_along_axis(sign, latest, axis=0))
+    return data._replace(approach=np.take_along_axis(sign, latest, axis=0), step=step)
 
 
 def predict_readings(
@@ -435,7 +441,7 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
 
 
 def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
-    """Fill the columns of changes over the run: the laser, the delay, the backlash, the drifts."""
+    """Fill the columns of changes over the run: the laser, the delay, the last step, the drifts."""
     if data.slow is not None:
         every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
@@ -445,12 +451,14 @@ def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
             every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
     if data.approach is not None:
         every[:, :, block(BACKLASH)] = -own[:, :, :6] * data.approach[:, None, :]
+    if data.step is not None:
+        every[:, :, block(LAG)] = -own[:, :, :6] * data.step[:, None, :]
     if data.clock is None:
         return
     by_drift = np.zeros((len(own), 9, len(OF_DRIFT)))
     by_drift[:, :, :2] = by_state[:, :, 6:]
     by_drift[:, PLACES, np.arange(2, len(OF_DRIFT))] = 1.0
-    for n in range(2):
+    for n in range(len(CLOCKS)):
         start = block(DRIFTS).start + n * len(OF_DRIFT)
         every[:, :, start : start + len(OF_DRIFT)] = by_drift * data.clock[:, n, None, None]
 

@@ -19,7 +19,7 @@ from ..model.kinds import lit_kind
 from .bundle_adjustment import Data
 from .spline import SPLINE
 from .table import bends
-from .unknowns import BACKLASH, DELAY, OF_DRIFT, SKEW, Choice
+from .unknowns import BACKLASH, CLOCKS, DELAY, OF_DRIFT, SKEW, Choice
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -40,6 +40,7 @@ class Effect:
     not worth a line.  beam: standard deviation of the beam's position from sample to sample, mm.
     of_light: whether it needs the model of real light.  coated: whether it needs a coating in the
     sensor.  tried_last: whether a trial is so expensive that it waits until all others are decided.
+    rivals: name of a group of effects that look alike: the one that explains most comes first.
     """
 
     key: str
@@ -50,6 +51,7 @@ class Effect:
     of_light: bool = False
     coated: bool = False
     tried_last: bool = False
+    rivals: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,8 @@ DELAY_SIGMA_S = 0.01
 SKEW_SIGMA_S = 1e-4
 #: Half the play of a reference's axes, mm and rad, 1 sigma.
 HALF_PLAY = dict(zip(BACKLASH, (2e-3, 2e-3, 2e-3, 1e-5, 1e-5, 1e-5), strict=True))
+#: Lag of an axis, as a share of its last step, 1 sigma.
+LAG_SIGMA = 0.01
 #: Drift of the beam and of the detectors' posts over half a run or a kelvin, mm, 1 sigma.
 DRIFT_SIGMA_MM = 0.005
 #: Motion of the beam from sample to sample, mm, 1 sigma.
@@ -116,13 +120,22 @@ def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) ->
     return {name: HALF_PLAY[name] for n, name in enumerate(BACKLASH) if measured[n]}
 
 
-def drift_unknowns(column: int, cause: str) -> Unknowns:
-    """column: of `Data.clock`, which must change."""
+def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+    """In a motion that is followed in time a lag is a delay."""
+    if data is None or data.velocity is not None:
+        return {}
+    axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data, settings))
+    return {f"lag.{axis}": LAG_SIGMA for axis in axes}
+
+
+def drift_unknowns(*causes: str) -> Unknowns:
+    """causes: of `CLOCKS`, all of which must change."""
+    columns = [CLOCKS.index(cause) for cause in causes]
 
     def unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
-        if data is None or data.clock is None or np.ptp(data.clock[:, column]) == 0:
+        if data is None or data.clock is None or not np.ptp(data.clock[:, columns], axis=0).all():
             return {}
-        return {f"{cause}.{what}": DRIFT_SIGMA_MM for what in OF_DRIFT}
+        return {f"{cause}.{what}": DRIFT_SIGMA_MM for cause in causes for what in OF_DRIFT}
 
     return unknowns
 
@@ -145,11 +158,14 @@ EVERY_EFFECT = (
     Effect("channel_skew", "channels read one after the other",
            motion_unknowns(dict.fromkeys(SKEW[1:], SKEW_SIGMA_S)),
            missing="no time_s of a motion"),
-    Effect("backlash", "a reference with backlash", backlash_unknowns),
-    Effect("time_drift", "a beam, detectors drifting with time", drift_unknowns(0, "time"),
-           missing="no time_s"),
+    Effect("backlash", "a reference with backlash", backlash_unknowns, rivals="step"),
+    Effect("lag", "a mirror that lags by a share of its last step", lag_unknowns, rivals="step"),
+    Effect("time_drift", "a beam, detectors drifting with time", drift_unknowns("time"),
+           missing="no time_s", rivals="drift"),
     Effect("temperature_drift", "a beam, detectors drifting with heat",
-           drift_unknowns(1, "temperature"), missing="no temperature_c"),
+           drift_unknowns("temperature"), missing="no temperature_c", rivals="drift"),
+    Effect("temperature_lag", "a beam, detectors following the temperature late",
+           drift_unknowns(*CLOCKS[1:]), rivals="drift"),
     Effect("beam_moves", "a beam that moves from sample to sample", fixed_unknowns({}),
            beam=BEAM_SIGMA_MM),
 )  # fmt: skip

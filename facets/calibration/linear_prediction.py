@@ -165,6 +165,9 @@ def rank_candidates(
         if not good:
             return decisions + tried
         best = max(good, key=lambda n: tried[n].fall / max(tried[n].unknowns, 1) ** 0.5)
+        if group := remaining[best].effect.rivals:
+            rivals = [n for n in good if remaining[n].effect.rivals == group]
+            best = max(rivals, key=lambda n: tried[n].fall - 2 * tried[n].unknowns)  # Akaike
         decisions.append(tried[best])
         chosen, before = wider[best], after[best]
         del remaining[best]

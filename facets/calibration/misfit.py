@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..core.names import ANGLES, DETECTORS, POSE
+from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
@@ -30,7 +30,8 @@ from .scatter import (
     is_doubtful,
 )
 from .spline import spline_error
-from .unknowns import BACKLASH
+from .table import unit_of
+from .unknowns import BACKLASH, CLOCKS, LAG, PAST
 from .unmodelled import Remainder, uneven_share
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def pattern_variables(data: Data, k: int) -> dict[str, Floats]:
     if data.velocity is not None:
         for n, name in enumerate(POSE):
             found[f"the speed of {name}"] = data.velocity[:, n]
-    clock = np.zeros((len(data.raw), 2)) if data.clock is None else data.clock
+    clock = np.zeros((len(data.raw), len(CLOCKS))) if data.clock is None else data.clock
     time: Floats = clock[:, 0] if clock[:, 0].any() else np.linspace(-1, 1, len(data.raw))
     found["the time"] = time
     if clock[:, 1].any():
@@ -176,6 +177,8 @@ def findings(sensor: Sensor, found: Fit, data: Data, scatter: Scatter) -> list[F
     every += [
         scatter_finding(scatter),
         backlash_finding(found),
+        lag_finding(found),
+        heat_lag_finding(found),
         profile_finding(found),
         power_finding(found, data),
     ]
@@ -264,25 +267,58 @@ def power_finding(found: Fit, data: Data) -> Finding | None:
 
 def backlash_finding(found: Fit) -> Finding | None:
     """Backlash of the reference, if it was fitted."""
-    names = found.choice.names
-    there = [n for n, name in enumerate(names) if name in BACKLASH
-             and abs(found.values[n]) > CLEAR * found.uncertainty[n]]  # fmt: skip
-    if not there:
-        return None
+    return step_finding(
+        found, BACKLASH, 2.0, "from side to side",
+        "The reference has backlash ({}): by the direction of each axis's last step the mirror was "
+        "elsewhere than it says. The fit follows it; approach each pose from one side to be rid of "
+        "it.",
+    )  # fmt: skip
+
+
+def lag_finding(found: Fit) -> Finding | None:
+    """A mirror that lags behind the reference, if it was fitted."""
+    return step_finding(
+        found, LAG, 1.0, "of the step",
+        "The mirror lags behind the reference by a share of its last step ({}), as a part that "
+        "creeps. The fit follows it; wait longer at each pose to be rid of it.",
+    )  # fmt: skip
+
+
+def step_finding(
+    found: Fit, group: tuple[str, ...], times: float, of: str, words: str
+) -> Finding | None:
+    """What the mirror misses after a step, by those unknowns of a group that are clear.
+
+    times: the shown multiple of an unknown.  of: its meaning.  words: with a place for the values.
+    """
     told = []
-    for n in there:
-        axis = names[n].partition(".")[2]
-        factor, unit = (1e6, "urad") if axis in ANGLES else (1e3, "um")
-        told.append(f"{axis} {2 * factor * abs(found.values[n]):.2g} {unit}")
+    for name, value in clear_values(found, group).items():
+        unit, factor = unit_of(name, found.sensor)
+        told.append(f"{name.partition('.')[2]} {times * factor * value:.2g} {unit}")
+    return Finding(False, words.format(f"{', '.join(told)} {of}")) if told else None
+
+
+def heat_lag_finding(found: Fit) -> Finding | None:
+    """A head that follows the temperature late, if it was fitted."""
+    values = clear_values(found, PAST, 0.0).values()
+    if not values:
+        return None
     return Finding(False, (
-        f"The reference has backlash ({', '.join(told)} from side to side): by the direction of "
-        "each axis's last step the mirror was elsewhere than it says. The fit follows it; approach "
-        "each pose from one side to be rid of it."
+        "The beam or the detectors follow temperature_c late (by up to "
+        f"{1e3 * max(values):.2g} um for each kelvin by which they lag). What is written is what a "
+        "steady temperature does: measure at steady temperatures, or put the thermometer on the "
+        "head."
     ))  # fmt: skip
 
 
 #: Standard uncertainties from which on a backlash, or a profile, is told.
 CLEAR = 4.0
+
+
+def clear_values(found: Fit, group: tuple[str, ...], clear: float = CLEAR) -> dict[str, float]:
+    """The magnitudes of those unknowns of a group that are larger than `clear` uncertainties."""
+    fitted = zip(found.choice.names, np.abs(found.values), found.uncertainty, strict=True)
+    return {name: float(x) for name, x, u in fitted if name in group and x > clear * u}
 
 
 def profile_size(found: Fit, kind: str) -> float:

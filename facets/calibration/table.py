@@ -31,7 +31,9 @@ from .bundle_adjustment import Data
 from .fit import Fit
 from .unknowns import (
     BACKLASH,
+    CLOCKS,
     DRIFTS,
+    LAG,
     MOUNTING,
     OF_SEAT,
     OF_SENSOR,
@@ -184,10 +186,10 @@ def averaged_columns(
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """(n, 2) the time from -1 to 1 over the run, and the temperature less its mean, K."""
+    """See `Data.clock`: (n, 4)."""
     if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
-    out = np.zeros((int(good.sum()), 2))
+    out = np.zeros((int(good.sum()), len(CLOCKS)))
     if "time_s" in columns:
         time = columns["time_s"][good]
         low, high = np.nanmin(time), np.nanmax(time)
@@ -195,7 +197,29 @@ def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
     if TEMPERATURE_COLUMN in columns:
         temperature = columns[TEMPERATURE_COLUMN][good]
         out[:, 1] = temperature - np.nanmean(temperature)
+        if out[:, 0].any():
+            out[:, 2:] = measure_past(out[:, 0], out[:, 1])
     return np.nan_to_num(out)
+
+
+#: Time constants with which a head is taken to follow the temperature, in half runs: what follows
+#: it with another one is nearly a sum of these two.
+PAST_HALF_RUNS = np.array([0.2, 0.8])
+
+
+def measure_past(time: Floats, temperature: Floats) -> Floats:
+    """How far a head that follows the temperature late is from it (n, 2), K, by `PAST_HALF_RUNS`;
+    it begins in equilibrium."""
+    from scipy.integrate import cumulative_trapezoid
+
+    there = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
+    order = there[np.argsort(time[there], kind="stable")]
+    at, warmer = time[order, None] / PAST_HALF_RUNS, temperature[order, None]
+    growth = np.exp(at - at[0])
+    past = cumulative_trapezoid(growth * (warmer - warmer[0]), at, axis=0, initial=0) / growth
+    out = np.zeros((len(time), len(PAST_HALF_RUNS)))
+    out[order] = past + warmer[0] - warmer
+    return out
 
 
 #: How much of a motion a straight line between neighbours misses, at most, for it to be one that
@@ -377,6 +401,7 @@ UNITS = {
     **dict.fromkeys(EFFECTS, ("", 1.0)),
     **dict.fromkeys(POWER_DRIFT, ("%", 100.0)),
     **dict.fromkeys((*DRIFTS, *BACKLASH), ("um", 1e3)),
+    **dict.fromkeys(LAG, ("%", 100.0)),
     **{name: ("mrad", 1e3) if "mount" in name else ("mm", 1.0) for name in MOUNTING},
     **dict.fromkeys(SKEW, ("us", 1e6)),
     "beam.power": ("mW", 1.0),

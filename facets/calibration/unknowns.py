@@ -43,9 +43,14 @@ SKEW = tuple(f"skew_{letter}.delay" for letter in DETECTORS)
 #: By how much the mirror lags behind what the reference says, against the direction of each axis's
 #: last step: half the play, mm and rad.
 BACKLASH = tuple(f"backlash.{name}" for name in POSE)
+#: By which share of its last step the mirror lags behind what the reference says.
+LAG = tuple(f"lag.{name}" for name in POSE)
 #: What may drift: the beam's place, and each reading of a place.
 OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
-DRIFTS = tuple(f"{cause}.{what}" for cause in ("time", "temperature") for what in OF_DRIFT)
+#: By what, in the order of `Data.clock`; the last two: how far the temperature's past is from it.
+CLOCKS = ("time", "temperature", "past_1", "past_2")
+DRIFTS = tuple(f"{cause}.{what}" for cause in CLOCKS for what in OF_DRIFT)
+PAST = tuple(name for name in DRIFTS if name.startswith("past"))
 
 #: The laser's slow drift, shares: polynomials over the run.
 POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
@@ -53,7 +58,7 @@ POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
 #: The splines come last: only where one is chosen are their columns made.
-ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *BACKLASH, *DRIFTS, *POWER_DRIFT, *SPLINE)
+ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *BACKLASH, *LAG, *DRIFTS, *POWER_DRIFT, *SPLINE)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
 

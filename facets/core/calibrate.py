@@ -90,9 +90,11 @@ EFFECTS = block_of_keys(
             "beam_moves": "position of the beam in each sample",
             "delay": "delay of the reference's clock",
             "backlash": "backlash of the reference's axes",
+            "lag": "lag of the mirror by a share of each axis's last step",
             "channel_skew": "delay between the detectors, which are read one after the other",
             "time_drift": "drift of the beam and the detectors with time",
             "temperature_drift": "drift of the beam and the detectors with temperature_c",
+            "temperature_lag": "drift of the beam and the detectors with the past of temperature_c",
         }.items()
     ],
     dict,

@@ -166,8 +166,8 @@ def test_derivatives_are_those_of_differences(sensor):
     opening = rng.normal(size=(4, OWN_COUNT)) * [*[1e-3] * 3, *[1e-4] * 3, 0.02, 1e-3, 1e-3]
     data = Data(
         np.zeros((4, 9)), rng.uniform(-1, 1, (4, 6)) * rigs.BOX, rigs.REFERENCE, np.zeros((4, 2)),
-        velocity=rng.normal(size=(4, 6)) * 0.1, clock=rng.uniform(-1, 1, (4, 2)),
-        slow=rng.uniform(-1, 1, (4, 5)),
+        velocity=rng.normal(size=(4, 6)) * 0.1, clock=rng.uniform(-1, 1, (4, 4)),
+        slow=rng.uniform(-1, 1, (4, 5)), step=rng.normal(size=(4, 6)) * 0.1,
     )  # fmt: skip
     values[block(study.POWER_DRIFT)] = rng.uniform(-0.02, 0.02, 5)
     made = study.assign_values(sensor, values)

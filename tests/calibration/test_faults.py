@@ -185,7 +185,7 @@ def slow(seed=2, late=0.0, count=150):
 
     data = rigs.read(rig, empty._replace(pose=pose(time)), rng)
     said_pose = pose(time - late) + rigs.REFERENCE * rng.standard_normal((count, 6))
-    clock = np.column_stack([np.linspace(-1, 1, count), np.zeros(count)])
+    clock = np.column_stack([np.linspace(-1, 1, count), *np.zeros((3, count))])
     return data._replace(pose=said_pose, velocity=velocities(time, said_pose), clock=clock)
 
 

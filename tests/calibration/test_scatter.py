@@ -19,7 +19,7 @@ from facets.calibration.misfit import add_unseen_errors
 from facets.calibration.outliers import exclude_outliers
 from facets.calibration.scatter import fit_with_scatter
 from facets.calibration.table import choice
-from facets.calibration.unknowns import PLACE
+from facets.calibration.unknowns import PLACE, fold_mount
 from facets.calibration.unmodelled import Remainder, shape_of_powers
 from facets.calibration.verdict import verdict
 from facets.detectors.correction import invert_correction
@@ -187,3 +187,24 @@ def test_backlash_is_found_and_told():
     assert found.is_trusted
     assert found.found.every[PLACE["backlash.tx"]] == pytest.approx(1e-3, abs=1e-4)
     assert "The reference has backlash (tx 2 um from side to side)" in said
+
+
+def test_a_lag_by_a_share_of_the_last_step_is_no_backlash_and_no_scale():
+    """In poses of a random order half of a lag looks like a scale of the reference."""
+    rng = np.random.default_rng(4)
+    data = samples(seed=4)
+    rig = rigs.draw_rig(NOMINAL, np.random.default_rng(4))
+    there = data.pose - 0.004 * np.diff(data.pose, axis=0, prepend=data.pose[:1])
+    data = rigs.read(rig, data._replace(pose=there), rng)._replace(pose=data.pose)
+    asked = replace(PLAIN, effects=PLAIN.effects | {"backlash": "auto", "lag": "auto"})
+    found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
+    assert found.is_trusted
+    assert {row.key for row in found.search.rows if row.accepted} == {"lag"}
+    assert found.found.every[PLACE["lag.tx"]] == pytest.approx(0.004, abs=4e-4)
+    assert "The mirror lags" in " ".join(one.words for one in found.findings)
+    pose = rng.uniform(-1, 1, (200, 6)) * rigs.BOX
+    fresh = rigs.read(rig, Data(np.zeros((200, 9)), pose, rigs.REFERENCE, np.zeros((200, 2))), rng)
+    truth = states_of(fresh, np.zeros((200, 9)), fold_mount(rig.values))
+    off = rigs.errors(found.sensor, fresh, truth)
+    scale = [np.polyfit(truth[:, n], off[:, n], 1)[0] for n in (0, 1, 3, 4, 5)]
+    assert np.abs(scale).max() < 5e-4  # 2e-3 without the lag

@@ -15,6 +15,7 @@ import facets
 from facets.calibration.fit import fit
 from facets.calibration.rezero import StopReadings, average_stop, renew_zero
 from facets.calibration.table import choice, choose_groups, gather_samples
+from facets.calibration.verdict import verdict
 from facets.config import sensor_keys
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
@@ -46,6 +47,17 @@ def read(pose, temperature):
     return exact
 
 
+def sample(seed, head, more):
+    """Samples of a head at temperatures, with further columns."""
+    rng = np.random.default_rng(seed)
+    pose = rng.uniform(-1, 1, (len(head), 6)) * rigs.BOX
+    columns = dict(zip(READING_COLUMNS, add_noise(NOMINAL, read(pose, head), rng).T, strict=True))
+    said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
+    for n, name in enumerate(STATE_COLUMNS[:6]):
+        columns[f"ref_{name}"] = said[:, n] / STATE_UNITS[n]
+    return gather_samples("t.csv", columns | more, SETTINGS.calibrate)
+
+
 @pytest.fixture(scope="module")
 def calibrated():
     return calibrate(1)
@@ -53,15 +65,8 @@ def calibrated():
 
 def calibrate(seed):
     """The sensor after a calibration over 3 K, with other noise for each seed."""
-    rng = np.random.default_rng(seed)
-    pose = rng.uniform(-1, 1, (300, 6)) * rigs.BOX
     temperature = 20 + np.round(1.5 * np.sin(np.linspace(0, 11, 300)), 1)
-    columns = dict(zip(READING_COLUMNS, add_noise(NOMINAL, read(pose, temperature), rng).T,
-                       strict=True))  # fmt: skip
-    said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
-    for n, name in enumerate(STATE_COLUMNS[:6]):
-        columns[f"ref_{name}"] = said[:, n] / STATE_UNITS[n]
-    data = gather_samples("t.csv", columns | {"temperature_c": temperature}, SETTINGS.calibrate)
+    data = sample(seed, temperature, {"temperature_c": temperature})
     before = {"psd_place_mm": 0.2, "power_percent": 2.0}
     asked = replace(SETTINGS.calibrate, power_per_sample=False, before=before)
     wanted = choice(NOMINAL, asked).add_unknowns(dict.fromkeys(TEMPERATURE, 0.01))
@@ -75,6 +80,30 @@ def test_the_coefficients_are_those_of_the_rig(calibrated):
     truth = [*BEAM, *([0.0, -POST] * 3)]
     assert np.abs((np.array([*thermal.beam, *thermal.places]) - truth) / u).max() < 4
     assert (u < 3e-4).all()
+
+
+def test_a_temperature_that_leads_the_head():
+    """The head follows a ramp with a time constant of a quarter of the run."""
+    time = np.linspace(0, 4, 200)
+    air = 18.5 + np.minimum(time, 2)  # its mean is 20, where the rig is nominal
+    head = np.full(200, air[0])
+    for n in range(1, 200):
+        head[n] = head[n - 1] + (air[n] - head[n - 1]) * (1 - np.exp(-time[1]))
+    data = sample(3, head.round(2), {"temperature_c": air, "time_s": time})
+    effects = dict.fromkeys(SETTINGS.calibrate.effects, "off")
+    effects |= dict.fromkeys(("time_drift", "temperature_drift", "temperature_lag"), "auto")
+    before = {"psd_place_mm": 0.2, "power_percent": 2.0}
+    asked = replace(SETTINGS.calibrate, power_per_sample=False, before=before, effects=effects)
+    found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
+    assert found.is_trusted
+    assert {row.key for row in found.search.rows if row.accepted} == {"temperature_lag"}
+    assert "follow temperature_c late" in " ".join(one.words for one in found.findings)
+    known = found.sensor.calibration
+    u = np.sqrt(np.diag(known.covariance))[[known.names.index(name) for name in TEMPERATURE]]
+    off = np.array([*found.sensor.thermal.beam, *found.sensor.thermal.places])
+    off -= [*BEAM, *([0.0, -POST] * 3)]
+    assert (np.abs(off) < 3 * u).all()
+    assert u[:2].max() < 1e-4
 
 
 def test_poses_at_another_temperature(calibrated):
