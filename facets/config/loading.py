@@ -349,12 +349,11 @@ def _stage_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
     lacking = [f"stage.{name}" for name in ("permit", "heartbeat") if keys[name] is None]
     if not lacking or force <= MAX_FORCE_N:
         return []
-    name = "mass_kg" if inertia == force else "force_n"
     reason = (
         f"a stage whose force, or the weight or the inertia of whose mass, is {force:.3g} N needs "
         f"{' and '.join(lacking)}; allowed without: up to {MAX_FORCE_N:g} N"
     )
-    return [message(tree, [("stage", name)], reason)]
+    return [message(tree, [("stage", "force_n"), ("stage", "mass_kg")], reason)]
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:

@@ -199,8 +199,8 @@ class Stage:
         "native_limits",
         None,
         "largest speed and acceleration of each axis in the controller's own units, whatever "
-        "`step_um` is; written into the controller, read back, and given back at the end (Zaber: "
-        "maxspeed, accel; PI: VEL, ACC and DEC; Kinesis: velparams)",
+        "`step_um` is, beside those that follow from `max_speed_mm_s` and `acceleration_mm_s2` "
+        "(Zaber: maxspeed, accel; PI: VEL, ACC and DEC; Kinesis: steps/s, steps/s2)",
         gt=0,
         le=1e12,
     )

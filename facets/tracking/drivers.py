@@ -24,7 +24,8 @@ GROUP = "facets.stages"
 #: Drivers of this package that need an extra.
 SHIPPED = (EntryPoint("kinesis", "facets.tracking.kinesis:open_kinesis", GROUP),)
 PARTS = ("prepare", "place", "move", "stop", "cry", "close")
-#: A driver has this one, too, if it can hold `stage.native_limits`.
+#: A driver that can hold `stage.native_limits` has this one, too: it writes the limits that the
+#: controller had before.
 LIMITING = "give_back"
 
 
@@ -61,11 +62,6 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Close the line; a second call does nothing."""
-        ...
-
-    def give_back(self) -> None:
-        """Write the speed and the acceleration that the controller had before `prepare` set
-        `native_limits`; needed only with these."""
         ...
 
 

@@ -33,10 +33,11 @@ from .arrival import (
     settling_time,
     words,
 )
-from .drivers import Driver, open_driver
+from .drivers import LIMITING, Driver, open_driver
 from .encoder import Encoder
 from .interlock import Always, Heartbeat, Permit, close_line, open_permit
 from .limits import Limits
+from .native_limits import NativeLimits
 from .stage import StageError
 
 #: The watchdog stops the stage if its loop makes no step for this time, s.
@@ -309,6 +310,8 @@ class Envelope:
             if self.closed:
                 driver.close()
                 return
+            if isinstance(driver, NativeLimits) and isinstance(self._driver, NativeLimits):
+                driver.original = self._driver.original
             self._driver, self.failed = driver, False
         self._prepare()
 
@@ -358,20 +361,15 @@ class Envelope:
             try:
                 self._driver.cry()
                 self._driver.stop(patience=STOP_WAIT_S)
-                self.moving, answered = False, True
-                self._give_back()
+                self.moving = False
+                getattr(self._driver, LIMITING, lambda: None)()
+                answered = True
                 break
             except Exception as error:
                 self.tell("stop not answered", reason=str(error) or type(error).__name__)
         with suppress(Exception):
             self._driver.close()
         return answered
-
-    def _give_back(self) -> None:
-        """Give a controller its own limits back; it is safe where this fails."""
-        if self.settings.native_limits:
-            with suppress(Exception):
-                self._driver.give_back()
 
     def tell(self, name: str, **more: Any) -> None:
         """Report an event; a failure to record the event must not delay a stop."""

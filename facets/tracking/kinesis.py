@@ -19,7 +19,7 @@ from ..core.extras import require_extra
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .line import PATIENCE_S
-from .native_limits import ROUNDED, NativeLimits
+from .native_limits import NativeLimits
 from .stage import StageError
 
 #: Longest time for which `cry` waits for the end of another thread's question, s.
@@ -68,8 +68,6 @@ class Kinesis(NativeLimits):
         self.stop()
         s = self.settings
         with self.turn:
-            if s.native_limits:
-                self.original = self.read_limits()
             for (motor, channel), name in zip(self.axes, "xy", strict=True):
                 if motor.get_scale_units() == "internal":
                     raise StageError(
@@ -78,42 +76,21 @@ class Kinesis(NativeLimits):
                     )
                 if not motor.is_homed(channel=channel):
                     raise StageError(f"the axis {name} has no reference: home it by Kinesis")
-                found = motor.setup_velocity(
-                    acceleration=s.acceleration, max_velocity=s.max_speed, channel=channel
-                )
-                most = 1 + ROUNDED
-                if not (
-                    found.max_velocity <= most * s.max_speed
-                    and 0 < found.acceleration <= most * s.acceleration
-                ):
-                    raise StageError(
-                        f"the axis {name} keeps a speed of {found.max_velocity:g} mm/s and an "
-                        f"acceleration of {found.acceleration:g} mm/s2, more than it was told "
-                        "(stage.max_speed_mm_s, stage.acceleration_mm_s2)"
-                    )
-
-            if s.native_limits:
-                limits = np.array(s.native_limits)[:, None]
-                self.hold_back(np.minimum(limits, self.read_limits()))
+            self.hold_back(s.max_speed / s.step, s.acceleration / s.step)
 
     def read_limits(self) -> Floats:
-        """The largest speed and acceleration of each axis (2, 2), internal units."""
+        """The largest speed and acceleration of each axis (2, 2), steps/s and steps/s2."""
         with self.turn:
-            found = [
-                motor.get_velocity_parameters(channel=channel, scale=False)
-                for motor, channel in self.axes
-            ]
-        return np.array([[one.max_velocity for one in found], [one.acceleration for one in found]])
+            found = [motor.get_velocity_parameters(channel=channel) for motor, channel in self.axes]
+        limits = np.array([[one.max_velocity, one.acceleration] for one in found])
+        return limits.T / self.settings.step
 
     def write_limits(self, limits: Floats) -> None:
         """Set the largest speed and acceleration of each axis."""
+        values = (limits.T * self.settings.step).tolist()
         with self.turn:
-            for (motor, channel), (speed, acceleration) in zip(
-                self.axes, limits.T.astype(int).tolist(), strict=True
-            ):
-                motor.setup_velocity(
-                    acceleration=acceleration, max_velocity=speed, channel=channel, scale=False
-                )
+            for (motor, channel), (speed, change) in zip(self.axes, values, strict=True):
+                motor.setup_velocity(acceleration=change, max_velocity=speed, channel=channel)
 
     def place(self) -> Floats:
         """The beam's place by the encoders."""

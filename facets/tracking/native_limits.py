@@ -1,17 +1,22 @@
 """Limits of speed and acceleration that a controller keeps, in its own units.
 
-They hold whatever `stage.step_um` is, and where the program or the computer dies.
+They hold where the program or the computer dies, and `stage.native_limits` whatever the units are.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .stage import StageError
 
 #: Largest excess of a limit that is read back, as a share: controllers round to whole units.
 ROUNDED = 0.01
+#: A stage that moves by no more than these steps between two readings of its place stands.
+STEPS = 2
+#: A stage that does not stand after these readings keeps the lower limits.
+MOST_LOOKS = 1000
 
 
 class NativeLimits:
@@ -20,7 +25,12 @@ class NativeLimits:
     original: the limits before the first of ours; NaN for one that the controller does not have.
     """
 
+    settings: Settings
     original: Floats | None = None
+
+    def place(self) -> Floats:
+        """The beam's place by the encoders."""
+        raise NotImplementedError
 
     def read_limits(self) -> Floats:
         """The controller's limits (n, 2), of each axis: the speed, then accelerations."""
@@ -30,13 +40,17 @@ class NativeLimits:
         """Set the controller's limits (n, 2)."""
         raise NotImplementedError
 
-    def hold_back(self, most: Floats) -> None:
-        """Write limits (n, 2) or (n, 1) into the controller. Raises `StageError` if the controller
-        keeps others."""
+    def hold_back(self, speed: float | Floats, acceleration: float | Floats) -> None:
+        """Write these limits, in the controller's units, or those of `stage.native_limits` where
+        they are lower. Raises `StageError` if the controller keeps others."""
         before = self.read_limits()
+        most = np.empty_like(before)
+        native = self.settings.native_limits or (np.inf, np.inf)
+        most[0], most[1:] = np.minimum(speed, native[0]), np.minimum(acceleration, native[1])
+        if np.abs(before / most - 1).max() <= ROUNDED:
+            return
         if self.original is None:
             self.original = before
-        most = np.broadcast_to(most, before.shape)
         self.write_limits(most)
         kept = self.read_limits()
         if ((kept <= 0) | (kept > most * (1 + ROUNDED))).any():
@@ -46,6 +60,13 @@ class NativeLimits:
             )
 
     def give_back(self) -> None:
-        """Write the limits that the controller had before."""
-        if self.original is not None:
-            self.write_limits(self.original)
+        """Write the limits that the controller had before, once the stage stands."""
+        if self.original is None:
+            return
+        before = self.place()
+        for _ in range(MOST_LOOKS):
+            place = self.place()
+            if np.abs(place - before).max() <= STEPS * self.settings.step:
+                self.write_limits(self.original)
+                break
+            before = place

@@ -55,9 +55,7 @@ class Pi(NativeLimits):
         self.line.drain()
         self.stop()
         s = self.settings
-        speed, acceleration = s.native_limits or (np.inf, np.inf)
-        speed, acceleration = min(s.max_speed, speed), min(s.acceleration, acceleration)
-        self.hold_back(np.array([[speed], [acceleration], [acceleration]]))
+        self.hold_back(s.max_speed, s.acceleration)
 
     def read_limits(self) -> Floats:
         """Speed, acceleration and deceleration of each axis (3, 2)."""
@@ -70,7 +68,8 @@ class Pi(NativeLimits):
         if "=" in lines[0]:
             self.answers()  # the error code
             return self.numbers(lines)
-        if lines[0].strip() != UNKNOWN_COMMAND or self.settings.native_limits:
+        unknown = lines[0].strip() == UNKNOWN_COMMAND and name != "VEL"
+        if not unknown or self.settings.native_limits:
             raise StageError(f"the stage does not say its {name}, so that it cannot be limited")
         return np.full(2, np.nan)
 

@@ -22,8 +22,6 @@ SPEED_UNIT_STEPS_PER_S = 1 / 1.6384
 ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
 #: The settings of an axis that hold its moves back; a device stores them.
 LIMITS = ("maxspeed", "accel")
-#: The first firmware whose moves have a speed and an acceleration of their own.
-FIRMWARE = 7.25
 #: The numbers of messages are below this, and repeat.
 NUMBERS = 90
 #: Largest number of other lines before an expected answer.
@@ -42,7 +40,6 @@ class Zaber(NativeLimits):
         self.line, self.settings = line, settings
         self.zero = np.array(settings.zero)
         self.number = 0
-        self.bounds = ""  # the part of a move's command that bounds its speed
 
     def send(self, command: str, axis: int = 0) -> str:
         """Write a command; return its number."""
@@ -100,28 +97,11 @@ class Zaber(NativeLimits):
         self.cry()
         self.line.drain()
         self.stop()
-        s = self.settings
-        if s.native_limits:
-            self.hold_back(np.array(s.native_limits)[:, None])
-        most = (
-            round(s.max_speed / s.step / SPEED_UNIT_STEPS_PER_S),
-            round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2),
-        )
-        own = self.read_limits().max(axis=1)
-        if own[0] <= most[0] and 0 < own[1] <= most[1]:  # an acceleration of 0 sets no limit
-            return
-        version = self.ask("get version")
-        try:
-            new = float(version[0]) >= FIRMWARE
-        except (ValueError, IndexError):
-            new = False
-        if not new:
-            raise StageError(
-                f"the stage's own maxspeed {own[0]:g} or accel {own[1]:g} is above what "
-                f"stage.max_speed_mm_s and stage.acceleration_mm_s2 allow; set them to "
-                f"stage.native_limits: [{most[0]}, {max(1, most[1])}]"
-            )
-        self.bounds = f" {max(1, most[0])} {max(1, most[1])}"
+        s, own = self.settings, self.read_limits()
+        own[own == 0] = np.inf  # an acceleration of 0 sets no limit
+        speed = round(s.max_speed / s.step / SPEED_UNIT_STEPS_PER_S)
+        acceleration = round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2)
+        self.hold_back(*np.minimum(own, [[max(1, speed)], [max(1, acceleration)]]))
 
     def read_limits(self) -> Floats:
         """The largest speed and acceleration of each axis (2, 2), native."""
@@ -143,7 +123,7 @@ class Zaber(NativeLimits):
         units = np.round((place - self.zero) / self.settings.step).astype(int).tolist()
         sent = []
         for axis, unit in enumerate(units, start=1):
-            command = f"move abs {unit}{self.bounds}"
+            command = f"move abs {unit}"
             sent.append((self.send(command, axis), command))
         for number, command in sent:
             self.receive(number, command)

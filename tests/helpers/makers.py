@@ -123,12 +123,11 @@ class KinesisMotor:
     model = None  # a StageModel, set by the test
     axes: ClassVar = {"27000001": 0, "27000002": 1}
     units, homed, keeps = "user_step", True, None
-    internal = 1e-3  # mm/s and mm/s2 in one internal unit
 
     def __init__(self, conn, scale="step", default_channel=1, is_rack_system=False):
         if conn not in self.axes and conn != "70000001":
             raise RuntimeError(f"no device {conn}")
-        self.conn, self.closed = conn, False
+        self.conn, self.closed, self.scale = conn, False, scale
 
     def axis(self, channel):
         if self.closed:
@@ -161,12 +160,12 @@ class KinesisMotor:
     def setup_velocity(
         self, min_velocity=None, acceleration=None, max_velocity=None, channel=None, scale=True
     ):
-        unit = 1.0 if scale else self.internal
+        unit = self.scale * self.model.settings.step
         self.model.max_speed, self.model.acceleration = max_velocity * unit, acceleration * unit
         return self.get_velocity_parameters(channel, scale)
 
     def get_velocity_parameters(self, channel=None, scale=True):
-        unit = 1.0 if scale else self.internal
+        unit = self.scale * self.model.settings.step
         own = Velocity(0.0, self.model.acceleration / unit, self.model.max_speed / unit)
         return self.keeps or own
 

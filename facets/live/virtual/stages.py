@@ -16,17 +16,15 @@ class ZaberDevice:
     """A device of two axes. refuse: reject every move.  referenced: not restarted since
     it was homed.  moves: that were obeyed."""
 
-    VERSION = "7.35"
-
     def __init__(self, model: StageModel) -> None:
         self.model = model
         self.refuse, self.referenced, self.moves = False, True, 0
         self.zero, self.step = np.array(model.settings.zero), model.settings.step
         self.target = np.array(model.place)
-        self.most = np.array([model.max_speed / self.step / SPEED_UNIT_STEPS_PER_S] * 2)
-        self.change = np.array(
-            [model.acceleration / self.step / ACCELERATION_UNIT_STEPS_PER_S2] * 2
-        )
+        self.limits = {
+            "maxspeed": np.full(2, model.max_speed / self.step / SPEED_UNIT_STEPS_PER_S),
+            "accel": np.full(2, model.acceleration / self.step / ACCELERATION_UNIT_STEPS_PER_S2),
+        }
         self.held = b""
 
     def receive(self, data: bytes) -> bytes:
@@ -64,8 +62,8 @@ class ZaberDevice:
             return "0"
         if words[0] == "get" and len(words) == 2:
             return self.get(axis, words[1])
-        if words[:2] == ["move", "abs"] and 3 <= len(words) <= 5 and axis in (1, 2):
-            return self.move(axis, words[2:])
+        if words[:2] == ["move", "abs"] and len(words) == 3 and axis in (1, 2):
+            return self.move(axis, words[2])
         if words[0] == "set" and len(words) == 3:
             return self.set(axis, words[1], words[2])
         if words == ["stop"]:
@@ -75,36 +73,29 @@ class ZaberDevice:
         return "!BADCOMMAND"
 
     def get(self, axis: int, name: str) -> str:
-        if name == "version":
-            return self.VERSION
         here = (self.model.place - self.zero) / self.step
-        table = {"pos": here, "maxspeed": self.most, "accel": self.change}
+        table = {"pos": here, **self.limits}
         if name not in table:
             return "!BADCOMMAND"
         values = np.round(table[name]).astype(int)
         return " ".join(map(str, values if axis == 0 else values[axis - 1 : axis]))
 
     def set(self, axis: int, name: str, value: str) -> str:
-        limits = {"maxspeed": self.most, "accel": self.change}.get(name)
-        if limits is None or axis not in (1, 2) or not value.isdigit():
+        if name not in self.limits or axis not in (1, 2) or not value.isdigit():
             return "!BADDATA"
-        limits[axis - 1] = int(value)
+        self.limits[name][axis - 1] = int(value)
         return "0"
 
-    def move(self, axis: int, words: list[str]) -> str:
+    def move(self, axis: int, word: str) -> str:
         try:
-            unit, *bounds = [int(word) for word in words]
+            unit = int(word)
         except ValueError:
             return "!BADDATA"
         if self.refuse or not self.referenced:
             return "!DRIVERDISABLED"
-        most, change = self.most[axis - 1], self.change[axis - 1]
-        if bounds and bounds[0]:
-            most = min(most, bounds[0])
-        if len(bounds) > 1 and bounds[1]:
-            change = min(change, bounds[1])
-        self.model.max_speed = most * SPEED_UNIT_STEPS_PER_S * self.step
-        self.model.acceleration = change * ACCELERATION_UNIT_STEPS_PER_S2 * self.step
+        most, change = (float(limit[axis - 1]) * self.step for limit in self.limits.values())
+        self.model.max_speed = most * SPEED_UNIT_STEPS_PER_S
+        self.model.acceleration = change * ACCELERATION_UNIT_STEPS_PER_S2
         self.target[axis - 1] = self.zero[axis - 1] + self.step * unit
         self.moves += 1
         self.model.command(self.target)
