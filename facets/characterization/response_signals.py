@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 Columns = dict[str, NDArray[Any]]
 #: Columns of a time, and one unit of each in s.
 TIMES = {"time_s": 1.0, "board_us": 1e-6}
+#: A larger number is no measured input: its powers overflow.
+LARGEST_INPUT = 1e30
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def build_signals(
         [columns[one] * STATE_UNITS[n] for n, one in enumerate(STATE_COLUMNS[:6])], axis=1
     )
     stimulus = columns[column].astype(float)
-    usable = np.isfinite(poses).all(axis=1) & np.isfinite(stimulus)
+    usable = np.isfinite(poses).all(axis=1) & (np.abs(stimulus) < LARGEST_INPUT)
     stretches = find_stretches(time, usable, name)
     mean = poses[usable].mean(axis=0)
     motion, _, _ = object_displacements(poses, mean, body)

@@ -116,10 +116,12 @@ def test_a_body_that_does_not_answer_is_a_finding(run, tmp_path):
     columns = {"time_s": np.arange(count) / 1000, "force_n": rng.standard_normal(count)}
     for name in ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
         columns[name] = 1e-4 * rng.standard_normal(count)
+    columns["force_n"][1500] = columns["tz_mm"][1501] = 1e200
     pd.DataFrame(columns).to_csv("still.csv", index=False)
     status, out, _ = run("response", "still.csv", "--input", "force_n", "--config", "paper",
                          "--style", "dark", "--plot", "svg")  # fmt: skip
     assert status == 1
+    assert "2 rows have no pose or no input" in out
     assert "No peak stands out of its surroundings" in out
     assert "No response beyond chance: tx, ty, tz, roll, pitch, yaw. What is drawn is" in out
     drawn = (tmp_path / "results" / "still-response" / "response.svg").read_text()
