@@ -115,15 +115,12 @@ def require_table(path: Path) -> None:
     """Raise `InputError` if a file is missing or is not of the kind that its name says."""
     if path == STANDARD_STREAM:
         return
-    try:
-        if path.is_dir():
-            raise InputError(f"{path}: is a folder, not a table")
-        if not path.is_file():
-            raise InputError(f"{path}: no such file")
-        with open_bytes(path) as file:
-            begin = file.read(4)
-    except (OSError, EOFError, zlib.error) as error:
-        raise cannot_read(path, error) from None
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, not a table")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    with open_bytes(path) as file:
+        begin = file.read(4)
     if ending(path) == ".parquet":
         if begin != PARQUET:
             raise InputError(f"{path}: not a Parquet table; name a table of text .csv")
@@ -135,15 +132,19 @@ def require_table(path: Path) -> None:
             raise InputError(f"{path}: is {what}")
 
 
-def cannot_read(path: Path, error: Exception) -> InputError:
-    return InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}")
-
-
-def open_bytes(path: Path) -> Any:
+@contextmanager
+def open_bytes(path: Path) -> Iterator[Any]:
     """Open a file, a compressed one, or the standard input."""
-    if path == STANDARD_STREAM:
-        return open(0, "rb", closefd=False)
-    return gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb")
+    file = 0 if path == STANDARD_STREAM else path
+    try:
+        with (
+            open(file, "rb", closefd=file != 0) as raw,
+            gzip.open(raw) if path.suffix.lower() == ".gz" else raw as text,
+        ):
+            yield text
+    except (OSError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {reason}") from None
 
 
 class MissingColumnsError(InputError):
@@ -231,11 +232,8 @@ def delimiter_of(header: str) -> str:
 
 @contextmanager
 def open_sheet(path: Path) -> Iterator[Sheet]:
-    try:
-        with open_bytes(path) as raw:
-            yield Sheet(path, raw)
-    except (OSError, EOFError, zlib.error) as error:
-        raise cannot_read(path, error) from None
+    with open_bytes(path) as raw:
+        yield Sheet(path, raw)
 
 
 def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floats]:

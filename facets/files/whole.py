@@ -12,9 +12,10 @@ import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any
+from typing import IO, Any
 
 from ..core.errors import OutputError
 from .completeness import require_complete
@@ -106,7 +107,7 @@ class Whole:
     def __init__(self, path: Path, alone: bool = False) -> None:
         self.path, self.alone = path, alone
         self.removes = False  # a set also takes older files away
-        self.handle = -1  # of the temporary file, which it locks as long as its writer lives
+        self.lock: IO[bytes] = BytesIO()  # the temporary file, locked as long as its writer lives
 
     def __enter__(self) -> Path:
         self.folders = missing_folders(self.path.parent)
@@ -114,9 +115,10 @@ class Whole:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             remove_orphans(self.path)
-            self.handle = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
-            if not lock_file(self.handle):
-                self.close()  # Windows renames no file that is open
+            handle = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+            self.lock = os.fdopen(handle, "wb")
+            if not lock_file(self.lock):
+                self.lock.close()  # Windows renames no file that is open
         except BaseException as error:
             self.discard()
             if isinstance(error, OSError):
@@ -136,7 +138,7 @@ class Whole:
                 else:
                     self.temporary.replace(self.path)
                     sync_to_disk(self.path.parent)
-                    self.close()
+                    self.lock.close()
                 return
         except BaseException as lost:
             self.discard()
@@ -159,15 +161,10 @@ class Whole:
         elif not (self.removes or self.temporary.exists()):
             self.path.unlink(missing_ok=True)
 
-    def close(self) -> None:
-        if self.handle >= 0:
-            os.close(self.handle)
-            self.handle = -1
-
     def discard(self) -> None:
         """Remove everything written so far, and the folders that were made for it."""
         with hold_signals():
-            self.close()
+            self.lock.close()
             for path in (self.temporary, self.backup):
                 with suppress(OSError):
                     path.unlink(missing_ok=True)
@@ -264,16 +261,16 @@ def remove_orphans(path: Path) -> None:
     name = glob.escape(f".{path.stem[:40]}-|{path.suffix}").replace("|", 8 * "[0-9a-f]")
     for hidden in path.parent.glob(name):
         with suppress(OSError), hidden.open("rb") as file:
-            if lock_file(file.fileno()):
+            if lock_file(file):
                 hidden.unlink()
 
 
-def lock_file(handle: int) -> bool:
+def lock_file(file: IO[bytes]) -> bool:
     """Lock an open file until it is closed; False if it is locked, or the system has no locks."""
     try:
         import fcntl
 
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (ImportError, OSError):
         return False
     return True

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import facets
 from facets import InputError
-from facets.characterization.axis_disturbances import find_far_stands, fit_drift
+from facets.characterization.axis_disturbances import find_disturbances
 from facets.characterization.axis_report import evaluate_axis
 from facets.characterization.axis_visits import (
     Commands,
@@ -25,7 +25,7 @@ from facets.characterization.axis_visits import (
     measured_directions,
     read_commands,
 )
-from facets.characterization.error_motions import Visits, measure_error_motions
+from facets.characterization.error_motions import ErrorMotions, Visits, measure_error_motions
 from facets.characterization.positioning import QUANTITIES, evaluate_positioning
 from facets.core.knowledge import Knowledge
 from facets.estimation.plan import make_plan
@@ -339,12 +339,18 @@ def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
 
 
 def test_the_scatter_of_an_axis_is_neither_far_off_nor_drift():
-    rng, sides = np.random.default_rng(9), np.tile(2 * UP_AND_DOWN.astype(int) + [0, 1] * 4, 4)
+    runs, count = 4, 32
+    target, direction = np.tile(UP_AND_DOWN.astype(int), runs), np.tile([0] * 4 + [1] * 4, runs)
+    every = visits(np.zeros((count, 6)), np.arange(count))
+    every = replace(every, target=target, direction=direction, run=np.arange(count) // 8)
+    rng, scale = np.random.default_rng(9), np.ones((4, 4))
     for _ in range(150):
-        values = rng.standard_normal((len(sides), 6))
-        args = values, sides, np.arange(len(sides)) * 1.0, np.zeros(6)
-        assert not find_far_stands(*args).any()
-        assert not fit_drift(*args, 1)[0].any()
+        values = rng.standard_normal((6, count))
+        motions = ErrorMotions("Z", UP_AND_DOWN, every.grid(values), every.grid(values)[:, None],
+                               every.time, scale, scale)  # fmt: skip
+        found = find_disturbances(every, motions)
+        assert not found.is_far.any()
+        assert not found.trend.any()
 
 
 def test_of_two_stands_that_of_the_commanded_direction_belongs_to_the_command():

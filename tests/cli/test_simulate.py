@@ -140,7 +140,7 @@ def test_a_known_beam_saves_a_row_without_a_detector_on_request(tmp_path):
         (("solve", "paper", "names.csv", "-o", "p.csv"), "missing columns: psi_a_mm"),
         (("solve", "paper", "empty.csv", "-o", "p.csv"), "no rows"),
         (("solve", "paper", "readings.csv", "-o", "p.txt"), "ends in .csv, .csv.gz or"),
-        (("solve", "paper", "readings.csv", "-o", "readings.csv", "--force"), "itself"),
+        (("solve", "paper", "readings.csv", "-o", "readings.csv", "--force"), "made from it"),
         (("solve", "papr", "readings.csv", "-o", "p.csv"), "papr"),
         (("solve", "paper", "readings.csv", "-o", "p.csv", "--beam", "fixed"), "fixed"),
         (
