@@ -60,8 +60,6 @@ COMMANDS = {
 }
 #: Commands that run until they are stopped; the others end before much memory needs tidying.
 LIVE = ("acquire", "emulate")
-#: Commands of older versions, and their replacements.
-RENAMED_COMMANDS = {"recover": "replay RECORDING --recover"}
 #: Thresholds of the garbage collector; the usual ones would scan all modules during the imports.
 ALLOCATIONS = 10_000
 #: The exit status, once the command has ended.
@@ -111,8 +109,6 @@ def read_arguments() -> list[str]:
 def app_for_arguments() -> typer.Typer:
     """Make the program with the command that the arguments name, or with all if they name none."""
     first = next(iter(read_arguments()[1:]), "")
-    if first in RENAMED_COMMANDS:
-        raise InputError(f"there is no command {first}; give `facets {RENAMED_COMMANDS[first]}`")
     alone = first in COMMANDS and not whole_app.cache_info().currsize
     return app_of([first]) if alone else whole_app()
 

@@ -14,37 +14,18 @@ from facets.core.plain_numbers import plain_number
 #: Options whose value may be left out: its default then, and the pattern of a value.
 OPTIONAL_VALUES = {"--web": ("0", r"[^-].*"), "--certify": ("20000", r"-?[\d.+e_]+")}
 
-#: Commands whose result is a folder; until version 0.2 they used -o for the folder.
+#: Commands whose result is a folder, for which -o is often typed.
 FOLDER_COMMANDS = (
     "simulate", "range-map", "resolution", "jacobian", "tolerances", "acquire", "noise", "export-c",
     "bench", "reproduce",
 )  # fmt: skip
-#: Options of version 0.2 with new spellings, by command: the new spelling comes first.
+#: What is given instead of an option that a command does not have; what to give comes first.
 RENAMED = {
     **{(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")},
-    ("explore", "--from"): "--folder",
-    ("range-map", "--tracking"): "--track",
-    ("resolution", "--tracking"): "--track",
-    ("range-map", "--fixed"): "the default without --track",
-    ("resolution", "--fixed"): "the default without --track",
-    ("simulate", "--tracking"): "--track",
-    ("render", "--tracking"): "--track",
-    ("acquire", "--tracking"): "--track",
-    ("simulate", "--reference"): "--with-reference",
-    ("emulate", "--reference"): "--with-reference",
-    ("optimize", "--yield"): "--heads",
-    ("jacobian", "--search"): "--search-worst",
-    ("jacobian", "--no-search"): "--no-search-worst",
-    ("jacobian", "--sampling"): "--uniform for uniform random states, the default for Sobol' ones",
-    ("jacobian", "--table"): "--state-table",
     **{
-        ("acquire", f"--{word}"): "stage.search_mm of the configuration, 0 by default"
+        ("acquire", f"--{word}"): "the key stage.search_mm of the configuration, 0 by default"
         for word in ("search", "no-search", "search-mirror", "no-search-mirror")
     },
-    ("acquire", "--compare"): "--compare-board",
-    ("acquire", "--rate"): "--display-rate",
-    ("render", "--rate"): "--frame-rate",
-    ("replay", "--smooth-by"): "--smooth MODEL",
 }
 
 

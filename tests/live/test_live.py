@@ -340,7 +340,6 @@ def test_messages_say_what_to_do(tmp_path):
         (("acquire", "bench", *here, "-d", "file/deeper"), "cannot be written"),
         (("replay", "nothing"), "the folder does not exist"),
         (("replay", "nothing", "--recover"), "the folder does not exist"),
-        (("recover", "rec"), "no command recover; give `facets replay RECORDING --recover`"),
         (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; its motions: "),
         (("emulate", "bench", "--motion", "circle", "--seconds", "0"), "would end at once"),
         (

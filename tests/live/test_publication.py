@@ -249,20 +249,6 @@ def test_nobody_publishes_there():
                 Subscription(address, timeout=0.1)
 
 
-@pytest.mark.parametrize(
-    ("older", "new"),
-    [
-        ("tcp://127.0.0.1:5555", "zmq://127.0.0.1:5555"),
-        ("udp+binary://h:1", "zmq://h:1"),
-        ("shm:name", "zmq://127.0.0.1:5556"),
-    ],
-)
-def test_an_address_of_an_older_version_names_the_new_one(older, new):
-    for use in (lambda: Publications([older], CONFIG), lambda: Subscription(older)):
-        with pytest.raises(InputError, match=f"no longer supported; give {new}"):
-            use()
-
-
 @pytest.mark.slow
 def test_a_receiver_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
     monkeypatch.setattr(module, "MAX_WAITING_BYTES", 2_000_000)

@@ -8,13 +8,10 @@ from urllib.parse import parse_qsl, urlsplit
 from ...core.errors import InputError
 
 SCHEMES = "zmq://HOST:PORT, udp://HOST:PORT (JSON) or lsl:NAME"
-#: Schemes of older versions, which `zmq` has replaced.
-OLDER_SCHEMES = ("tcp", "shm", "udp+binary")
 
 
 def check_address(address: str) -> None:
     """Raise `InputError` for what is no address of a publication."""
-    refuse_older(address)
     parts = urlsplit(address)
     try:
         sound = parts.scheme == "lsl" or (
@@ -31,17 +28,6 @@ def check_address(address: str) -> None:
         raise InputError(f"--publish {address}: is not an address; give {SCHEMES}")
 
 
-def refuse_older(address: str) -> None:
-    """Raise `InputError` for an address of an older version, and name the new one."""
-    parts = urlsplit(address)
-    if parts.scheme in OLDER_SCHEMES:
-        place = parts.netloc or "127.0.0.1:5556"
-        raise InputError(
-            f"{address}: {parts.scheme} is no longer supported; give zmq://{place}, to which any "
-            "number of programs can subscribe"
-        )
-
-
 def options_of(address: str) -> dict[str, str]:
     """What stands behind the question mark of an address."""
     return dict(parse_qsl(urlsplit(address).query, keep_blank_values=True))
@@ -55,7 +41,6 @@ def zmq_endpoint(address: str) -> str:
     >>> zmq_endpoint("zmq://127.0.0.1:5556")
     'tcp://127.0.0.1:5556'
     """
-    refuse_older(address)
     parts = urlsplit(address)
     try:
         if parts.scheme != "zmq" or not parts.hostname or parts.port is None:
