@@ -28,7 +28,7 @@ from typing import Annotated, Any
 import typer
 
 from facets import __version__
-from facets.core.errors import FacetsError, InputError
+from facets.core.errors import FacetsError
 
 from . import signals
 from .command import Command
