@@ -389,7 +389,7 @@ class StopComparison:
             for psd, gain, height in zip(sensor.psds, *change[3:9].reshape(2, 3).tolist(),
                                          strict=True)
         ]  # fmt: skip
-        beam, power, wider = sensor.beam, *change[[2, 9]].tolist()
+        beam, power, wider = sensor.beam, float(change[2]), float(change[9])
         beam = replace(beam, power=beam.power + power, diameter_x=beam.diameter_x * (1 + wider),
                        diameter_y=beam.diameter_y * (1 + wider))  # fmt: skip
         return replace(sensor, beam=beam, psds=(psds[0], psds[1], psds[2]))

@@ -54,7 +54,7 @@ def heading(panel: Axes, place: float, text: str) -> None:
 
 def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
     """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
-    from matplotlib.transforms import offset_copy
+    from matplotlib.transforms import ScaledTranslation
 
     hues, i = chosen_hues(), POSE.index(name)
     factor = style.unit_of(name).fine_factor
@@ -64,7 +64,7 @@ def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
     order = np.argsort(-found.shares[i])
     panel.plot(rest, place, ms=5.5, **look(int(order[0])))
     if len(order) > 1 and found.shares[i][order[1]] >= NAMED_SHARE:
-        beside = offset_copy(panel.transData, panel.figure, 9, units="points")
+        beside = panel.transData + ScaledTranslation(9 / 72, 0, panel.figure.dpi_scale_trans)
         panel.plot(worst, place, ms=4, transform=beside, **look(int(order[1])))
         text = f"{100 * found.shares[i][order[1]]:.0f} %"
         panel.annotate(text, (worst, place), (14, 0), textcoords="offset points", va="center",
