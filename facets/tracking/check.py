@@ -81,6 +81,11 @@ class Axis(NamedTuple):
         return f"a command along {self.name} {what}"
 
 
+def response(axis: int, share: Floats, delay: float) -> Axis:
+    """The response of axis 0 or 1, whose command moves the beam by a share (2,) of itself."""
+    return Axis("xy"[axis], float(share[axis]), float(share[1 - axis]), delay)
+
+
 def stage_identity(settings: Settings, port: str) -> str:
     """The text that identifies a stage in `stage.checked`; every stage needs its own check."""
     return f"{settings.driver} {port} {1e3 * settings.step:g} um"
@@ -134,9 +139,13 @@ class StageCheck(Tracker):
     @property
     def is_over(self) -> bool:
         """Whether the check is complete, or the stage was stopped before."""
-        latched = self.envelope.latched
-        goes_on = latched == STALLED and self.envelope.stops <= STALLS
-        return self.is_complete or bool(self.error or (latched and not goes_on and self.stands))
+        ended = self.envelope.latched and not self.has_stalled and self.stands
+        return self.is_complete or bool(self.error or ended)
+
+    @property
+    def has_stalled(self) -> bool:
+        """Whether the stage waits for the end of a stall of the loop, after which it goes on."""
+        return self.envelope.latched == STALLED and self.envelope.stops <= STALLS
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
         """Look at the light, and continue the current move by a small part."""
@@ -184,8 +193,7 @@ class StageCheck(Tracker):
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
         """Resume a check by itself, and by nobody else, after a stall of the loop on a busy
         machine: the person who began the check is there, and no move is longer than STEP_MM."""
-        goes_on = self.envelope.latched == STALLED and self.envelope.stops <= STALLS
-        self.request = "the check" if goes_on and self.stands else ""
+        self.request = "the check" if self.has_stalled and self.stands else ""
         return bool(self.request) and super().is_resumed(doubt, newest, now)
 
     def bridge(self, now: float) -> bool:
@@ -194,13 +202,12 @@ class StageCheck(Tracker):
 
     def axes(self) -> list[Axis]:
         """Compute the response of both axes."""
-        means = [self.mean(leg) for leg in self.ends]
-        x = (2 * means[1] - means[0] - means[2]) / (2 * STEP_MM)
-        y = (2 * means[3] - means[2] - means[4]) / (2 * STEP_MM)
-        return [
-            Axis("x", float(x[0]), float(x[1]), self.delay(self.ends[2], 0, float(x[0]))),
-            Axis("y", float(y[1]), float(y[0]), self.delay(self.ends[4], 1, float(y[1]))),
-        ]
+        found = []
+        for n in range(2):
+            before, there, after = (self.mean(leg) for leg in self.ends[2 * n : 2 * n + 3])
+            share = (2 * there - before - after) / (2 * STEP_MM)
+            found.append(response(n, share, self.delay(self.ends[2 * n + 2], n, share[n])))
+        return found
 
     def mean(self, leg: int) -> Floats:
         """The mean place of the beam at the end of a leg (2,), mm."""
@@ -238,5 +245,4 @@ class StageCheck(Tracker):
         way = float((self.encoder.place - self.origin)[axis])
         if not (self.is_surprised and way and self.goals[self.leg].any()):
             return []
-        share = (self.good.beam - self.mean(0)) / way
-        return [Axis(name, float(share[axis]), float(share[1 - axis]), float("nan")).fault]
+        return [response(axis, (self.good.beam - self.mean(0)) / way, float("nan")).fault]
