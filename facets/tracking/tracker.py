@@ -85,7 +85,7 @@ class Tracker:
         self.search = Search(settings) if settings.search_distance else None
         self.started = self.searching = self.bridging = False
         self.newest = self.good = NOTHING
-        self.error = self.refused = self.request = self.offer = ""
+        self.error = self.refused = self.request = self.offer = self.distrust = ""
         self.home = self.encoder.place
         self.halted, self.late, self.found_since = "", 0.0, np.inf
         self.moves = self.bridges = 0
@@ -166,14 +166,16 @@ class Tracker:
         beams: Floats | None = None,
         permit: bool = False,
         late: float = 0.0,
+        doubt: str = "",
     ) -> None:
         """Take samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
         saturated, apexes and beams (n, 2) mm or NaN.  permit: whether all of them have it.  late:
-        how much earlier than these times they may have been taken, s."""
+        how much earlier than these times they may have been taken, s.  doubt: why not to follow
+        them, or ''."""
         came = self.clock()
         if not len(times):
             return
-        times, self.late = times - late, late
+        times, self.late, self.distrust = times - late, late, doubt
         if isinstance(self.envelope.permit, BoardPermit):
             self.envelope.permit.take(float(times[-1]), permit)
         for row in range(len(times) - 1, -1, -1):
@@ -201,6 +203,8 @@ class Tracker:
             doubt = "light that does not come from the beam"
         elif needs_pose and not np.isfinite(apex).all():
             doubt = "no pose"
+        else:
+            doubt = self.distrust
         place = apex.copy() if np.isfinite(apex).all() else None
         return Sample(taken, came, powers.copy(), place, beam.copy(), doubt)
 
@@ -284,7 +288,7 @@ class Tracker:
     def can_search(self, newest: Sample, now: float) -> bool:
         """Whether a search may continue, for which the light must be known."""
         known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
-        return known and self.search is not None
+        return known and self.search is not None and not self.distrust
 
     def search_offer(self, doubt: str, newest: Sample, now: float) -> str:
         """The search that a resume would begin, in words; '' if it would begin none."""

@@ -174,7 +174,7 @@ def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
     config = replace(CONFIG, acquire=replace(CONFIG.acquire, timing=timing))
     halts, ages = [], []
     stage = SimpleNamespace(
-        halt=halts.append, begun=0.0, feed=lambda *fed: ages.append(arrival - (fed[0] - fed[-1]))
+        halt=halts.append, begun=0.0, feed=lambda *fed: ages.append(arrival - (fed[0] - fed[-2]))
     )
     loop = Loop(Live(Pipeline(config), tracker=stage), SimpleNamespace(port=None))
     for data, came, _ in life(0, 13_200, 100.0, np.random.default_rng(7)):

@@ -239,7 +239,7 @@ class Stage:
     def __init__(self, error="", at_exit=None):
         self.error, self.at_exit, self.ended = error, at_exit, False
 
-    def feed(self, times, powers, apexes, beams, permit, late):
+    def feed(self, times, powers, apexes, beams, permit, late, doubt):
         assert powers.shape == (len(times), 3)
         assert apexes.shape == beams.shape == (len(times), 2)
         assert permit is False

@@ -10,11 +10,17 @@ import subprocess
 import termios
 import threading
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from commands import PROGRAM, command
 from programs import Program, await_true, count_lines
 
+import facets
+from facets.detectors.counts import readings_to_counts
+from facets.live.run.doubts import Trust
 from facets.live.run.keys import watch_keys
 from facets.live.virtual.board import HEARTBEAT_PATIENCE_S, HeartbeatWatch
 from facets.tracking.interlock import heartbeat_frame
@@ -139,6 +145,38 @@ def test_a_heartbeat_is_heard_among_noise_and_one_that_hangs_is_none():
     assert watch.is_alive(now)
     watch.feed(heartbeat_frame(7, False), now)
     assert not watch.is_alive(now)
+
+
+@pytest.mark.parametrize("bits", [16, 9])
+def test_a_frozen_converter_is_told_from_a_mirror_that_stands_still(bits):
+    """Counts at 1 kHz with noise, which the coarse converter hardly sees; then the same ones."""
+    config = facets.load("bench")
+    electronics = replace(config.electronics, adc_bits=bits)
+    trust = Trust(replace(config, electronics=electronics))
+    exact = np.repeat(facets.readings(config.sensor, np.zeros((1, 8))), 2000, axis=0)
+    counts = readings_to_counts(config.sensor, electronics, exact, np.random.default_rng(1))
+    time = 1000 * np.arange(2000)
+    for part in range(0, 2000, 20):
+        trust.add_counts(counts[part : part + 20], time[part : part + 20])
+        assert not trust.doubt
+    frozen = np.repeat(counts[-1:], 20, axis=0)
+    for n in range(4):
+        trust.add_counts(frozen, time[-1] + 1000 + 1000 * np.arange(20 * n, 20 * n + 20))
+        assert bool(trust.doubt) == (bits == 16 and n > 1)
+    trust.add_counts(frozen + 1, time[-1] + 100_000 + 1000 * np.arange(20))
+    assert not trust.doubt
+
+
+def test_poses_that_mostly_misfit_are_doubted_after_a_while():
+    trust, all_three = Trust(facets.load("bench")), np.full(3, True)
+    for n in range(200):  # at 100 Hz, and one second in the middle that does not fit
+        beyond = np.array([n % 3 == 0, 50 <= n < 150, 50 <= n < 150])
+        poses = SimpleNamespace(converged=all_three, checks=np.ones(3), misfit=beyond)
+        trust.add_poses(poses, 0.01 * n)
+        if n < 50 or n > 185:
+            assert not trust.doubt
+        if 110 < n < 150:
+            assert trust.doubt == "most poses have a residual beyond chance"
 
 
 def test_a_key_calls_its_action_and_the_terminal_is_as_it_was(tmp_path):

@@ -396,6 +396,24 @@ def test_the_envelope_itself_sends_nothing_while_it_is_stopped():
     assert envelope.go(there, port.now) is not None
 
 
+def test_readings_that_are_not_to_be_trusted_stop_and_nobody_resumes_on_them():
+    follower, port, _ = tracker(search=2.0)
+    steady(follower, port, 6.28)
+    light, place = np.full((1, 3), 0.1), np.array([[0.55, 0.0]])
+    for n in range(100):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        follower.feed(np.array([port.now]), light, place, doubt="the readings do not change")
+        if n == 90:
+            follower.resume("a person")
+        assert follower.step()
+    assert follower.stop_reason == "the readings do not change"
+    assert follower.note == "the stage was not resumed: the readings do not change"
+    moves = follower.moves
+    resume(follower, port, apex=port.device.model.place)
+    assert follower.moves > moves
+
+
 def stop_for_a_gap(follower, port):
     """A gap that is longer than may be bridged, and the end of it."""
     port.now += STAGE.bridge + STAGE.stale

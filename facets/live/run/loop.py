@@ -162,9 +162,11 @@ class Loop:
             if live.tracker:
                 is_permitted = bool((poses.flags & PERMITTED).all())
                 apexes, beams = apexes_of(poses)
+                known = live.pipeline
                 live.tracker.feed(
-                    poses.host, powers_of(poses), apexes, beams, is_permitted, live.pipeline.late
-                )
+                    poses.host, powers_of(poses), apexes, beams, is_permitted, known.late,
+                    known.trust.doubt,
+                )  # fmt: skip
         else:
             live.late += len(poses)
         self.give_to_sinks(poses)

@@ -40,7 +40,7 @@ from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
 from ..sources.host_time import HostTime
 from .board_poses import BoardPoses, is_pose
-from .doubts import Doubts
+from .doubts import Doubts, Trust
 from .object_poses import ObjectPoses
 
 if TYPE_CHECKING:
@@ -201,6 +201,7 @@ class Pipeline:
         self.tally = Tally()
         self.board = BoardPoses()
         self.doubts = Doubts(least_light(config.sensor))
+        self.trust = Trust(config)
         self.at_rest = knowledge_at_rest(config)
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
@@ -233,6 +234,7 @@ class Pipeline:
         if isnan(arrival):  # as late after its sample as the last that is known
             arrival = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
         self.last = arrival, int(time[-1])
+        self.trust.add_counts(samples.counts, time)
         readings, flags = self.convert(samples)
         flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
         flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
@@ -324,7 +326,7 @@ class Pipeline:
         kept, self.object_poses = self.object_poses, ObjectPoses(self.config)
         self.solve(nobody)
         self.object_poses, self.tally = kept, Tally()
-        self.doubts = Doubts(self.doubts.floor)
+        self.doubts, self.trust = Doubts(self.doubts.floor), Trust(self.config)
 
     def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
         """Readings (n, 9) and flags (n,) of counts."""
@@ -359,6 +361,7 @@ class Pipeline:
             solution, self.config.sensor, knowledge, self.config.solve.method, exact
         )
         self.doubts.add(batch.readings, batch.flags, solution.misfit, unknown)
+        self.trust.add_poses(solution, 1e-6 * int(batch.time[-1]))
         if self.board.came:  # which does not know the temperature
             known = solution if temperature is None else self.estimate(batch, None)[0]
             self.board.compare(batch.seq, known)
