@@ -11,7 +11,7 @@ import typer
 from facets import characterization, core, estimation, files, pictures
 from facets.core.names import POSE
 
-from .console import FINDING, load_config, name_files, report_coverage, show_table
+from .console import FINDING, load_config, name_files, report_coverage, report_lines, show_table
 from .options import (
     ConfigName,
     Coverage,
@@ -48,8 +48,9 @@ def resolution(
 ) -> None:
     """Compute each axis's uncertainty, at rest and at worst.
 
-    Prints standard uncertainties (1 sigma). The worst pose is searched along the symmetric
-    range of each axis, with the other axes at rest. They are computed for the paper's inversion
+    Prints standard uncertainties (1 sigma): at rest; at the worst pose of each axis's own symmetric
+    range, with the other axes at rest; and at the worst pose anywhere in the box that `range-map`
+    prints, all axes at once. Both are searched. They are computed for the paper's inversion
     and for the least-squares solver with the beam's position free, known within
     `solve.beam_sigma_um`, and known exactly. Writes a table, a picture of the noise budget at
     rest and a record of the run into the folder. --coverage adds expanded uncertainties. With an
@@ -109,7 +110,11 @@ def show(found: list[Resolution], coverage: float | None = None) -> None:
     kind = "standard uncertainty, 1 sigma"
     if coverage is not None:
         kind = f"expanded uncertainty, {100 * coverage:g} %"
-    places = (("at rest", "nominal"), ("at worst in the range of each axis", "worst"))
+    places = (
+        ("at rest", "nominal"),
+        ("at worst over each axis's own range", "worst"),
+        ("at worst anywhere in the box", "worst_in_box"),
+    )
     for number, (title, field) in enumerate(places):
         rows = []
         for row in found:
@@ -120,6 +125,11 @@ def show(found: list[Resolution], coverage: float | None = None) -> None:
             ]
             rows.append([row.how.name, *cells])
         show_table(f"{kind}, {title}", headings, rows)
+    box = [
+        f"{name} {core.units.unit_of(name).factor * half:.4g} {core.units.unit_of(name).unit}"
+        for name, half in zip(POSE, found[0].box, strict=True)
+    ]
+    report_lines(f"The box, +-, all six axes at once: {', '.join(box)}.")
     finer = found[0].worst / found[-1].worst
     gains = ", ".join(f"{name} {gain:.3g}" for name, gain in zip(POSE, finer, strict=True))
     typer.echo(f"with the beam known, finer than the paper's inversion by: {gains}\n")

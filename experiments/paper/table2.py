@@ -2,8 +2,8 @@
 
 Two numbers are fitted, both in configs/paper.yaml. The position noise, 2.6 um at 0.1 mW (1 sigma),
 to the resolutions in z, roll, pitch and yaw: twice the worst standard deviation of the paper's
-inversion, light shared evenly. The least signal-to-noise ratio, 810, to the ranges in x and y under
-a fixed beam. Ranges go equally far to both sides.
+inversion over each axis's own range. The least signal-to-noise ratio, 810, to the ranges in x and y
+under a fixed beam. Ranges go equally far to both sides.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ OFF = "worst at the end of the range in x or y, where a detector has a ninth of 
 WHY = {
     ("range", FIXED): {"tx": "fitted: the least signal-to-noise ratio is", "ty": "the same fit"},
     ("resolution", TRACKING): {"tx": COARSE, "ty": COARSE},
-    ("resolution", FIXED): dict.fromkeys(POSE, OFF) | {"tx": f"{COARSE}; {OFF}", "ty": "both"},
+    ("resolution", FIXED): {"tx": f"{COARSE}; {OFF}", "ty": "both"},
 }
 FIT = "one noise of the centroids, fitted to these four"
 

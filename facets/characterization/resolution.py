@@ -29,7 +29,7 @@ from ..estimation.compiling import compile_for
 from ..estimation.coverage import coverage_factor, effective_degrees_of_freedom
 from ..estimation.uncertainty_parts import parameter_derivatives
 from ..model.arrays import as_rows, jacobian, readings
-from .ranges import axis_ranges, states_of
+from .ranges import axis_ranges, largest_box, states_of
 
 #: The source of an uncertainty that a calibration leaves; the last one.
 CALIBRATION = "calibration"
@@ -237,42 +237,91 @@ def uncertainties(
     return root
 
 
-def sweep_states(sensor: Sensor, rules: Rules, count: int = 101) -> Floats:
-    """Poses along each axis's symmetric range, the others at rest, as states (6 count, 8).
+#: Share of an end up to which a range is searched, places where a search begins, and its steps, all
+#: in shares of a box's half sides.
+INSIDE = 1 - 1e-6
+STARTS = np.concatenate(
+    [
+        np.zeros((1, 6)),
+        np.array(np.meshgrid(*[[-1.0, 1.0]] * 6)).reshape(6, -1).T,
+        np.random.default_rng(0).uniform(-1, 1, (100, 6)),
+    ]
+)
+FIRST_STEP, LAST_STEP = 0.25, 1e-4
 
-    The poses over which the paper takes the worst standard deviation.
+
+def worst_states(sensor: Sensor, rules: Rules, how: Estimator, halves: Floats) -> Floats:
+    """States (6, 8) in which each axis is worst known, by a search from many places.
+
+    halves: (6, 6) for each axis half the sides of the box about rest that is searched.
     """
-    poses = []
-    for number, found in enumerate(axis_ranges(sensor, rules, np.zeros(6))):
-        along = np.zeros((count, 6))
-        along[:, number] = np.linspace(-found.symmetric / 2, found.symmetric / 2, count)
-        poses.append(0.999 * along)
-    return states_of(np.concatenate(poses), rules)
+    axes = np.arange(6)
+
+    def states(shares: Floats) -> Floats:
+        """States of shares (6, n, 6): 6 n."""
+        return states_of((INSIDE * shares * halves[:, None]).reshape(-1, 6), rules)
+
+    def look(shares: Floats) -> Floats:
+        sigma = uncertainties(sensor, states(shares), how, rules.object).reshape(
+            *shares.shape[:2], 6
+        )
+        own: Floats = np.nan_to_num(sigma[axes, :, axes], nan=-1.0)
+        return own
+
+    tried = np.repeat(STARTS[None], 6, axis=0)
+    sides = np.concatenate([np.eye(6), -np.eye(6)])
+    place, best, step = np.zeros((6, 6)), np.full(6, -1.0), np.full(6, FIRST_STEP)
+    while (step > LAST_STEP).any():
+        found = look(tried)
+        most = found.argmax(axis=1)
+        better = found[axes, most] > best
+        place = np.where(better[:, None], tried[axes, most], place)
+        best = np.maximum(best, found[axes, most])
+        step = np.where(better, step, step / 2)
+        tried = np.clip(place[:, None] + step[:, None, None] * sides, -1.0, 1.0)
+    if (best < 0).any():
+        raise InputError(f"{how.name}: no pose in the range can be solved")
+    return states(place[:, None])
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """One estimator's standard uncertainties, mm and rad: (6,) at rest and their maxima.
+    """One estimator's standard uncertainties, mm and rad: (6,) at rest; at worst over each axis's
+    own symmetric range, the others at rest; and at worst anywhere in a box of all six axes.
 
-    worst_state: (6, 8) states of each axis's maximum.  budget: (6, s) variances at rest, by source.
-    worst_budget: (6, s) each axis's own at its maximum.  degrees_of_freedom: of the calibration,
-    NaN where unknown.  object: whose axes these are, None: the mirror's.
+    worst_state, box_state: (6, 8) states of each axis's maximum.  budget: (6, s) variances at rest,
+    by source.  worst_budget, box_budget: (6, s) each axis's own at its maximum.  box: (6,) half the
+    sides of `largest_box`.  degrees_of_freedom: of the calibration, NaN where unknown.  object:
+    whose axes these are, None: the mirror's.
     """
 
     how: Estimator
     sources: tuple[str, ...]
-    nominal: Floats
-    worst: Floats
     worst_state: Floats
+    box_state: Floats
     budget: Floats
     worst_budget: Floats
+    box_budget: Floats
+    box: Floats
     degrees_of_freedom: float
     object: MeasuredObject | None = None
 
+    @property
+    def nominal(self) -> Floats:
+        return total(self.budget)
+
+    @property
+    def worst(self) -> Floats:
+        return total(self.worst_budget)
+
+    @property
+    def worst_in_box(self) -> Floats:
+        return total(self.box_budget)
+
     def coverage(self, probability: float) -> tuple[tuple[Floats, Floats], ...]:
-        """Effective degrees of freedom and coverage factors (6,) at rest, and at each maximum."""
+        """Effective degrees of freedom and coverage factors (6,) at rest, and at both maxima."""
         found = []
-        for budget in (self.budget, self.worst_budget):
+        for budget in (self.budget, self.worst_budget, self.box_budget):
             part = budget[:, -1] if self.sources[-1] == CALIBRATION else np.zeros(len(budget))
             freedom = effective_degrees_of_freedom(
                 budget.sum(axis=1), part, self.degrees_of_freedom
@@ -287,27 +336,42 @@ class Resolution:
         return part
 
 
+def total(budget: Floats) -> Floats:
+    """Standard uncertainties (6,) of variances (6, s) by source."""
+    root: Floats = np.sqrt(budget.sum(axis=1))
+    return root
+
+
 def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Resolution]:
-    """Compute the resolutions of estimators over the range of each axis."""
+    """Compute the resolutions of estimators at rest, over the range of each axis, and in the
+    largest box with the proportions of these ranges."""
     compile_for(sensor, "readings", "footprints", "derivatives")
-    states, body = sweep_states(sensor, rules), rules.object
-    rest, known, found = np.zeros((1, 8)), sensor.calibration, []
+    rest, known, body, found = np.zeros((1, 8)), sensor.calibration, rules.object, []
+    half = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
+    box, _ = largest_box(sensor, rules, np.zeros(6), half)
     freedom = (
         np.nan if known is None or known.degrees_of_freedom is None else known.degrees_of_freedom
     )
     for how in hows:
-        sigma = uncertainties(sensor, states, how, body)
-        if np.isnan(sigma).all(axis=0).any():
-            raise InputError(f"{how.name}: no pose in the range can be solved")
-        worst = np.nanargmax(sigma, axis=0)
-        budget = budgets(sensor, rest, how, body)[0]
-        nominal = np.sqrt(budget.sum(axis=1))
-        largest = sigma[worst, np.arange(6)]
-        there = states[worst]
-        of_worst = budgets(sensor, there, how, body)[np.arange(6), np.arange(6)]
+        own = worst_states(sensor, rules, how, np.diag(half))
+        anywhere = worst_states(sensor, rules, how, np.tile(box, (6, 1)))
+        at_own, at_any = (
+            budgets(sensor, states, how, body)[np.arange(6), np.arange(6)]
+            for states in (own, anywhere)
+        )
+        at_rest = budgets(sensor, rest, how, body)[0]
         found.append(
             Resolution(
-                how, sources(sensor, how), nominal, largest, there, budget, of_worst, freedom, body
+                how,
+                sources(sensor, how),
+                own,
+                anywhere,
+                at_rest,
+                at_own,
+                at_any,
+                box,
+                freedom,
+                body,
             )
         )
     return found

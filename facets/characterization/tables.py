@@ -45,7 +45,7 @@ def resolution_columns(
     columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
     if coverage is not None:
         places = zip(*(row.coverage(coverage) for row in found), strict=True)
-        for place, numbers in zip(("at_rest", "worst"), places, strict=True):
+        for place, numbers in zip(("at_rest", "worst", "worst_in_box"), places, strict=True):
             freedom, factor = (np.concatenate(part) for part in zip(*numbers, strict=True))
             columns[f"expanded_{place}"] = factor * columns[f"u_{place}"]
             columns |= {f"k_{place}": factor, f"degrees_of_freedom_{place}": freedom}
@@ -54,7 +54,7 @@ def resolution_columns(
 
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
     unit = unit_of(POSE[i])
-    worst_at = row.worst_state[i] / STATE_UNITS
+    worst_at, in_box = row.worst_state[i] / STATE_UNITS, row.box_state[i] / STATE_UNITS
     shares = {
         f"share_of_{s.replace(' ', '_')}": row.shares[i, n] for n, s in enumerate(row.sources)
     }
@@ -65,8 +65,10 @@ def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
         "u_at_rest": unit.fine_factor * row.nominal[i],
         "u_worst": unit.fine_factor * row.worst[i],
         "u_expanded_worst": 2 * unit.fine_factor * row.worst[i],
+        "u_worst_in_box": unit.fine_factor * row.worst_in_box[i],
         **shares,
         **{f"worst_at_{c}": worst_at[k] for k, c in enumerate(STATE_COLUMNS)},
+        **{f"worst_in_box_at_{c}": in_box[k] for k, c in enumerate(STATE_COLUMNS)},
     }
 
 

@@ -124,6 +124,26 @@ def test_the_more_is_known_the_finer():
     assert found[0].worst[0] / found[-1].worst[0] > 30
 
 
+def test_the_worst_is_that_of_the_axis_own_range_and_of_the_box():
+    """No denser sample of either finds a worse pose than the search, which stays inside them."""
+    rules, (how, _, _, _) = Rules(), estimators(0.005)
+    (found,) = resolve(SENSOR, rules, [how])
+    half = [axis.symmetric / 2 for axis in facets.axis_ranges(SENSOR, rules, np.zeros(6))]
+    for i, states in enumerate((found.worst_state, found.box_state)):
+        assert (np.abs(states[:, :6]) <= (np.diag(half), found.box)[i]).all()
+    for i in range(6):
+        swept = np.zeros((1001, 8))
+        swept[:, i] = np.linspace(-half[i], half[i], 1001)
+        most = np.nanmax(uncertainties(SENSOR, swept[1:-1], how)[:, i])
+        assert found.worst[i] == pytest.approx(most, rel=5e-3)
+        assert found.worst[i] > most * (1 - 1e-5)
+    poses = np.zeros((20_000, 8))
+    poses[:, :6] = np.random.default_rng(4).uniform(-1, 1, (20_000, 6)) * found.box
+    most = uncertainties(SENSOR, poses, how).max(axis=0)
+    assert (found.worst_in_box >= most).all()
+    assert found.worst_in_box == pytest.approx(most, rel=0.05)
+
+
 def test_table_2_in_z_and_the_angles_from_one_position_noise():
     """Twice the worst standard deviation, light shared evenly as by tracking: within 10 %."""
     found = resolve(SENSOR, Rules(tracking=True), estimators(0.005))[0]
