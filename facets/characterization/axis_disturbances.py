@@ -17,7 +17,7 @@ from ..core.units import Booleans, Floats, Integers
 from .error_motions import ErrorMotions, Visits
 
 #: Probability of a stand far off, and of a drift, in a test that has none.
-CHANCE = 2e-4
+CHANCE = 1e-4
 #: Highest order of a drift's polynomial, and the statistical freedom that each order needs.
 MAX_ORDER, FREEDOM_PER_ORDER = 4, 6
 #: Most stands that are looked at as far off; also at most an eighth of all.
@@ -101,7 +101,7 @@ def fit_drift(values: Floats, sides: Integers, time: Floats) -> DriftFit:
     freedom = len(time) - len(stands)
     orders = min(MAX_ORDER, freedom // FREEDOM_PER_ORDER)
     scaled = np.interp(time, [time.min(), time.max()], [-1, 1])
-    powers = np.polynomial.legendre.legvander(scaled, orders)[:, 1:]
+    powers = np.asarray(np.polynomial.legendre.legvander(scaled, orders)[:, 1:], dtype=float)
     across, triangle = np.linalg.qr(subtract_means(powers))
     sizes = across.T @ values
     share = np.where(stands > 2, 1 - 1 / stands, np.inf)[side] - (across**2).sum(axis=1)
