@@ -493,13 +493,49 @@ def covariance_factor(found: Fit) -> float:
     return found.reduced_chi_square if is_doubtful(found) else 1.0
 
 
+#: Standard deviations of chance from which on readings are taken to scatter together.
+TOGETHER = 4.0
+
+
+def common_scatter(remainder: Remainder) -> dict[str, float]:
+    """Standard deviations by which the three detectors' places scatter together, by kind, mm.
+
+    A score test: what P y follows, see `unmodelled`, against what independent noise leaves there.
+    A mirror that vibrates against the reference does the same, so the reference's stated
+    uncertainty counts.
+    """
+    found, at = {}, remainder.restricted
+    for m, kind in enumerate(KINDS[:2]):
+        column = remainder.is_read[:, m::3].astype(float)  # in standard deviations of the noise
+        seen = (column * at.pulled[:, m::3]).sum(axis=1) ** 2
+        across = (column[:, :, None] * at.weighted[:, m::3]).sum(axis=1)
+        due = np.einsum("ni,nij,nj->n", column, at.inverse[:, m::3, m::3], column)
+        due -= ((across @ remainder.covariance) * across).sum(axis=1)
+        excess, size = float((seen - due).sum()), float((due**2).sum())
+        if excess > TOGETHER * np.sqrt(2 * size):
+            sigma = float(np.nanmedian(remainder.noise[:, m::3]))
+            found[kind] = sigma * float(np.sqrt(excess / size))
+    return found
+
+
+def common_findings(common: dict[str, float]) -> list[Finding]:
+    return [Finding(False, (
+        f"The three detectors' {kind} scatter together, by {1e3 * size:.2g} um (r.m.s.): a supply "
+        "or a reference voltage that they share, or a mirror that vibrates; facets noise at rest "
+        "tells which. The stated uncertainties include it."
+    )) for kind, size in common.items()]  # fmt: skip
+
+
 def add_unseen_errors(
-    sensor: Sensor, found: Fit, missed: dict[str, float], centre: float
+    sensor: Sensor, found: Fit, missed: dict[str, float], centre: float, common: dict[str, float]
 ) -> Sensor:
     """The calibrated sensor whose uncertainty includes what the model misses in readings (`missed`,
-    by name) and the uncertainty of the light's middle (`centre`, mm)."""
+    by name), the uncertainty of the light's middle (`centre`, mm), and what places of all detectors
+    have in common (see `common_scatter`)."""
     known = sensor.calibration
     assert known is not None
+    together = {kind: [f"misfit_{k}.{kind}" for k in DETECTORS] for kind in common}
+    missed = dict.fromkeys((name for names in together.values() for name in names), 0.0) | missed
     if centre:
         missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
     if not missed:
@@ -509,5 +545,7 @@ def add_unseen_errors(
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))
     names = (*known.names, *missed)
+    for kind, group in together.items():
+        matrix[np.ix_(*[[names.index(name) for name in group]] * 2)] += common[kind] ** 2
     joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
     return replace(sensor, calibration=joint)

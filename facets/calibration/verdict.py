@@ -26,6 +26,8 @@ from .misfit import (
     Finding,
     add_unseen_errors,
     centre_sigma,
+    common_findings,
+    common_scatter,
     findings,
     model_error,
     outlier_findings,
@@ -242,7 +244,10 @@ def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibra
     missed = model_error(found, data, done.sensor, done.scatter)
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
-    made = add_unseen_errors(found.sensor, found, missed, centre)
+    as_stated = data._replace(sigma=plain.screened.fitted.sigma)
+    common = common_scatter(Remainder(done.sensor, as_stated, found, settings.outliers))
+    said += common_findings(common)
+    made = add_unseen_errors(found.sensor, found, missed, centre, common)
     known = replace(found, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation(sensor, known, held)

@@ -22,7 +22,8 @@ from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE, fold_mount
 from facets.calibration.unmodelled import Remainder, shape_of_powers
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import invert_correction
+from facets.detectors.correction import correct, invert_correction
+from facets.detectors.noise import standard_deviations
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor
@@ -125,7 +126,7 @@ def test_a_beam_that_may_not_be_gaussian_makes_x_and_y_less_certain():
     data = samples().part(slice(0, 20))
     found = plain_fit(samples())
     centre = 2e-4
-    wider = add_unseen_errors(found.sensor, found, {}, centre)
+    wider = add_unseen_errors(found.sensor, found, {}, centre, {})
     before, after = (
         facets.solve(sensor, data.raw, beam="known", power="unknown").uncertainty ** 2
         for sensor in (found.sensor, wider)
@@ -208,3 +209,26 @@ def test_a_lag_by_a_share_of_the_last_step_is_no_backlash_and_no_scale():
     off = rigs.errors(found.sensor, fresh, truth)
     scale = [np.polyfit(truth[:, n], off[:, n], 1)[0] for n in (0, 1, 3, 4, 5)]
     assert np.abs(scale).max() < 5e-4  # 2e-3 without the lag
+
+
+def share_noise(sensor, exact, rng):
+    """Readings whose places along zeta have 60 % of their noise's variance in common."""
+    sigma = standard_deviations(sensor, exact)
+    noise, common = rng.standard_normal(exact.shape), rng.standard_normal((len(exact), 1))
+    noise[:, 1::3] = np.sqrt(0.4) * noise[:, 1::3] + np.sqrt(0.6) * common
+    return invert_correction(sensor, exact + sigma * noise)
+
+
+def test_noise_that_detectors_share_is_part_of_the_uncertainty():
+    rng = np.random.default_rng(3)
+    rig = rigs.draw_rig(NOMINAL, rng)
+    pose, nothing = rng.uniform(-1, 1, (400, 6)) * rigs.BOX, np.zeros((400, 9))
+    data = Data(nothing, pose, rigs.REFERENCE, np.zeros((400, 2)))
+    exact = facets.readings(rig.sensor, states_of(data, nothing, rig.values))
+    data = data._replace(raw=share_noise(rig.sensor, exact, rng))
+    found = verdict(NOMINAL, data.part(slice(0, 200)), choice(NOMINAL, PLAIN), PLAIN)
+    assert "detectors' zeta scatter together" in " ".join(one.words for one in found.findings)
+    solved = facets.solve(found.sensor, correct(found.sensor, data.raw), beam="known")
+    truth = states_of(data, nothing, fold_mount(rig.values))
+    off = ((solved.state - truth)[:, 2] / solved.uncertainty[:, 2])[200:]
+    assert 0.75 < np.sqrt(np.nanmean(off**2)) < 1.15  # 1.34 without
