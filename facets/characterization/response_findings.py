@@ -132,7 +132,7 @@ def gap_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterato
         lost = max(0, signals.stretches.span - len(signals.stimulus))
         yield (
             f"{response.left_out} of {response.left_out + response.segments} segments were left "
-            f"out, because gaps cut them: {lost} samples are missing, and "
+            f"out, because gaps cut them: {lost} samples were lost or not taken, and "
             f"{signals.stretches.unsolved} rows have no pose or no input."
             + (" A larger --resolution-hz makes segments shorter and saves more of them."
                if response.left_out > response.segments else "")

@@ -130,8 +130,8 @@ def test_gaps_and_saturation_are_said():
     usable = np.ones(COUNT, bool)
     usable[5000::10_000] = False
     *_, limits = look(usable=usable, saturated=4)
-    assert any("segments were left out, because gaps cut them: 0 samples are missing, and 4 rows "
-               "have no pose or no input" in text for text in limits)  # fmt: skip
+    assert any("gaps cut them: 0 samples were lost or not taken, and 4 rows have no pose or no "
+               "input" in text for text in limits)  # fmt: skip
     assert any("Detectors were saturated in 4 of 40000 rows" in text for text in limits)
 
 

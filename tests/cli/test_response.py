@@ -65,7 +65,7 @@ def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path)
                            "--resolution-hz", "1", "--uff", "body.uff")  # fmt: skip
     assert (status, err) == (0, "")
     assert "11500 rows at 1000 Hz: " in out
-    assert "segments were left out, because gaps cut them: 500 samples are missing" in out
+    assert "segments were left out, because gaps cut them: 500 samples were lost or not" in out
     assert "point 0, 0, 100 mm" in out
     assert "results/rec-response/: response.csv, response.png\nbody.uff" in out
     assert (tmp_path / "body.uff").exists()
