@@ -1,4 +1,4 @@
-"""Withdraw converged poses with a cut spot or a second solution.
+"""Withdraw converged poses with a cut spot or a second solution; seek unlikely ones anew.
 
 Only sensors that can have such poses take time for this. The centroid of a spot that is cut by the
 detector's edge hardly moves with the spot, so that the stated uncertainty is wrong. And where the
@@ -20,7 +20,9 @@ from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import derivatives, margins, readings
 from .chance import Chance
-from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results
+from .plan import Plan
+from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results, put_rows
+from .uncertainty_parts import propagate
 
 Rows = NDArray[np.intp]
 #: Estimates some rows anew from states (n, 9).
@@ -42,6 +44,54 @@ SEPARATE_SIGMAS = 3.0
 #: A fold nearer than this, in standard uncertainties: the other solution is about twice as far, and
 #: between them hardly any step of the estimate finds its way.
 NEAR = 5.0
+
+
+#: Steps of an estimate above which, and share of the residual's limit above which a pose under real
+#: light may be a wrong minimum; a right one is reached in fewer steps.
+WANDERED, LEAST_RESIDUAL = 12, 0.7
+#: How far from such a pose another one is sought, in standard uncertainties.
+OTHER_START = 15.0
+#: Share of its residual below which the other pose replaces it.
+CLEARLY_LESS = 0.7
+
+
+def are_unlikely(results: Results, limits: Floats) -> NDArray[np.bool_]:
+    """Which poses under real light may be a wrong minimum, though their residual is within its
+    limit."""
+    residuals = results.residuals
+    found: NDArray[np.bool_] = (
+        (results.status == CONVERGED)
+        & (results.steps > WANDERED)
+        & (residuals > LEAST_RESIDUAL * limits)
+        & (residuals <= limits)
+    )
+    return found
+
+
+def replace_unlikely(
+    sensor: Sensor, plan: Plan, chance: Chance, found: Results, again: Again
+) -> None:
+    """Replace unlikely poses by those with a clearly lower residual that estimates find from both
+    sides, along the direction that the readings determine least.
+
+    Under real light the least squares of a small beam have other minima than the right one.
+    """
+    rows = np.flatnonzero(are_unlikely(found, chance.limits(chance.checks(found.used))))
+    if not len(rows):
+        return
+    free, here = plan.free[plan.free < 8], found.states[rows]
+    spread = propagate(sensor, None, here[:, :8].copy(), found.used[rows], plan.free, plan.weights)
+    covariance = spread.statistical[:, free[:, None], free]
+    size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    _, directions = np.linalg.eigh(covariance / size[:, :, None] / size[:, None, :])
+    for side in (OTHER_START, -OTHER_START):
+        start = here.copy()
+        start[:, free] += side * size * directions[:, :, -1]
+        other = again(rows, start)
+        better = other.residuals < CLEARLY_LESS * found.residuals[rows]
+        put_rows(
+            found, rows[better], Results(*(part[better] if len(part) else part for part in other))
+        )
 
 
 def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:

@@ -20,10 +20,10 @@ from ..model.blocks import SINGLE
 from ..model.threads import Pool
 from . import as_text, problem
 from .blocks import SingleBlock
-from .doubts import is_doubtful, withdraw_doubtful
+from .doubts import WANDERED, are_unlikely, is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate, row_kernel
 from .plan import Plan, chance_of, make_plan, make_problem, start_states
-from .solution import FirstRow, Solution, SolutionOfOne, results_of
+from .solution import ITERATIONS, LIMIT, FirstRow, Solution, SolutionOfOne, results_of
 
 
 @check_arguments
@@ -144,6 +144,7 @@ class PreparedEstimate:
         self._tasks: dict[str, problem.RowTask] = {}
         self._block: Any = None
         self._doubtful = is_doubtful(sensor, self._plan.free)
+        self._seeks = sensor.light.on and self._problem.damped
         self._code = None if self._doubtful else self._block_code()
         if self._code is not None:
             given = problem.Readings(self._values, self._sigmas)
@@ -165,6 +166,8 @@ class PreparedEstimate:
             in_block = self._run(self._from_zero())
         if not in_block and self._sensor.light.on and self._found.status[0] == problem.STALLED:
             in_block = self._run_exactly()
+        if in_block and self._is_sought_anew():
+            in_block = False
         if in_block:
             if warm:
                 self.end = self._block.state.copy()
@@ -181,8 +184,22 @@ class PreparedEstimate:
             parts = add_calibration(self._sensor, self._plan, results_of(numbers))
         return SolutionOfOne.from_numbers(numbers, parts)
 
+    def _is_sought_anew(self) -> bool:
+        """Whether the block's pose may be unlikely under real light; it then becomes that of a
+        row."""
+        numbers = self._block.numbers
+        if not self._seeks or numbers[ITERATIONS] <= WANDERED:
+            return False
+        own = results_of(numbers)
+        problem.put_rows(self._found, np.zeros(1, np.intp), own)
+        return bool(are_unlikely(own, numbers[LIMIT]).any())
+
     def _row_solution(self, warm: bool) -> Solution:
         """What was found without a block, in arrays of its own."""
+        if self._seeks:
+            replace_unlikely(
+                self._sensor, self._plan, self._chance, self._found, self._estimate_again
+            )
         if self._doubtful:
             withdraw_doubtful(
                 self._sensor, self._plan.free, self._chance, self._found, self._estimate_again
@@ -227,7 +244,7 @@ class PreparedEstimate:
 
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
         """The reading from another start, in results of its own."""
-        found = problem.empty_results(len(rows), False)
+        found = problem.empty_results(len(rows), len(self._found.covariances) > 0)
         given = problem.Readings(self._values, self._sigmas)
         asked = self._problem._replace(starts=starts)
         estimate(self._sensor, given, self._plan.limits, asked, found)

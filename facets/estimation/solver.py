@@ -15,7 +15,7 @@ from ..core.units import Floats
 from ..model.arrays import as_rows, as_vectors
 from ..model.threads import part_of, share
 from . import problem
-from .doubts import is_doubtful, withdraw_doubtful
+from .doubts import is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate
 from .plan import Plan, chance_of, find_plan, make_problem, sigmas_of, start_states
 from .prepared import find_solver
@@ -145,14 +145,17 @@ def solve_rows(
         estimate(sensor, some, todo.limits, questions, results)
 
     share(run, n, threads)
+
+    def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
+        some, questions = problem.some_rows(rows, readings, request)
+        results = problem.empty_results(len(rows), covariance)
+        questions = questions._replace(starts=starts, previous=False)
+        estimate(sensor, some, todo.limits, questions, results)
+        return results
+
+    chance = chance_of(sensor, todo)
+    if sensor.light.on and request.damped:
+        replace_unlikely(sensor, todo, chance, found, again)
     if is_doubtful(sensor, todo.free):
-
-        def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
-            some, questions = problem.some_rows(rows, readings, request)
-            results = problem.empty_results(len(rows), False)
-            questions = questions._replace(starts=starts, previous=False)
-            estimate(sensor, some, todo.limits, questions, results)
-            return results
-
-        withdraw_doubtful(sensor, todo.free, chance_of(sensor, todo), found, again)
+        withdraw_doubtful(sensor, todo.free, chance, found, again)
     return found

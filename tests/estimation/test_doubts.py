@@ -142,3 +142,29 @@ def test_a_detector_that_sees_hardly_more_than_other_light_has_no_light():
     state[0] = 0.7  # where the weakest spot has 4 % of the other light
     assert not facets.solve(lit, facets.readings(lit, state)).used.all()
     assert facets.solve(quiet, facets.readings(quiet, state)).used.all()
+
+
+def test_a_small_beams_wrong_minimum_under_real_light_gives_way_to_the_right_one():
+    """Each route of the solver gives the same bits."""
+    sensor = facets.load("bench-light").sensor
+    sensor = replace(sensor, beam=replace(sensor.beam, diameter_x=0.35, diameter_y=0.3675))
+    truth = np.zeros((3, 8))
+    truth[:, :3] = [[0.11192, -0.07669, -1.39112], [0.1172, -0.0717, -0.8569], [0, 0, 0]]
+    truth[:2, 3:6] = [[9.0642e-3, -4.0356e-3, -4.188e-3], [9.012e-3, -5.9741e-3, -5.5783e-3]]
+    readings = facets.readings(sensor, truth)
+    known = {"beam": "known", "power": "unknown"}
+    found = facets.solve(sensor, readings, **known)
+    assert found.ok.all()
+    assert np.abs(found.state - truth).max() < 1e-9
+    for start in ("zero", "previous"):
+        solver = facets.Solver(sensor, start=start, **known)
+        alone = [solver.solve(reading) for reading in readings]
+        assert (
+            np.abs([one.state - right for one, right in zip(alone, truth, strict=True)]).max()
+            < 1e-9
+        )
+        if start == "zero":
+            np.testing.assert_array_equal([one.state for one in alone], found.state)
+            np.testing.assert_array_equal([one.covariance for one in alone], found.covariance)
+    without = facets.solve(sensor, readings, covariance=False, **known)
+    np.testing.assert_array_equal(without.state, found.state)
