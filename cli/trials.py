@@ -64,6 +64,11 @@ class TrialRequest(NamedTuple):
     def states(self) -> dict[str, Floats]:
         """The states (8,) of the trials by name, for valid requests."""
         if not self.trials:
+            if self.table is not None:
+                raise InputError(
+                    f"--poses {self.table} gives the poses of trials, of which there are none; "
+                    "add --trials 1000000, or leave --poses out"
+                )
             return {}
         characterization.propagation.require_trials(self.trials, self.probability)
         if self.table is None:
@@ -123,6 +128,8 @@ class TrialRequest(NamedTuple):
             if not one.is_stated:
                 explain_failures(self.settings.sensor, one.state, one.trials.failures)
             typer.echo()
+        if any(one.is_stated and any(one.validate()[1]) for one in found.values()):
+            report_lines("Where a ? stands, it may be one digit more: more trials decide.")
         return found
 
     def record(self, found: dict[str, PropagationResult]) -> dict[str, Any]:
@@ -203,6 +210,6 @@ def explain_failures(sensor: Sensor, state: Floats, statuses: Collection[str]) -
 
 
 def describe(digits: int, undecided: bool) -> str:
-    """To how many digits the linear result agrees, in words."""
+    """To how many digits the linear result agrees, in words; with ? where chance covers more."""
     words = ("not to one digit", "1 digit", "2 digits")[digits]
-    return f"{words}; more trials decide on {digits + 1}" if undecided else words
+    return f"{words}?" if undecided else words

@@ -123,17 +123,13 @@ def knowledge_at(options: Solve, sensor: Sensor, state: Floats) -> Knowledge:
 
 
 def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Floats]:
-    """States (8,) by their names: rest, and where the axes are worst known in their ranges."""
+    """States (8,) by their names: rest, and where each axis is worst known in its own range,
+    except at rest."""
     knowledge = options.knowledge(sensor)
     how = Estimator("solve", knowledge.beam, eight=options.method == "paper", power=knowledge.power)
     worst = resolve(sensor, rules, [how])[0].worst_state
-    found = {"at rest": np.zeros(8)}
-    names = [" ".join(map(str, state)) for state in worst.round(9).tolist()]
-    for first in dict.fromkeys(names):
-        axes = [POSE[n] for n, name in enumerate(names) if name == first]
-        verb = "is" if len(axes) == 1 else "are"  # no comma: the name is a cell of a CSV table
-        found[f"where {' and '.join(axes)} {verb} worst"] = worst[names.index(first)]
-    return found
+    found = {f"where {POSE[n]} is worst": state for n, state in enumerate(worst) if state.any()}
+    return {"at rest": np.zeros(8)} | found
 
 
 def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
