@@ -19,6 +19,7 @@ def record(folder, first=0, count=BLOCKS, close=True):
     """Record `count` blocks of the stream, starting at sample `first`."""
     meta = run_record(CONFIG, None, 0.0, {"first": first})
     recording, pipeline = Recording(folder, meta, CONFIG.resolved), Pipeline(CONFIG)
+    recording.add_event("connected")
     data = stream(first + count * EACH)[first * SIZE :]
     for n in range(count):
         part = data[n * EACH * SIZE : (n + 1) * EACH * SIZE]

@@ -14,6 +14,7 @@ from ruamel.yaml import YAML
 
 import facets
 from facets.config import fingerprint
+from facets.live.recording.index import are_events_whole
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,30 @@ def test_poses_that_are_cut_off_are_missed(place):
     assert "rec/poses.arrows: " in text
     assert "poses are missing or damaged" in text
     assert f"to {BLOCKS * EACH - 1}, have no recorded pose" in text
+
+
+@pytest.mark.parametrize("change", [flip, cut, lambda path: path.unlink()])
+def test_a_change_of_events_is_told(place, change):
+    change(place / "rec" / "events.jsonl")
+    status, text = compare(place)
+    assert status == 1
+    assert "recorded poses: identical" in text
+    assert (
+        "how many poses were recorded is unknown"
+        if change is cut
+        else "events.jsonl is changed or missing"
+    ) in text
+
+
+def test_each_event_proves_those_before_it(place):
+    path = place / "rec" / "events.jsonl"
+    lines = path.read_bytes().splitlines(keepends=True)
+    assert are_events_whole(path.read_bytes())
+    spoilt = lines[0].replace(b"monotonic", b"monotonac")
+    for changed in ([spoilt, *lines[1:]], lines[1:], lines[::-1]):
+        assert not are_events_whole(b"".join(changed))
+    assert are_events_whole(b"".join(lines)[:-5])  # torn, as by a failing power
+    assert are_events_whole(b'{"event": "closed"}\n')  # of a version without sums
 
 
 def test_poses_that_are_gone_are_not_identical(place):

@@ -195,6 +195,7 @@ def test_a_recording_from_before_the_sums_is_read_as_it_was(tmp_path):
         data += block.data
     (tmp_path / "bytes.bin").write_bytes(data)
     (tmp_path / "index.bin").write_bytes(b"".join(rows) + rows[0][:30])
+    (tmp_path / "events.jsonl").touch()
     damage = Damage()
     parts = [pose_columns(p) for p in replay(tmp_path, Pipeline(CONFIG), damage=damage)]
     found, whole = join_columns(parts), recorded("frames")[2]

@@ -334,6 +334,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
         while not channel.empty():
             labels.append((channel.child_value("label"), channel.child_value("unit")))
             channel = channel.next_sibling()
+        assert labels[0] == ("seq", "")
         assert ("tx_mm", "mm") in labels
         assert ("yaw_mrad", "mrad") in labels
         assert ("force_n", "N") in labels
@@ -353,7 +354,8 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
     np.testing.assert_array_equal(
         np.array(came)[:, names.index("yaw_mrad")], rows["yaw_mrad"].astype(float)
     )
-    np.testing.assert_array_equal(np.array(came)[:, names.index("force_n")], rows["force_n"])
+    for name in ("seq", "force_n"):
+        np.testing.assert_array_equal(np.array(came)[:, names.index(name)], rows[name])
     np.testing.assert_allclose(np.diff(times), np.diff(rows["host_s"]), atol=1e-6)
 
 

@@ -48,6 +48,15 @@ def test_all_three_detectors_are_seen_on_any_terminal(wide, high):
         assert len(lines) <= high
 
 
+def test_a_stopped_stage_is_said_before_all_else():
+    now, envelope = live(), SimpleNamespace(latched="the beam is lost")
+    now.note = "unplugged; waiting for it to come back"
+    now.tracker = SimpleNamespace(error="", note="", is_resumable=True, envelope=envelope)
+    first, second = now.messages()
+    assert first.startswith("the stage is stopped, the recording goes on: the beam is lost")
+    assert second == now.note
+
+
 def test_the_parts_of_an_uncertainty_are_seen_where_there_is_space():
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))

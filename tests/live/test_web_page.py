@@ -253,6 +253,10 @@ def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
         page.close()
 
 
+#: Where the page says what to doubt.
+DOUBTS = "document.getElementById('doubts')"
+
+
 @pytest.mark.slow
 def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
     live = Live(Pipeline(CONFIG))
@@ -305,7 +309,10 @@ def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
 @pytest.mark.slow
 def test_a_stopped_stage_has_a_button_that_resumes_it():
     live, pressed = Live(Pipeline(CONFIG)), []
-    words = status_of(live)
+    stop = (
+        "the stage is stopped, the recording goes on: no pose; resume it by the key r, the button"
+    )
+    words = status_of(live) | {"messages": [f"{stop} on the page, or kill -USR1 123456", stop]}
     stage = {"there": True, "state": "stopped: no pose", "stopped": "no pose", "moves": 3}
     page = WebPage(CONFIG, "0", lambda: words | {"stage": stage}, {"kind": "acquire"}, drawn=DRAWN)
     page.resume = lambda: pressed.append(True)
@@ -314,12 +321,18 @@ def test_a_stopped_stage_has_a_button_that_resumes_it():
         with Browser(page.url) as browser:
             page.show()
             browser.await_true(f"{button} && !{button}.hidden")
+            browser.resize(360, 740)
+            assert browser.ask(
+                f"(({{ scrollHeight, clientHeight }}) => scrollHeight <= clientHeight)({DOUBTS})"
+            )
             browser.ask(f"{button}.click()")
             await_true(lambda: pressed, "the button's word")
             stage |= {"state": "following", "stopped": ""}
+            words["messages"] = []
             page.due = 0.0
             page.show()
             browser.await_true(f"{button}.hidden")
+            browser.await_true(f"{DOUBTS}.textContent === 'No sample has come yet.'")
             assert not browser.errors
     finally:
         page.close()

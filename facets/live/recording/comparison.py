@@ -17,6 +17,13 @@ from .index import Damage
 from .pose_table import Columns
 from .reader import Seal
 
+#: What cannot be known of a recording that has no seal.
+UNSEALED = (
+    "  how many poses were recorded is unknown, because the end of events.jsonl, which says that, "
+    "is missing: the run was killed, the power failed, an older version recorded it, or it was cut "
+    "off"
+)
+
 
 @dataclass(frozen=True)
 class PoseComparison:
@@ -115,12 +122,15 @@ def comparison_sentences(
         f"  {folder / 'poses.arrows'}: {lost} poses are missing or damaged": lost,
         f"  {result.absent} were recorded {absence_reason(was_refused, damage)}": result.absent,
         unrecorded_sentence(result, seal, lost): result.unrecorded,
+        UNSEALED: seal is None,
     }
     found = [verdict(result, seal, lost), *(text for text, count in losses.items() if count)]
     found += difference_sentences(result, damage, version, config_name)
-    refused_poses = seal.refused_poses if seal else 0
-    has_all = not lost and (was_refused or not result.absent)
-    return found, has_all and bool(refused_poses or not result.unrecorded) and result.is_same
+    is_whole = seal is not None and not lost and not damage.words
+    has_all = (was_refused or not result.absent) and (
+        not result.unrecorded or bool(seal and seal.refused_poses)
+    )
+    return found, is_whole and has_all and result.is_same
 
 
 def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
@@ -144,14 +154,8 @@ def unrecorded_sentence(result: PoseComparison, seal: Seal | None, lost: int) ->
     """Which samples have no recorded pose, and why if that is known."""
     first, last = result.ends
     text = f"  {result.unrecorded} samples, from {first} to {last}, have no recorded pose"
-    if seal is None:
-        return (
-            f"{text}; how many poses were recorded is unknown, because the end of events.jsonl, "
-            "which says that, is missing: the run was killed, the power failed, an older version "
-            "recorded it, or it was cut off"
-        )
-    reason = "the disk refused them" if seal.refused_poses else "the cause is unknown"
-    return text if lost else f"{text}; {reason}"
+    reason = "the disk refused them" if seal and seal.refused_poses else "the cause is unknown"
+    return text if lost or seal is None else f"{text}; {reason}"
 
 
 def difference_sentences(

@@ -26,6 +26,8 @@ INDEX = np.dtype([*OLD.descr, ("data_crc", "<u4"), ("crc", "<u4")])
 SIZE = INDEX.itemsize
 #: The event that a recording ends with, unless the run was killed or the power failed.
 CLOSED = "closed"
+#: Before the last number of an event: the CRC-32 of `events.jsonl` up to this text.
+SUM = b', "crc": '
 
 
 @dataclass
@@ -34,14 +36,16 @@ class Damage:
 
     rows: of the index, spoilt.  absent: rows that were there when the recording was closed, and are
     not any more.  missing: bytes that are known of and the file has not.  unproven: bytes without a
-    row that proves them; those that came last before the end among them.  since: the first sample
-    that any of this can have changed, where it is known.
+    row that proves them; those that came last before the end among them.  events: whether lines of
+    events.jsonl are not as they were written.  since: the first sample that any of this can have
+    changed, where it is known.
     """
 
     rows: int = 0
     absent: int = 0
     missing: int = 0
     unproven: int = 0
+    events: bool = False
     since: int | None = None
 
     @property
@@ -53,7 +57,8 @@ class Damage:
             (self.missing, "bytes of bytes.bin are missing"),
             (self.unproven, "bytes of bytes.bin have no row in index.bin that confirms them"),
         )
-        return ", ".join(f"{count} {what}" for count, what in found if count)
+        words = [f"{count} {what}" for count, what in found if count]
+        return ", ".join([*words, *["events.jsonl is changed or missing"] * self.events])
 
 
 def make_row(block: Block, offset: int, utc: float) -> bytes:
@@ -65,6 +70,27 @@ def make_row(block: Block, offset: int, utc: float) -> bytes:
     row["data_crc"] = block_crc(block.data)
     row["crc"] = zlib.crc32(row.tobytes()[:-4])
     return row.tobytes()
+
+
+def add_sum(event: bytes, before: int) -> bytes:
+    """The line of an event, an object in JSON, after lines whose CRC-32 is `before`."""
+    head = event.removesuffix(b"}")
+    return head + SUM + b"%d}\n" % zlib.crc32(head, before)
+
+
+def are_events_whole(events: bytes | None) -> bool:
+    """Whether each line has the sum that it was written with; the last may be torn.
+
+    Lines of older versions have none.
+    """
+    if events is None:
+        return False
+    crc = 0
+    for line in events.splitlines(keepends=True) if SUM in events else ():
+        if line.endswith(b"\n") and line != add_sum(line.rpartition(SUM)[0], crc):
+            return False
+        crc = zlib.crc32(line, crc)
+    return True
 
 
 def block_crc(data: bytes) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -16,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 from ...core.errors import InputError
 from ...tracking.encoder import Encoder
 from ..sources.source import Block
-from .index import CLOSED, Damage, proves, read_rows, unpack_encoder
+from .index import CLOSED, Damage, are_events_whole, proves, read_rows, unpack_encoder
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,18 @@ class Seal:
 def seal_of(folder: Path) -> Seal | None:
     """None of a recording that was not closed, or was made before recordings were sealed."""
     names = [field.name for field in fields(Seal)]
-    try:
-        lines = (folder / "events.jsonl").read_bytes().splitlines()
+    lines = (events_of(folder) or b"").splitlines()
+    with suppress(StopIteration, ValueError, KeyError, TypeError):
         last = next(json.loads(line) for line in reversed(lines) if line.strip())
         if last["event"] == CLOSED:
             return Seal(*(int(last[name]) for name in names))
-    except (OSError, StopIteration, ValueError, KeyError, TypeError):
-        pass
+    return None
+
+
+def events_of(folder: Path) -> bytes | None:
+    """The bytes of `events.jsonl`; None where it cannot be read."""
+    with suppress(OSError):
+        return (folder / "events.jsonl").read_bytes()
     return None
 
 
@@ -54,6 +60,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     """
     damage = damage if damage is not None else Damage()
     seal, size = seal_of(folder), size_of(folder)
+    damage.events = not are_events_whole(events_of(folder))
     rows, proven, damage.rows = read_rows(read_index(folder, salvage))
     if not proven:
         count = contiguous(rows)

@@ -29,7 +29,7 @@ from ..run.sink import Sink
 from ..sources.source import Block
 from . import pose_table
 from .disk import Disk
-from .index import CLOSED, make_row, name_of_copy
+from .index import CLOSED, add_sum, make_row, name_of_copy
 
 #: In the order in which they are synced: no row reaches the disk long before its bytes.
 NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
@@ -73,7 +73,8 @@ class Recording(ClosedAtExit, Sink):
         self.refused = False
         self.locks = {name: threading.Lock() for name in NAMES}
         self.sizes = dict.fromkeys(NAMES, 0)
-        self.meta_crc = zlib.crc32(meta.encode())
+        self.meta_crc, self.events_crc = zlib.crc32(meta.encode()), 0
+        self.summing = threading.Lock()
         self.rows = self.poses_written = self.poses_refused = 0
         self.retry = 0.0
         try:
@@ -156,9 +157,12 @@ class Recording(ClosedAtExit, Sink):
             self.add_event("recording again", lost_bytes=self.lost)
 
     def add_event(self, name: str, **details: Any) -> None:
-        """A line about something that happened now."""
+        """A line about something that happened now, with the sum of all lines until there."""
         row = {"monotonic": time.monotonic(), "utc": time.time(), "event": name, **details}
-        self.put("events.jsonl", json.dumps(row, default=str).encode() + b"\n")
+        with self.summing:
+            line = add_sum(json.dumps(row, default=str).encode(), self.events_crc)
+            if self.put("events.jsonl", line):
+                self.events_crc = zlib.crc32(line, self.events_crc)
 
     def add_poses(self, poses: Poses) -> None:
         """Poses, which are written a little later, many at once."""

@@ -117,8 +117,17 @@ class Live:
         return float(np.quantile(self.latency[-5000:], 0.99)) if self.latency else float("nan")
 
     def messages(self) -> list[str]:
-        """What a person should know now, in sentences."""
-        found = self.line_messages()
+        """What a person should know now, in sentences; what moves comes first."""
+        found = []
+        if self.tracker and self.stage_stop:
+            how = f"; resume it by the key r, the button on the page, or kill -USR1 {os.getpid()}"
+            found.append(
+                f"the stage is stopped, the recording goes on: {self.stage_stop}"
+                + how * self.tracker.is_resumable
+            )
+        if self.tracker and self.tracker.note:
+            found.append(self.tracker.note)
+        found += self.line_messages()
         if self.behind:
             found.append(
                 f"the loop is {self.age:.1f} s behind: all bytes are recorded, and the newest "
@@ -132,14 +141,6 @@ class Live:
         found += self.pipeline.doubts.said
         if self.pipeline.board.trouble():
             found.append(self.pipeline.board.trouble())
-        if self.tracker and self.stage_stop:
-            how = f"; resume it by the key r, the button on the page, or kill -USR1 {os.getpid()}"
-            found.append(
-                f"the stage is stopped, the recording goes on: {self.stage_stop}"
-                + how * self.tracker.is_resumable
-            )
-        if self.tracker and self.tracker.note:
-            found.append(self.tracker.note)
         return found
 
     def values(self) -> dict[str, Any]:

@@ -109,7 +109,7 @@ class Lsl:
     def __init__(self, name: str, about: dict[str, Any], wait: float) -> None:
         pylsl = require_extra("pylsl", f"lsl:{name}")
         names = tuple(name for name, _ in about.get("dtype", ())) or SAMPLE.names or ()
-        self.channels = ("status", "flags", *names[len(HEAD_COLUMNS) :])
+        self.channels = ("seq", "status", "flags", *names[len(HEAD_COLUMNS) :])
         auxiliary = about.get("channels", ())
         own = {channel["column"] for channel in auxiliary}
         source = f"facets-{about.get('config_sha256', '')[:16]}"
@@ -121,7 +121,7 @@ class Lsl:
             channel = channels.append_child("channel")
             channel.append_child_value("label", label)
             channel.append_child_value("unit", unit_of(label, auxiliary))
-            known = ("status", "flags", "residual")
+            known = ("seq", "status", "flags", "residual")
             kind = "Status" if label in known else "Auxiliary" if label in own else "Pose"
             channel.append_child_value("type", kind)
         for key in ("config", "config_sha256", "facets", "object", "zero"):

@@ -223,10 +223,12 @@ function header() {
   put("pill", pill);
   put("pause", look.paused ? "Follow" : "Pause");
   put("play", look.playing ? "Stop" : "Play");
-  const found = doubts(name), text = found.join("\n");
+  const found = doubts(name);
+  const lines = found.length ? found : [run.sample ? "Nothing to report." : "No sample has come yet."];
+  const text = lines.join("\n");
   if (by("doubts").dataset.text !== text) {
     by("doubts").dataset.text = text;
-    by("doubts").replaceChildren(...(found.length ? found : ["Nothing to report."]).map((line) => {
+    by("doubts").replaceChildren(...lines.map((line) => {
       const p = document.createElement("p");
       p.textContent = line[0].toUpperCase() + line.slice(1);
       return p;
