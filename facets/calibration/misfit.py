@@ -161,7 +161,7 @@ def cause_of(one: Pattern) -> str:
     if "temperature" in one.along:
         return "something expands; let calibrate.effects.temperature_drift be on"
     if "speed" in one.along:
-        return "readings and reference are not of the same moment; give time_s, or --reference"
+        return "readings and reference are not of the same moment, or their clocks run apart"
     if "reference" in one.along:
         return "the reference's axes or scale are not what they are said to be, or a facet is bent"
     return CAUSES[one.kind]
@@ -414,8 +414,9 @@ def describe_beam(scatter: Scatter) -> str:
 def describe_detectors(scatter: Scatter) -> str:
     places, powers = (float(np.hypot(1.0, scatter.size_of(name))) for name in (PLACES, POWERS))
     return (
-        f"the detectors' noise is {places:.3g} times the stated one in places and {powers:.3g} "
-        "times in powers; measure it with facets noise"
+        f"the readings scatter by {places:.3g} times the stated noise in places and {powers:.3g} "
+        "times in powers, by the detectors' noise or by other light on them, such as a lamp; "
+        "measure with facets noise, also in the dark"
     )
 
 

@@ -97,10 +97,10 @@ class Remainder:
         self.state = states_of(task.data, found.open, found.every)
         self.light = np.nan_to_num(task.data.raw[:, 2::3] / self.noise[:, 2::3])
 
-    def test(self, cause: str, columns: Floats) -> Trace:
+    def test(self, cause: str, columns: Floats, least: float = LEAST_OWN_SHARE) -> Trace:
         """The fall that columns (n, 9, q) bring, in standard deviations of the readings."""
         whole, matrix, side = self.equations(columns)
-        fall, amounts, count = falls_of(whole[None], matrix[None], side[None])
+        fall, amounts, count = falls_of(whole[None], matrix[None], side[None], least)
         return Trace(cause, float(fall[0]), int(count[0]), amounts[0],
                      self.size(fall[0] - count[0]))  # fmt: skip
 
@@ -168,7 +168,9 @@ class Remainder:
                      len(fall), best + STEP_MARGIN)  # fmt: skip
 
 
-def falls_of(whole: Floats, matrix: Floats, side: Floats) -> tuple[Floats, Floats, Floats]:
+def falls_of(
+    whole: Floats, matrix: Floats, side: Floats, least: float = LEAST_OWN_SHARE
+) -> tuple[Floats, Floats, Floats]:
     """Falls (m,), amounts (m, q) and numbers of columns (m,) that the unknowns do not explain.
 
     whole: (m, q, q) the columns' squares; matrix: the same beside the unknowns; side: (m, q).
@@ -176,7 +178,7 @@ def falls_of(whole: Floats, matrix: Floats, side: Floats) -> tuple[Floats, Float
     scale = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2), 1e-300))
     level, ways = np.linalg.eigh(matrix / scale[:, :, None] / scale[:, None, :])
     aim = (np.swapaxes(ways, 1, 2) @ (side / scale)[:, :, None])[:, :, 0]
-    is_free = level > LEAST_OWN_SHARE
+    is_free = level > least
     level = np.where(is_free, level, 1.0)
     step = np.where(is_free, aim / level, 0.0)
     amounts = (ways @ step[:, :, None])[:, :, 0] / scale
@@ -340,6 +342,24 @@ LIGHT_TESTS: tuple[Callable[[Remainder], Trace], ...] = (
 )
 
 
+# ---- a reference that is not what it is said to be
+
+REFERENCE = "reference"
+#: Errors of the reference that the mirror's place on it explains but for this share are left out.
+SEATING_OWN_SHARE = 1e-3
+
+
+def reference_errors(remainder: Remainder) -> Trace:
+    """How much of the residuals is an error of the reference that its own coordinates give: of
+    second order at most, as by scales, an Abbe offset or a bow."""
+    pose = remainder.data.pose / np.abs(remainder.data.pose).max(axis=0).clip(1e-12)
+    pairs = [pose[:, i] * pose[:, j] for i in range(6) for j in range(i + 1)]
+    terms = np.column_stack([pose, *pairs])
+    own = remainder.likelihood.own[:, :, :6]
+    columns = own[:, :, :, None] * terms[:, None, None, :]
+    return remainder.test(REFERENCE, columns.reshape(*own.shape[:2], -1), SEATING_OWN_SHARE)
+
+
 # ---- something that was loose: a step at a time that nobody knows
 
 #: A step has at least this number of samples on both sides.
@@ -406,11 +426,13 @@ def undo_step(data: Data, step: Trace, first: int) -> Data:
 
 
 class Unmodelled(NamedTuple):
-    """light: what the powers and places follow, the likeliest cause first.  powers: the median of a
+    """light: what the powers and places follow, the likeliest cause first.  reference: what of the
+    same residuals errors of the reference explain.  powers: the median of a
     power over its standard deviation.  changes: steps and drifts, the likeliest first.  rows: the
     samples' numbers."""
 
     light: list[Trace]
+    reference: Trace
     powers: float
     changes: list[Trace]
     rows: NDArray[np.int64]
@@ -433,6 +455,7 @@ def find_causes(remainder: Remainder) -> Unmodelled:
     powers = remainder.light[remainder.light > 0]
     return Unmodelled(
         sorted(light, key=lambda one: one.log_chance),
+        reference_errors(remainder),
         float(np.median(powers)) if powers.size else 1.0,
         find_changes(remainder),
         row_numbers(remainder.data),

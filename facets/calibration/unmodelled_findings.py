@@ -27,6 +27,9 @@ from .unmodelled import (
 #: What light does is reported where its size is above this multiple of the accuracy of the model of
 #: real light: by polynomials that fit anything, and by the columns of one cause.
 SHAPE_FACTOR, CAUSE_FACTOR = 2.0, 1.0
+#: Light and reference are not told apart where their logarithms of chance differ by less than this
+#: share: the linear model of large errors is not more accurate.
+UNDECIDED_SHARE = 0.1
 
 
 def unmodelled_findings(unmodelled: Unmodelled) -> list[Finding]:
@@ -46,6 +49,9 @@ def light_finding(unmodelled: Unmodelled) -> Finding | None:
     if not likely:
         return None
     best = likely[0]
+    ratio = unmodelled.reference.log_chance / best.log_chance
+    if ratio > 1 - UNDECIDED_SHARE:
+        return group_finding(ratio > 1 + UNDECIDED_SHARE)
     effect = (
         "The powers follow the mirror's place in a way that no unknown explains (by "
         f"{100 * best.size / unmodelled.powers:.2g} % of a power, r.m.s.): the light's "
@@ -61,6 +67,22 @@ def light_finding(unmodelled: Unmodelled) -> Finding | None:
         f"{effect}{causes} x and y may be off by several times what is stated; look at the tip "
         "with a microscope and at the beam with a camera, clean it with a pinhole or a fibre, and "
         "tilt windows that reflect."
+    ))  # fmt: skip
+
+
+def group_finding(is_clear: bool) -> Finding:
+    """Residuals that errors of the reference explain as well as any light, or clearly better."""
+    group = (
+        "The reference's axes are not what they are said to be (scales, squareness, an offset from "
+        "the line of measurement, a bow)"
+        if is_clear
+        else "Either the reference's axes or the light's cross-section are not what they are said "
+        "to be, and these samples cannot tell which"
+    )
+    return Finding(True, (
+        f"{group}: the residuals follow the motion in a way that no unknown explains. Measure "
+        "again with the mirror turned by 120 degrees on the reference (seat_deg): errors of the "
+        "reference stay with its axes, those of the light with the facets."
     ))  # fmt: skip
 
 
@@ -86,7 +108,7 @@ def describe_light(one: Trace) -> str:
     if one.cause == MODES:
         return "a beam with other modes beside the Gaussian one"
     if one.cause == FRINGES:
-        return f"fringes across the beam, {one.at:.2g} mm apart"
+        return f"fringes across the beam, {one.at:.2g} mm apart, or dust of such a size"
     return (
         f"fringes of the window of detector {one.cause[-1].upper()}, {one.at:.2g} mm apart in the "
         "spot's place or in z"

@@ -173,6 +173,25 @@ def test_light_of_another_kind_is_named(alter, cause, words):
     assert words in said.words
 
 
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (lambda pose: 2e-3 * (pose[:, 0] / 0.25) ** 2, "Either the reference's axes or the light"),
+        (lambda pose: 0.5 * pose[:, 4], "The reference's axes are not what they are said to be"),
+    ],
+    ids=["bow", "offset"],
+)
+def test_an_error_of_the_reference_is_not_told_as_light(error, words):
+    """Errors in x, which the powers follow as they follow a beam that is not Gaussian."""
+    drawn = np.random.default_rng(5)
+    rigs.draw_rig(NOMINAL, drawn)
+    pose = drawn.uniform(-1, 1, (COUNT, 6)) * [0.25, 0.25, *rigs.BOX[2:]]
+    found = unmodelled(samples(mirror=np.outer(error(pose), np.eye(6)[0])))
+    said = " ".join(one.words for one in unmodelled_findings(found))
+    assert words in said
+    assert "cross-section is not that of the model" not in said
+
+
 def displaced(size):
     return np.where(np.arange(COUNT)[:, None] >= FIRST, size, 0.0)
 
