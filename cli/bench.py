@@ -29,8 +29,6 @@ STUDIES = {
     "maps": ("maps", "range maps: outlines to 0.1 um and 0.1 urad, beside grids as fine"),
     "layouts": ("layouts", "layouts: the best one, and many, beside SciPy on the float model"),
     "drawing": ("drawing", "pictures and frames of a film: the first and the next ones"),
-    "profile": ("profile", "where the time of a pose goes"),
-    "special": ("profile", "what a side sweeps over, evaluated in other ways"),
     "stability": ("stability", "errors over apex offset and tilt, against high precision"),
     "digits": ("stability", "digits lost in the range"),
     "steps": ("stability", "steps from zero to a pose"),
@@ -126,7 +124,7 @@ def processor() -> str:
 
 
 def show(title: str, rows: list[dict[str, Any]]) -> None:
-    keys = [key for key in rows[0] if key not in ("low_us", "high_us", "ns_up_to_here")]
+    keys = [key for key in rows[0] if key not in ("low_us", "high_us")]
     words = [n for n, key in enumerate(keys) if isinstance(rows[0][key], str)]
     show_table(title, keys, [[cell(row[key]) for key in keys] for row in rows], left=words)
 

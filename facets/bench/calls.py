@@ -80,7 +80,7 @@ def contenders(poses: int, few: int) -> list[Contender]:
     from . import stages
 
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
-    alone, vectors, out = stages.stage(stages.FLOOR), packed_vectors(SENSOR), np.empty(poses)
+    alone, vectors, out = stages.floor(), packed_vectors(SENSOR), np.empty(poses)
 
     steps = np.arange(few)[:, None] * [1e-4, 0, 2e-4, 0, 0, 2e-6, 0, 0]
     motion = readings(SENSOR, steps - steps.mean(axis=0))

@@ -48,8 +48,7 @@ def test_everything_is_written_with_the_machine(results):
     assert names == {
         "forward.csv", "inverse.csv", "calls.csv", "light.csv", "starts.csv", "live.csv",
         "scaling.csv", "apertures.csv", "maps.csv",
-        "layouts.csv", "drawing.csv", "profile.csv",
-        "special.csv", "stability.csv", "digits.csv", "steps.csv",
+        "layouts.csv", "drawing.csv", "stability.csv", "digits.csv", "steps.csv",
         "machine.json", "work_precision.svg", "stability.png", "histograms.svg",
     }  # fmt: skip
     about = json.loads((results / "machine.json").read_text())["about"]
@@ -68,14 +67,6 @@ def test_nothing_is_lost_but_the_last_bit(results):
     digits = read(results, "digits")
     assert digits[["powers", "places"]].sum().tolist() == [120, 240]
     assert digits.loc[digits.digits_lost >= 1, ["powers", "places"]].to_numpy().sum() == 0
-
-
-@pytest.mark.slow
-def test_ways_to_the_special_function_agree(results):
-    """All but the shortest rule hold 16 digits where the paper's sensor works."""
-    special = read(results, "special").set_index("way").drop("Gauss-Legendre 6")
-    assert (special.error_near < 3e-16).all()
-    assert special.error_far["facets: series"] < 3e-16
 
 
 @pytest.mark.slow
