@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -157,7 +157,6 @@ def explore(
     settings = load_config(config)
     asked = (objective or GOALS, sampling.value, designs, seed, every, required)
     space = design.exploration.space_of(settings, *asked)
-    refuse_together({"--scheduler": scheduler, "--front": front, "--pick": pick is not None})
     place = output_folder(folder, settings.name, "explore")
     if pick is not None:
         source = place / ("pareto.csv" if front else "front.csv")
@@ -176,13 +175,6 @@ def explore(
     paths = [place / name for name in (whole, "front.csv", f"front.{plot.value}")]
     sample(job, paths, scheduler, force)
     write(job, paths, time.perf_counter() - begin, certify)
-
-
-def refuse_together(options: dict[str, Any]) -> None:
-    """Refuse the first two options together with any other of these."""
-    given = [name for name, value in options.items() if value]
-    if len(given) > 1 and given[0] in list(options)[:2]:
-        raise InputError(f"{given[0]} and {given[1]} cannot be given together")
 
 
 def require_page(report: Path | None, force: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from itertools import pairwise
 
 import pytest
@@ -131,6 +132,14 @@ def test_the_glossary_explains_every_status():
 
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 160
+
+
+def test_the_readme_installs_this_version_with_extras_that_there_are():
+    pattern = r'pip install "(\w+)-([\d.]+)-py3-none-any.whl\[([\w,]+)\]'
+    name, version, extras = re.search(pattern, (ROOT / "README.md").read_text()).groups()
+    about = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert (name, version) == (about["name"].replace("-", "_"), facets.__version__)
+    assert set(extras.split(",")) <= set(about["optional-dependencies"])
 
 
 def test_headings_go_down_one_level_at_a_time():
