@@ -42,6 +42,8 @@ STEP_TOLERANCE = 0.5
 LARGEST_JITTER = 0.1
 #: The input does not excite a line if its density is below this share of the largest.
 EXCITED_SHARE = 1e-4
+#: An input is periodic if it correlates with itself a period later by this or more.
+PERIODIC_LIKENESS = 0.98
 #: Segments that are transformed at once.
 SEGMENTS_AT_ONCE = 64
 
@@ -70,7 +72,8 @@ class FrequencyResponse:
     of segments.  left_out: segments that a gap prevented.  resolution: distance of lines, Hz.
     input_averages: (m,) number of equal segments that would give the input's density the same
     scatter.  is_corrected: whether the electronics' low pass is divided out, of the densities of
-    output and noise, too.
+    output and noise, too.  period: of a periodic input, s, to whose lines the frequencies are
+    restricted; else 0.
     """
 
     frequency: Floats
@@ -87,6 +90,7 @@ class FrequencyResponse:
     resolution: float
     input_averages: Floats
     is_corrected: bool = False
+    period: float = 0.0
 
     @property
     def random_error(self) -> Floats:
@@ -163,9 +167,41 @@ def find_stretches(time: Floats, usable: Booleans, name: str) -> Stretches:
     return Stretches(1 / step, edges[::2], edges[1::2] + 1, span, int((~usable).sum()))
 
 
-def segment_starts(stretches: Stretches, length: int) -> list[Integers]:
-    """First rows of half-overlapping segments, by stretch."""
-    hop = length // 2
+def find_period(stimulus: Floats, stretches: Stretches) -> int:
+    """Period of an input (n,) in samples, by its autocorrelation; 0 of one that is not periodic.
+
+    Two periods at least must lie in the longest stretch.
+    """
+    from scipy.signal import correlate
+
+    n = int(np.argmax(stretches.stops - stretches.starts)) if len(stretches.starts) else 0
+    x = (
+        stimulus[stretches.starts[n] : stretches.stops[n]]
+        if len(stretches.starts)
+        else stimulus[:0]
+    )
+    if not len(x) or np.ptp(x) == 0:
+        return 0
+    x = x - x.mean()
+    most = len(x) // 2
+    ahead = correlate(x, x, method="fft")[len(x) - 1 :][: most + 1]
+    power = np.concatenate([[0.0], np.cumsum(x**2)])
+    lags = np.arange(most + 1)
+    both = np.sqrt(power[len(x) - lags] * (power[-1] - power[lags]))
+    alike = ahead / np.maximum(both, 1e-300)
+    begin = int(np.argmax(alike < PERIODIC_LIKENESS / 2))
+    if not begin or alike[begin:].max() < PERIODIC_LIKENESS:
+        return 0
+    first = begin + int(
+        np.argmax(alike[begin:] >= alike[begin:].max() - (1 - PERIODIC_LIKENESS) / 10)
+    )
+    near = alike[first : first + 1 + max(2, first // 100)]
+    return first + int(np.argmax(near))
+
+
+def segment_starts(stretches: Stretches, length: int, hop: int | None = None) -> list[Integers]:
+    """First rows of segments that begin every `hop` rows, by stretch; half-overlapping if None."""
+    hop = hop or length // 2
     return [
         start + hop * np.arange((stop - start - length) // hop + 1)
         for start, stop in zip(stretches.starts, stretches.stops, strict=True)
@@ -199,6 +235,16 @@ def choose_length(stretches: Stretches) -> int:
             return length
         length = length * 3 // 4
     return MIN_SEGMENT_SAMPLES
+
+
+def segment_length(stretches: Stretches, resolution: float | None, period: int) -> int:
+    """Segment length, samples: of the resolution, or chosen; whole periods of a periodic input."""
+    if not period:
+        return (
+            choose_length(stretches) if resolution is None else round(stretches.rate / resolution)
+        )
+    periods = round(stretches.rate / resolution / period) if resolution else 1
+    return period * max(periods, -(-MIN_SEGMENT_SAMPLES // period))
 
 
 def noise_spectrum(frequency: Floats, deviation: Floats, rate: float, bandwidth: float) -> Floats:
@@ -239,23 +285,31 @@ def estimate_response(
     from scipy.signal import get_window
 
     rate = stretches.rate
-    length = choose_length(stretches) if resolution is None else round(rate / resolution)
+    longest = int((stretches.stops - stretches.starts).max(initial=0))
+    period = find_period(stimulus, stretches)
+    length = segment_length(stretches, resolution, period)
     if length < MIN_SEGMENT_SAMPLES:
         raise InputError(
             f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
             f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
         )
-    window, starts = get_window("hann", length), segment_starts(stretches, length)
-    averages = count_averages(starts, window)
+    window = get_window("boxcar" if period else "hann", min(length, longest))
+    starts = segment_starts(stretches, length, length if period else None)
+    averages = float(sum(map(len, starts))) if period else count_averages(starts, window)
     if averages < 2:
-        longest = int((stretches.stops - stretches.starts).max(initial=0))
         raise InputError(
             f"there are {averages:.3g} averages of segments of {length / rate:.4g} s, too few for "
             f"a coherence (the longest part without a gap has {longest / rate:.4g} s); allowed: 2 "
             "or more. Record for longer, or give a larger --resolution-hz"
         )
-    densities = average_spectra(stimulus, outputs, np.concatenate(starts), window, rate)
-    frequency, g_xx, g_xy, g_yy, counts = (one[SKIPPED_LINES:] for one in densities)
+    detrend = "constant" if period else "linear"
+    rows = np.concatenate(starts)
+    densities = average_spectra(stimulus, outputs, rows, window, rate, detrend)
+    lines = np.arange(SKIPPED_LINES, len(densities[0]))
+    if period:  # elsewhere there is neither force nor leakage, only noise
+        power = densities[1][1:]
+        lines = 1 + np.flatnonzero(power >= EXCITED_SHARE * power.max())
+    frequency, g_xx, g_xy, g_yy, counts = (one[lines] for one in densities)
     if np.ptp(stimulus[np.isfinite(stimulus)]) == 0:
         raise InputError("the input does not change; name the column of a changing input")
     factor = np.exp(2j * np.pi * frequency * delay)[:, None]
@@ -268,15 +322,15 @@ def estimate_response(
     gain = np.abs(factor) ** 2
     density = gain * noise_spectrum(frequency, noise, rate, bandwidth)
     segments = sum(len(one) for one in starts)
-    possible = max(0, (stretches.span - length) // (length // 2) + 1)
+    possible = max(0, (stretches.span - length) // (length if period else length // 2) + 1)
     return FrequencyResponse(
         frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages, segments,
-        max(0, possible - segments), rate / length, counts, correct,
+        max(0, possible - segments), rate / length, counts, correct, period / rate,
     )  # fmt: skip
 
 
 def average_spectra(
-    stimulus: Floats, outputs: Floats, starts: Integers, window: Floats, rate: float
+    stimulus: Floats, outputs: Floats, starts: Integers, window: Floats, rate: float, detrend: str
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Frequencies (m,) and averaged densities: of the stimulus (m,), of the stimulus and each
     output (m, d), and of the outputs (m, d); and (m,) the segments with input, as
@@ -284,7 +338,7 @@ def average_spectra(
     from scipy.signal import csd, welch
 
     rows = np.arange(len(window))
-    options = {"window": window, "nperseg": len(window), "noverlap": 0, "detrend": "linear"}
+    options = {"window": window, "nperseg": len(window), "noverlap": 0, "detrend": detrend}
     sums: list[Floats] | None = None
     frequency = np.zeros(0)
     for part in np.array_split(starts, -(-len(starts) // SEGMENTS_AT_ONCE)):

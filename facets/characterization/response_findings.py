@@ -221,6 +221,13 @@ def zero_limits(signals: ResponseSignals) -> Iterator[str]:
 
 
 def leakage_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[str]:
+    if response.period:
+        yield (
+            f"The input repeats every {response.period:.4g} s. The spectra are averaged over whole "
+            f"periods without a window, and the responses are given at its "
+            f"{len(response.frequency)} lines only; a peak between two lines does not show."
+        )
+        return
     narrow = [one for one in peaks if one.width < RESOLVED_LINES * response.resolution]
     if narrow:
         texts = ", ".join(

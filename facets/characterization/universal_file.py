@@ -112,23 +112,25 @@ def function_set(
 ) -> dict[str, Any]:
     """Dataset 58 of one axis: its response in m or rad per SI unit of the input, or its coherence.
 
-    Lines from 0 Hz on, as methods by inverse transforms need them; those below the first one that
-    is estimated are zero.
+    Lines from 0 Hz on, as methods by inverse transforms need them; those that are not estimated,
+    below the first one and where a periodic input has none, are zero.
     """
     kind, unit, scale = input_type(column)
     n, step = POSE.index(axis), response.resolution
-    below = round(float(response.frequency[0]) / step)
+    lines = np.round(response.frequency / step).astype(int)
     length = 1.0 if axis in ANGLES else 1e-3
     values = response.coherence[:, n] if function == COHERENCE else (
         response.h1[:, n] * length / scale
     )  # fmt: skip
     known = np.nan_to_num(values)
-    data = np.concatenate([np.zeros(below, known.dtype), known])
+    data = np.zeros(lines[-1] + 1, known.dtype)
+    data[lines] = known
+    window = "no" if response.period else "Hann"
     words = "Coherence" if function == COHERENCE else "Frequency response function H1"
     return {
         "type": 58, "binary": 0, "func_type": function,
         "id1": f"{words} of {axis} by {column}"[:80],
-        "id2": f"{response.averages:.1f} averages, Hann window, {step:.6g} Hz; facets"[:80],
+        "id2": f"{response.averages:.1f} averages, {window} window, {step:.6g} Hz; facets"[:80],
         "id3": about.get("made", "NONE")[:80],
         "id4": about.get("config", "NONE")[:80],
         "id5": f"Not estimated below {response.frequency[0]:.6g} Hz, where it stands as zero"[:80],

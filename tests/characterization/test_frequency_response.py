@@ -56,6 +56,25 @@ def test_the_receptance_lies_within_its_random_error_in_95_percent_of_the_lines(
     assert 0.93 < (np.abs(phase[clear]) < found.coverage_factor).mean() < 0.97
 
 
+def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
+    """Without leakage, however narrow a peak is between the lines."""
+    rng = np.random.default_rng(9)
+    lines, held, total = np.arange(4, 400, 3), 0, 0
+    b, a, _ = signal.cont2discrete(([1.0], [1 / 500**2, 2 * 0.01 / 500, 1]), 1 / RATE, "zoh")
+    true = np.abs(signal.freqz(b.ravel(), a, lines, fs=RATE)[1])
+    for _ in range(20):
+        phases = rng.uniform(0, 2 * np.pi, len(lines))
+        one = np.cos(np.outer(np.arange(1000) / RATE, 2 * np.pi * lines) + phases).sum(axis=1)
+        force = np.tile(one, 16)
+        moved = signal.lfilter(b.ravel(), a, force) + 0.05 * rng.standard_normal(len(force))
+        found = estimate_response(force[4000:], moved[4000:, None], even(12_000))
+        assert found.period == 1.0
+        np.testing.assert_allclose(found.frequency, lines)
+        apart = np.abs(np.abs(found.h1[:, 0]) - true) / found.uncertainty[:, 0]
+        held, total = held + (apart < found.coverage_factor).sum(), total + len(lines)
+    assert 0.935 < held / total < 0.965
+
+
 def test_noise_of_the_output_leaves_h1_and_raises_h2(shaken):
     found = estimate_response(*shaken, even(BODY.samples), 2.0, NOISE)
     true = receptance(BODY, found.frequency)[:, AXES]
@@ -183,6 +202,8 @@ def test_what_cannot_be_estimated_is_refused(shaken):
     force, moved = shaken
     with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
         estimate_response(force, moved, even(len(force)), 0.02)
+    with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
+        estimate_response(force, moved, even(len(force)), 1e-6)  # without the memory for it
     with pytest.raises(InputError, match=r"allowed: up to 15.62 Hz at 1000 samples per second"):
         estimate_response(force, moved, even(len(force)), 100.0)
     with pytest.raises(InputError, match="the input does not change"):

@@ -115,7 +115,7 @@ def comparison_sentences(
     seal, damage: of the recording in `folder`.  version: of facets, that recorded it.
     config_name: of the configuration that solved it again, unless the recording's own.
     """
-    lost = max(0, seal.poses - result.recorded) if seal else 0
+    lost = missing_poses(result, seal)
     was_refused = bool(seal and seal.refused_bytes and not damage.words)
     losses = {
         f"{result.skipped} samples were skipped in the run and are solved now": result.skipped,
@@ -127,10 +127,19 @@ def comparison_sentences(
     found = [verdict(result, seal, lost), *(text for text, count in losses.items() if count)]
     found += difference_sentences(result, damage, version, config_name)
     is_whole = seal is not None and not lost and not damage.words
-    has_all = (was_refused or not result.absent) and (
-        not result.unrecorded or bool(seal and seal.refused_poses)
-    )
+    has_all = is_explained(result, seal, was_refused)
     return found, is_whole and has_all and result.is_same
+
+
+def missing_poses(result: PoseComparison, seal: Seal | None) -> int:
+    """Number of poses that were written and cannot be read."""
+    return max(0, seal.poses - result.recorded) if seal else 0
+
+
+def is_explained(result: PoseComparison, seal: Seal | None, was_refused: bool) -> bool:
+    """Whether the disk refused what only the recording, or only the replay has."""
+    refused_poses = seal.refused_poses if seal else 0
+    return (was_refused or not result.absent) and (not result.unrecorded or refused_poses > 0)
 
 
 def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
