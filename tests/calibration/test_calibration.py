@@ -479,7 +479,7 @@ def test_the_command_proposes_poses(run):
     folder, _ = run
     result = command("calibrate", "paper", "--propose", "5", "-o", "poses.csv", cwd=folder)
     assert result.returncode == 0, result.stderr
-    assert "approaches each axis's poses\nfrom below in" in result.stdout
+    assert "approaches each axis's poses from below in" in " ".join(result.stdout.split())
     assert (folder / "poses.csv").read_text().count("\n") == 11
     _, visit = states(Table(folder / "poses.csv", 2, 10.0), np.random.default_rng(1))
     assert len(visit) == 10  # a motion as it stands
