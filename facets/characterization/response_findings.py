@@ -9,7 +9,13 @@ import numpy as np
 
 from ..core.names import POSE
 from ..core.units import Booleans, Floats, unit_of
-from .frequency_response import FrequencyResponse, low_pass
+from .frequency_response import (
+    SKIPPED_LINES,
+    FrequencyResponse,
+    average_spectra,
+    low_pass,
+    segment_starts,
+)
 
 if TYPE_CHECKING:
     from .response_signals import ResponseSignals
@@ -40,6 +46,9 @@ PARTS = 20
 #: The input changes slowly if this share of the segments or less has it, in the median line; of a
 #: random input a half of them count.
 SLOW_INPUT_SHARE = 0.25
+#: The input is bent if its square's or cube's coherence, averaged over the lines, exceeds chance by
+#: this number of standard deviations.
+BENT_SIGMAS = 8.0
 #: What else lowers the coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
@@ -107,6 +116,7 @@ def find_limits(
         *average_limits(response),
         *gap_limits(response, signals),
         *input_limits(response, signals),
+        *bent_input_limits(response, signals),
         *light_limits(signals),
         *misfit_limits(signals),
         *zero_limits(signals),
@@ -156,13 +166,45 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
             "or a smaller --resolution-hz."
         )
     known = signals.stimulus[signals.usable]
-    ends = [float(np.mean(known == end)) for end in (known.max(), known.min())]
-    if min(ends) > CLIPPED_SHARE and known.max() > known.min():
+    sides = [end for end in (known.max(), known.min()) if end != np.median(known)]  # not at rest
+    ends = [float(np.mean(known == end)) for end in sides]
+    if max(ends, default=0.0) > CLIPPED_SHARE:
         yield (
             f"The input is at its largest or smallest value in {100 * sum(ends):.2g} % of the "
             "rows: it is probably clipped by its amplifier or converter, or a square wave. A "
             "clipped input makes the response too large."
         )
+
+
+def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
+    """A motion that goes with the square or the cube of the input, beyond what goes with itself."""
+    from scipy.signal import get_window
+
+    if response.period:
+        return
+    length = round(response.rate / response.resolution)
+    rows = np.concatenate(segment_starts(signals.stretches, length))
+    options = rows, get_window("hann", length), response.rate, "linear"
+    known = signals.stimulus[signals.usable]
+    x = np.where(signals.usable, (signals.stimulus - known.mean()) / np.ptp(known), 0.0)
+    for power, name in ((2, "square"), (3, "cube")):
+        both = np.column_stack([x**power, signals.motion])
+        _, g_xx, g_x, g_yy, _ = (one[SKIPPED_LINES:] for one in average_spectra(x, both, *options))
+        g_r = average_spectra(x**power, signals.motion, *options)[2][SKIPPED_LINES:]
+        rest = g_yy - np.abs(g_x) ** 2 / g_xx[:, None]
+        cross = g_r - np.conj(g_x[:, :1]) * g_x[:, 1:] / g_xx[:, None]
+        coherence = np.abs(cross) ** 2 / (rest[:, :1] * rest[:, 1:])
+        lines = response.is_excited
+        chance = (1 + BENT_SIGMAS * np.sqrt(1.5 / lines.sum())) / (response.averages - 1)
+        bent = coherence[lines].mean(axis=0) > chance
+        if bent.any():
+            axes = ", ".join(axis for axis, is_bent in zip(POSE, bent, strict=True) if is_bent)
+            yield (
+                f"The motion of {axes} goes with the {name} of the input, too: the input's "
+                "channel or the spring is not linear, and |H| depends on the amplitude by more "
+                "than the random error. Halve the force, and compare."
+            )
+            return
 
 
 def bands(frequency: Floats, chosen: Booleans, most: int = 3) -> str:

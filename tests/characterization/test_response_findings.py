@@ -108,7 +108,24 @@ def still(force, motion):
 def test_what_spoils_a_record_is_said(change, words):
     *_, limits = look(change)
     assert any(words in text for text in limits), limits
-    assert len(limits) <= (8 if change is clip else 4)
+    assert len(limits) <= (9 if change is clip else 4)
+
+
+def clip_above(force, motion):
+    force[force > 0.8 * force.std()] = 0.8 * force.std()
+
+
+def compress(force, motion):
+    force[:] = np.tanh(force / force.std())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(clip_above, "clipped by its amplifier"), (compress, "goes with the cube of the input")],
+)
+def test_an_input_that_is_not_linear_is_said(change, words):
+    *_, limits = look(change)
+    assert any(words in text for text in limits), limits
 
 
 def test_a_sweep_that_is_slower_than_a_segment_is_said():
