@@ -59,11 +59,6 @@ def nonnegative_product(x: Interval, y: Interval) -> Interval:
     return (low[0] * low[1]).lower().union((x.upper() * y.upper()).upper())
 
 
-def map_monotone(function: Any, x: Interval) -> Interval:
-    """A monotone function of an interval: the hull of its values at the ends."""
-    return function(x.lower()).union(function(x.upper()))
-
-
 def exp(x: Interval) -> Interval:
     return x.exp()
 
