@@ -71,7 +71,7 @@ def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
     lines = done.stdout.splitlines()
     for name in ("paper: 8 readings", "beam free", "beam within 5 µm", "beam known"):
         assert any(line.strip().startswith(name) for line in lines)
-    table = lines[: next(n for n, line in enumerate(lines) if line.startswith("with the beam"))]
+    table = lines[: next(n for n, line in enumerate(lines) if line.startswith("  The box"))]
     assert max(len(line) for line in table if "standard uncertainty" not in line) <= int(columns)
     assert sum("0.067" in line for line in table) >= 1
 
