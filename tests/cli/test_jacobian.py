@@ -36,9 +36,14 @@ def test_samples_searches_and_proves(tmp_path):
 
 @pytest.mark.slow
 def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
+    box = (
+        "tx_mm=2,ty_mm=5,tz_mm=3,roll_mrad=6,pitch_mrad=3,yaw_mrad=20,"
+        "offset_x_mm=0.2,offset_y_mm=0.2"
+    )  # beyond the range, which ends at singular poses
     result = command(
-        "jacobian", "singular", "--states", "2000", "--certify", "-d", "out", cwd=tmp_path
-    )
+        "jacobian", "singular", "--states", "2000", "--certify", "--box", box, "-d", "out",
+        cwd=tmp_path,
+    )  # fmt: skip
     assert result.returncode == 1, result.stderr
     assert "both signs" in result.stdout
     assert "two states with the same readings:" in result.stdout

@@ -676,6 +676,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps", "detectors", "poses"}
     counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
     counts |= {"runs", "periods"}  # of an axis under test
+    counts |= {"search_reversals"}
     counts |= {"scale", "offset"}  # of an auxiliary channel, in the unit that the user names
     counts |= {
         "degrees_of_freedom",

@@ -159,7 +159,7 @@ def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unkn
 def test_a_file_that_is_wrong_is_named_in_one_sentence(place, name, what, words):
     path = place / "rec" / name
     if what == "cut":
-        cut(path, 0.02)
+        cut(path, 0.002)
     elif what == "swap":
         shutil.copy(place / "other" / name, path)
     elif what == "empty":
