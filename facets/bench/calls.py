@@ -32,18 +32,18 @@ SENSOR = rivals.SENSOR
 #: Ratios to the reference loop on an AMD EPYC, whose loop takes 7.3 us in a slow hour.
 STORED = {
     "reference loop: 1000 steps": 1.0,
-    "functions of three edges alone: batch": 0.0077,
-    "readings: batch": 0.0122,
-    "Jacobians: batch": 0.033,
-    "poses from zero: batch": 0.182,
-    "poses from near: batch": 0.077,
-    "readings: one call": 0.80,
-    "facets.solve: one call": 1.86,
-    "Solver.solve: one call": 1.21,
-    "Solver.solve: one call in a motion": 0.98,
-    "Solver.solve: one call at rest": 0.71,
-    "first reading: nothing compiled": 8.9e4,
-    "first pose: nothing compiled": 2.0e5,
+    "functions of three edges alone: batch": 0.0054,
+    "readings: batch": 0.0082,
+    "Jacobians: batch": 0.0238,
+    "poses from zero: batch": 0.106,
+    "poses from near: batch": 0.0444,
+    "readings: one call": 1.10,
+    "facets.solve: one call": 1.29,
+    "Solver.solve: one call": 1.07,
+    "Solver.solve: one call in a motion": 0.89,
+    "Solver.solve: one call at rest": 0.68,
+    "first reading: nothing compiled": 1.2e5,
+    "first pose: nothing compiled": 2.1e5,
 }
 #: Rows that a quick run leaves out, because they compile everything again.
 FIRST = {
