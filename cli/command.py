@@ -19,7 +19,7 @@ FOLDER_COMMANDS = (
     "simulate", "range-map", "resolution", "jacobian", "tolerances", "acquire", "noise", "export-c",
     "bench", "reproduce",
 )  # fmt: skip
-#: What is given instead of an option that a command does not have; what to give comes first.
+#: What to give instead of an option that a command does not have.
 RENAMED = {
     **{(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")},
     **{

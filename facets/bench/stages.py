@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,20 +19,7 @@ from ..scalars.lanes import LaneWriter
 Array = Any
 
 
-def stage_code(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> LaneWrite:
-    """Make block code that writes one sum of numbers per pose."""
-
-    def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-        state = tuple(code.load_rows(states, 8, 8))
-        total: Any = 0.0
-        for number in formula(code, vectors, state):
-            total = total + number
-        code.store_lanes(total, found, 0)
-
-    return each_block(write, lambda code, pointer: vectors_of(code, pointer, "plain"), 1)
-
-
-def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iterator[Any]:
+def special(code: LaneWriter, state: tuple[Any, ...]) -> Iterator[Any]:
     """Evaluate only the functions of three edges, which all readings need: a Gaussian of the point;
     of each edge a Gaussian, two error functions, a triangle's mass, a root and an arc tangent; of
     each angle its sine and cosine."""
@@ -53,9 +40,17 @@ FLOOR = "functions of three edges alone"
 def floor() -> Callable[[Array, Array, Array], None]:
     """The functions as a function of arrays: a sensor's vectors, (n, 8) states, (n,) results; n in
     blocks."""
-    code = blocks.lane_code(
-        "stage_0", blocks.lanes(), 5, lambda: stage_code(special), Path(__file__)
-    )
+
+    def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
+        total: Any = 0.0
+        for number in special(code, tuple(code.load_rows(states, 8, 8))):
+            total = total + number
+        code.store_lanes(total, found, 0)
+
+    def make() -> LaneWrite:
+        return each_block(write, lambda code, pointer: vectors_of(code, pointer, "plain"), 1)
+
+    code = blocks.lane_code("floor", blocks.lanes(), 5, make, Path(__file__))
 
     def work(vectors: Array, states: Array, out: Array) -> None:
         count = len(states) // blocks.lanes()

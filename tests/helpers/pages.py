@@ -68,7 +68,7 @@ NUMBER = re.compile(r"\d[\d,]*\.?\d*(?:e[-+]?\d+)?(?![\d.,e]*(?: m?s\b|\d))")
 
 
 def agree(shown: str, printed: str, share: float) -> bool:
-    """Whether the numbers of two lines of one shape agree to a share of the larger one, or to two
+    """Whether the numbers of two lines of one shape agree to a share of the smaller one, or to two
     units in the last place of the shown one; what follows `...` is not compared."""
     for one, other in zip(
         NUMBER.findall(shown.partition("...")[0]), NUMBER.findall(printed), strict=False
