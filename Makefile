@@ -27,17 +27,19 @@ lint: .venv/developed
 	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*
 	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.citation-file-format CITATION.cff
 
-# The package as it is installed, with cli/ and experiments/ inside, for tools that read sources.
+# The package as it is installed, with cli/ and experiments/ inside, and the tests as packages, for tools
+# that read sources.
 tree:
-	rm -rf build/tree && mkdir -p build/tree && cp -R facets build/tree/facets
+	rm -rf build/tree && mkdir -p build/tree && cp -R facets tests build/tree
 	cp -R cli experiments configs build/tree/facets/
+	find build/tree/tests -type d -exec touch {}/__init__.py \;
 
 types: .venv/developed tree
 	MYPYPATH=build/tree $(BIN)/mypy -p facets | sed -E \
 	  -e 's#^build/tree/facets/(cli|experiments)/#\1/#' -e 's#^build/tree/##'
 
 layers: .venv/developed tree
-	cd build/tree && ../../$(BIN)/lint-imports --config ../../.importlinter --no-cache
+	cd build/tree && COLUMNS=200 ../../$(BIN)/lint-imports --config ../../.importlinter --no-cache
 
 # A file of tests stays in one process, so that what its tests share is made once; the order is that
 # of tests/conftest.py.

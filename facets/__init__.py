@@ -18,66 +18,34 @@ from .core.faces import load_on_use
 from .core.version import __version__ as __version__
 
 # A name is imported at its first use, so that a command loads only what it needs.
-_HOMES = {
-    "load": "config.loading",
-    "ConfigError": "core.errors",
-    "FacetsError": "core.errors",
-    "InputError": "core.errors",
-    "OutputError": "core.errors",
-    "Knowledge": "core.knowledge",
-    "Prior": "core.knowledge",
-    "POSE": "core.names",
-    "READING": "core.names",
-    "STATE": "core.names",
-    "MeasuredObject": "core.rigid_body",
-    "Rules": "core.rules",
-    "Apertures": "core.sensor",
-    "Beam": "core.sensor",
-    "BenchLight": "core.sensor",
-    "Calibration": "core.sensor",
-    "Correction": "core.sensor",
-    "Electronics": "core.sensor",
-    "Facet": "core.sensor",
-    "Grid": "core.sensor",
-    "Imperfections": "core.sensor",
-    "Noise": "core.sensor",
-    "Psd": "core.sensor",
-    "Sensor": "core.sensor",
-    "Config": "core.settings",
-    "PARAMETERS": "optics.parameters",
-    "footprints": "model.arrays",
-    "jacobian": "model.arrays",
-    "margins": "model.arrays",
-    "parameter_jacobian": "model.arrays",
-    "reaches": "model.arrays",
-    "readings": "model.arrays",
-    "add_noise": "detectors.noise",
-    "standard_deviations": "detectors.noise",
-    "Solver": "estimation.prepared",
-    "Solution": "estimation.solution",
-    "Status": "estimation.solution",
-    "solve": "estimation.solver",
-    "difference_uncertainty": "estimation.differences",
-    "mean_uncertainty": "estimation.differences",
-    "ZeroPose": "estimation.differences",
-    "zero_pose": "estimation.differences",
-    "ObjectPose": "estimation.object_pose",
-    "transform": "estimation.object_pose",
-    "unseen_errors": "estimation.reliability",
-    "AxisRange": "characterization.ranges",
-    "Boundary": "characterization.outlines",
-    "CAUSES": "characterization.ranges",
-    "axis_ranges": "characterization.ranges",
-    "trace": "characterization.outlines",
-    "Estimator": "characterization.resolution",
-    "budgets": "characterization.resolution",
-    "uncertainties": "characterization.resolution",
-    "Segment": "simulation.run",
-    "simulate": "simulation.run",
-    "Optimum": "design.search",
-    "optimize": "design.search",
+_NAMES_OF = {
+    "config.loading": "load",
+    "core.errors": "ConfigError FacetsError InputError OutputError",
+    "core.knowledge": "Knowledge Prior",
+    "core.names": "POSE READING STATE",
+    "core.rigid_body": "MeasuredObject",
+    "core.rules": "Rules",
+    "core.sensor": (
+        "Apertures Beam BenchLight Calibration Correction Electronics Facet Grid "
+        "Imperfections Noise Psd Sensor"
+    ),
+    "core.settings": "Config",
+    "optics.parameters": "PARAMETERS",
+    "model.arrays": "footprints jacobian margins parameter_jacobian reaches readings",
+    "detectors.noise": "add_noise standard_deviations",
+    "estimation.prepared": "Solver",
+    "estimation.solution": "Solution Status",
+    "estimation.solver": "solve",
+    "estimation.differences": "difference_uncertainty mean_uncertainty ZeroPose zero_pose",
+    "estimation.object_pose": "ObjectPose transform",
+    "estimation.reliability": "unseen_errors",
+    "characterization.ranges": "AxisRange CAUSES axis_ranges",
+    "characterization.outlines": "Boundary trace",
+    "characterization.resolution": "Estimator budgets uncertainties",
+    "simulation.run": "Segment simulate",
+    "design.search": "Optimum optimize",
 }
-__all__ = sorted(_HOMES)
+__all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
     from .characterization.outlines import Boundary as Boundary
@@ -138,8 +106,8 @@ if TYPE_CHECKING:
     from .simulation.run import Segment as Segment
     from .simulation.run import simulate as simulate
 else:
-    __getattr__ = load_on_use(__name__, _HOMES)
+    __getattr__ = load_on_use(__name__, _NAMES_OF)
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *_HOMES]
+    return [*globals(), *__all__]

@@ -51,10 +51,14 @@ def pytest_xdist_auto_num_workers() -> int:
     return (3 * (cores or 1) + 1) // 2
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    root = Path(__file__).parent
-    order = {root / name: place for place, name in enumerate(LONG)}
-    items.sort(key=lambda item: order.get(item.path, len(LONG)))
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """In one process quick tests go first, so that a failure is known soon."""
+    if getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
+        root = Path(__file__).parent
+        order = {root / name: place for place, name in enumerate(LONG)}
+        items.sort(key=lambda item: order.get(item.path, len(LONG)))
+    else:
+        items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
 
 
 @pytest.fixture

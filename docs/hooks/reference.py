@@ -123,9 +123,9 @@ def face() -> str:
     import facets
 
     by_folder: dict[str, list[str]] = {}
-    for name in facets.__all__:
-        home: str = facets._HOMES[name]
-        by_folder.setdefault(home.split(".")[0], []).append(f"::: facets.{home}.{name}")
+    homes = {name: file for file, names in facets._NAMES_OF.items() for name in names.split()}
+    for name, file in sorted(homes.items()):
+        by_folder.setdefault(file.split(".")[0], []).append(f"::: facets.{file}.{name}")
     order = [*SUBJECTS, *sorted(set(by_folder) - set(SUBJECTS))]
     return "\n".join(
         f"## {SUBJECTS.get(folder, folder.capitalize())}\n\n" + "\n".join(by_folder[folder]) + "\n"

@@ -13,4 +13,25 @@ if TYPE_CHECKING:
     from . import unknowns as unknowns
     from . import verdict as verdict
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "bundle_adjustment": (
+                "Data OWN_COUNT OWN_UNITS add_power_polynomials eliminate_own_unknowns "
+                "linear own_sigma predict_readings states_of"
+            ),
+            "effect_search": "explain_scatter first_state search",
+            "fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
+            "identifiability": (
+                "choose_poses information mean_reduction pose_information weak_directions"
+            ),
+            "rezero": (
+                "CHANGES ChangePriors LEAST_CHANCE StopReadings average_stop renew_zero "
+                "stop_readings"
+            ),
+            "table": (
+                "REFERENCE choice choose_groups gather_samples read recording_time velocities"
+            ),
+            "unknowns": "ALL Choice PLACE assign_values block fold_mount values_of",
+        },
+    )

@@ -23,4 +23,34 @@ if TYPE_CHECKING:
     from . import trials as trials
     from . import universal_file as universal_file
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "ambiguity": "find_ambiguous_pair find_pair_in_box find_singular_state",
+            "axis_report": "evaluate_axis",
+            "axis_visits": (
+                "Commands PoseSeries approach_directions find_visits match_stands "
+                "measured_directions read_commands"
+            ),
+            "error_motions": "ErrorMotions Visits measure_error_motions",
+            "frequency_response": (
+                "count_averages estimate_response find_stretches low_pass noise_spectrum "
+                "response_table segment_starts"
+            ),
+            "noise_model": "fit_noise name_of slope_sigma",
+            "noise_report": "configured_deviation longest_section",
+            "outlines": "Boundary map_inside",
+            "positioning": "QUANTITIES evaluate_positioning",
+            "propagation": "coverage_intervals mahalanobis propagate_distributions tolerance",
+            "ranges": "COARSE LIGHT PSD clearances find_exits scaled_jacobian",
+            "resolution": "Estimator estimators resolve sources",
+            "response_findings": "find_limits find_peaks silent_axes",
+            "response_signals": "build_signals noise_deviation",
+            "rest": "find_faults reading_faults",
+            "sensitivity": "Index",
+            "singularity": "direction_in_words measures samples search survey weakest_direction",
+            "state_box": "AXES StateBox apex_offset box_of_poses least_share parse_box range_box",
+            "trials": "default_states saturated_detectors",
+            "universal_file": "input_type read_input_dof write_universal_file",
+        },
+    )

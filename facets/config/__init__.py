@@ -4,26 +4,17 @@ from typing import TYPE_CHECKING
 
 from ..core.faces import load_on_use
 
-_HOMES = {
-    "Config": ".core.settings",
-    "Motion": ".core.motions",
-    "Random": ".core.motions",
-    "Runs": ".core.motions",
-    "Sine": ".core.motions",
-    "Solve": ".core.settings",
-    "State": ".core.axis_keys",
-    "Steps": ".core.motions",
-    "Sweep": ".core.motions",
-    "Table": ".core.motions",
-    "Vibration": ".core.motions",
-    "fingerprint": "loading",
-    "load": "loading",
-    "schema": "json_schema",
-    "shipped": "files",
-    "source_files": "loading",
-    "to_yaml": "show",
+_NAMES_OF = {
+    ".core.settings": "Config Solve",
+    ".core.motions": "Motion Random Runs Sine Steps Sweep Table Vibration",
+    ".core.axis_keys": "State",
+    "loading": "fingerprint load source_files",
+    "json_schema": "schema",
+    "files": "shipped",
+    "show": "to_yaml",
+    "sensor_keys": "write_sensor",
 }
-__all__ = sorted(_HOMES)
+__all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
     from ..core.axis_keys import State as State
@@ -48,4 +39,4 @@ if TYPE_CHECKING:
     from .loading import source_files as source_files
     from .show import to_yaml as to_yaml
 else:
-    __getattr__ = load_on_use(__name__, _HOMES)
+    __getattr__ = load_on_use(__name__, _NAMES_OF)

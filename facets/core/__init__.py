@@ -8,4 +8,24 @@ if TYPE_CHECKING:
     from . import units as units
     from . import version as version
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "arguments": "as_floats",
+            "channels": "AuxiliaryChannel column_ending",
+            "errors": "ConfigError FacetsError InputError",
+            "hues": "DARK DASHES Hues LIGHT MARKS THEMES choose_style chosen_style use_style",
+            "keys": "Key block_of item_of key",
+            "knowledge": "Knowledge",
+            "layout": "AmplifierPart LaserPart PsdPart",
+            "motions": "Mode Random Runs Sine Steps Sweep Table Vibration",
+            "names": (
+                "ANGLES DETECTORS FINE_UNITS LABELS RANGE_COLUMNS READING_COLUMNS STATE "
+                "STATE_COLUMNS STATE_UNITS"
+            ),
+            "rigid_body": "MIRROR MeasuredObject mirror_poses object_displacements object_poses",
+            "sensor": "BenchLight Calibration LIGHT_CANDIDATES Thermal",
+            "settings": "Solve",
+            "units": "Floats KEY_UNITS unit_in",
+        },
+    )

@@ -9,17 +9,17 @@ from importlib.util import find_spec
 from typing import Any
 
 
-def load_on_use(package: str, homes: Mapping[str, str] | None = None) -> Callable[[str], Any]:
+def load_on_use(package: str, names_of: Mapping[str, str] | None = None) -> Callable[[str], Any]:
     """Return the `__getattr__` of a package, which imports what is asked for.
 
-    homes: the file in which each public name is defined, as in a relative import less its first
-    dot. All other names are files of the package.
+    names_of: the names, between spaces, that each file gives to the package's face; a file is
+    written as in a relative import less its first dot. All other names are files of the package.
     """
-    known = homes or {}
+    homes = {name: home for home, names in (names_of or {}).items() for name in names.split()}
 
     def load(name: str) -> Any:
-        if name in known:
-            value = getattr(import_module(f".{known[name]}", package), name)
+        if name in homes:
+            value = getattr(import_module(f".{homes[name]}", package), name)
             setattr(sys.modules[package], name, value)
             return value
         if name.startswith("_") or find_spec(f"{package}.{name}") is None:

@@ -21,4 +21,22 @@ if TYPE_CHECKING:
     from . import variables as variables
     from . import verification as verification
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "exploration": (
+                "MEASURES NO_RIVALS Space collect designs measure_design measure_designs "
+                "meets part_of part_table space_of"
+            ),
+            "problem": "problem_of",
+            "production": "SimulatedHeads count_passes interval simulate_heads",
+            "rounding": "round_design step_of",
+            "search": "optimize solve_from_present",
+            "sheets": "require_writable write_sheets",
+            "tolerancing": "draw_heads expand_margins key_of sensitivities shares",
+            "variables": (
+                "columns_of_states gain_of layout_parameters outcome_of present_values sensor_of"
+            ),
+            "volume": "add_worst_states mirror_states shares_of_volume states_of worst_places",
+        },
+    )

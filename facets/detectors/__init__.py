@@ -1,0 +1,19 @@
+from ..core.faces import load_on_use
+
+__getattr__ = load_on_use(
+    __name__,
+    {
+        "calibrated": "KNOWN MISFIT MODEL_ERROR TEMPERATURE",
+        "correction": "NAMES coefficients correct correction_slopes invert_correction",
+        "counts": (
+            "SATURATED UNEQUAL counts_per_ampere counts_to_readings counts_to_xy_sum "
+            "readings_to_counts"
+        ),
+        "electrodes": "fractions places side_potential tetra_lateral_ratios",
+        "noise": (
+            "ELECTRIC add_noise electrode_currents fullness least_light power_floor "
+            "sample_readings standard_deviations step_variances variances"
+        ),
+        "skew": "align delay_states slopes",
+    },
+)

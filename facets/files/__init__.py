@@ -7,4 +7,11 @@ if TYPE_CHECKING:
     from . import tables as tables
     from . import whole as whole
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "provenance": "provenance_header run_record",
+            "tables": "read_chunks read_head unit_of_column write_table",
+            "whole": "ResultSet Whole readable_path remove_older",
+        },
+    )

@@ -7,4 +7,9 @@ if TYPE_CHECKING:
     from . import library as library
     from . import source as source
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "library": "FirmwareLibrary",
+        },
+    )

@@ -17,23 +17,47 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 # Names are imported at their first use, so that a program loads only what it uses.
-_HOMES = {
-    "Live": "run.live",
-    "Playback": "playback",
-    "ReplayPage": "web.replay_page",
-    "Run": "assembly",
-    "Screen": "run.view",
-    "json_line": "run.view",
-    "plain_line": "run.view",
-    "refuse_output": "playback",
-    "require_packages": "streams.publication",
-    "summary": "run.view",
-    "poses": "run.poses",
-    "smooth": "run.smoothing",
-    "PoseSensor": "streams.ophyd_device",
-    "Subscription": "streams.subscription",
+_NAMES_OF = {
+    "run.live": "Live",
+    "playback": "Playback refuse_output",
+    "web.replay_page": "ReplayPage",
+    "assembly": "Run",
+    "run.view": "Screen json_line plain_line summary values",
+    "streams.publication": "require_packages Publication Publications",
+    "run.poses": "poses",
+    "run.smoothing": (
+        "smooth MODELS dynamic_error noise_covariance process_noise smoothed_columns transition"
+    ),
+    "streams.ophyd_device": "PoseSensor",
+    "streams.subscription": "Subscription",
+    "recording.comparison": "compare",
+    "recording.index": "Damage OLD are_events_whole pack_encoder",
+    "recording.pose_table": "join_columns pose_columns recorded_poses",
+    "recording.reader": "blocks meta_of",
+    "recording.replay": "recorded_config replay",
+    "recording.writer": "DiskError Recording",
+    "run.board_poses": "SOLVED board_solution",
+    "run.loop": "CLOCK_MOVED Ending Loop acquire",
+    "run.pipeline": "FULL LABELS MARKED Pipeline Poses SKIPPED TWO_DETECTORS join_poses",
+    "run.pulses": "PulseClock",
+    "run.reader": "MAX_BLOCK_S Reader",
+    "run.sink": "Sink",
+    "sources": "Block check_missing check_source",
+    "sources.clock": "Sequence WRAP",
+    "sources.frames": (
+        "ELECTRODES FRAME FixedFrames MARK POSE SIZE Samples XY_SUM encode pack parser"
+    ),
+    "sources.host_time": "HostTime touching_line",
+    "sources.ports": "DatagramPort PortError PortInUse open_port",
+    "streams.sample_rows": (
+        "CALIBRATED_SAMPLE SAMPLE description row_content row_dtype rows_of sample_dtype"
+    ),
+    "virtual": "Bench Faults Pty truth_of",
+    "virtual.stages": "PiController ZaberDevice",
+    "web.page": "WebPage description_of",
+    "web.status": "stage status_of",
 }
-__all__ = sorted(_HOMES)
+__all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
     from . import recording as recording
@@ -56,4 +80,4 @@ if TYPE_CHECKING:
     from .streams.subscription import Subscription as Subscription
     from .web.replay_page import ReplayPage as ReplayPage
 else:
-    __getattr__ = load_on_use(__name__, _HOMES)
+    __getattr__ = load_on_use(__name__, _NAMES_OF)

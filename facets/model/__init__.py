@@ -7,4 +7,17 @@ if TYPE_CHECKING:
     from . import rare as rare
     from . import threads as threads
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "arrays": (
+                "EFFECTS derivatives effect_jacobian effects geometry_of group_by_field "
+                "is_near_edge light_effects options packed_vectors parameters "
+                "replace_effects sensor_with spot_size"
+            ),
+            "beam_shape": "axes_of shape_derivatives shape_of",
+            "many": "evaluate vectors_of",
+            "threads": "cores once part_of run_side_by_side share",
+            "varied": "VariedSensors",
+        },
+    )

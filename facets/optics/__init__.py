@@ -1,0 +1,18 @@
+from ..core.faces import load_on_use
+
+__getattr__ = load_on_use(
+    __name__,
+    {
+        "central": "CENTRAL_SQUARED side_central",
+        "effects": "LightEffects",
+        "forward": "OPEN build_geometry dark_scene",
+        "gradient": "linearise",
+        "parameters": "BEAM FACET PARAMETERS PSD",
+        "tail_quadrature": (
+            "AWAY_SIGMAS NARROW_RAD brighter_side integrate tail_integrals "
+            "wedge_by_quadrature wedge_sums"
+        ),
+        "vectors": "rotation",
+        "wedge": "closed_wedge moments_along_float side turn_derivative",
+    },
+)

@@ -27,4 +27,15 @@ if TYPE_CHECKING:
     from . import trials as trials
     from . import wording as wording
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "film": "ease_camera",
+            "magnification": "motion_factor round_down stays_on_detectors",
+            "ranges": "ranges_picture",
+            "render": "Picture",
+            "scene": "Stand",
+            "spots": "light_on plan_picture spots_picture",
+            "style": "lay_out",
+        },
+    )

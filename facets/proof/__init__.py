@@ -10,4 +10,14 @@ if TYPE_CHECKING:
     from . import tolerances as tolerances
     from . import uniqueness as uniqueness
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "certificate": "write_certificate",
+            "range_cover": "cover_range",
+            "tolerances": "Tolerances calibration_tolerances",
+            "uniqueness": (
+                "Certificate certify edges_over_rotations least_share_in_box slope_of_powers"
+            ),
+        },
+    )

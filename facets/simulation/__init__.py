@@ -7,4 +7,16 @@ if TYPE_CHECKING:
     from . import motion as motion
     from . import run as run
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "axis_runs": "command_columns course_of course_states run_states",
+            "imperfect_optics": (
+                "FacetEdge flaws_of imperfect_readings nodes ray_readings reflectances"
+            ),
+            "motion": "shaker_force states",
+            "reference": "reference_columns reference_poses",
+            "run": "axes pose_table reading_table statuses",
+            "vibration": "receptance shake",
+        },
+    )

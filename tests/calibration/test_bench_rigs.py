@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import disturbed_rigs, rigs
-from facets.experiments.bench_rays import RayBench, spots
+from facets.experiments import bench_rays, disturbed_rigs, rigs
 
 import facets
 
 NOMINAL = facets.Sensor()
-IDEAL = RayBench(
+IDEAL = bench_rays.RayBench(
     np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
     np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
 )  # fmt: skip
@@ -42,7 +41,7 @@ def states(count=20):
 )  # fmt: skip
 def test_the_model_reads_what_the_rays_read(bench, light, place, power):
     state = states()
-    rays = spots(NOMINAL, IDEAL._replace(**bench), state)
+    rays = bench_rays.spots(NOMINAL, IDEAL._replace(**bench), state)
     off = rays - facets.readings(replace(NOMINAL, light=replace(NOMINAL.light, **light)), state)
     assert np.abs(np.delete(off, [2, 5, 8], axis=1)).max() < place
     assert np.abs(off[:, 2::3]).max() < power

@@ -9,14 +9,12 @@ import pytest
 from facets.experiments import rigs
 
 import facets
-from facets.calibration import budget, table
-from facets.calibration.bundle_adjustment import Data
+from facets.calibration import Choice, Data, budget, table
 from facets.calibration.fit import fit
-from facets.calibration.unknowns import Choice
 from facets.calibration.verdict import verdict
-from facets.core.sensor import Calibration
-from facets.detectors.noise import standard_deviations
-from facets.estimation.coverage import coverage_factor
+from facets.core import Calibration
+from facets.detectors import standard_deviations
+from facets.estimation import coverage_factor
 
 NOMINAL = facets.Sensor()
 NAMES, SIGMA = ("psd_a.height", "facet_b.inclination", "apex.x"), np.array([0.05, 5e-4, 0.02])

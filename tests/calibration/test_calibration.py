@@ -13,34 +13,34 @@ from sensors import SENSORS
 
 import facets
 from facets import ConfigError, InputError, Knowledge, uncertainties
-from facets.calibration import table
-from facets.calibration import unknowns as study
-from facets.calibration.bundle_adjustment import (
+from facets.calibration import (
+    ALL,
     OWN_COUNT,
     OWN_UNITS,
+    PLACE,
+    Choice,
     Data,
-    eliminate_own_unknowns,
-    linear,
-    predict_readings,
-    states_of,
-)
-from facets.calibration.fit import fit
-from facets.calibration.identifiability import (
+    block,
     choose_poses,
+    eliminate_own_unknowns,
     information,
+    linear,
     mean_reduction,
     pose_information,
+    predict_readings,
+    states_of,
+    table,
+    values_of,
     weak_directions,
 )
-from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
-from facets.core.motions import Table
-from facets.detectors.calibrated import KNOWN
-from facets.detectors.correction import coefficients, correct, correction_slopes, invert_correction
-from facets.files.provenance import run_record
-from facets.live.recording.replay import recorded_config
-from facets.live.recording.writer import Recording
-from facets.model.arrays import parameters, sensor_with
-from facets.simulation.motion import states
+from facets.calibration import unknowns as study
+from facets.calibration.fit import fit
+from facets.core import Table
+from facets.detectors import KNOWN, coefficients, correct, correction_slopes, invert_correction
+from facets.files import run_record
+from facets.live import Recording, recorded_config
+from facets.model import parameters, sensor_with
+from facets.simulation import states
 
 NOMINAL = facets.Sensor()
 EVERY = Choice(ALL, np.ones(len(ALL)))

@@ -11,8 +11,8 @@ import pytest
 import facets
 from facets.calibration.candidates import candidates, light_unknowns, tried_kinds
 from facets.calibration.misfit import centre_sigma, profile_finding
-from facets.core.sensor import LIGHT_CANDIDATES
-from facets.model.arrays import EFFECTS
+from facets.core import LIGHT_CANDIDATES
+from facets.model import EFFECTS
 
 CONFIG = facets.load("paper")
 #: The numbers of each candidate, and their standard uncertainties in 1/mm, mm, mm^2, mW and rad.

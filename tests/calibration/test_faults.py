@@ -8,10 +8,9 @@ from facets.experiments import rigs
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.calibration.bundle_adjustment import Data
-from facets.calibration.table import choice, velocities
+from facets.calibration import Data, choice, velocities
 from facets.calibration.verdict import verdict
-from facets.detectors.electrodes import tetra_lateral_ratios
+from facets.detectors import tetra_lateral_ratios
 
 CONFIG = facets.load("paper")
 NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate

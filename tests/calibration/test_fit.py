@@ -10,14 +10,20 @@ from facets.experiments import rigs
 
 import facets
 from facets import add_noise
-from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
+from facets.calibration import (
+    LOWER_BOUNDS_MM,
+    PLACE,
+    Data,
+    Task,
+    add_power_polynomials,
+    choice,
+    search,
+    states_of,
+)
 from facets.calibration.candidates import POLARISATIONS
-from facets.calibration.effect_search import search
-from facets.calibration.fit import LOWER_BOUNDS_MM, Task, fit
+from facets.calibration.fit import fit
 from facets.calibration.laser import fit_steady_laser
-from facets.calibration.table import choice
-from facets.calibration.unknowns import PLACE
-from facets.detectors.correction import invert_correction
+from facets.detectors import invert_correction
 
 CONFIG = facets.load("paper")
 NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate

@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.calibration.bundle_adjustment import Data
+from facets.calibration import Data
 from facets.calibration.hypotheses import Hypothesis, hypotheses
-from facets.detectors.electrodes import fractions, places
+from facets.detectors import fractions, places
 
 SENSOR = facets.Sensor()
 RNG = np.random.default_rng(1)

@@ -9,11 +9,19 @@ import pytest
 from facets.experiments import rigs
 
 import facets
-from facets.calibration.bundle_adjustment import Data, eliminate_own_unknowns, linear, own_sigma
-from facets.calibration.fit import GAINS, fit, prior_information
-from facets.calibration.table import choice, choose_groups
-from facets.calibration.unknowns import values_of
-from facets.core.errors import InputError
+from facets.calibration import (
+    GAINS,
+    Data,
+    choice,
+    choose_groups,
+    eliminate_own_unknowns,
+    linear,
+    own_sigma,
+    prior_information,
+    values_of,
+)
+from facets.calibration.fit import fit
+from facets.core import InputError
 
 SETTINGS = facets.load("paper")
 NOMINAL = SETTINGS.sensor

@@ -8,9 +8,9 @@ from facets.experiments import rigs
 
 import facets
 from facets import InputError
+from facets.calibration import REFERENCE, recording_time
 from facets.calibration.reference_join import join_tables
-from facets.calibration.table import REFERENCE, recording_time
-from facets.core.names import READING_COLUMNS, STATE_UNITS
+from facets.core import READING_COLUMNS, STATE_UNITS
 from facets.files import tables
 
 CONFIG = facets.load("paper")

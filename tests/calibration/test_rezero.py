@@ -7,11 +7,10 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
-from facets.experiments import new_zero
-from facets.experiments.bench_rays import RayBench, spots
+from facets.experiments import bench_rays, new_zero
 
 import facets
-from facets.calibration.rezero import (
+from facets.calibration import (
     CHANGES,
     LEAST_CHANCE,
     ChangePriors,
@@ -20,17 +19,13 @@ from facets.calibration.rezero import (
     stop_readings,
 )
 from facets.config import covariance
-from facets.core.errors import InputError
-from facets.core.names import READING_COLUMNS
-from facets.core.settings import Solve
-from facets.core.units import Floats
-from facets.detectors.correction import invert_correction
-from facets.detectors.noise import standard_deviations
+from facets.core import READING_COLUMNS, Floats, InputError, Solve
+from facets.detectors import invert_correction, standard_deviations
 from facets.files import tables
-from facets.optics.parameters import PARAMETERS
+from facets.optics import PARAMETERS
 
 NOMINAL = facets.Sensor()
-IDEAL = RayBench(
+IDEAL = bench_rays.RayBench(
     np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
     np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
 )  # fmt: skip
@@ -59,7 +54,9 @@ def read(change: Floats, pose: Floats = POSE, rows: int = 20_000) -> StopReading
         NOMINAL, beam=replace(NOMINAL.beam, power=power), psds=(psds[0], psds[1], psds[2])
     )
     pose, light = np.atleast_2d(pose), new_zero.change_light(IDEAL, change)
-    exact = spots(sensor, light, np.column_stack([pose, np.tile(change[:2], (len(pose), 1))]))
+    exact = bench_rays.spots(
+        sensor, light, np.column_stack([pose, np.tile(change[:2], (len(pose), 1))])
+    )
     sigma = standard_deviations(sensor, exact) / np.sqrt(rows)
     return StopReadings(invert_correction(sensor, exact), sigma**2)
 

@@ -10,20 +10,26 @@ from facets.experiments import disturbed_rigs, rigs
 
 import facets
 from facets import add_noise
-from facets.calibration import scatter
-from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
-from facets.calibration.effect_search import explain_scatter, first_state
-from facets.calibration.fit import Task, fit
+from facets.calibration import (
+    PLACE,
+    Data,
+    Task,
+    add_power_polynomials,
+    choice,
+    explain_scatter,
+    first_state,
+    fold_mount,
+    scatter,
+    states_of,
+)
+from facets.calibration.fit import fit
 from facets.calibration.laser import fit_steady_laser
 from facets.calibration.misfit import add_unseen_errors
 from facets.calibration.outliers import exclude_outliers
 from facets.calibration.scatter import fit_with_scatter
-from facets.calibration.table import choice
-from facets.calibration.unknowns import PLACE, fold_mount
 from facets.calibration.unmodelled import Remainder, shape_of_powers
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import correct, invert_correction
-from facets.detectors.noise import standard_deviations
+from facets.detectors import correct, invert_correction, standard_deviations
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

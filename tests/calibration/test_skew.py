@@ -10,12 +10,10 @@ from facets.experiments import rigs
 
 import facets
 from facets import add_noise
-from facets.calibration.bundle_adjustment import Data, states_of
-from facets.calibration.effect_search import search
+from facets.calibration import Data, choice, search, states_of, velocities
 from facets.calibration.fit import fit
-from facets.calibration.table import choice, velocities
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import invert_correction
+from facets.detectors import invert_correction
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

@@ -11,11 +11,10 @@ from facets.experiments import rigs
 
 import facets
 from facets import add_noise
-from facets.calibration.bundle_adjustment import Data, states_of
+from facets.calibration import Data, choice, states_of
 from facets.calibration.spline import KNOTS, LEFT, SPLINE, bases, replace_spline, spline_slopes
-from facets.calibration.table import choice
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import correct, invert_correction
+from facets.detectors import correct, invert_correction
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

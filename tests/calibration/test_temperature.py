@@ -8,26 +8,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.cli import main
-from facets.experiments import rigs
-from facets.experiments.bench_rays import RayBench, spots
+from facets.experiments import bench_rays, rigs
 
 import facets
+from facets.calibration import (
+    StopReadings,
+    average_stop,
+    choice,
+    choose_groups,
+    gather_samples,
+    renew_zero,
+)
 from facets.calibration.fit import fit
-from facets.calibration.rezero import StopReadings, average_stop, renew_zero
-from facets.calibration.table import choice, choose_groups, gather_samples
 from facets.calibration.verdict import verdict
 from facets.config import sensor_keys
-from facets.core.errors import InputError
-from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from facets.core.settings import Solve
-from facets.detectors.calibrated import TEMPERATURE
-from facets.detectors.noise import add_noise, standard_deviations
-from facets.estimation.table import shift_per_kelvin, solve_readings
+from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS, InputError, Solve
+from facets.detectors import TEMPERATURE, add_noise, standard_deviations
+from facets.estimation import shift_per_kelvin, solve_readings
 from facets.files import tables
 
 SETTINGS = facets.load("paper")
 NOMINAL = SETTINGS.sensor
-IDEAL = RayBench(
+IDEAL = bench_rays.RayBench(
     np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
     np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
 )  # fmt: skip
@@ -43,7 +45,7 @@ def read(pose, temperature):
         rows, warmer = temperature == value, value - 20
         psds = [replace(psd, height=psd.height + POST * warmer) for psd in NOMINAL.psds]
         state = np.column_stack([pose[rows], np.tile(BEAM * warmer, (rows.sum(), 1))])
-        exact[rows] = spots(replace(NOMINAL, psds=tuple(psds)), IDEAL, state)
+        exact[rows] = bench_rays.spots(replace(NOMINAL, psds=tuple(psds)), IDEAL, state)
     return exact
 
 

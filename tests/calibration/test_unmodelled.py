@@ -9,16 +9,11 @@ import pytest
 from facets.experiments import rigs
 
 import facets
-from facets.calibration.bundle_adjustment import (
-    Data,
-    add_power_polynomials,
-    states_of,
-)
+from facets.calibration import Data, add_power_polynomials, choice, states_of
 from facets.calibration.fit import fit
 from facets.calibration.laser import fit_steady_laser
 from facets.calibration.misfit import centre_sigma
 from facets.calibration.scatter import NAMES, prior_variances
-from facets.calibration.table import choice
 from facets.calibration.unmodelled import (
     BEAM,
     CHIP,
@@ -33,8 +28,7 @@ from facets.calibration.unmodelled import (
     uneven_share,
 )
 from facets.calibration.unmodelled_findings import centre_findings, unmodelled_findings
-from facets.detectors.correction import invert_correction
-from facets.detectors.noise import add_noise
+from facets.detectors import add_noise, invert_correction
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

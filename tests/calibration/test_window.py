@@ -10,10 +10,9 @@ from facets.experiments import rigs
 
 import facets
 from facets import add_noise
+from facets.calibration import Data, choice, states_of
 from facets.calibration import verdict as judging
-from facets.calibration.bundle_adjustment import Data, states_of
-from facets.calibration.table import choice
-from facets.detectors.correction import correct, invert_correction
+from facets.detectors import correct, invert_correction
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

@@ -14,21 +14,24 @@ from scipy.spatial.transform import Rotation
 
 import facets
 from facets import InputError
-from facets.characterization.axis_disturbances import find_disturbances
-from facets.characterization.axis_report import evaluate_axis
-from facets.characterization.axis_visits import (
+from facets.characterization import (
+    QUANTITIES,
     Commands,
+    ErrorMotions,
     PoseSeries,
+    Visits,
     approach_directions,
+    evaluate_axis,
+    evaluate_positioning,
     find_visits,
     match_stands,
+    measure_error_motions,
     measured_directions,
     read_commands,
 )
-from facets.characterization.error_motions import ErrorMotions, Visits, measure_error_motions
-from facets.characterization.positioning import QUANTITIES, evaluate_positioning
-from facets.core.knowledge import Knowledge
-from facets.estimation.plan import make_plan
+from facets.characterization.axis_disturbances import find_disturbances
+from facets.core import Knowledge
+from facets.estimation import make_plan
 
 SENSOR = facets.load("paper").sensor
 KNOWN = Knowledge(beam="known")

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from facets import InputError
-from facets.characterization.frequency_response import (
+from facets.characterization import (
     count_averages,
     estimate_response,
     find_stretches,
@@ -14,8 +14,8 @@ from facets.characterization.frequency_response import (
     response_table,
     segment_starts,
 )
-from facets.core.motions import Mode, Vibration
-from facets.simulation.vibration import receptance, shake
+from facets.core import Mode, Vibration
+from facets.simulation import receptance, shake
 
 RATE = 1000.0
 BODY = Vibration(

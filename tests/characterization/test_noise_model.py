@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from colours import flicker
 
+from facets.characterization import fit_noise, name_of, slope_sigma
 from facets.characterization.allan import allan, degrees_of_freedom
-from facets.characterization.noise_model import fit_noise, name_of, slope_sigma
 
 RATE, COUNT = 1000.0, 1 << 15
 WHITE, FLICKER, MAINS, DRIFT = 2e-3, 0.05, 0.15, 0.01

@@ -9,9 +9,9 @@ import pytest
 from commands import command
 
 import facets
-from facets.characterization.noise_report import configured_deviation
-from facets.detectors.counts import readings_to_counts
-from facets.live.sources.frames import Samples, pack
+from facets.characterization import configured_deviation
+from facets.detectors import readings_to_counts
+from facets.live import Samples, pack
 
 RATE, COUNT = 1000, 1 << 14
 CENTROID, POWER, MAINS = 5e-3, 1e-4, 2e-3  # mm, mW, mm

@@ -10,9 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.characterization.outlines import map_inside
-from facets.characterization.ranges import COARSE, LIGHT, PSD, clearances
-from facets.characterization.resolution import Estimator, estimators, resolve
+from facets.characterization import (
+    COARSE,
+    LIGHT,
+    PSD,
+    Estimator,
+    clearances,
+    estimators,
+    map_inside,
+    resolve,
+)
 
 CONFIG = facets.load("paper")
 TIP = facets.MeasuredObject((0, 0, 50.0))

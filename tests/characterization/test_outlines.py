@@ -5,8 +5,7 @@ import pytest
 
 import facets
 from facets import POSE, InputError, Rules
-from facets.characterization import outlines
-from facets.characterization.ranges import find_exits
+from facets.characterization import find_exits, outlines
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)

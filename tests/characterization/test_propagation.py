@@ -9,16 +9,17 @@ import yaml
 from commands import command
 
 import facets
-from facets.characterization.propagation import (
+from facets.characterization import (
     coverage_intervals,
+    default_states,
     mahalanobis,
     propagate_distributions,
+    saturated_detectors,
     tolerance,
 )
-from facets.characterization.trials import default_states, saturated_detectors
-from facets.core.names import STATE_COLUMNS
-from facets.detectors.noise import sample_readings
-from facets.files.tables import write_table
+from facets.core import STATE_COLUMNS
+from facets.detectors import sample_readings
+from facets.files import write_table
 
 PAPER = facets.load("paper")
 KNOWN = replace(PAPER.solve, beam="known", power="known")

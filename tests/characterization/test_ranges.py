@@ -7,9 +7,8 @@ import pytest
 
 import facets
 from facets import CAUSES, Rules
-from facets.characterization import ranges
-from facets.characterization.ranges import LIGHT, PSD
-from facets.core.errors import InputError
+from facets.characterization import LIGHT, PSD, ranges
+from facets.core import InputError
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)

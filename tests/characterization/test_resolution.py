@@ -9,7 +9,7 @@ from sensors import SENSORS
 
 import facets
 from facets import Estimator, Knowledge, Rules, add_noise, budgets, uncertainties
-from facets.characterization.resolution import estimators, resolve, sources
+from facets.characterization import estimators, resolve, sources
 
 SENSOR = facets.Sensor()
 PLACES = np.zeros((5, 8))

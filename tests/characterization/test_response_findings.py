@@ -7,15 +7,19 @@ import numpy as np
 import pytest
 
 import facets
-from facets.characterization.frequency_response import estimate_response, find_stretches
-from facets.characterization.response_findings import find_limits, find_peaks, silent_axes
-from facets.characterization.response_signals import build_signals, noise_deviation
-from facets.core.motions import Mode, Vibration
-from facets.core.rigid_body import MIRROR, MeasuredObject
-from facets.detectors.counts import SATURATED
-from facets.detectors.noise import standard_deviations
-from facets.estimation.table import solve_readings
-from facets.simulation.vibration import shake
+from facets.characterization import (
+    build_signals,
+    estimate_response,
+    find_limits,
+    find_peaks,
+    find_stretches,
+    noise_deviation,
+    silent_axes,
+)
+from facets.core import MIRROR, MeasuredObject, Mode, Vibration
+from facets.detectors import SATURATED, standard_deviations
+from facets.estimation import solve_readings
+from facets.simulation import shake
 
 COUNT, RATE = 40_000, 1000.0
 NOISE = np.array([6e-5, 6e-5, 4e-5, 1e-7, 1e-7, 2e-7])

@@ -11,11 +11,9 @@ from colours import flicker
 
 import facets
 from facets import STATE
-from facets.characterization.noise_model import fit_noise
-from facets.characterization.noise_report import longest_section
-from facets.characterization.rest import find_faults, reading_faults
-from facets.core.names import READING_COLUMNS
-from facets.detectors.counts import SATURATED
+from facets.characterization import find_faults, fit_noise, longest_section, reading_faults
+from facets.core import READING_COLUMNS
+from facets.detectors import SATURATED
 
 COUNT, RATE = 8_000, 1_000.0
 CONFIG = facets.load("paper")

@@ -8,17 +8,20 @@ from sensors import SENSORS, states
 
 import facets
 from facets import InputError
-from facets.characterization.ambiguity import find_ambiguous_pair
-from facets.characterization.ranges import scaled_jacobian
-from facets.characterization.singularity import (
+from facets.characterization import (
+    AXES,
+    apex_offset,
     direction_in_words,
+    find_ambiguous_pair,
     measures,
+    parse_box,
+    range_box,
     samples,
+    scaled_jacobian,
     search,
     survey,
     weakest_direction,
 )
-from facets.characterization.state_box import AXES, apex_offset, parse_box, range_box
 
 PAPER = SENSORS["paper"]
 

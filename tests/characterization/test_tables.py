@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.characterization.outlines import Boundary
-from facets.characterization.resolution import estimators, resolve
+from facets.characterization import Boundary, estimators, resolve
 from facets.characterization.tables import outline_columns, resolution_columns, state_columns
 
 CONFIG = facets.load("paper")

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from facets import InputError
-from facets.characterization.frequency_response import estimate_response, find_stretches
-from facets.characterization.universal_file import input_type, read_input_dof, write_universal_file
-from facets.core.motions import Mode, Vibration
-from facets.simulation.vibration import receptance, shake
+from facets.characterization import (
+    estimate_response,
+    find_stretches,
+    input_type,
+    read_input_dof,
+    write_universal_file,
+)
+from facets.core import Mode, Vibration
+from facets.simulation import receptance, shake
 
 MODES = {
     "bounce": Mode(62.0, 0.012, (0.0, 0.001, 0.009, 0.0, 0.0, 0.0)),

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import facets
-from facets.core.names import READING_COLUMNS, STATE_COLUMNS
+from facets.core import READING_COLUMNS, STATE_COLUMNS
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_a_beam_that_was_known_still_is(run, tmp_path):
 def test_a_beam_that_stood_still_is_said_so_in_the_configuration(tmp_path):
     from dataclasses import replace
 
-    from facets.calibration.table import read
+    from facets.calibration import read
 
     poses_of_estimates(tmp_path / "first.csv", "free")
     (tmp_path / "still.yaml").write_text("extends: paper\ncalibrate: {beam: still}\n")

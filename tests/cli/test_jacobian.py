@@ -6,7 +6,7 @@ import json
 
 import pytest
 from commands import command
-from facets.experiments.check_certificate import check
+from facets.experiments import check_certificate
 
 
 @pytest.mark.slow
@@ -62,7 +62,7 @@ def test_every_larger_box_that_is_tried_is_proved_for_every_sensor_within_tolera
     assert "the largest that is tried" in result.stdout
     assert "taken as exact: beam.power" in result.stdout.replace("\n", " ").replace("  ", " ")
     for name in ("certificate.json", "certificate-reach.json"):
-        assert check(tmp_path / "out" / name).margin > 0
+        assert check_certificate.check(tmp_path / "out" / name).margin > 0
 
 
 def test_a_bad_box_is_an_error(tmp_path):

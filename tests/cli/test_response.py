@@ -9,12 +9,9 @@ import pandas as pd
 import pytest
 
 import facets
-from facets.files.provenance import run_record
-from facets.live.recording.writer import Recording
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources import Block
-from facets.live.virtual import Bench, Faults
-from facets.simulation.vibration import receptance
+from facets.files import run_record
+from facets.live import Bench, Block, Faults, Pipeline, Recording
+from facets.simulation import receptance
 
 MINE = """extends: bench
 acquire: {channels: [{name: force, unit: N}]}

@@ -14,7 +14,7 @@ from facets.cli import signals
 from programs import Program, await_true, size_of
 
 import facets
-from facets.core.names import READING_COLUMNS
+from facets.core import READING_COLUMNS
 
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 

@@ -9,8 +9,8 @@ import pytest
 from commands import command
 
 import facets
-from facets.core.names import READING_COLUMNS
-from facets.files.tables import write_table
+from facets.core import READING_COLUMNS
+from facets.files import write_table
 
 
 def poses(path: Path) -> pd.DataFrame:
@@ -175,8 +175,8 @@ def test_bad_input_gets_a_message_and_leaves_nothing(tmp_path, words, message):
 
 def test_chunks_do_not_show(tmp_path):
     """Not even where a row needs its neighbours, since detectors are read one after the other."""
-    from facets.estimation.table import solve_table
-    from facets.files.provenance import provenance_header
+    from facets.estimation import solve_table
+    from facets.files import provenance_header
 
     paper = facets.load("paper")
     late = replace(paper.sensor.light, delays=(0.0, 0.02, 0.05))

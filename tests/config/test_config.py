@@ -21,10 +21,10 @@ from facets.config import (
     schema,
     shipped,
     to_yaml,
+    write_sensor,
 )
 from facets.config.alignment_check import landings
 from facets.config.json_schema import key_names
-from facets.config.sensor_keys import write_sensor
 
 pytestmark = pytest.mark.installed
 

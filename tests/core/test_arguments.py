@@ -10,9 +10,7 @@ import pyarrow as pa
 import pytest
 
 import facets
-from facets.core.arguments import as_floats
-from facets.core.names import LABELS
-from facets.core.sensor import Thermal
+from facets.core import LABELS, Thermal, as_floats
 
 CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.core.channels import AuxiliaryChannel, column_ending
-from facets.core.errors import ConfigError
+from facets.core import AuxiliaryChannel, ConfigError, column_ending
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from facets.config.models import model_of
-from facets.core.keys import Key, block_of, item_of, key
-from facets.core.units import KEY_UNITS, unit_in
+from facets.core import KEY_UNITS, Key, block_of, item_of, key, unit_in
 
 SIZE = Key("size_mm", (1.0, 2.0), "width and height", "mm", tuple[float, float], {"gt": 0})
 

@@ -10,7 +10,7 @@ from digits import STEP, precise
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.core.rigid_body import MeasuredObject, mirror_poses, object_displacements, object_poses
+from facets.core import MeasuredObject, mirror_poses, object_displacements, object_poses
 
 RNG = np.random.default_rng(33)
 SIZES = np.array([5, 5, 5, 0.3, 0.3, 0.3])

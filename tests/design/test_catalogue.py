@@ -8,9 +8,9 @@ import pytest
 
 import facets
 from facets import optimize
+from facets.design import solve_from_present
 from facets.design.branching import best_parts, relax_parts, whole
 from facets.design.catalogue import choices
-from facets.design.search import solve_from_present
 
 CONFIG = facets.load("layout")
 MARKET = facets.load("market").layout

@@ -10,19 +10,20 @@ from commands import command
 
 import facets
 from facets import InputError, Knowledge, optimize, uncertainties
-from facets.core.layout import AmplifierPart, PsdPart
-from facets.design.exploration import Space, measure_design
-from facets.design.front import pareto_front
-from facets.design.variables import (
+from facets.core import AmplifierPart, PsdPart
+from facets.design import (
+    Space,
     columns_of_states,
     gain_of,
     layout_parameters,
+    measure_design,
     outcome_of,
     sensor_of,
+    states_of,
 )
-from facets.design.volume import states_of
-from facets.detectors.noise import electrode_currents
-from facets.optics.forward import build_geometry
+from facets.design.front import pareto_front
+from facets.detectors import electrode_currents
+from facets.optics import build_geometry
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])

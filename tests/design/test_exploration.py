@@ -15,17 +15,9 @@ from commands import PROGRAM, command
 
 import facets
 from facets import InputError, OutputError, axis_ranges
+from facets.design import MEASURES, NO_RIVALS, Space, collect, designs, measure_design, part_of
 from facets.design import exploration as study
-from facets.design.exploration import (
-    MEASURES,
-    NO_RIVALS,
-    Space,
-    collect,
-    designs,
-    front,
-    measure_design,
-    part_of,
-)
+from facets.design.exploration import front
 from facets.design.survey import SKIPPED
 
 CONFIG = facets.load("layout")

@@ -10,10 +10,9 @@ from commands import command
 
 import facets
 from facets import InputError, Knowledge, uncertainties
-from facets.design.exploration import MEASURES, NO_RIVALS, Space, part_of
+from facets.design import MEASURES, NO_RIVALS, Space, part_of, sensor_of
 from facets.design.front import columns, compare_with_designs, is_objective, pareto_front
 from facets.design.trade import trade_of
-from facets.design.variables import sensor_of
 
 CONFIG = facets.load("layout")
 
@@ -77,7 +76,7 @@ def test_a_point_is_no_worse_than_a_global_search_finds():
     """Differential evolution on the float model, at one bound of the range."""
     from scipy.optimize import differential_evolution
 
-    from facets.design.exploration import measure_design
+    from facets.design import measure_design
 
     space = space_of(("u_roll_urad", "range_roll_mrad"), ["radius_mm", "diameter_mm"])
     found = pareto_front(space, 7, 1)

@@ -9,15 +9,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.core.names import FINE_UNITS
-from facets.design.exploration import MEASURES, designs, measure_design, measure_designs, space_of
-from facets.design.problem import problem_of
+from facets.core import FINE_UNITS
+from facets.design import (
+    MEASURES,
+    designs,
+    measure_design,
+    measure_designs,
+    mirror_states,
+    optimize,
+    problem_of,
+    sensor_of,
+    space_of,
+    states_of,
+)
 from facets.design.requirement import errors_of, requirement_of
-from facets.design.search import optimize
 from facets.design.trade import ray_states, trade_of
-from facets.design.variables import sensor_of
 from facets.design.verification import compare
-from facets.design.volume import mirror_states, states_of
 
 CONFIG = facets.load("layout")
 TIP = facets.MeasuredObject((0.0, 0.0, 20.0), (0.0, 0.0, 0.5))

@@ -13,22 +13,26 @@ from sensors import SENSORS, states
 
 import facets
 from facets import BenchLight, ConfigError, InputError, Knowledge, optimize, uncertainties
-from facets.characterization.singularity import measures
-from facets.core.layout import LaserPart, PsdPart
-from facets.design.exploration import meets
-from facets.design.problem import problem_of
-from facets.design.rounding import round_design, step_of
-from facets.design.spots import ellipse_clearances
-from facets.design.variables import (
+from facets.characterization import measures
+from facets.core import LaserPart, PsdPart
+from facets.design import (
+    add_worst_states,
     columns_of_states,
     layout_parameters,
+    meets,
     outcome_of,
     present_values,
+    problem_of,
+    round_design,
     sensor_of,
+    shares_of_volume,
+    states_of,
+    step_of,
+    worst_places,
 )
+from facets.design.spots import ellipse_clearances
 from facets.design.verification import compare
-from facets.design.volume import add_worst_states, shares_of_volume, states_of, worst_places
-from facets.optics.forward import build_geometry, dark_scene
+from facets.optics import build_geometry, dark_scene
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])

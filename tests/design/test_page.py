@@ -12,7 +12,7 @@ import pytest
 from commands import command
 
 import facets
-from facets.design.exploration import NO_RIVALS, Space, part_of
+from facets.design import NO_RIVALS, Space, part_of
 from facets.design.gallery import best_of, gallery, texts_of
 from facets.pictures.head_drawing import drawing
 

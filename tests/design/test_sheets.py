@@ -8,7 +8,7 @@ import pytest
 from commands import command
 
 from facets import InputError
-from facets.design.sheets import require_writable, write_sheets
+from facets.design import require_writable, write_sheets
 
 TABLES = {
     "Before & after": (["quantity", "before"], [["u_tx_um", "3.88"], ["range_tx_mm", "0.359"]]),

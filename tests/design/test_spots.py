@@ -7,10 +7,10 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
+from facets.design import columns_of_states
 from facets.design.spots import corner_clearances
-from facets.design.variables import columns_of_states
-from facets.model.arrays import geometry_of
-from facets.optics.forward import dark_scene
+from facets.model import geometry_of
+from facets.optics import dark_scene
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])

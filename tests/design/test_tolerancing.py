@@ -12,13 +12,21 @@ from commands import command
 
 import facets
 from facets import InputError, optimize
+from facets.design import (
+    count_passes,
+    draw_heads,
+    expand_margins,
+    interval,
+    key_of,
+    problem_of,
+    sensitivities,
+    sensor_of,
+    shares,
+    simulate_heads,
+    states_of,
+)
 from facets.design.assembly import assembly_of
-from facets.design.problem import problem_of
-from facets.design.production import count_passes, interval, simulate_heads
 from facets.design.robust import robust_layout
-from facets.design.tolerancing import draw_heads, expand_margins, key_of, sensitivities, shares
-from facets.design.variables import sensor_of
-from facets.design.volume import states_of
 
 TEXT = """
 extends: layout
@@ -205,7 +213,7 @@ def test_heads_without_tolerances_are_an_error(plain):
 def test_a_design_without_margin_is_told_what_to_do(plain, share):
     from facets.cli.tolerances import Yields, margin_advice
 
-    from facets.design.production import SimulatedHeads
+    from facets.design import SimulatedHeads
 
     margins = np.where(np.arange(10) < 10 * share, 0.1, -0.1)
     heads = SimulatedHeads(margins, margins, margins, np.zeros((10, 2, 6)), 0)

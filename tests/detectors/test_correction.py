@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.detectors.correction import NAMES, coefficients, correct, correction_slopes
+from facets.detectors import NAMES, coefficients, correct, correction_slopes
 
 RAW = np.array([[1.5, -2.0, 0.1, -4.0, 3.0, 0.08, 0.2, 0.1, 0.12]])
 

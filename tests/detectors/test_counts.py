@@ -7,7 +7,7 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets.detectors.counts import (
+from facets.detectors import (
     SATURATED,
     UNEQUAL,
     counts_per_ampere,

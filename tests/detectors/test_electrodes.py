@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from facets.detectors.electrodes import fractions, side_potential
+from facets.detectors import fractions, side_potential
 
 
 def series(towards: float, along: float, aspect: float) -> float:

@@ -16,9 +16,8 @@ from facets import (
     standard_deviations,
     uncertainties,
 )
-from facets.characterization.resolution import sources
-from facets.detectors import electrodes
-from facets.detectors.noise import ELECTRIC, power_floor, step_variances, variances
+from facets.characterization import sources
+from facets.detectors import ELECTRIC, electrodes, power_floor, step_variances, variances
 
 #: Loud enough that no source hides behind the converter's steps.
 LOUD = Electronics(

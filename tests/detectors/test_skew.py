@@ -6,7 +6,7 @@ import numpy as np
 
 import facets
 from facets import BenchLight, simulate
-from facets.detectors.skew import align, delay_states, slopes
+from facets.detectors import align, delay_states, slopes
 
 LATE = replace(facets.Sensor(), light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
 

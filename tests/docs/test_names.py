@@ -12,7 +12,7 @@ from pkgutil import resolve_name
 import pytest
 from pages import LINK, PAGES, ROOT, name_of, prose
 
-from facets.core.names import STATE_COLUMNS
+from facets.core import STATE_COLUMNS
 
 FOLDERS = ("facets", "cli", "experiments", "configs", "tests", "docs")
 WORD = re.compile(r"[A-Za-z_]\w*")

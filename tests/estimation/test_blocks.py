@@ -9,8 +9,7 @@ from sensors import SENSORS, states
 import facets
 from facets import Prior, Status
 from facets.estimation import blocks, estimates, plan, problem, solution, straight
-from facets.model import evaluators
-from facets.model.arrays import packed_vectors
+from facets.model import evaluators, packed_vectors
 
 SENSOR = facets.Sensor()
 WAYS = [

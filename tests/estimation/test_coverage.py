@@ -10,14 +10,10 @@ from scipy import stats
 
 import facets
 from facets.config import covariance
-from facets.core.names import READING_COLUMNS
-from facets.estimation.coverage import (
-    coverage_factor,
-    effective_degrees_of_freedom,
-    region_factor,
-)
-from facets.files.tables import write_table
-from facets.live.run.pipeline import Poses, join_poses
+from facets.core import READING_COLUMNS
+from facets.estimation import coverage_factor, effective_degrees_of_freedom, region_factor
+from facets.files import write_table
+from facets.live import Poses, join_poses
 
 KNOWN = facets.Calibration(("psd_a.height",), ((1e-4,),), 5.0)
 SENSOR = replace(facets.load("paper").sensor, calibration=KNOWN)

@@ -7,11 +7,10 @@ import pytest
 from pages import DOCS, blocks
 
 import facets
-from facets.calibration.unknowns import ALL, assign_values, values_of
-from facets.core.knowledge import Knowledge
-from facets.detectors.calibrated import MISFIT, MODEL_ERROR
-from facets.estimation.differences import lasting_covariance, propagate_in_light
-from facets.estimation.plan import make_plan
+from facets.calibration import ALL, assign_values, values_of
+from facets.core import Knowledge
+from facets.detectors import MISFIT, MODEL_ERROR
+from facets.estimation import lasting_covariance, make_plan, propagate_in_light
 
 #: A calibration that knows less than a good one, so that its part counts beside the noise.
 SIGMAS = {

@@ -8,8 +8,8 @@ from sensors import SENSORS
 
 import facets
 from facets import Status
-from facets.estimation.doubts import has_fold
-from facets.model.arrays import is_near_edge, spot_size
+from facets.estimation import has_fold
+from facets.model import is_near_edge, spot_size
 
 PAPER = facets.load("paper").sensor
 CUT = replace(PAPER, apertures=facets.Apertures(detectors=True))

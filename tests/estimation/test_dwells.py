@@ -10,11 +10,10 @@ import pytest
 
 import facets
 from facets import InputError, standard_deviations
-from facets.calibration.bundle_adjustment import Data
+from facets.calibration import Data, gather_samples
 from facets.calibration.samples import add_converter_steps
-from facets.calibration.table import gather_samples
-from facets.core.names import READING_COLUMNS, STATE_UNITS
-from facets.estimation.dwells import dwell_means, stands, stands_of_axis
+from facets.core import READING_COLUMNS, STATE_UNITS
+from facets.estimation import dwell_means, stands, stands_of_axis
 
 SIGMA = np.array([1e-3, 2e-3])
 

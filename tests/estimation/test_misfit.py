@@ -10,9 +10,14 @@ from scipy.stats import chi2
 
 import facets
 from facets import add_noise
-from facets.estimation.chance import FALSE_ALARM_RATE, LIMITS
-from facets.estimation.misfit import MAX_EXAMPLES, Misfit
-from facets.estimation.table import StatusCounts, solve_readings
+from facets.estimation import (
+    FALSE_ALARM_RATE,
+    LIMITS,
+    MAX_EXAMPLES,
+    Misfit,
+    StatusCounts,
+    solve_readings,
+)
 
 CONFIG = facets.load("paper")
 OPTIONS = replace(CONFIG.solve, beam="known", power="unknown")

@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.model.arrays import parameters
-from facets.model.many import evaluate, vectors_of
+from facets.model import evaluate, parameters, vectors_of
 
 HEAD = facets.MeasuredObject((10.0, -20.0, 50.0), (0.2, -0.4, 2.0))
 FAR = facets.MeasuredObject((0.0, 0.0, -200.0))

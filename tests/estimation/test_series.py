@@ -5,7 +5,7 @@ import pytest
 
 import facets
 from facets import Knowledge
-from facets.estimation.series import beam_at, nearest, solve_series
+from facets.estimation import beam_at, nearest, solve_series
 
 SENSOR = facets.Sensor()
 

@@ -7,9 +7,8 @@ import pytest
 
 import facets
 from facets import Knowledge, Prior
-from facets.estimation.varied import knowledge_of, solve_each
-from facets.model.arrays import effects, parameters
-from facets.model.varied import VariedSensors
+from facets.estimation import knowledge_of, solve_each
+from facets.model import VariedSensors, effects, parameters
 
 PLAIN = facets.load("paper").sensor
 LIT = facets.load("bench-light").sensor

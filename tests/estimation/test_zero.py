@@ -10,10 +10,9 @@ import pandas as pd
 import pytest
 
 import facets
-from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from facets.estimation.table import object_columns, solve_table
-from facets.estimation.zero import ZeroRequest, zero_findings, zero_of_table
-from facets.files.tables import read_head, unit_of_column, write_table
+from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from facets.estimation import ZeroRequest, object_columns, solve_table, zero_findings, zero_of_table
+from facets.files import read_head, unit_of_column, write_table
 
 CONFIG = replace(facets.load("paper"), object=facets.MeasuredObject((0, 0, 50.0)))
 COUNT = 200

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from facets.experiments.axis_tests import compare_with_truth
+from facets.experiments import axis_tests
 
 
 @pytest.mark.slow
 def test_expanded_uncertainties_hold_the_truth_of_drawn_axes():
     """Of 72 quantities of 15 axes each; those of one axis are correlated."""
-    held = [compare_with_truth(seed) for seed in range(300, 315)]
+    held = [axis_tests.compare_with_truth(seed) for seed in range(300, 315)]
     assert 0.92 < np.mean([one.quantities for one in held]) <= 1
     assert 0.92 < np.mean([one.positions for one in held]) <= 1

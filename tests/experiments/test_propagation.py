@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
-from facets.experiments.propagation import cases, compare_pairs, integrate_facets
+from facets.experiments import propagation
 
 import facets
-from facets.model.arrays import parameters
+from facets.model import parameters
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", list(cases()))
+@pytest.mark.parametrize("case", list(propagation.cases()))
 def test_both_programs_solve_the_same_draws_alike(case):
-    sensor, options, state = cases()[case]
+    sensor, options, state = propagation.cases()[case]
     numbers = np.array([parameters(sensor)])
-    own = integrate_facets(numbers, np.append(state, sensor.beam.power)[None])[0]
+    own = propagation.integrate_facets(numbers, np.append(state, sensor.beam.power)[None])[0]
     assert own == pytest.approx(facets.readings(sensor, state), abs=1e-11)
-    assert compare_pairs(sensor, options, state, 25, 3) < 1e-6
+    assert propagation.compare_pairs(sensor, options, state, 25, 3) < 1e-6

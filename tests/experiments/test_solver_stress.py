@@ -4,22 +4,22 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from facets.experiments.solver_stress import KNOWLEDGE, TROUBLES, count_outcomes, every_sensor, mask
+from facets.experiments import solver_stress
 
 SOME = ("paper", "bench", "catalogue", "bench-light", "singular", "skewed5 of the studies")
 
 
-@pytest.mark.parametrize("trouble", TROUBLES, ids=lambda trouble: trouble.name)
+@pytest.mark.parametrize("trouble", solver_stress.TROUBLES, ids=lambda trouble: trouble.name)
 @pytest.mark.slow
 def test_no_wrong_pose_is_believed(trouble):
-    rng, sensors = np.random.default_rng(3), every_sensor()
+    rng, sensors = np.random.default_rng(3), solver_stress.every_sensor()
     total: Counter[str] = Counter()
-    for known in KNOWLEDGE:
+    for known in solver_stress.KNOWLEDGE:
         for name in SOME:
-            total.update(count_outcomes(trouble, sensors[name], known, 200, rng))
+            total.update(solver_stress.count_outcomes(trouble, sensors[name], known, 200, rng))
     # a tail of a cut spot, a ten-thousandth of the light, can look like a whole one
     assert total["nothing"] <= (0 if trouble.aware else 2)
-    assert trouble.spoil is mask or total["poses"] > 10
+    assert trouble.spoil is solver_stress.mask or total["poses"] > 10
     if trouble.name == "one number spoilt":
         assert total["misfit"] > 1000
         assert total["unseen"] > 100

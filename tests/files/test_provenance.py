@@ -9,7 +9,7 @@ from commands import command
 
 import facets
 from facets import InputError
-from facets.design.exploration import Space, part_table
+from facets.design import Space, part_table
 from facets.files import provenance, tables
 
 LAYOUT, PAPER = facets.load("layout"), facets.load("paper")

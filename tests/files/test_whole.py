@@ -16,8 +16,7 @@ from commands import command
 from facets.cli import main
 
 from facets import OutputError
-from facets.files import whole
-from facets.files.whole import ResultSet, Whole, readable_path, remove_older
+from facets.files import ResultSet, Whole, readable_path, remove_older, whole
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 

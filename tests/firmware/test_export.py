@@ -9,16 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from facets.experiments.sensors import SENSORS
-from facets.experiments.solver_stress import CASES, starts, states
+from facets.experiments import sensors as sensors_
+from facets.experiments import solver_stress
 
 import facets
 from facets import BenchLight, Correction, Grid, InputError, Status
-from facets.detectors.correction import correct
-from facets.detectors.counts import counts_to_readings, counts_to_xy_sum, readings_to_counts
+from facets.detectors import correct, counts_to_readings, counts_to_xy_sum, readings_to_counts
+from facets.firmware import FirmwareLibrary
 from facets.firmware import export as export_module
 from facets.firmware.export import export
-from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
 from facets.firmware.vectors import sample_states
 
@@ -35,7 +34,7 @@ needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 
 def with_corrections() -> facets.Sensor:
     """A sensor without symmetry, with electronics, all corrections, and a grid on one detector."""
-    sensor = SENSORS["skewed1"]
+    sensor = sensors_.SENSORS["skewed1"]
     rng = np.random.default_rng(5)
     grid = Grid(
         y=(-6.0, 0.0, 7.0),
@@ -203,12 +202,12 @@ def test_a_pose_that_nothing_checks_is_given_on_request_only(
 
 
 @needs_compiler
-@pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
+@pytest.mark.parametrize("case", solver_stress.CASES, ids=lambda c: c.name)
 def test_statuses_are_those_of_facets(folders: dict[str, Path], case) -> None:  # type: ignore[no-untyped-def]
     """Far, noisy and spoilt readings, and those that cannot be solved: none converges wrongly."""
     sensor, rng = facets.Sensor(), np.random.default_rng(7)
-    truth = states(case, 800, rng)
-    readings, start = facets.readings(sensor, truth), starts(case, truth, rng)
+    truth = solver_stress.states(case, 800, rng)
+    readings, start = facets.readings(sensor, truth), solver_stress.starts(case, truth, rng)
     if case.spoil:
         readings = case.spoil(sensor, readings, rng)
     readings[::20, 4] = np.nan

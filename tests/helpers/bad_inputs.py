@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
 from facets.config import to_yaml
-from facets.core.names import READING_COLUMNS
-from facets.files.provenance import run_record
-from facets.live.recording.writer import Recording
-from facets.live.sources import Block
+from facets.core import READING_COLUMNS
+from facets.files import run_record
+from facets.live import Block, Recording
 
 Rng = np.random.Generator
 
@@ -351,7 +350,7 @@ def recorded(folder: Path) -> Path:
 
         place = Path(tempfile.mkdtemp()) / "recording"
         config = facets.load("bench")
-        data = stream(60)
+        data = kills.stream(60)
         recording = Recording(place, run_record(config, None, 0.0, {}), config.resolved)
         for n in range(0, len(data), 640):
             recording.add_block(Block(data[n : n + 640], n * 1e-6, None))

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from facets import POSE, Boundary
-from facets.characterization.sensitivity import Index
-from facets.core.names import RANGE_COLUMNS, READING_COLUMNS, STATE_COLUMNS
+from facets.characterization import Index
+from facets.core import RANGE_COLUMNS, READING_COLUMNS, STATE_COLUMNS
 
 
 def rng() -> np.random.Generator:
@@ -39,7 +39,7 @@ def motion(*segments: Any) -> Any:
 
 
 def ranges(count: int = 15) -> Any:
-    from facets.pictures.ranges import ranges_picture
+    from facets.pictures import ranges_picture
 
     turn = np.linspace(0, 2 * np.pi, 49)[:-1]
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -135,7 +135,7 @@ def survey() -> Any:
 
 def spots() -> Any:
     import facets
-    from facets.pictures.spots import spots_picture
+    from facets.pictures import spots_picture
 
     return spots_picture(
         facets.load("bench").sensor, np.array([0.08, 0.05, 0, 8e-3, 6e-3, 0, 0, 0])
@@ -144,7 +144,7 @@ def spots() -> Any:
 
 def plan() -> Any:
     import facets
-    from facets.pictures.spots import plan_picture
+    from facets.pictures import plan_picture
 
     return plan_picture(facets.load("bench").sensor, np.zeros(8))
 
@@ -178,7 +178,7 @@ def texts_of(picture: Any) -> list[tuple[Any, Any]]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.text import Text
 
-    from facets.pictures.style import lay_out
+    from facets.pictures import lay_out
 
     canvas = FigureCanvasAgg(picture)
     lay_out(picture, 100)

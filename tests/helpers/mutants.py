@@ -2,9 +2,9 @@
 
     make mutants PACKAGES="detectors config" SAMPLE=30 SEED=1
 
-A study by cosmic-ray, on a copy in build/mutants. It writes build/mutants/PACKAGE.diff with each
-change that the tests of tests/PACKAGE pass: each of them is read, and gets a test, or a reason why
-nobody can tell it from the code as it is.
+A study by cosmic-ray, on a copy in build/mutants/PACKAGE. It writes build/mutants/PACKAGE.diff with
+each change that the tests of tests/PACKAGE pass: each of them is read, and gets a test, or a reason
+why nobody can tell it from the code as it is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 
 ROOT = Path(__file__).parents[2]
-COPY = ROOT / "build" / "mutants"
+COPIES = ROOT / "build" / "mutants"
 #: The operator `|` appears in annotations, which are never executed.
 SETTINGS = """\
 [cosmic-ray]
@@ -41,37 +41,43 @@ def main() -> None:
     parser.add_argument("packages", nargs="+", help="Folders of facets/.")
     parser.add_argument("--sample", type=int, default=30, help="Number of changes to try in each.")
     parser.add_argument("--seed", type=int, default=1, help="Seed of the choice of changes.")
+    parser.add_argument("--tests", nargs="+", help="Instead of the tests in the package's folder.")
     parser.add_argument("--timeout", type=float, default=300.0, help="Of the tests of a change, s.")
     options = parser.parse_args()
-    copy_sources()
     for package in options.packages:
-        passed, tried = try_changes(package, options.sample, options.seed, options.timeout)
+        copy_sources(COPIES / package)
+        passed, tried = try_changes(
+            package, options.tests or [f"tests/{package}"], options.sample, options.seed,
+            options.timeout,
+        )  # fmt: skip
         print(f"{package}: the tests pass with {passed} of {tried} changes", flush=True)
 
 
-def copy_sources() -> None:
+def copy_sources(copy: Path) -> None:
     """Copy the files known to git, with cli/ and experiments/ inside the package as installed."""
-    COPY.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(copy, ignore_errors=True)
     files = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout.split("\0")[:-1]
     for name in files:
         inside = Path(name).parts[0] in ("cli", "experiments", "configs")
-        for target in [COPY / name, COPY / "facets" / name][: 1 + inside]:
+        for target in [copy / name, copy / "facets" / name][: 1 + inside]:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target)
 
 
-def try_changes(package: str, sample: int, seed: int, timeout_s: float) -> tuple[int, int]:
+def try_changes(
+    package: str, tests: list[str], sample: int, seed: int, timeout_s: float
+) -> tuple[int, int]:
     """Return the numbers of undetected changes and of all changes tried."""
-    tests = f"tests/{package}"
-    settings, session = COPY / f"{package}.toml", COPY / f"{package}.sqlite"
-    settings.write_text(
-        SETTINGS.format(package=package, timeout_s=timeout_s, python=sys.executable, tests=tests)
+    copy = COPIES / package
+    settings, session = copy / "study.toml", copy / "study.sqlite"
+    text = SETTINGS.format(
+        package=package, timeout_s=timeout_s, python=sys.executable, tests=" ".join(tests)
     )
-    session.unlink(missing_ok=True)
-    call("cosmic-ray", "init", settings, session)
-    call("cr-filter-operators", session, settings)
+    settings.write_text(text)
+    call(copy, "cosmic-ray", "init", settings, session)
+    call(copy, "cr-filter-operators", session, settings)
     with use_db(session, WorkDB.Mode.open) as work:
         jobs = sorted(item.job_id for item in work.pending_work_items)
         places = {item.job_id: item for item in work.pending_work_items}
@@ -80,20 +86,20 @@ def try_changes(package: str, sample: int, seed: int, timeout_s: float) -> tuple
         work.set_multiple_results(
             [job for job in jobs if job not in chosen], WorkResult(WorkerOutcome.SKIPPED)
         )
-    call("cosmic-ray", "exec", settings, session)
+    call(copy, "cosmic-ray", "exec", settings, session)
     with use_db(session, WorkDB.Mode.open) as work:
         tried = [result for job, result in work.results if job in chosen]
     survivors = [result for result in tried if result.test_outcome == TestOutcome.SURVIVED]
-    (COPY / f"{package}.diff").write_text("\n".join(str(result.diff) for result in survivors))
+    (COPIES / f"{package}.diff").write_text("\n".join(str(result.diff) for result in survivors))
     return len(survivors), len(tried)
 
 
-def call(program: str, *arguments: str | Path) -> None:
+def call(copy: Path, program: str, *arguments: str | Path) -> None:
     subprocess.run(
         [Path(sys.executable).parent / program, *arguments],
-        cwd=COPY,
+        cwd=copy,
         check=True,
-        env={**environ, "PYTHONPATH": str(COPY)},
+        env={**environ, "PYTHONPATH": str(copy)},
     )
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
-from facets.files.provenance import run_record
-from facets.live.recording.writer import Recording
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources import Block
-from facets.live.sources.frames import SIZE
+from facets.files import run_record
+from facets.live import SIZE, Block, Pipeline, Recording
 
 CONFIG = facets.load("bench")
 BLOCKS, EACH = 12, 25
@@ -20,7 +17,7 @@ def record(folder, first=0, count=BLOCKS, close=True):
     meta = run_record(CONFIG, None, 0.0, {"first": first})
     recording, pipeline = Recording(folder, meta, CONFIG.resolved), Pipeline(CONFIG)
     recording.add_event("connected")
-    data = stream(first + count * EACH)[first * SIZE :]
+    data = kills.stream(first + count * EACH)[first * SIZE :]
     for n in range(count):
         part = data[n * EACH * SIZE : (n + 1) * EACH * SIZE]
         block = Block(part, 1.0 + 0.0025 * n - 1e-5 * n**1.5, None)

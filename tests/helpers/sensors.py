@@ -1,9 +1,11 @@
 """The sensors and states that the tests run on."""
 
 import numpy as np
-from facets.experiments.sensors import SENSORS as SENSORS
+from facets.experiments import sensors as experiments_sensors
 
 from facets import BenchLight
+
+SENSORS = experiments_sensors.SENSORS
 
 #: How far the mirror's edges roll off, mm.
 DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
@@ -24,6 +26,8 @@ ALL = BenchLight(
 #: A beam's profile without any symmetry.
 PROFILE = (0.012, -0.006, 0.02, 0.004, -0.008)
 ASYMMETRY = (0.01, -0.02, 0.015, 0.008)
+
+SENSORS = experiments_sensors.SENSORS
 
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facets.core.names import READING_COLUMNS, STATE_COLUMNS
-from facets.live.streams.sample_rows import row_dtype
+from facets.core import READING_COLUMNS, STATE_COLUMNS
+from facets.live import row_dtype
 from facets.live.web.bins import COLUMNS, AllBins, Bins, bin_columns
 
 CHANNELS = ("force_n", "temperature_c")

@@ -9,17 +9,14 @@ import pytest
 from programs import Program
 
 import facets
-from facets.core.channels import AuxiliaryChannel
+from facets.core import AuxiliaryChannel
+from facets.firmware import FirmwareLibrary
 from facets.firmware.export import export
-from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
-from facets.live.run.board_poses import SOLVED, board_solution
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources.frames import POSE, SIZE, FixedFrames
-from facets.live.virtual import Faults
+from facets.live import POSE, SIZE, SOLVED, Faults, FixedFrames, Pipeline, board_solution
 from facets.live.virtual.board import Board, Count, HeartbeatWatch
 from facets.live.virtual.faults import Schedule
-from facets.tracking.interlock import heartbeat_frame
+from facets.tracking import heartbeat_frame
 
 CONFIG = facets.load("bench")
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler")

@@ -10,40 +10,49 @@ from itertools import pairwise
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
-from facets.core.channels import AuxiliaryChannel
-from facets.core.errors import InputError
-from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from facets.core.sensor import Calibration, Thermal
-from facets.detectors.calibrated import TEMPERATURE
-from facets.detectors.counts import readings_to_counts
-from facets.estimation.table import (
+from facets.core import (
+    READING_COLUMNS,
+    STATE_COLUMNS,
+    STATE_UNITS,
+    AuxiliaryChannel,
+    Calibration,
+    InputError,
+    Thermal,
+)
+from facets.detectors import TEMPERATURE, readings_to_counts
+from facets.estimation import (
+    ZeroRequest,
     add_temperature_uncertainty,
     labels,
     pose_columns,
     shift_per_kelvin,
     solve_table,
 )
-from facets.estimation.zero import ZeroRequest
-from facets.files.tables import read_chunks, write_table
-from facets.live import Playback, Run
-from facets.live.recording.pose_table import recorded_poses
-from facets.live.run.pipeline import Pipeline, join_poses
-from facets.live.sources.frames import Samples, encode, parser
-from facets.live.streams.json_rows import json_of
-from facets.live.streams.publication import Publications
-from facets.live.streams.row_stream import same_columns
-from facets.live.streams.sample_rows import (
+from facets.files import read_chunks, write_table
+from facets.live import (
     SAMPLE,
+    Bench,
+    Faults,
+    Pipeline,
+    Playback,
+    Publications,
+    Run,
+    Samples,
     description,
+    encode,
+    join_poses,
+    parser,
+    recorded_poses,
     row_content,
     rows_of,
     sample_dtype,
 )
+from facets.live.streams.json_rows import json_of
+from facets.live.streams.row_stream import same_columns
 from facets.live.streams.subscription import Subscription
-from facets.live.virtual import Bench, Faults
 
 BENCH = facets.load("bench")
 FORCE = AuxiliaryChannel("force", "N", scale=0.01, offset=0.5)
@@ -56,7 +65,7 @@ def with_channels(*channels, form="frames"):
 
 def channel_stream(count: int) -> tuple[Samples, np.ndarray]:
     """Samples with two channels, of which some have no value."""
-    samples = parser("frames", "electrodes").feed(stream(count))
+    samples = parser("frames", "electrodes").feed(kills.stream(count))
     values = np.random.default_rng(3).normal(size=(count, 2)).astype(np.float32)
     values[4::7, 0], values[5::9, 1] = np.nan, np.inf
     return replace(samples, channels=values), values
@@ -74,7 +83,7 @@ def test_channels_stand_beside_poses_and_never_change_them(form):
     np.testing.assert_array_equal(found.channels["force_n"], force)
     heat = np.where(np.isfinite(values[:, 1]), values[:, 1], np.nan)
     np.testing.assert_allclose(found.channels["temperature_c"], heat, rtol=1e-7)
-    bare = Pipeline(BENCH).feed(stream(600), 1.0)
+    bare = Pipeline(BENCH).feed(kills.stream(600), 1.0)
     np.testing.assert_array_equal(found.solution.state, bare.solution.state)
     np.testing.assert_array_equal(found.solution.status, bare.solution.status)
 

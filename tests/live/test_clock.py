@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources.clock import WRAP, Sequence
-from facets.live.sources.frames import ELECTRODES, Samples, encode
+from facets.live import ELECTRODES, WRAP, Pipeline, Samples, Sequence, encode
 
 PERIOD = 100
 

@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 
 import facets
 from facets.config import fingerprint
-from facets.live.recording.index import are_events_whole
+from facets.live import are_events_whole
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facets.live.sources.frames import ELECTRODES, SIZE, XY_SUM, Samples, encode, pack, parser
+from facets.live import ELECTRODES, SIZE, XY_SUM, Samples, encode, pack, parser
 
 FORMS = ("frames", "cobs", "text")
 

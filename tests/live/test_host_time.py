@@ -9,13 +9,22 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live import Live
-from facets.live.run.loop import CLOCK_MOVED, Loop
-from facets.live.run.pipeline import MARKED, Pipeline
-from facets.live.sources import Block, host_time
-from facets.live.sources.clock import WRAP
-from facets.live.sources.frames import ELECTRODES, MARK, Samples, encode
-from facets.live.sources.host_time import HostTime, touching_line
+from facets.live import (
+    CLOCK_MOVED,
+    ELECTRODES,
+    MARK,
+    MARKED,
+    WRAP,
+    Block,
+    HostTime,
+    Live,
+    Loop,
+    Pipeline,
+    Samples,
+    encode,
+    touching_line,
+)
+from facets.live.sources import host_time
 
 JITTER, DRIFT, PACKET = 5e-3, 50e-6, 2e-3
 CONFIG = facets.load("bench")

@@ -15,23 +15,31 @@ import numpy as np
 import pytest
 from commands import PROGRAM, command
 from facets.cli.acquire import run_to_end
-from facets.experiments.kills import BLOCK, RATE, kill, stream
-from facets.experiments.soak import soak
+from facets.experiments import kills, soak
 from programs import Program, count_lines, size_of
 
 import facets
 from facets import BenchLight, InputError
-from facets.detectors.skew import align
-from facets.estimation.table import solve_readings
-from facets.live import Run
-from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
-from facets.live.recording.reader import blocks
-from facets.live.recording.replay import recorded_config, replay
-from facets.live.recording.writer import Recording
-from facets.live.run.pipeline import Pipeline, join_poses
-from facets.live.run.reader import MAX_BLOCK_S
-from facets.live.sources.frames import SIZE, pack, parser
-from facets.live.virtual import Faults, truth_of
+from facets.detectors import align
+from facets.estimation import solve_readings
+from facets.live import (
+    MAX_BLOCK_S,
+    SIZE,
+    Faults,
+    Pipeline,
+    Recording,
+    Run,
+    blocks,
+    join_columns,
+    join_poses,
+    pack,
+    parser,
+    pose_columns,
+    recorded_config,
+    recorded_poses,
+    replay,
+    truth_of,
+)
 
 CONFIG = facets.load("bench")
 PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
@@ -72,7 +80,7 @@ def emulator(tmp_path):
 
 
 def test_an_unread_stream_is_solved_to_the_truth():
-    data = stream(500)
+    data = kills.stream(500)
     pipeline = Pipeline(CONFIG)
     parts = [pipeline.feed(data[n : n + 1000], n * 1e-6) for n in range(0, len(data), 1000)]
     poses = join_columns([pose_columns(part) for part in parts if part is not None])
@@ -85,7 +93,7 @@ def test_an_unread_stream_is_solved_to_the_truth():
 
 def test_no_pose_depends_on_the_blocks_where_detectors_are_read_one_after_the_other():
     sensor = replace(CONFIG.sensor, light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
-    config, data, states = replace(CONFIG, sensor=sensor), stream(600), []
+    config, data, states = replace(CONFIG, sensor=sensor), kills.stream(600), []
     for size in (37 * SIZE, len(data)):
         pipeline = Pipeline(config)
         parts = [pipeline.feed(data[n : n + size], 1.0 + n) for n in range(0, len(data), size)]
@@ -102,7 +110,7 @@ def test_no_pose_depends_on_the_blocks_where_detectors_are_read_one_after_the_ot
 @pytest.mark.parametrize("faults", ["", "flip=1e-3,lose=1e-3,double=1e-3,drop=1e-3,block=0.5"])
 @pytest.mark.slow
 def test_a_soak_counts_every_loss_and_accepts_nothing_wrong(tmp_path, faults):
-    found = soak(tmp_path, np.inf, 2000.0, faults, samples=8_000)
+    found = soak.soak(tmp_path, np.inf, 2000.0, faults, samples=8_000)
     assert found["samples"] >= 8_000
     assert found["wrong"] == 0
     assert found["lost"] == found["bench_lost"]
@@ -114,7 +122,7 @@ def test_a_soak_counts_every_loss_and_accepts_nothing_wrong(tmp_path, faults):
 
 @pytest.mark.slow
 def test_a_replay_is_the_run_again(tmp_path):
-    soak(tmp_path, np.inf, 2000.0, "drop=1e-3,flip=1e-3", samples=4_000)
+    soak.soak(tmp_path, np.inf, 2000.0, "drop=1e-3,flip=1e-3", samples=4_000)
     result = command("replay", "recording", "--compare", "-o", "poses.csv", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "recorded poses: identical" in result.stdout
@@ -125,11 +133,11 @@ def test_a_replay_is_the_run_again(tmp_path):
 @pytest.mark.slow
 def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
     """A block is what came within MAX_BLOCK_S, and the read that was under way."""
-    data = stream(20_000)
-    pieces = int(MAX_BLOCK_S * RATE) + 2  # the source waits before it gives one
+    data = kills.stream(20_000)
+    pieces = int(MAX_BLOCK_S * kills.RATE) + 2  # the source waits before it gives one
     for n, after in enumerate((0.05, 0.45)):
-        row = kill(tmp_path / str(n), data, after, number)
-        assert row["lost"] <= pieces * BLOCK * SIZE
+        row = kills.kill(tmp_path / str(n), data, after, number)
+        assert row["lost"] <= pieces * kills.BLOCK * SIZE
         assert row["unrecovered"] == row["different"] == 0
         if number != signal.SIGKILL:
             assert row["closed"] == 1
@@ -138,7 +146,7 @@ def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
 
 @pytest.mark.slow
 def test_what_is_recovered_leaves_the_recording_as_it_was(tmp_path):
-    kill(tmp_path / "r", stream(20_000), 0.45)
+    kills.kill(tmp_path / "r", kills.stream(20_000), 0.45)
     before = {file.name: file.read_bytes() for file in (tmp_path / "r").iterdir()}
     result = command("replay", "r", "--recover", "-o", "poses.parquet", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
@@ -147,7 +155,7 @@ def test_what_is_recovered_leaves_the_recording_as_it_was(tmp_path):
 
 
 def test_a_torn_index_and_a_torn_stream_are_read_up_to_there(tmp_path):
-    kill(tmp_path / "r", stream(1000), 0.3)
+    kills.kill(tmp_path / "r", kills.stream(1000), 0.3)
     for name in ("index.bin", "poses.arrows"):
         path = tmp_path / "r" / name
         path.write_bytes(path.read_bytes()[:-7])
@@ -271,7 +279,7 @@ def test_times_do_not_follow_the_ports_jitter(tmp_path, emulator):
 
 @pytest.mark.slow
 def test_a_recording_of_a_version_without_timing_is_replayed_by_arrival(tmp_path):
-    kill(tmp_path / "r", stream(2000), 0.2, signal.SIGTERM)
+    kills.kill(tmp_path / "r", kills.stream(2000), 0.2, signal.SIGTERM)
     meta = tmp_path / "r" / "meta.yaml"
     text = meta.read_text()
     assert "    timing: envelope\n" in text
@@ -327,7 +335,7 @@ def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, n
 def test_messages_say_what_to_do(tmp_path):
     write(tmp_path, "hasty.yaml", wait=0)
     (tmp_path / "file").write_text("x")
-    (tmp_path / "board.bin").write_bytes(stream(200))
+    (tmp_path / "board.bin").write_bytes(kills.stream(200))
     here = ("--port", "file:board.bin")
     cases = [
         (("acquire", "bench"), "use --port, or set acquire.port"),
@@ -357,7 +365,7 @@ def test_messages_say_what_to_do(tmp_path):
 
 @pytest.mark.slow
 def test_a_replay_into_something_that_is_there_is_refused(tmp_path):
-    (tmp_path / "board.bin").write_bytes(stream(200))
+    (tmp_path / "board.bin").write_bytes(kills.stream(200))
     words = ("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--plain")
     assert command(*words, cwd=tmp_path).returncode == 0
     (tmp_path / "there.csv").write_text("x")
@@ -371,7 +379,7 @@ def test_a_replay_into_something_that_is_there_is_refused(tmp_path):
 
 
 def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
-    data = stream(200)
+    data = kills.stream(200)
     (tmp_path / "board.bin").write_bytes(data[: 100 * SIZE] + data[110 * SIZE :])
     result = command("acquire", "bench", "--port", "file:board.bin", "--plain", "-d", "rec",
                      cwd=tmp_path)  # fmt: skip
@@ -383,7 +391,7 @@ def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
 
 
 def test_a_board_that_falls_silent_is_a_reason_for_the_exit_status(tmp_path):
-    (tmp_path / "board.bin").write_bytes(stream(200))
+    (tmp_path / "board.bin").write_bytes(kills.stream(200))
     run = Run.from_config(CONFIG, f"file:{tmp_path / 'board.bin'}", record=False)
     run.acquire()
     assert not run.complaints()
@@ -393,7 +401,7 @@ def test_a_board_that_falls_silent_is_a_reason_for_the_exit_status(tmp_path):
 
 
 def test_a_run_without_a_single_pose_ends_with_status_1(tmp_path):
-    (tmp_path / "dark.bin").write_bytes(dark(stream(200)))
+    (tmp_path / "dark.bin").write_bytes(dark(kills.stream(200)))
     words = ("acquire", "bench", "--port", "file:dark.bin", "--plain", "-d", "rec")
     for result in (command(*words, cwd=tmp_path), command("replay", "rec", cwd=tmp_path)):
         assert result.returncode == 1
@@ -418,7 +426,7 @@ def test_a_signal_while_a_recording_begins_leaves_none(tmp_path, monkeypatch):
 
 
 def test_a_signal_before_the_run_begins_leaves_no_recording(tmp_path):
-    (tmp_path / "board.bin").write_bytes(stream(20))
+    (tmp_path / "board.bin").write_bytes(kills.stream(20))
     run = Run.from_config(CONFIG, f"file:{tmp_path / 'board.bin'}", folder=tmp_path / "rec")
     with pytest.raises(KeyboardInterrupt):
         run_to_end(run, Interrupted())
@@ -448,7 +456,7 @@ def test_a_stream_of_the_wrong_kind_says_so(tmp_path):
 @pytest.mark.slow
 def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
     """By the system's own limit on the size of a file, in a process of its own."""
-    (tmp_path / "board.bin").write_bytes(stream(5_000))
+    (tmp_path / "board.bin").write_bytes(kills.stream(5_000))
     result = subprocess.run(
         [*PROGRAM, "acquire", "bench", "--port", "file:board.bin", "--plain", "-d", "rec"],
         cwd=tmp_path, capture_output=True, text=True, check=False,

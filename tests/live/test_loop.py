@@ -7,19 +7,27 @@ from queue import Empty
 
 import numpy as np
 import pytest
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
 from facets import Status
-from facets.live import Live
-from facets.live.recording.comparison import compare
-from facets.live.recording.pose_table import join_columns, pose_columns
+from facets.live import (
+    FULL,
+    SIZE,
+    SKIPPED,
+    TWO_DETECTORS,
+    Block,
+    Ending,
+    Live,
+    Loop,
+    Pipeline,
+    Sink,
+    compare,
+    join_columns,
+    join_poses,
+    pose_columns,
+)
 from facets.live.run import loop as module
-from facets.live.run.loop import Ending, Loop
-from facets.live.run.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline, join_poses
-from facets.live.run.sink import Sink
-from facets.live.sources import Block
-from facets.live.sources.frames import SIZE
 
 CONFIG = facets.load("bench")
 EACH = 20
@@ -39,7 +47,7 @@ class Board:
 
     def __init__(self, clock, count, every=2e-3):
         self.clock, self.queue = clock, self
-        data = stream(count * EACH)
+        data = kills.stream(count * EACH)
         size = EACH * SIZE
         self.blocks = [
             Block(data[n * size : (n + 1) * size], clock.now + every * (n + 1), None)
@@ -178,7 +186,7 @@ def test_poses_of_a_calibrated_rig_have_the_parts_of_their_uncertainty():
     """Also where samples were skipped; a recording of before, without the parts, compares."""
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     pipeline = Pipeline(replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known)))
-    batches = pipeline.take(stream(40), 1_000.0)
+    batches = pipeline.take(kills.stream(40), 1_000.0)
     poses = [pipeline.solve(batches[0]), pipeline.skip(batches[0])]
     columns = pose_columns(join_poses(poses))
     whole = columns["u_noise_tz_mm"] ** 2 + columns["u_calibration_tz_mm"] ** 2
@@ -210,7 +218,7 @@ def test_a_sample_without_light_takes_no_step(light):
     from dataclasses import replace
 
     pipeline = Pipeline(CONFIG)
-    (batch,) = pipeline.take(stream(40), 1.0)
+    (batch,) = pipeline.take(kills.stream(40), 1.0)
     dark = batch.readings.copy()
     dark[:, 2::3] = light
     poses = pipeline.solve(replace(batch, aligned=dark))
@@ -236,7 +244,7 @@ def test_two_detectors_give_no_pose_that_nothing_checks():
     for accept in (True, False):
         options = replace(CONFIG.solve, beam="known", accept_unchecked=accept)
         pipeline = Pipeline(replace(CONFIG, solve=options))
-        (batch,) = pipeline.take(stream(40), 1.0)
+        (batch,) = pipeline.take(kills.stream(40), 1.0)
         batch.readings[10:30, 3:6] = np.nan
         solution = pipeline.solve(batch).solution
         assert (solution.converged == np.isfinite(solution.state).all(axis=1)).all()
@@ -266,7 +274,7 @@ def test_poses_of_another_geometry_are_not_believed_without_a_word():
     found = {}
     for name, config in (("right", right), ("wrong", wrong)):
         pipeline = Pipeline(config)
-        pipeline.feed(stream(100), 1_000.0)
+        pipeline.feed(kills.stream(100), 1_000.0)
         found[name] = pipeline.tally.misfit
     assert found["right"].judged == found["wrong"].judged == 100
     assert found["right"].sentence == ""
@@ -286,7 +294,7 @@ def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts():
     }
     for words, spoilt in spoils.items():
         pipeline = Pipeline(CONFIG)
-        (batch,) = pipeline.take(stream(40), 1.0)
+        (batch,) = pipeline.take(kills.stream(40), 1.0)
         spoilt(batch)
         status = pipeline.solve(batch).solution.status
         for _ in range(rounds):

@@ -10,15 +10,21 @@ import numpy as np
 import pytest
 
 import facets
-from facets.core.channels import AuxiliaryChannel
-from facets.detectors.counts import counts_to_xy_sum, readings_to_counts
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources import check_missing, check_source
-from facets.live.sources.frames import ELECTRODES, XY_SUM, FixedFrames
+from facets.core import AuxiliaryChannel
+from facets.detectors import counts_to_xy_sum, readings_to_counts
+from facets.live import (
+    ELECTRODES,
+    XY_SUM,
+    FixedFrames,
+    Pipeline,
+    PortError,
+    PortInUse,
+    check_missing,
+    check_source,
+    open_port,
+)
 from facets.live.sources.ni_card import counts_of_volts, frames_of
-from facets.live.sources.ports import PortError, PortInUse, open_port
-from facets.tracking.interlock import Heartbeat, close_line, open_permit
-from facets.tracking.stage import StageError
+from facets.tracking import Heartbeat, StageError, close_line, open_permit
 
 CONFIG = facets.load("bench")
 NAME = "ni:Dev1/ai0:11?rate=20000&bits=16&range=10"

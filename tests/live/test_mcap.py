@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 from commands import command
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
-from facets.live.recording.pose_table import recorded_poses
+from facets.live import recorded_poses
 
 pytestmark = pytest.mark.installed
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.installed
 @pytest.mark.slow
 def test_every_sample_is_in_the_file_with_its_schema(tmp_path):
     reader = pytest.importorskip("mcap.reader")
-    (tmp_path / "board.bin").write_bytes(stream(300))
+    (tmp_path / "board.bin").write_bytes(kills.stream(300))
     command(
         "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain", cwd=tmp_path
     )

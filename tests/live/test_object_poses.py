@@ -13,23 +13,33 @@ from scipy.spatial.transform import Rotation
 
 import facets
 from facets import MeasuredObject
-from facets.core.errors import FacetsError
-from facets.core.names import STATE_COLUMNS, STATE_UNITS
-from facets.detectors.counts import readings_to_counts
-from facets.estimation.zero import ZeroRequest
-from facets.live import Playback
-from facets.live.recording.comparison import compare
-from facets.live.recording.pose_table import pose_columns, recorded_poses
-from facets.live.recording.replay import recorded_config
-from facets.live.run.live import Live
-from facets.live.run.pipeline import Pipeline, join_poses
-from facets.live.run.smoothing import smoothed_columns
-from facets.live.run.view import Screen, values
-from facets.live.sources.frames import SIZE, Samples, pack
+from facets.core import STATE_COLUMNS, STATE_UNITS, FacetsError
+from facets.detectors import readings_to_counts
+from facets.estimation import ZeroRequest
+from facets.live import (
+    SAMPLE,
+    SIZE,
+    Live,
+    Pipeline,
+    Playback,
+    Publications,
+    Samples,
+    Screen,
+    compare,
+    description,
+    join_poses,
+    pack,
+    pose_columns,
+    recorded_config,
+    recorded_poses,
+    row_content,
+    rows_of,
+    sample_dtype,
+    smoothed_columns,
+    values,
+)
 from facets.live.streams.json_rows import json_of
-from facets.live.streams.publication import Publications
 from facets.live.streams.row_stream import kept_dtype, same_columns
-from facets.live.streams.sample_rows import SAMPLE, description, row_content, rows_of, sample_dtype
 from facets.live.streams.subscription import Subscription
 from facets.live.web.hub import Hub
 

@@ -9,18 +9,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments.kills import stream
+from facets.experiments import kills
 from programs import Program
 
 import facets
 from facets import InputError
-from facets.core.channels import AuxiliaryChannel
-from facets.live import poses
-from facets.live.run.pipeline import LABELS, Pipeline
-from facets.live.sources.frames import SIZE, FixedFrames, pack
+from facets.core import AuxiliaryChannel
+from facets.live import (
+    LABELS,
+    SAMPLE,
+    SIZE,
+    FixedFrames,
+    Pipeline,
+    Publications,
+    pack,
+    poses,
+    rows_of,
+)
 from facets.live.streams import row_stream
-from facets.live.streams.publication import Publications
-from facets.live.streams.sample_rows import SAMPLE, rows_of
 
 bluesky = pytest.importorskip("bluesky")
 pytest.importorskip("ophyd_async")
@@ -89,7 +95,7 @@ def flight(sensor, interval=None, during=bps.null):
 def file(tmp_path_factory):
     """A recorded stream of 12,500 samples: more than are read ahead."""
     path = tmp_path_factory.mktemp("board") / "bytes.bin"
-    path.write_bytes(stream(12_500))
+    path.write_bytes(kills.stream(12_500))
     return path
 
 
@@ -113,7 +119,7 @@ def test_a_plan_reads_a_pose_with_its_uncertainties(engine, documents, file, exp
 
 
 def test_a_plan_reads_auxiliary_channels_with_their_units(engine, documents, tmp_path):
-    samples = FixedFrames().feed(stream(50))
+    samples = FixedFrames().feed(kills.stream(50))
     force = np.arange(50, dtype=np.float32)[:, None]
     (tmp_path / "bytes.bin").write_bytes(pack(replace(samples, channels=force)))
     channel = AuxiliaryChannel("force", "kN", scale=0.5)
@@ -235,7 +241,7 @@ def test_a_source_that_is_not_there_ends_the_plan(engine, tmp_path):
 
 def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
     by_arrival = replace(CONFIG, acquire=replace(CONFIG.acquire, timing="arrival"))
-    pipeline, data = Pipeline(by_arrival), stream(500)
+    pipeline, data = Pipeline(by_arrival), kills.stream(500)
     with Publications(["zmq://127.0.0.1:0"], CONFIG, patient=True) as publications:
         sensor = PoseSensor(CONFIG, publications.places()[0], name="sensor")
 

@@ -12,17 +12,23 @@ from power_cut import Log, image
 
 import facets
 from facets import InputError
-from facets.detectors.counts import readings_to_counts
-from facets.files.provenance import run_record
-from facets.live.recording.index import Damage
-from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
-from facets.live.recording.reader import meta_of
-from facets.live.recording.replay import replay
-from facets.live.recording.writer import Recording
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources import Block
-from facets.live.sources.frames import ELECTRODES, Samples, encode
-from facets.tracking.encoder import Encoder
+from facets.detectors import readings_to_counts
+from facets.files import run_record
+from facets.live import (
+    ELECTRODES,
+    Block,
+    Damage,
+    Pipeline,
+    Recording,
+    Samples,
+    encode,
+    join_columns,
+    meta_of,
+    pose_columns,
+    recorded_poses,
+    replay,
+)
+from facets.tracking import Encoder
 
 BLOCKS, EACH, CUTS = 40, 12, 60
 CONFIG = facets.load("bench")
@@ -184,7 +190,7 @@ def test_the_whole_recording_comes_back_whole(tmp_path):
 
 def test_a_recording_from_before_the_sums_is_read_as_it_was(tmp_path):
     """Rows of 72 bytes, without CRC; poses without the column that proves them."""
-    from facets.live.recording.index import OLD, pack_encoder
+    from facets.live import OLD, pack_encoder
 
     rows, data = [], b""
     for block in make_blocks("frames")[:5]:

@@ -11,32 +11,39 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import command
-from facets.experiments.kills import stream
+from facets.experiments import kills
 from programs import GUARD, Program, await_true
 
 import facets
 from facets import InputError
-from facets.core.channels import AuxiliaryChannel
-from facets.live import Subscription
-from facets.live.recording.pose_table import join_columns, pose_columns
-from facets.live.run.pipeline import Pipeline
+from facets.core import AuxiliaryChannel
+from facets.live import (
+    CALIBRATED_SAMPLE,
+    SAMPLE,
+    Pipeline,
+    Publication,
+    Publications,
+    Subscription,
+    description,
+    description_of,
+    join_columns,
+    pose_columns,
+    rows_of,
+)
 from facets.live.streams import publication as module
 from facets.live.streams import zeromq
 from facets.live.streams.json_rows import json_of
-from facets.live.streams.publication import Publication, Publications
 from facets.live.streams.row_stream import same_columns
-from facets.live.streams.sample_rows import CALIBRATED_SAMPLE, SAMPLE, description, rows_of
 from facets.live.streams.senders import Udp
 from facets.live.streams.zeromq import ZmqSender
 from facets.live.web.hub import Hub
-from facets.live.web.page import description_of
 
 CONFIG = facets.load("bench")
 
 
 def solved(count, spoil=False):
     """Poses of a stream, one block after the other; every tenth without light, if so wanted."""
-    pipeline, data = Pipeline(CONFIG), stream(count)
+    pipeline, data = Pipeline(CONFIG), kills.stream(count)
     parts = []
     for n in range(0, len(data), 6400):
         for batch in pipeline.take(data[n : n + 6400], 1_000.0 + n * 1e-6):
@@ -143,7 +150,7 @@ def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
     pipeline = Pipeline(config)
-    (part,) = (pipeline.solve(batch) for batch in pipeline.take(stream(200), 1_000.0))
+    (part,) = (pipeline.solve(batch) for batch in pipeline.take(kills.stream(200), 1_000.0))
     columns, rows = pose_columns(part), rows_of(part, 5.0)
     assert rows.dtype == CALIBRATED_SAMPLE
     for name, column in columns.items():
@@ -362,7 +369,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
 @pytest.mark.slow
 def test_an_acquisition_and_a_replay_publish(tmp_path):
     """Both to the end, with all that came: at two addresses at once, and one of them of no use."""
-    (tmp_path / "board.bin").write_bytes(stream(2_000))
+    (tmp_path / "board.bin").write_bytes(kills.stream(2_000))
     with Udps() as one, Udps() as two:
         addresses = ("--publish", f"udp://127.0.0.1:{one.port}",
                      "--publish", f"udp://127.0.0.1:{two.port}?single")  # fmt: skip

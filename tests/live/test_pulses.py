@@ -7,14 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import command
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
-from facets.live import Subscription
-from facets.live.run.pipeline import Pipeline
-from facets.live.run.pulses import PulseClock
-from facets.live.sources.frames import FRAME, MARK, SIZE, FixedFrames, pack
-from facets.live.streams.publication import Publications
+from facets.live import (
+    FRAME,
+    MARK,
+    SIZE,
+    FixedFrames,
+    Pipeline,
+    Publications,
+    PulseClock,
+    Subscription,
+    pack,
+)
 
 START = 1_800_000_000.3  # UTC of the board's zero
 
@@ -83,7 +89,7 @@ def test_a_clock_that_stops_is_known_ever_worse():
 
 def marked_stream(count, every):
     """Frames at 10 kHz of which every so many, from the fifth, are marked."""
-    samples = FixedFrames().feed(stream(count))
+    samples = FixedFrames().feed(kills.stream(count))
     flags = samples.flags.copy()
     flags[5::every] |= MARK
     return pack(replace(samples, flags=flags))

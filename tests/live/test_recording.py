@@ -11,24 +11,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
 from facets import InputError
-from facets.live import Live
+from facets.live import (
+    SIZE,
+    Block,
+    Damage,
+    DiskError,
+    Ending,
+    Live,
+    Pipeline,
+    PortError,
+    Reader,
+    Recording,
+    acquire,
+    blocks,
+    recorded_poses,
+    replay,
+)
 from facets.live.recording.disk import Disk
-from facets.live.recording.index import Damage
-from facets.live.recording.pose_table import recorded_poses
-from facets.live.recording.reader import blocks
-from facets.live.recording.replay import replay
-from facets.live.recording.writer import DiskError, Recording
 from facets.live.run import loop as module
-from facets.live.run.loop import Ending, acquire
-from facets.live.run.pipeline import Pipeline
-from facets.live.run.reader import Reader
-from facets.live.sources import Block
-from facets.live.sources.frames import SIZE
-from facets.live.sources.ports import PortError
 
 CONFIG = facets.load("bench")
 META = "config: bench\nresolved: {}\n"
@@ -68,7 +72,7 @@ class Full(Disk):
 
 
 def pieces(count, each=25):
-    data = stream(count * each)
+    data = kills.stream(count * each)
     size = each * SIZE
     return [Block(data[n * size : (n + 1) * size], 1.0 + 0.0025 * n, None) for n in range(count)]
 

@@ -9,17 +9,18 @@ import pytest
 from commands import command
 
 import facets
-from facets.detectors.counts import readings_to_counts
-from facets.live import smooth
-from facets.live.run import smoothing as module
-from facets.live.run.smoothing import (
+from facets.detectors import readings_to_counts
+from facets.live import (
     MODELS,
+    Samples,
     dynamic_error,
     noise_covariance,
+    pack,
     process_noise,
+    smooth,
     transition,
 )
-from facets.live.sources.frames import Samples, pack
+from facets.live.run import smoothing as module
 
 AXES = 2
 NOISE = np.array([[1.0, 0.6], [0.6, 2.0]])  # of a sample, as neighbours' axes have it

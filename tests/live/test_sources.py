@@ -7,17 +7,13 @@ from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
-from facets.experiments.kills import stream
+from facets.experiments import kills
 
 import facets
-from facets.live import poses
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources import check_source
+from facets.live import SIZE, DatagramPort, Pipeline, PortError, check_source, open_port, poses
 from facets.live.sources import ports as module
-from facets.live.sources.frames import SIZE
-from facets.live.sources.ports import DatagramPort, PortError, open_port
 
-DATA = stream(200)
+DATA = kills.stream(200)
 
 
 def test_a_file_is_a_port(tmp_path):

@@ -19,11 +19,11 @@ from commands import PROGRAM, command
 from programs import Program, await_true, count_lines
 
 import facets
-from facets.detectors.counts import readings_to_counts
+from facets.detectors import readings_to_counts
 from facets.live.run.doubts import Trust
 from facets.live.run.keys import watch_keys
 from facets.live.virtual.board import HEARTBEAT_PATIENCE_S, HeartbeatWatch
-from facets.tracking.interlock import heartbeat_frame
+from facets.tracking import heartbeat_frame
 
 PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
 CALM = """extends: bench

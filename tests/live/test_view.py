@@ -10,14 +10,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.experiments.kills import stream
+from facets.experiments import kills
 from rich.console import Console
 
 import facets
-from facets.core.hues import DARK, LIGHT
-from facets.live import Live
+from facets.core import DARK, LIGHT
+from facets.live import Live, Pipeline
 from facets.live.run import view
-from facets.live.run.pipeline import Pipeline
 
 CONFIG = facets.load("bench")
 
@@ -25,7 +24,7 @@ CONFIG = facets.load("bench")
 def live(light=1.0):
     """A run whose newest sample has so much of its light."""
     now = Live(Pipeline(CONFIG))
-    now.newest = now.pipeline.feed(stream(60), 1.0)
+    now.newest = now.pipeline.feed(kills.stream(60), 1.0)
     now.newest.readings[:, 2::3] *= light
     return now
 
@@ -61,7 +60,7 @@ def test_the_parts_of_an_uncertainty_are_seen_where_there_is_space():
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
     now = Live(Pipeline(config))
-    now.newest = now.pipeline.feed(stream(60), 1.0)
+    now.newest = now.pipeline.feed(kills.stream(60), 1.0)
     values = view.values(now)
     whole = values["u_noise_tz_um"] ** 2 + values["u_calibration_tz_um"] ** 2
     assert whole == pytest.approx(values["u_tz_um"] ** 2, rel=1e-3)

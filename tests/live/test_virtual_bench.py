@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 
 import facets
-from facets.core.motions import Mode, Random, Sine, Vibration
-from facets.core.names import STATE_UNITS
-from facets.live.virtual import Bench, Faults
-from facets.simulation.vibration import shake
+from facets.core import STATE_UNITS, Mode, Random, Sine, Vibration
+from facets.live import Bench, Faults
+from facets.simulation import shake
 
 CONFIG = facets.load("bench")
 ZERO = (0.0,) * 8

@@ -9,17 +9,20 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
 from commands import command
-from facets.experiments.kills import stream
+from facets.experiments import kills
 from programs import Program, await_true
 
 import facets
-from facets.live import Live
-from facets.live.recording.pose_table import recorded_poses
-from facets.live.run.pipeline import Pipeline
-from facets.live.sources.frames import FixedFrames, pack
-from facets.live.streams.sample_rows import SAMPLE
-from facets.live.web.page import WebPage
-from facets.live.web.status import status_of
+from facets.live import (
+    SAMPLE,
+    FixedFrames,
+    Live,
+    Pipeline,
+    WebPage,
+    pack,
+    recorded_poses,
+    status_of,
+)
 from facets.pictures.page.scripts import rig_scripts
 
 pytest.importorskip("aiohttp")
@@ -33,7 +36,7 @@ STATES = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
 def recorded(tmp_path_factory):
     """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "board.bin").write_bytes(stream(6_000))
+    (folder / "board.bin").write_bytes(kills.stream(6_000))
     words = ("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--web")
     result = command(*words, "--plain", cwd=folder)
     assert result.returncode == 0, result.stderr
@@ -92,7 +95,7 @@ def test_a_recording_on_the_page_is_that_of_the_record(recorded):
 
 @pytest.mark.slow
 def test_channels_have_strips_with_name_and_unit(tmp_path):
-    samples = FixedFrames().feed(stream(2_000))
+    samples = FixedFrames().feed(kills.stream(2_000))
     force = np.sin(np.arange(2_000) / 300).astype(np.float32)
     force[::5] = np.nan
     heat = np.full(2_000, 21.5, np.float32)

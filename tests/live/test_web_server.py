@@ -15,17 +15,13 @@ from programs import GUARD, await_true
 
 import facets
 from facets import InputError
-from facets.live import Live
-from facets.live.run.pipeline import Pipeline
-from facets.live.streams.sample_rows import SAMPLE
+from facets.live import SAMPLE, Live, Pipeline, WebPage, description_of, stage, status_of
 from facets.live.web import page as module
 from facets.live.web.bins import COLUMNS
 from facets.live.web.guard import Guard, parse_address
 from facets.live.web.hub import HEAD, Hub
-from facets.live.web.page import WebPage, description_of
 from facets.live.web.replay_page import events_of
-from facets.live.web.status import stage, status_of
-from facets.tracking.encoder import Encoder
+from facets.tracking import Encoder
 
 pytestmark = pytest.mark.installed
 

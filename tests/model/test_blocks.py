@@ -7,9 +7,8 @@ import pytest
 from sensors import ALL, ASYMMETRY, PROFILE, SENSORS, states
 
 import facets
-from facets.core.sensor import BenchLight
-from facets.model import as_text, blocks, evaluators
-from facets.model.arrays import derivatives, packed_vectors
+from facets.core import BenchLight
+from facets.model import as_text, blocks, derivatives, evaluators, packed_vectors
 
 NAMED = pytest.mark.parametrize("name", ["paper", "skewed0", "skewed2", "skewed4"])
 FUNCTIONS = [facets.readings, facets.jacobian, facets.footprints]

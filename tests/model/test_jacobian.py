@@ -6,8 +6,9 @@ from digits import differences, many_digits, precise
 from sensors import SENSORS, states
 
 import facets
-from facets.model.arrays import parameters
-from facets.optics.forward import build_geometry, readings
+from facets.model import parameters
+from facets.optics import build_geometry
+from facets.optics.forward import readings
 
 NOMINAL = np.zeros(8)
 ON_AN_EDGE = np.array([-0.1, 0, 0.3, 0, 0, 0, 0, 0])

@@ -9,11 +9,9 @@ from llvmlite import ir
 from sensors import SENSORS, states
 
 import facets
-from facets.model import failures, jit, packing, rare
-from facets.model.arrays import geometry_of, packed_vectors
-from facets.optics.gradient import linearise
-from facets.scalars.machine import DOUBLE, MachineWriter
-from facets.scalars.tracing import Value
+from facets.model import failures, geometry_of, jit, packed_vectors, packing, rare
+from facets.optics import linearise
+from facets.scalars import machine, tracing
 
 
 def in_floats(sensor, state):
@@ -125,7 +123,7 @@ def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypat
 
 
 def test_a_formula_can_not_ask_what_only_its_code_will_know():
-    function = ir.Function(ir.Module(), ir.FunctionType(DOUBLE, [DOUBLE]), "f")
-    writer = MachineWriter(ir.IRBuilder(function.append_basic_block()))
+    function = ir.Function(ir.Module(), ir.FunctionType(machine.DOUBLE, [machine.DOUBLE]), "f")
+    writer = machine.MachineWriter(ir.IRBuilder(function.append_basic_block()))
     with pytest.raises(TypeError, match="choose"):
-        bool(Value(writer, function.args[0]) > 0)
+        bool(tracing.Value(writer, function.args[0]) > 0)

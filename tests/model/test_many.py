@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.model import arrays
-from facets.model.many import evaluate, vectors_of
+from facets.model import arrays, evaluate, vectors_of
 
 SENSORS = [facets.load(name).sensor for name in ("paper", "singular", "skewed")]
 

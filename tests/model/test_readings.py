@@ -8,7 +8,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets import InputError
-from facets.model.arrays import geometry_of
+from facets.model import geometry_of
 from facets.optics.forward import readings as plain_readings
 
 NAMED = pytest.mark.parametrize("name", SENSORS)

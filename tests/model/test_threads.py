@@ -9,8 +9,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets import InputError
-from facets.model import object_code
-from facets.model.threads import cores, once, part_of, run_side_by_side, share
+from facets.model import cores, object_code, once, part_of, run_side_by_side, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (2000, 2), (10_001, 3), (4000, 0)])

@@ -9,9 +9,8 @@ from sensors import SENSORS, states
 
 import facets
 from facets import Apertures, InputError
-from facets.model import evaluators
-from facets.model.arrays import packed_vectors, parameters
-from facets.optics.parameters import BEAM, FACET, PSD
+from facets.model import evaluators, packed_vectors, parameters
+from facets.optics import BEAM, FACET, PSD
 
 CUTS = {
     "beam at 1/e^2": Apertures(beam=1.0),

@@ -17,8 +17,9 @@ from sensors import ALL, ASYMMETRY, DEPTHS, PROFILE, SENSORS, states
 
 import facets
 from facets import BenchLight, ConfigError, InputError
-from facets.model.arrays import (
+from facets.model import (
     EFFECTS,
+    axes_of,
     effect_jacobian,
     effects,
     group_by_field,
@@ -26,11 +27,11 @@ from facets.model.arrays import (
     options,
     parameters,
     replace_effects,
+    shape_derivatives,
+    shape_of,
 )
-from facets.model.beam_shape import axes_of, shape_derivatives, shape_of
+from facets.optics import OPEN, LightEffects, build_geometry
 from facets.optics.bench_light import readings
-from facets.optics.effects import LightEffects
-from facets.optics.forward import OPEN, build_geometry
 
 PAPER = facets.Sensor()
 FOLDER = Path(__file__).parent / "references"

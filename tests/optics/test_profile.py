@@ -8,10 +8,9 @@ from bench_oracle import Bench, by_rays
 from sensors import ASYMMETRY, PROFILE, SENSORS
 
 import facets
-from facets.core.errors import ConfigError, InputError
-from facets.core.sensor import BenchLight
-from facets.model.arrays import EFFECTS, derivatives, effect_jacobian, effects, replace_effects
-from facets.simulation.imperfect_optics import ray_readings
+from facets.core import BenchLight, ConfigError, InputError
+from facets.model import EFFECTS, derivatives, effect_jacobian, effects, replace_effects
+from facets.simulation import ray_readings
 
 PAPER = facets.Sensor()
 TURNED = replace(PAPER, beam=replace(PAPER.beam, diameter_x=1.0, rotation=0.6, tilt_x=3e-3))

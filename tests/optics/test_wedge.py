@@ -11,17 +11,21 @@ import mpmath
 import numpy as np
 import pytest
 
-from facets.optics.half_normal import half_normal
-from facets.optics.tail_quadrature import (
+from facets.optics import (
     AWAY_SIGMAS,
     NARROW_RAD,
     brighter_side,
+    closed_wedge,
     integrate,
+    moments_along_float,
+    side,
     tail_integrals,
+    turn_derivative,
     wedge_by_quadrature,
     wedge_sums,
 )
-from facets.optics.wedge import closed_wedge, moments_along_float, side, turn_derivative, wedge
+from facets.optics.half_normal import half_normal
+from facets.optics.wedge import wedge
 
 ROWS = json.loads((Path(__file__).parent / "references" / "wedge.json").read_text())
 UP, RIGHT = (0.0, 1.0), (1.0, 0.0)

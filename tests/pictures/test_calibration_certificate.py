@@ -13,9 +13,9 @@ from commands import command
 from facets.experiments import rigs
 
 import facets
-from facets.calibration.table import REFERENCE
-from facets.core.names import READING_COLUMNS
-from facets.core.names import STATE_UNITS as UNITS
+from facets.calibration import REFERENCE
+from facets.core import READING_COLUMNS
+from facets.core import STATE_UNITS as UNITS
 
 STATEMENT = """extends: paper
 calibrate:

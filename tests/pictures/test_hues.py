@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from facets import STATE
-from facets.core.hues import DARK, DASHES, LIGHT, MARKS, THEMES, Hues
-from facets.core.names import ANGLES, DETECTORS
+from facets.core import ANGLES, DARK, DASHES, DETECTORS, LIGHT, MARKS, THEMES, Hues
 
 #: Machado, Oliveira and Fernandes, IEEE TVCG 15 (2009) 1291, severity 1; in linear sRGB.
 EYES = {

@@ -12,7 +12,7 @@ import pytest
 
 from facets.pictures.page.javascript import javascript, literal, name_of
 from facets.pictures.page.model import text_of
-from facets.scalars.dispatch import sin, sqrt
+from facets.scalars import dispatch
 
 needs_node = pytest.mark.skipif(not shutil.which("node"), reason="needs Node")
 
@@ -38,7 +38,7 @@ def texts_of(numbers, holder: Holder):
 def slope_of(x):
     """A number that carries its derivative, made on the way."""
     over = complex(x, 1e-30)
-    return (sqrt(over * over + 1) / sin(over)).imag / 1e-30
+    return (dispatch.sqrt(over * over + 1) / dispatch.sin(over)).imag / 1e-30
 
 
 def run(script):
@@ -65,7 +65,7 @@ def test_a_derivative_is_carried_along():
     {javascript(slope_of)}
     console.log({name_of(slope_of)}(0.7));"""
     step = 1e-6
-    ahead, behind = (hypot(x, 1) / sin(x) for x in (0.7 + step, 0.7 - step))
+    ahead, behind = (hypot(x, 1) / dispatch.sin(x) for x in (0.7 + step, 0.7 - step))
     wanted = (ahead - behind) / (2 * step)
     assert run(script) == pytest.approx(wanted, rel=1e-8)
 

@@ -9,8 +9,8 @@ import pytest
 from browser import CHROMIUM, Browser
 
 import facets
-from facets.core.names import STATE_COLUMNS
-from facets.optics.vectors import rotation
+from facets.core import STATE_COLUMNS
+from facets.optics import rotation
 from facets.pictures.page.rig_page import components, rig_page
 
 pytestmark = [

@@ -14,8 +14,8 @@ from sensors import SENSORS
 import facets
 from facets import BenchLight, Rules
 from facets.characterization import ranges
-from facets.detectors.noise import fullness, least_light
-from facets.model.arrays import geometry_of
+from facets.detectors import fullness, least_light
+from facets.model import geometry_of
 from facets.pictures.page import clearance
 from facets.pictures.page.model import full_light, model
 

@@ -10,7 +10,7 @@ import pytest
 from browser import Browser
 
 import facets
-from facets.core.names import STATE_UNITS
+from facets.core import STATE_UNITS
 from facets.pictures.page.rig_page import estimate_sentences, omitted_keys, rig_page
 
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")

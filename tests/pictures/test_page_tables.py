@@ -11,7 +11,7 @@ from commands import command
 from sensors import states
 
 import facets
-from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from facets.pictures.page.rig_page import rig_page
 
 pytestmark = [

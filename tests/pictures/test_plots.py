@@ -13,7 +13,7 @@ from commands import command
 from figures import ALL, texts_of
 
 from facets import InputError
-from facets.core.hues import THEMES, choose_style, chosen_style, use_style
+from facets.core import THEMES, choose_style, chosen_style, use_style
 from facets.pictures import style
 from facets.pictures.motion import motion_picture
 

@@ -15,15 +15,21 @@ from commands import command
 from sensors import SENSORS, states
 
 import facets
-from facets.pictures import glow, rig, solids
+from facets.pictures import (
+    Picture,
+    Stand,
+    ease_camera,
+    glow,
+    motion_factor,
+    rig,
+    round_down,
+    solids,
+    stays_on_detectors,
+)
 from facets.pictures.camera import Camera, fit
-from facets.pictures.film import ease_camera
 from facets.pictures.lettering import DrawingSheet, overlap
-from facets.pictures.magnification import motion_factor, round_down, stays_on_detectors
 from facets.pictures.materials import THEMES, rgb
 from facets.pictures.range_solid import range_solid
-from facets.pictures.render import Picture
-from facets.pictures.scene import Stand
 from facets.pictures.studio import Shot
 
 TILTED = np.array([0.08, 0.05, 0, 8e-3, 6e-3, 10e-3, 0, 0])

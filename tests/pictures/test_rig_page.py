@@ -16,7 +16,7 @@ from sensors import ASYMMETRY, PROFILE, SENSORS, states
 
 import facets
 from facets import BenchLight, InputError
-from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.core import STATE_COLUMNS, STATE_UNITS
 from facets.pictures import scene
 from facets.pictures.page.javascript import javascript
 from facets.pictures.page.model import model

@@ -14,9 +14,7 @@ from gltf_page import page_of
 from sensors import SENSORS, states
 
 import facets
-from facets.pictures import scene
-from facets.pictures.scene import Stand
-from facets.pictures.spots import light_on
+from facets.pictures import Stand, light_on, scene
 
 TILTED = "tx_mm=0.08,ty_mm=0.05,roll_mrad=8,pitch_mrad=6,yaw_mrad=10"
 

@@ -8,14 +8,12 @@ import json
 
 import numpy as np
 import pytest
-from facets.experiments.certificate_schema import Refused
-from facets.experiments.check_certificate import check, main
+from facets.experiments import certificate_schema, check_certificate
 
 import facets
-from facets.characterization.state_box import parse_box
+from facets.characterization import parse_box
 from facets.files import provenance
-from facets.proof.certificate import write_certificate
-from facets.proof.uniqueness import certify
+from facets.proof import certify, write_certificate
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +113,7 @@ def prefix_of_another(content):
 
 def other_sensor_whole(content):
     """Hash, configuration and parameters of another sensor, the proof of this."""
-    from facets.model.arrays import parameters
+    from facets.model import parameters
 
     other = facets.load("singular")
     content |= {"resolved": other.resolved, "config_sha256": other.sha256}
@@ -215,8 +213,8 @@ def test_it_is_refused_with_a_reason(content, tmp_path, name):
     spoil(spoilt)
     path = tmp_path / "spoilt.json"
     path.write_text(json.dumps(spoilt))
-    with pytest.raises(Refused, match=reason):
-        check(path)
+    with pytest.raises(certificate_schema.Refused, match=reason):
+        check_certificate.check(path)
 
 
 def instead(old, new):
@@ -244,23 +242,23 @@ def test_a_text_that_is_none_is_refused(content, tmp_path, name):
     text = TEXTS[name](json.dumps(content))
     assert text != json.dumps(content)
     path.write_text(text)
-    with pytest.raises(Refused):
-        check(path)
-    assert main([str(path)]) == 1
+    with pytest.raises(certificate_schema.Refused):
+        check_certificate.check(path)
+    assert check_certificate.main([str(path)]) == 1
 
 
 @pytest.mark.parametrize("data", [b"\xff\xfe{\x00}\x00", b"\x00" * 100, b"\x80"])
 def test_bytes_that_are_no_text_are_refused(tmp_path, data):
     path = tmp_path / "spoilt.json"
     path.write_bytes(data)
-    with pytest.raises(Refused, match="read"):
-        check(path)
+    with pytest.raises(certificate_schema.Refused, match="read"):
+        check_certificate.check(path)
 
 
 def test_nothing_of_the_above_is_what_it_begins_with(content, tmp_path):
     path = tmp_path / "sound.json"
     path.write_text(json.dumps(content))
-    assert check(path).margin > 0
+    assert check_certificate.check(path).margin > 0
 
 
 def test_numbers_changed_at_random_prove_nothing_that_is_not_so(content, tmp_path):
@@ -274,7 +272,7 @@ def test_numbers_changed_at_random_prove_nothing_that_is_not_so(content, tmp_pat
         spoilt[key] = values.tolist()
         path.write_text(json.dumps(spoilt))
         try:
-            found = check(path)
-        except Refused:
+            found = check_certificate.check(path)
+        except certificate_schema.Refused:
             continue
         assert 0 < found.margin < 1

@@ -12,20 +12,19 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from facets.experiments import certificate_range, check_certificate
-from facets.experiments.certificate_optics import IntervalSensor
-from facets.experiments.certificate_range import check_range, check_rules
-from facets.experiments.certificate_schema import SCHEMA, Refused, conform
-from facets.experiments.check_certificate import check, describe, main
+from facets.experiments import (
+    certificate_optics,
+    certificate_range,
+    certificate_schema,
+    check_certificate,
+)
 from sensors import SENSORS
 
 import facets
-from facets.characterization.state_box import box_of_poses, least_share, parse_box, range_box
+from facets.characterization import box_of_poses, least_share, parse_box, range_box
 from facets.files import provenance
-from facets.proof.certificate import write_certificate
-from facets.proof.range_cover import cover_range
+from facets.proof import certify, cover_range, write_certificate
 from facets.proof.reach import find_reach
-from facets.proof.uniqueness import certify
 
 #: Small, so that a test is quick: two angles and one place, whose pieces are cut in three axes.
 BOX = parse_box("tx_mm=2,roll_mrad=4,yaw_mrad=6")
@@ -58,7 +57,7 @@ def content(certificate):
 @pytest.fixture(scope="module")
 def larger(tmp_path_factory):
     """What is found again in the certificate of the larger box."""
-    return check(certificate_of(LARGER, tmp_path_factory.mktemp("larger")))
+    return check_certificate.check(certificate_of(LARGER, tmp_path_factory.mktemp("larger")))
 
 
 def put(value, *keys):
@@ -132,7 +131,7 @@ def huge_weights(content):
 
 def singular_sensor(content):
     sensor = facets.load("singular")
-    from facets.model.arrays import parameters
+    from facets.model import parameters
 
     content |= {"resolved": sensor.resolved, "config_sha256": sensor.sha256}
     content["parameters"] = list(parameters(sensor.sensor))
@@ -207,8 +206,8 @@ def test_what_is_spoilt_is_refused_with_a_reason(content, tmp_path, name):
     spoil(spoilt)
     path = tmp_path / "spoilt.json"
     path.write_text(json.dumps(spoilt))
-    with pytest.raises(Refused, match=reason):
-        check(path)
+    with pytest.raises(certificate_schema.Refused, match=reason):
+        check_certificate.check(path)
 
 
 #: Where the checker's parts are.
@@ -255,38 +254,38 @@ def test_without_asserts_the_same_is_refused(content, tmp_path):
 def test_what_is_no_certificate_is_refused(tmp_path, text):
     path = tmp_path / "file.json"
     path.write_text(text)
-    with pytest.raises(Refused):
-        check(path)
-    with pytest.raises(Refused, match="read"):
-        check(tmp_path / "none.json")
+    with pytest.raises(certificate_schema.Refused):
+        check_certificate.check(path)
+    with pytest.raises(certificate_schema.Refused, match="read"):
+        check_certificate.check(tmp_path / "none.json")
 
 
 @pytest.mark.slow
 def test_the_checker_agrees_and_says_what_it_did_not_find_again(larger, certificate, capsys):
     assert larger.margin > Fraction(1, 2)
     assert larger.determinant > 0
-    assert "seconds" in describe(larger)
-    assert main([str(certificate)]) == 0
+    assert "seconds" in check_certificate.describe(larger)
+    assert check_certificate.main([str(certificate)]) == 0
     assert "holds" in capsys.readouterr().out
-    assert main([]) == 2
+    assert check_certificate.main([]) == 2
 
 
 def test_bounds_are_told_rounded_down(larger):
     found = copy.copy(larger)
     found.margin, found.determinant = Fraction(9999, 10000), Fraction(45759999, 10)
-    assert "0.999;" in describe(found)
-    assert "4.57e6" in describe(found)
+    assert "0.999;" in check_certificate.describe(found)
+    assert "4.57e6" in check_certificate.describe(found)
     found.determinant = Fraction(0)
-    assert "at least 0" in describe(found)
+    assert "at least 0" in check_certificate.describe(found)
 
 
 def test_the_schema_is_one_and_the_certificate_fits_it(content):
     jsonschema = pytest.importorskip("jsonschema")
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    jsonschema.validate(content, SCHEMA)
+    jsonschema.Draft202012Validator.check_schema(certificate_schema.SCHEMA)
+    jsonschema.validate(content, certificate_schema.SCHEMA)
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(content | {"margin": -1}, SCHEMA)
-    conform(content, SCHEMA)
+        jsonschema.validate(content | {"margin": -1}, certificate_schema.SCHEMA)
+    certificate_schema.conform(content, certificate_schema.SCHEMA)
 
 
 def test_a_proof_for_all_sensors_within_tolerances_is_checked(tmp_path):
@@ -305,7 +304,7 @@ def test_a_proof_for_all_sensors_within_tolerances_is_checked(tmp_path):
     assert found.unique
     assert 0 < found.margin < certify(sensor, BOX, SHARE).margin
     write_certificate(tmp_path / "a.json", sensor, found, {"config": "paper"})
-    again = check(tmp_path / "a.json")
+    again = check_certificate.check(tmp_path / "a.json")
     assert again.margin > 0
     assert any("configuration" in line for line in again.not_verified)
 
@@ -315,7 +314,7 @@ def test_the_reach_has_a_certificate_that_is_checked(tmp_path):
     factor, found = find_reach(sensor, BOX, SHARE, farthest=2.0)
     assert factor == 2.0
     write_certificate(tmp_path / "a.json", sensor, found, {"config": "paper"})
-    assert check(tmp_path / "a.json").margin > 0
+    assert check_certificate.check(tmp_path / "a.json").margin > 0
 
 
 #: Poses among which a test looks for the range: some per cent more than the box, and quicker than
@@ -344,16 +343,18 @@ def whole_range(tmp_path_factory):
 
 
 def check_only_range(content):
-    return check_range(IntervalSensor(content["parameters"], content["tolerances"]), content)
+    return certificate_range.check_range(
+        certificate_optics.IntervalSensor(content["parameters"], content["tolerances"]), content
+    )
 
 
 @pytest.mark.slow
 def test_that_the_box_holds_the_range_is_found_again(whole_range, tmp_path):
     path = tmp_path / "certificate.json"
     path.write_text(json.dumps(whole_range))
-    found = check(path)
+    found = check_certificate.check(path)
     near = "16.5, 16.5, 8.9 mm and 21.1, 22.5, 36.1 mrad"
-    assert f"every pose of the range, of those within {near}" in describe(found)
+    assert f"every pose of the range, of those within {near}" in check_certificate.describe(found)
     assert not any("range" in line for line in found.not_verified)
 
 
@@ -390,7 +391,7 @@ def test_a_range_that_the_box_does_not_hold_is_refused(whole_range, name):
     spoil, reason = SPOILT_RANGES[name]
     spoilt = copy.deepcopy(whole_range)
     spoil(spoilt)
-    with pytest.raises(Refused, match=reason):
+    with pytest.raises(certificate_schema.Refused, match=reason):
         check_only_range(spoilt)
 
 
@@ -401,7 +402,9 @@ def test_a_false_claim_of_a_range_shows_before_anything_is_cut(whole_range, monk
     monkeypatch.setattr(certificate_range, "MOST", 0)
     content = copy.deepcopy(whole_range)
     content |= {end: [part * x for x in content[end]] for end in ("low", "high")}
-    with pytest.raises(Refused, match="may keep the rules of the range, outside of the box"):
+    with pytest.raises(
+        certificate_schema.Refused, match="may keep the rules of the range, outside of the box"
+    ):
         check_only_range(content)
 
 
@@ -409,6 +412,6 @@ def test_a_false_claim_of_a_range_shows_before_anything_is_cut(whole_range, monk
 def test_what_the_electronics_make_of_the_least_share_is_not_found_again(whole_range):
     content = copy.deepcopy(whole_range)
     content["resolved"]["sensor"]["noise"]["model"] = "electronics"
-    assert "electronics" in check_rules(content)[0]
+    assert "electronics" in certificate_range.check_rules(content)[0]
     content["resolved"] = None
-    assert "any configuration" in check_rules(content)[0]
+    assert "any configuration" in certificate_range.check_rules(content)[0]

@@ -6,29 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments.false_proofs import (
-    ProofCase,
-    RayModel,
-    breaks_bound,
-    breaks_check,
-    breaks_uniqueness,
-    is_in_case,
-    random_cases,
-    states_of,
-    study,
-)
+from facets.experiments import false_proofs
 from sensors import SENSORS, states
 
 import facets
-from facets.characterization.state_box import parse_box
-from facets.model.arrays import parameters
-from facets.proof.uniqueness import Certificate, certify
+from facets.characterization import parse_box
+from facets.model import parameters
+from facets.proof import Certificate, certify
 
 
 @pytest.mark.parametrize("name", list(SENSORS)[:4])
 def test_the_search_has_a_model_of_its_own_that_agrees(name):
     sensor, state = SENSORS[name], states(50, seed=5)
-    model = RayModel(parameters(sensor))
+    model = false_proofs.RayModel(parameters(sensor))
     np.testing.assert_allclose(model(state), facets.readings(sensor, state), atol=1e-10)
     np.testing.assert_allclose(model.slopes(state), facets.jacobian(sensor, state), atol=1e-4)
 
@@ -40,14 +30,17 @@ def test_the_search_breaks_what_is_not_so():
         "tx_mm=2,ty_mm=5,tz_mm=3,roll_mrad=6,pitch_mrad=3,yaw_mrad=20,offset_x_mm=0.2,"
         "offset_y_mm=0.2"
     )
-    case, model = ProofCase(sensor, box, 0.108), RayModel(parameters(sensor))
-    assert breaks_uniqueness(case, model, rng)
-    assert breaks_bound(case, model, Certificate(box, at_least=1e6), rng)
+    case, model = (
+        false_proofs.ProofCase(sensor, box, 0.108),
+        false_proofs.RayModel(parameters(sensor)),
+    )
+    assert false_proofs.breaks_uniqueness(case, model, rng)
+    assert false_proofs.breaks_bound(case, model, Certificate(box, at_least=1e6), rng)
 
 
 @pytest.mark.slow
 def test_nothing_is_proved_that_the_search_breaks():
-    counts = study(3, seed=1)
+    counts = false_proofs.study(3, seed=1)
     assert counts["broken"] == 0
     assert counts["unique"] >= 1
 
@@ -58,15 +51,18 @@ def test_the_checker_s_bound_holds_for_a_beam_that_leans():
     sensor = SENSORS["paper"]
     beam = replace(sensor.beam, tilt_x=0.6, diameter_x=1.3, diameter_y=0.85)
     box = parse_box("tx_mm=3:3.001,ty_mm=-2:-2,tz_mm=1:1.01")
-    case = ProofCase(replace(sensor, beam=beam), box, 0.3)
-    model, rng = RayModel(parameters(case.sensor)), np.random.default_rng(1)
-    assert is_in_case(case, model, states_of(case, model, 4000, rng)).sum() > 10
+    case = false_proofs.ProofCase(replace(sensor, beam=beam), box, 0.3)
+    model, rng = false_proofs.RayModel(parameters(case.sensor)), np.random.default_rng(1)
+    assert (
+        false_proofs.is_in_case(case, model, false_proofs.states_of(case, model, 4000, rng)).sum()
+        > 10
+    )
     found = certify(case.sensor, case.box, case.share)
     assert found.unique
-    assert not breaks_bound(case, model, found, rng)
-    assert not breaks_check(case, model, found, rng)
+    assert not false_proofs.breaks_bound(case, model, found, rng)
+    assert not false_proofs.breaks_check(case, model, found, rng)
 
 
 def test_sensors_come_from_a_seed():
-    one, other = random_cases(2, seed=7), random_cases(2, seed=7)
+    one, other = false_proofs.random_cases(2, seed=7), false_proofs.random_cases(2, seed=7)
     assert [case.sensor for case in one] == [case.sensor for case in other]

@@ -7,21 +7,18 @@ import json
 
 import numpy as np
 import pytest
-from facets.experiments.certificate_schema import Refused
-from facets.experiments.check_certificate import check
+from facets.experiments import certificate_schema, check_certificate
 from flint import arb
 
 import facets
-from facets.characterization.state_box import box_of_poses
-from facets.model.arrays import parameters, sensor_with
-from facets.proof import middles
-from facets.proof.certificate import write_certificate
+from facets.characterization import box_of_poses
+from facets.model import parameters, sensor_with
+from facets.proof import certify, edges_over_rotations, middles, write_certificate
 from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
 from facets.proof.reach import find_core
 from facets.proof.slopes import Sloped
 from facets.proof.spot_jacobian import centred_jacobian, interval_geometry, spot_jacobian
-from facets.proof.uniqueness import certify, edges_over_rotations
-from facets.scalars.intervals import ends, interval
+from facets.scalars import intervals
 
 HALF = np.array([5, 5, 5, 0.012, 0.012, 0.02])
 SHARE = 0.15
@@ -54,7 +51,7 @@ def certificate(tmp_path_factory):
 
 @pytest.mark.slow
 def test_it_is_checked_again(certificate):
-    found = check(certificate)
+    found = check_certificate.check(certificate)
     assert 0.1 < found.margin < 1
     assert found.determinant > 0
 
@@ -120,8 +117,8 @@ def test_what_is_spoilt_is_refused_with_a_reason(certificate, tmp_path, name, mo
     spoil(content)
     path = tmp_path / "spoilt.json"
     path.write_text(json.dumps(content))
-    with pytest.raises(Refused, match=reason):
-        check(path)
+    with pytest.raises(certificate_schema.Refused, match=reason):
+        check_certificate.check(path)
 
 
 @pytest.mark.slow
@@ -130,8 +127,8 @@ def test_a_determinant_that_is_claimed_too_large_is_not_told(certificate, tmp_pa
     content["least_determinant"] = 1e20
     path = tmp_path / "spoilt.json"
     path.write_text(json.dumps(content))
-    with pytest.raises(Refused, match="larger determinant"):
-        check(path)
+    with pytest.raises(certificate_schema.Refused, match="larger determinant"):
+        check_certificate.check(path)
 
 
 @pytest.mark.slow
@@ -151,7 +148,7 @@ def test_jacobians_of_a_piece_lie_in_what_its_slopes_make_of_the_middle():
         single = spot_jacobian(ball, light, pose)
         for i in range(6):
             for j in range(6):
-                inner, outer = ends(single[i][j]), ends(whole[i][j])
+                inner, outer = intervals.ends(single[i][j]), intervals.ends(whole[i][j])
                 assert outer[0] <= inner[0] + 1e-9 * abs(inner[0])
                 assert outer[1] >= inner[1] - 1e-9 * abs(inner[1])
 
@@ -187,7 +184,9 @@ def test_the_affine_part_may_be_anything():
     sizes = []
     for part in (affine, off):
         rest = middles.affine_remainder(part, over)
-        whole = middles.add_matrices(part.evaluate([interval(-x, x) for x in HALF / 2]), rest)
+        whole = middles.add_matrices(
+            part.evaluate([intervals.interval(-x, x) for x in HALF / 2]), rest
+        )
         sizes.append(sum(float(x.rad()) for row in rest for x in row))
         for row, exact in zip(whole, over.middle, strict=True):
             assert all(x.contains(y) for x, y in zip(row, exact, strict=True))

@@ -15,12 +15,10 @@ from flint import arb
 from sensors import SENSORS
 
 import facets
-from facets.characterization.state_box import parse_box
-from facets.proof import light_sharing, pieces
+from facets.characterization import parse_box
+from facets.proof import Certificate, Tolerances, certify, light_sharing, pieces
 from facets.proof.interval_matrix import determinant, distance_from_zero, regularity
-from facets.proof.tolerances import Tolerances
-from facets.proof.uniqueness import Certificate, certify
-from facets.scalars.intervals import ends, interval, interval_around, magnitude, nonnegative_product
+from facets.scalars import intervals
 
 pytestmark = pytest.mark.installed
 
@@ -28,17 +26,19 @@ pytestmark = pytest.mark.installed
 @pytest.mark.parametrize("least_sine", [light_sharing.least_sine, certificate_optics.least_sine])
 def test_the_sine_of_an_opening_about_a_right_angle_is_not_taken_as_1(least_sine):
     right = math.pi / 2
-    assert least_sine(interval(right - 0.3, right + 0.4)) <= math.sin(right + 0.4) + 1e-12
-    assert least_sine(interval(right + 0.1, right + 0.2)) <= math.sin(right + 0.2) + 1e-12
-    assert least_sine(interval(right - 0.3, right - 0.1)) == 1
+    assert least_sine(intervals.interval(right - 0.3, right + 0.4)) <= math.sin(right + 0.4) + 1e-12
+    assert least_sine(intervals.interval(right + 0.1, right + 0.2)) <= math.sin(right + 0.2) + 1e-12
+    assert least_sine(intervals.interval(right - 0.3, right - 0.1)) == 1
 
 
 def test_a_product_whose_factors_may_be_below_zero_is_not_above_it():
     """-1 times -2 is 2, which bounds nothing from below."""
-    low, high = ends(nonnegative_product(interval(-1, 2), interval(-2, 3)))
+    low, high = intervals.ends(
+        intervals.nonnegative_product(intervals.interval(-1, 2), intervals.interval(-2, 3))
+    )
     assert low <= 0
     assert high >= 6
-    assert checker.nonnegative(interval(-1, 2)) == 0
+    assert checker.nonnegative(intervals.interval(-1, 2)) == 0
 
 
 @pytest.mark.parametrize("value", [4575461.9, 4579999.9, 0.99999, 1.0, 0.3, 9.995e-7])
@@ -124,7 +124,7 @@ def test_the_checker_s_parts_of_the_yaw_reach_its_end(monkeypatch):
 
 def test_no_number_is_no_bound():
     nan = arb("nan")
-    assert magnitude(nan) == np.inf
+    assert intervals.magnitude(nan) == np.inf
     assert distance_from_zero(nan) == 0
     eye = [[arb(float(i == j)) for j in range(6)] for i in range(6)]
     eye[2][3] = nan
@@ -133,7 +133,10 @@ def test_no_number_is_no_bound():
 
 
 def test_a_tolerance_holds_both_ends():
-    low, high = (interval_around(0.3, 0.1).lower(), interval_around(0.3, 0.1).upper())
+    low, high = (
+        intervals.interval_around(0.3, 0.1).lower(),
+        intervals.interval_around(0.3, 0.1).upper(),
+    )
     assert low <= arb(0.3) - arb(0.1)
     assert high >= arb(0.3) + arb(0.1)
 

@@ -10,30 +10,31 @@ from flint import arb
 from sensors import SENSORS
 
 import facets
-from facets.characterization.ambiguity import find_pair_in_box, find_singular_state
-from facets.characterization.ranges import clearances
-from facets.characterization.singularity import search
-from facets.characterization.state_box import (
+from facets.characterization import (
     StateBox,
     box_of_poses,
+    clearances,
+    find_pair_in_box,
+    find_singular_state,
     least_share,
     parse_box,
     range_box,
+    search,
 )
-from facets.model.arrays import parameters, sensor_with
-from facets.proof.interval_matrix import determinant, distance_from_zero, regularity
-from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
-from facets.proof.range_cover import cover_range
-from facets.proof.reach import find_reach
-from facets.proof.spot_jacobian import interval_geometry, intervals_between, spot_jacobian
-from facets.proof.tolerances import calibration_tolerances
-from facets.proof.uniqueness import (
+from facets.model import parameters, sensor_with
+from facets.proof import (
+    calibration_tolerances,
     certify,
+    cover_range,
     edges_over_rotations,
     least_share_in_box,
     slope_of_powers,
 )
-from facets.scalars.intervals import ends, interval, nonnegative_product, square
+from facets.proof.interval_matrix import determinant, distance_from_zero, regularity
+from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
+from facets.proof.reach import find_reach
+from facets.proof.spot_jacobian import interval_geometry, intervals_between, spot_jacobian
+from facets.scalars import intervals
 
 SMALL = parse_box("tx_mm=2,ty_mm=2,tz_mm=2,roll_mrad=4,pitch_mrad=4,yaw_mrad=6")
 SHARE = 0.2
@@ -69,7 +70,9 @@ def test_random_states_lie_in_the_intervals(name):
     sensor = SENSORS[name]
     ball, shares = bounds_of_light(sensor, SMALL, SHARE)
     inside = intervals_between(SMALL.low[:6], SMALL.high[:6])
-    bounds = np.array([[ends(x) for x in row] for row in spot_jacobian(ball, shares, inside)])
+    bounds = np.array(
+        [[intervals.ends(x) for x in row] for row in spot_jacobian(ball, shares, inside)]
+    )
     states = states_in(SMALL, sensor, SHARE, 3000)
     assert len(states) > 100
     for matrix in facets.jacobian(sensor, states):
@@ -82,7 +85,7 @@ def test_random_states_lie_in_the_intervals(name):
 def test_eq_11_is_the_product_of_its_two_parts(name):
     sensor = SENSORS[name]
     ball, shares = bounds_of_light(sensor, SMALL, SHARE)
-    low, high = ends(slope_of_powers(ball, shares))
+    low, high = intervals.ends(slope_of_powers(ball, shares))
     for matrix in facets.jacobian(sensor, states_in(SMALL, sensor, SHARE, 500)):
         whole = np.linalg.det(np.delete(matrix, 8, axis=0))
         slope = np.linalg.det(matrix[np.ix_([2, 5], [6, 7])])
@@ -185,7 +188,9 @@ def test_jacobians_of_sensors_within_tolerances_lie_in_the_intervals():
     parts = edges_over_rotations(ball, SMALL)
     shares = hull_of_bounds([bounds_at_fixed_shares(edges, SHARE) for edges in parts])
     inside = intervals_between(SMALL.low[:6], SMALL.high[:6])
-    bounds = np.array([[ends(x) for x in row] for row in spot_jacobian(ball, shares, inside)])
+    bounds = np.array(
+        [[intervals.ends(x) for x in row] for row in spot_jacobian(ball, shares, inside)]
+    )
     for _ in range(20):
         other = sensor_with(sensor, np.array(parameters(sensor)) + rng.choice([-1, 1], 30) * off)
         for matrix in facets.jacobian(other, states_in(SMALL, other, SHARE, 100)):
@@ -220,7 +225,7 @@ def test_matrices_of_intervals():
     assert 0.9 < margin <= 1
     np.testing.assert_allclose(inverse, np.eye(6))
     assert distance_from_zero(determinant(eye)) == pytest.approx(1)
-    eye[0][0] = interval(-1, 1)
+    eye[0][0] = intervals.interval(-1, 1)
     assert regularity(eye)[0] <= 0
     assert distance_from_zero(determinant(eye)) == 0
     eye[0][0] = arb("nan")
@@ -290,12 +295,19 @@ def test_a_box_where_a_facet_turns_over_is_no_proof():
 
 
 def test_intervals_hold_what_they_should():
-    x = interval(-1.0, 2.0)
-    assert ends(square(x))[0] >= -1e-8
-    assert square(x).contains(arb(4))
-    assert square(x).contains(arb(0))
-    assert ends(nonnegative_product(interval(1, 2), interval(3, 4)))[1] == pytest.approx(8)
-    assert ends(nonnegative_product(interval(-1, 2), interval(-3, 4)))[0] <= 0
+    x = intervals.interval(-1.0, 2.0)
+    assert intervals.ends(intervals.square(x))[0] >= -1e-8
+    assert intervals.square(x).contains(arb(4))
+    assert intervals.square(x).contains(arb(0))
+    assert intervals.ends(
+        intervals.nonnegative_product(intervals.interval(1, 2), intervals.interval(3, 4))
+    )[1] == pytest.approx(8)
+    assert (
+        intervals.ends(
+            intervals.nonnegative_product(intervals.interval(-1, 2), intervals.interval(-3, 4))
+        )[0]
+        <= 0
+    )
 
 
 def test_a_box_has_two_ends():

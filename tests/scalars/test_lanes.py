@@ -8,10 +8,9 @@ import pytest
 from llvmlite import binding, ir
 
 from facets.estimation import straight
-from facets.optics.central import side_central
-from facets.optics.wedge import side
-from facets.scalars.lanes import UNFILLED, LaneFlag, LaneMemory, LaneWriter
-from facets.scalars.machine import DOUBLE, LONG
+from facets.optics import side, side_central
+from facets.scalars import lanes as lanes_
+from facets.scalars import machine as machine_
 
 pytestmark = pytest.mark.installed
 
@@ -23,9 +22,9 @@ def run(formula, *rows: list[float]) -> tuple[np.ndarray, list[int]]:
     """
     lanes = len(rows[0])
     module = ir.Module()
-    pointer = ir.PointerType(DOUBLE)
-    function = ir.Function(module, ir.FunctionType(LONG, [pointer, pointer]), "formula")
-    code = LaneWriter(ir.IRBuilder(function.append_basic_block()), lanes)
+    pointer = ir.PointerType(machine_.DOUBLE)
+    function = ir.Function(module, ir.FunctionType(machine_.LONG, [pointer, pointer]), "formula")
+    code = lanes_.LaneWriter(ir.IRBuilder(function.append_basic_block()), lanes)
     numbers = code.load_rows(function.args[0], len(rows), len(rows))
     results = formula(code, *numbers)
     code.store_rows(list(results), function.args[1], len(results))
@@ -74,7 +73,7 @@ def test_a_loop_goes_on_while_a_lane_does(lanes):
     """Halvings of a number until it is below one; lanes that began there are left."""
 
     def formula(code, x):
-        numbers, going = LaneMemory(code, 2), LaneFlag(code, x > 0)
+        numbers, going = lanes_.LaneMemory(code, 2), lanes_.LaneFlag(code, x > 0)
         numbers[0], numbers[1] = x, 0.0
         with code.do_while() as repetition:
             code.leave(numbers[0] < 0)
@@ -144,7 +143,7 @@ def test_what_is_rare_leaves_where_its_way_is_taken_alone():
     found, left = run(formula, [1.0, 3.0, -4.0, math.nan])
     assert left == [1]
     assert found[[0, 2], 0].tolist() == [2.0, 4.0]
-    assert UNFILLED is not None
+    assert lanes_.UNFILLED is not None
 
 
 def test_normal_equations_without_digits_leave():

@@ -6,8 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from facets.optics import wedge
-from facets.optics.central import CENTRAL_SQUARED, side_central
+from facets.optics import CENTRAL_SQUARED, side_central, wedge
 from facets.scalars import polynomials
 
 ULP = 2.0**-53

@@ -8,10 +8,8 @@ import pytest
 from llvmlite import binding, ir
 
 from facets.firmware.c_numbers import CWriter
-from facets.scalars.dual import Dual
-from facets.scalars.lanes import LaneWriter
-from facets.scalars.machine import DOUBLE, MachineWriter
-from facets.scalars.tracing import maximum
+from facets.scalars import dual, lanes, tracing
+from facets.scalars import machine as machine_
 
 pytestmark = pytest.mark.installed
 
@@ -30,9 +28,9 @@ def engine_of(module: ir.Module):
 def code_of(formula, count: int):
     """A formula of a writer and two numbers as machine code: a function of two floats."""
     module = ir.Module()
-    kind = ir.FunctionType(ir.VoidType(), [DOUBLE.as_pointer()] * 2)
+    kind = ir.FunctionType(ir.VoidType(), [machine_.DOUBLE.as_pointer()] * 2)
     function = ir.Function(module, kind, "formula")
-    writer = MachineWriter(ir.IRBuilder(function.append_basic_block()))
+    writer = machine_.MachineWriter(ir.IRBuilder(function.append_basic_block()))
     numbers = [writer.load(function.args[0], n) for n in range(2)]
     for n, result in enumerate(formula(writer, *numbers)):
         writer.store(result, function.args[1], n)
@@ -92,8 +90,10 @@ def test_what_one_branch_computes_is_computed_anew_in_the_other_and_after():
 
 def test_what_is_computed_before_a_branch_is_not_computed_again():
     module = ir.Module()
-    function = ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE.as_pointer()]), "formula")
-    writer = MachineWriter(ir.IRBuilder(function.append_basic_block()))
+    function = ir.Function(
+        module, ir.FunctionType(machine_.DOUBLE, [machine_.DOUBLE.as_pointer()]), "formula"
+    )
+    writer = machine_.MachineWriter(ir.IRBuilder(function.append_basic_block()))
     x, y = (writer.load(function.args[0], n) for n in range(2))
     before = x * y
     found = writer.choose((x > 0) & (x > 0), lambda: y * x + 1, lambda: y * x - 1)
@@ -117,9 +117,9 @@ def test_c_computes_nothing_twice_on_a_way_and_all_of_it_on_each():
     assert text.count("y * x") == 1
 
 
-def lane_writer() -> LaneWriter:
+def lane_writer() -> lanes.LaneWriter:
     function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), []), "formula")
-    return LaneWriter(ir.IRBuilder(function.append_basic_block()), 4)
+    return lanes.LaneWriter(ir.IRBuilder(function.append_basic_block()), 4)
 
 
 def c_writer() -> CWriter:
@@ -129,7 +129,11 @@ def c_writer() -> CWriter:
 @pytest.mark.parametrize("make", [lane_writer, c_writer])
 def test_zeros_are_left_out_where_a_writer_says_so(make):
     writer = make()
-    x = writer.variable("x") if make is c_writer else writer.spread(ir.Constant(DOUBLE, 2.0))
+    x = (
+        writer.variable("x")
+        if make is c_writer
+        else writer.spread(ir.Constant(machine_.DOUBLE, 2.0))
+    )
     assert x * 0 == 0.0
     assert x - x == 0.0
     assert 0 / x == 0.0
@@ -137,14 +141,14 @@ def test_zeros_are_left_out_where_a_writer_says_so(make):
     less = 0 - x
     assert less.opposite is x
     assert -less is x
-    slope = (Dual(x, 0.0) * x + Dual(x, 0.0) / x).imag
+    slope = (dual.Dual(x, 0.0) * x + dual.Dual(x, 0.0) / x).imag
     assert slope == 0.0
-    assert maximum(Dual(x, 0.0), Dual(x * x, 0.0)).imag == 0.0
+    assert tracing.maximum(dual.Dual(x, 0.0), dual.Dual(x * x, 0.0)).imag == 0.0
 
 
 def test_lanes_divide_once_by_a_divisor_and_by_plain_numbers_not_at_all():
     writer = lane_writer()
-    x, y = (writer.spread(ir.Constant(DOUBLE, value)) for value in (2.0, 3.0))
+    x, y = (writer.spread(ir.Constant(machine_.DOUBLE, value)) for value in (2.0, 3.0))
     total = x / y + x * x / y + 1 / y + x / 3 + x / 4
     assert total is not None
     assert str(writer.builder.module).count("fdiv") == 1

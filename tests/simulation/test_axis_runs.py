@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from facets.core.motions import Runs
-from facets.core.names import STATE
-from facets.simulation.axis_runs import command_columns, course_of, course_states, run_states
+from facets.core import STATE, Runs
+from facets.simulation import command_columns, course_of, course_states, run_states
 
 
 def state(**values: float) -> tuple[float, ...]:

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments.neglected import closed_form_shifts, diffraction_shifts
+from facets.experiments import neglected
 from sensors import SENSORS, states
 
 import facets
 from facets import Apertures, BenchLight, Imperfections, InputError
-from facets.model.arrays import geometry_of
-from facets.optics.forward import dark_scene
-from facets.simulation.imperfect_optics import (
+from facets.model import geometry_of
+from facets.optics import dark_scene
+from facets.simulation import (
     FacetEdge,
     flaws_of,
     imperfect_readings,
@@ -100,7 +100,10 @@ def test_diffraction_is_that_of_a_propagated_field(offset):
     closed form's to 0.01 um.
     """
     places = np.array([0.0, 2.0, 4.0])
-    fields, shifts = diffraction_shifts(offset, places), closed_form_shifts(offset, places)
+    fields, shifts = (
+        neglected.diffraction_shifts(offset, places),
+        neglected.closed_form_shifts(offset, places),
+    )
     for shift, field in zip(shifts[1:] - shifts[0], fields[1:] - fields[0], strict=True):
         assert shift < 0  # towards the middle
         assert shift == pytest.approx(field, rel=0.02)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from facets import InputError
-from facets.core.motions import Random, Sine, Steps, Sweep, Table
-from facets.simulation.motion import states
+from facets.core import Random, Sine, Steps, Sweep, Table
+from facets.simulation import states
 
 ZERO = (0.0,) * 8
 START = (-1.0, 0.0, 0.0, 0.0, 0.0, -0.01, 0.0, 0.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from facets.simulation.reference import reference_columns, reference_poses
+from facets.simulation import reference_columns, reference_poses
 
 SIGMA = (1e-4, 1e-4, np.inf, 1e-6, 1e-6, 1e-6)
 

@@ -6,8 +6,8 @@ from facets.cli.simulate import outcome
 
 import facets
 from facets import InputError, add_noise, simulate
-from facets.detectors.noise import fullness
-from facets.simulation.run import axes, pose_table, reading_table, statuses
+from facets.detectors import fullness
+from facets.simulation import axes, pose_table, reading_table, statuses
 
 
 def config(tmp_path, text: str) -> facets.Config:

@@ -8,10 +8,8 @@ from scipy import linalg, signal
 
 import facets
 from facets import InputError
-from facets.core.motions import Mode, Vibration
-from facets.simulation.motion import shaker_force, states
-from facets.simulation.run import pose_table, reading_table
-from facets.simulation.vibration import receptance, shake
+from facets.core import Mode, Vibration
+from facets.simulation import pose_table, reading_table, receptance, shake, shaker_force, states
 
 #: A body of 50 g and 20 kg mm^2 on springs, z (mm) and pitch (rad): forces in mN per mm, moments in
 #: mN mm per rad. The force acts beside the centre of mass.

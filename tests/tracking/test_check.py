@@ -9,10 +9,16 @@ import pytest
 from sensors import SENSORS
 
 import facets
-from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.check import SLACK_MM, STEP_MM, StageCheck, checked_today, stage_identity
-from facets.tracking.control import Law
-from facets.tracking.stage import StageModel
+from facets.live import PiController, ZaberDevice
+from facets.tracking import (
+    SLACK_MM,
+    STEP_MM,
+    Law,
+    StageCheck,
+    StageModel,
+    checked_today,
+    stage_identity,
+)
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 PI = replace(STAGE, driver="pi")

@@ -9,8 +9,7 @@ import pytest
 from sensors import SENSORS
 
 import facets
-from facets.tracking.control import Law, Seen, margin_of, slope_of_error, tracking_error
-from facets.tracking.stage import StageModel
+from facets.tracking import Law, Seen, StageModel, margin_of, slope_of_error, tracking_error
 
 PAPER = SENSORS["paper"]
 STAGE = replace(facets.load("bench").stage, low=(-100.0, -100.0), high=(100.0, 100.0))

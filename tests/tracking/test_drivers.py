@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live.virtual.stages import PiController, ZaberDevice
+from facets.live import PiController, ZaberDevice
+from facets.tracking import Envelope, StageError, StageModel
 from facets.tracking import drivers as module
 from facets.tracking.contract import check_driver
 from facets.tracking.drivers import open_driver
-from facets.tracking.envelope import Envelope
-from facets.tracking.stage import StageError, StageModel
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 OTHER = replace(STAGE, driver="other")

@@ -15,9 +15,8 @@ from zaber_motion import Units
 from zaber_motion.ascii import Connection
 
 import facets
-from facets.live.virtual import Pty
-from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.stage import StageModel
+from facets.live import PiController, Pty, ZaberDevice
+from facets.tracking import StageModel
 
 STAGE = facets.load("bench").stage
 

@@ -8,8 +8,7 @@ import threading
 
 import pytest
 
-from facets.tracking import priority
-from facets.tracking.priority import urgent
+from facets.tracking import priority, urgent
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux alone has these calls")
 

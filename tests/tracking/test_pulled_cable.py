@@ -12,8 +12,7 @@ import pytest
 from commands import PROGRAM
 
 import facets
-from facets.live.recording.pose_table import recorded_poses
-from facets.live.virtual import Bench, Faults
+from facets.live import Bench, Faults, recorded_poses
 
 CONFIG = facets.load("bench")
 SAMPLES = 6000

@@ -7,31 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from facets.experiments.stage_faults import (
-    CONTROLLER,
-    KINDS,
-    Broken,
-    Fault,
-    Tried,
-    World,
-    pull_at_each_byte,
-    run,
-    sequence,
-)
+from facets.experiments import stage_faults
 
-from facets.tracking.arrival import Arrival
-from facets.tracking.envelope import Envelope
-from facets.tracking.interlock import BoardPermit
-from facets.tracking.pi import Pi
-from facets.tracking.zaber import Zaber
+from facets.tracking import Arrival, BoardPermit, Envelope, Pi, Zaber
 
 
 @pytest.mark.parametrize("count", [80, pytest.param(200, marks=pytest.mark.study)])
 @pytest.mark.slow
 def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
-    tried = run(range(count))
+    tried = stage_faults.run(range(count))
     assert tried.sequences == count
-    assert set(tried.faults) == set(KINDS)
+    assert set(tried.faults) == set(stage_faults.KINDS)
     assert set(tried.drivers) == {"zaber", "pi"}
     assert tried.moves > 20 * count
     assert tried.searches > 0
@@ -40,27 +26,27 @@ def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
     assert tried.stopped_by["the external permit is"] > 0
     assert tried.most_excursion < 1
     if count >= 200:
-        assert set(tried.found_out) == set(CONTROLLER)
+        assert set(tried.found_out) == set(stage_faults.CONTROLLER)
         assert min(tried.found_out.values()) > 5
 
 
 @pytest.mark.parametrize("driver", ["zaber", "pi"])
 def test_the_cable_may_be_pulled_at_any_byte(driver):
     cuts = range(0, 1500, 40)
-    tried = pull_at_each_byte(driver, cuts)
+    tried = stage_faults.pull_at_each_byte(driver, cuts)
     assert tried.sequences == len(cuts)
     assert tried.refused_at_start > 0
     assert tried.moves > 0
 
 
-def fails(monkeypatch, owner, name, value, kinds=KINDS):
+def fails(monkeypatch, owner, name, value, kinds=stage_faults.KINDS):
     """Whether some sequence is found to leave the envelope where that part of it is replaced."""
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, value)
         for seed in range(60):
             try:
-                sequence(seed, Tried(), kinds=kinds)
-            except Broken:
+                stage_faults.sequence(seed, stage_faults.Tried(), kinds=kinds)
+            except stage_faults.Broken:
                 return True
     return False
 
@@ -90,8 +76,8 @@ def test_the_judge_sees_a_stop_that_does_not_last_and_a_move_that_goes_astray(mo
 
 
 def test_a_fault_lasts_from_its_beginning_to_its_end():
-    world = World(np.random.default_rng(1), Tried())
-    world.faults = [Fault("dark", 10.0, 10.5, 0.0)]
+    world = stage_faults.World(np.random.default_rng(1), stage_faults.Tried())
+    world.faults = [stage_faults.Fault("dark", 10.0, 10.5, 0.0)]
     assert world.is_on("dark") is not None
     world.now = 10.5
     assert world.is_on("dark") is None

@@ -13,17 +13,23 @@ import pytest
 from sensors import SENSORS
 
 import facets
-from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.control import Law
-from facets.tracking.envelope import AUTO_RESUME_AFTER_S, Envelope
-from facets.tracking.interlock import ENABLE_S
-from facets.tracking.limits import Limits
-from facets.tracking.line import Line
-from facets.tracking.pi import Pi
+from facets.live import PiController, ZaberDevice
+from facets.tracking import (
+    AUTO_RESUME_AFTER_S,
+    ENABLE_S,
+    START_WITHIN_S,
+    Envelope,
+    Law,
+    Limits,
+    Line,
+    Pi,
+    StageError,
+    StageModel,
+    Tracker,
+    Zaber,
+    checksum,
+)
 from facets.tracking.search import Search
-from facets.tracking.stage import StageError, StageModel
-from facets.tracking.tracker import START_WITHIN_S, Tracker
-from facets.tracking.zaber import Zaber, checksum
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 PI = replace(STAGE, driver="pi")

@@ -22,7 +22,8 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 
-from facets.optics.wedge import side, wedge
+from facets.optics import side
+from facets.optics.wedge import wedge
 
 mp.mp.dps = 50
 Plane = tuple[float, float]
