@@ -28,9 +28,10 @@ _NAMES_OF = {
     "run.smoothing": (
         "smooth MODELS dynamic_error noise_covariance process_noise smoothed_columns transition"
     ),
-    "streams.ophyd_device": "PoseSensor",
+    "streams.ophyd_device": "Interval PoseSensor",
     "streams.subscription": "Subscription",
     "recording.comparison": "compare",
+    "recording.disk": "Disk",
     "recording.index": "Damage OLD are_events_whole pack_encoder",
     "recording.pose_table": "join_columns pose_columns recorded_poses",
     "recording.reader": "blocks meta_of",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facets.live.recording.disk import Disk
+from facets.live import Disk
 
 SECTOR = 512
 

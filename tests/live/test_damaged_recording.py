@@ -8,7 +8,6 @@ import shutil
 import zlib
 
 import pytest
-from commands import command
 from recorded import BLOCKS, EACH, record
 from ruamel.yaml import YAML
 
@@ -16,19 +15,35 @@ import facets
 from facets.config import fingerprint
 from facets.live import are_events_whole
 
+ALL = BLOCKS * EACH
+
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory):
     place = tmp_path_factory.mktemp("recordings")
     record(place / "rec")
     record(place / "other", first=100, count=BLOCKS - 2)
+    record(place / "killed", close=False)
     return place
 
 
 @pytest.fixture
 def place(original, tmp_path):
+    """A folder with copies of a whole recording, of another, and of one without its end."""
     shutil.copytree(original, tmp_path, dirs_exist_ok=True)
     return tmp_path
+
+
+@pytest.fixture
+def compare(place, run_in_process):
+    """Compares a recording with its replay: status, and all that is said."""
+
+    def call(*more, name="rec"):
+        status, out, err = run_in_process("replay", name, "--compare", *more)
+        assert "Traceback" not in err
+        return status, out + err
+
+    return call
 
 
 def cut(path, share=0.6):
@@ -42,32 +57,16 @@ def flip(path):
     path.write_bytes(bytes(data))
 
 
-def compare(place, *more):
-    result = command("replay", "rec", "--compare", *more, cwd=place)
-    assert "Traceback" not in result.stderr
-    return result.returncode, result.stdout + result.stderr
-
-
-def test_a_whole_recording_is_identical(place):
-    status, text = compare(place)
+def test_a_whole_recording_is_identical(compare):
+    status, text = compare()
     assert status == 0
-    assert f"{BLOCKS * EACH} recorded poses: identical" in text
-
-
-def test_poses_that_are_cut_off_are_missed(place):
-    cut(place / "rec" / "poses.arrows")
-    status, text = compare(place)
-    assert status == 1
-    assert f" of {BLOCKS * EACH} recorded poses: identical" in text
-    assert "rec/poses.arrows: " in text
-    assert "poses are missing or damaged" in text
-    assert f"to {BLOCKS * EACH - 1}, have no recorded pose" in text
+    assert f"{ALL} recorded poses: identical" in text
 
 
 @pytest.mark.parametrize("change", [flip, cut, lambda path: path.unlink()])
-def test_a_change_of_events_is_told(place, change):
+def test_a_change_of_events_is_told(place, compare, change):
     change(place / "rec" / "events.jsonl")
-    status, text = compare(place)
+    status, text = compare()
     assert status == 1
     assert "recorded poses: identical" in text
     assert (
@@ -85,55 +84,71 @@ def test_each_event_proves_those_before_it(place):
     for changed in ([spoilt, *lines[1:]], lines[1:], lines[::-1]):
         assert not are_events_whole(b"".join(changed))
     assert are_events_whole(b"".join(lines)[:-5])  # torn, as by a failing power
-    assert are_events_whole(b'{"event": "closed"}\n')  # of a version without sums
 
 
-def test_poses_that_are_gone_are_not_identical(place):
-    (place / "rec" / "poses.arrows").write_bytes(b"")
-    status, text = compare(place)
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        (
+            "poses.arrows",
+            cut,
+            [
+                f" of {ALL} recorded poses: identical",
+                "rec/poses.arrows: ",
+                "poses are missing or damaged",
+                f"to {ALL - 1}, have no recorded pose",
+            ],
+        ),
+        (
+            "poses.arrows",
+            lambda path: path.write_bytes(b""),
+            [f"0 of {ALL} recorded poses: nothing can be compared"],
+        ),
+        (
+            "poses.arrows",
+            lambda path: shutil.copy(path.parents[1] / "other" / path.name, path),
+            ["NOT equal", "the cause is unknown"],
+        ),
+        (
+            "index.bin",
+            cut,
+            [
+                "rows of index.bin are missing",
+                "they differ in host_s",
+                "the recording is damaged (see above) from sample",
+            ],
+        ),
+        (
+            "bytes.bin",
+            flip,
+            ["1 were recorded and their bytes cannot be read any more"],
+        ),
+    ],
+)
+def test_what_is_missing_or_differs_is_said_with_its_cause(place, compare, name, change, words):
+    change(place / "rec" / name)
+    status, text = compare()
     assert status == 1
-    assert f"0 of {BLOCKS * EACH} recorded poses: nothing can be compared" in text
+    for part in words:
+        assert part in text
+    assert "disk" not in text  # it refused nothing
+    if name == "index.bin":
+        assert "the largest difference" not in text
 
 
-def test_an_index_that_is_cut_off_is_the_known_cause(place):
-    cut(place / "rec" / "index.bin")
-    status, text = compare(place)
-    assert status == 1
-    assert "rows of index.bin are missing" in text
-    assert "they differ in host_s" in text
-    assert "the largest difference" not in text
-    assert "the recording is damaged (see above) from sample" in text
-    assert "disk" not in text
-
-
-def test_spoilt_bytes_are_not_blamed_on_the_disk(place):
-    flip(place / "rec" / "bytes.bin")
-    status, text = compare(place)
-    assert status == 1
-    assert "1 were recorded and their bytes cannot be read any more" in text
-    assert "disk" not in text
-
-
-def test_poses_of_another_recording_have_no_known_cause(place):
-    shutil.copy(place / "other" / "poses.arrows", place / "rec" / "poses.arrows")
-    status, text = compare(place)
-    assert status == 1
-    assert "NOT equal" in text
-    assert "the cause is unknown" in text
-
-
-def test_another_configuration_is_the_known_cause(place):
+def test_another_configuration_is_the_known_cause(place, compare):
     (place / "rig.yaml").write_text("extends: bench\nsensor:\n  psd: {a: {radius_mm: 250.1}}\n")
-    status, text = compare(place, "--config", "rig.yaml")
+    status, text = compare("--config", "rig.yaml")
     assert status == 1
     assert "the poses are solved with rig.yaml, not with the recording's own configuration" in text
 
 
-def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unknown(tmp_path):
-    record(tmp_path / "rec", close=False)
-    cut(tmp_path / "rec" / "poses.arrows")
-    assert command("replay", "rec", cwd=tmp_path).returncode == 0
-    status, text = compare(tmp_path)
+def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unknown(
+    place, compare, run_in_process
+):
+    cut(place / "killed" / "poses.arrows")
+    assert run_in_process("replay", "killed")[0] == 0
+    status, text = compare(name="killed")
     assert status == 1
     assert "how many poses were recorded is unknown" in text
 
@@ -156,7 +171,7 @@ def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unkn
         ("index.bin", "folder", "rec/index.bin: cannot be read"),
     ],
 )
-def test_a_file_that_is_wrong_is_named_in_one_sentence(place, name, what, words):
+def test_a_file_that_is_wrong_is_named_in_one_sentence(place, run_in_process, name, what, words):
     path = place / "rec" / name
     if what == "cut":
         cut(path, 0.002)
@@ -169,41 +184,37 @@ def test_a_file_that_is_wrong_is_named_in_one_sentence(place, name, what, words)
         if what == "folder":
             path.mkdir()
     for words_of_command in (("replay", "rec"), ("noise", "rec", "--write", "n.yaml")):
-        result = command(*words_of_command, cwd=place)
-        assert result.returncode == 2
-        assert words in result.stderr
-        assert len(result.stderr.splitlines()) == 1
+        status, _, err = run_in_process(*words_of_command)
+        assert status == 2
+        assert words in err
+        assert len(err.splitlines()) == 1
     assert not (place / "n.yaml").exists()
     if name == "index.bin":
-        result = command("replay", "rec", "--recover", "-o", "poses.csv", cwd=place)
-        assert result.returncode == 0, result.stderr
-        assert f"rec: {BLOCKS * EACH} samples" in result.stdout
+        status, out, err = run_in_process("replay", "rec", "--recover", "-o", "poses.csv")
+        assert status == 0, err
+        assert f"rec: {ALL} samples" in out
 
 
 @pytest.mark.parametrize("name", ["index.bin", "poses.arrows", "events.jsonl", "bytes.bin"])
-def test_nonsense_in_a_file_is_no_traceback(place, name):
+def test_nonsense_in_a_file_is_no_traceback(place, compare, run_in_process, name):
     (place / "rec" / name).write_bytes(bytes(range(256)) * 17)
-    for words in (
-        ("replay", "rec", "--compare"),
-        ("replay", "rec", "--recover", "-o", "poses.csv"),
-    ):
-        result = command(*words, cwd=place)
-        assert result.returncode in (0, 1, 2)
-        assert "Traceback" not in result.stderr
+    compare()
+    status, _, err = run_in_process("replay", "rec", "--recover", "-o", "poses.csv")
+    assert status in (0, 1, 2)
+    assert "Traceback" not in err
 
 
-def test_a_configuration_that_lost_its_end_is_not_completed_by_defaults(tmp_path):
+def test_a_configuration_that_lost_its_end_is_not_completed_by_defaults(place, run_in_process):
     """Also of a recording that was not closed."""
-    record(tmp_path / "rec", close=False)
-    path = tmp_path / "rec" / "meta.yaml"
+    path = place / "killed" / "meta.yaml"
     text = path.read_text()
     path.write_text(text[: text.index("  solve:")])
-    result = command("replay", "rec", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "rec/meta.yaml: is damaged or was changed" in result.stderr
+    status, _, err = run_in_process("replay", "killed")
+    assert status == 2
+    assert "killed/meta.yaml: is damaged or was changed" in err
 
 
-def test_a_recording_of_a_later_version_is_told_under_its_own_name(place):
+def test_a_recording_of_a_later_version_is_told_under_its_own_name(place, run_in_process):
     path = place / "rec" / "meta.yaml"
     text = path.read_text().replace("resolved:\n", "resolved:\n  novelty: {a: 1}\n")
     text = text.replace(f"facets: {facets.__version__}", "facets: 99.1")
@@ -213,8 +224,8 @@ def test_a_recording_of_a_later_version_is_told_under_its_own_name(place):
     *others, last = events.read_text().splitlines()
     sealed = json.loads(last) | {"meta_crc": zlib.crc32(path.read_bytes())}
     events.write_text("\n".join([*others, json.dumps(sealed)]) + "\n")
-    result = command("replay", "rec", cwd=place)
-    assert result.returncode == 2
-    assert "rec/meta.yaml: novelty: unknown key" in result.stderr
-    assert "facets 99.1 made this recording" in result.stderr
-    assert "tmp" not in result.stderr
+    status, _, err = run_in_process("replay", "rec")
+    assert status == 2
+    assert "rec/meta.yaml: novelty: unknown key" in err
+    assert "facets 99.1 made this recording" in err
+    assert "tmp" not in err

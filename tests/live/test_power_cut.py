@@ -100,8 +100,14 @@ def make_blocks(form):
     return blocks
 
 
-@pytest.mark.parametrize("form", ["frames", "cobs", "text"])
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    "form",
+    [
+        "frames",
+        pytest.param("cobs", marks=pytest.mark.slow),
+        pytest.param("text", marks=pytest.mark.slow),
+    ],
+)
 def test_a_recording_survives_the_power_going_at_any_moment(form, tmp_path):
     log, begun, whole, sure = recorded(form)
     config = config_of(form)
@@ -119,54 +125,56 @@ def test_a_recording_survives_the_power_going_at_any_moment(form, tmp_path):
             continue
         assert (folder / "meta.yaml").read_bytes() == meta
         damage, pipeline = Damage(), Pipeline(config)
-        parts = [pose_columns(part) for part in replay(folder, pipeline, damage=damage)]
-        found = join_columns(parts) if parts else {"seq": np.zeros(0, np.int64)}
-        check_nothing_is_made_up(found, whole)
+        poses = columns_of_replay(folder, pipeline, damage)
+        check_nothing_is_made_up(poses, whole)
         check_what_was_synced_is_there(
-            found, whole, [n for n in range(BLOCKS) if sure[n] <= moment]
+            poses, whole, [n for n in range(BLOCKS) if sure[n] <= moment]
         )
-        check_losses_are_told(found, pipeline, damage)
+        check_losses_are_told(poses, pipeline, damage)
         check_nothing_is_made_up(recorded_poses(folder), whole, to_the_last_bit=True)
         damaged += bool(damage.words)
     assert damaged > CUTS / 4
 
 
+def columns_of_replay(folder, pipeline, damage):
+    parts = [pose_columns(part) for part in replay(folder, pipeline, damage=damage)]
+    return join_columns(parts) if parts else {"seq": np.zeros(0, np.int64)}
+
+
 def check_it_is_none_or_empty(folder, config):
     """Of a recording that had not begun: an error that says so, or no pose."""
+    message = "not a recording"
     try:
         meta_of(folder)
-        found = list(replay(folder, Pipeline(config)))
+        assert not list(replay(folder, Pipeline(config)))
     except InputError as error:
-        found, words = [], str(error)
-    else:
-        words = "not a recording"
-    assert not found
-    assert any(one in words for one in ("not a recording", "damaged", "meta.yaml: is missing"))
+        message = str(error)
+    assert any(part in message for part in ("not a recording", "damaged", "meta.yaml: is missing"))
 
 
-def check_nothing_is_made_up(found, whole, to_the_last_bit=False):
-    if not found:
+def check_nothing_is_made_up(poses, whole, to_the_last_bit=False):
+    if not poses:
         return
-    assert (np.diff(found["seq"]) > 0).all()
+    assert (np.diff(poses["seq"]) > 0).all()
     for name in whole if to_the_last_bit else [n for n in whole if n.startswith(("psi", "power"))]:
-        if name in found:
-            assert np.array_equal(found[name], whole[name][found["seq"]], equal_nan=True), name
+        if name in poses:
+            assert np.array_equal(poses[name], whole[name][poses["seq"]], equal_nan=True), name
 
 
-def check_what_was_synced_is_there(found, whole, blocks):
+def check_what_was_synced_is_there(poses, whole, blocks):
     seq = np.concatenate([np.zeros(0, int), *[n * EACH + np.arange(EACH) for n in blocks]])
-    assert np.isin(seq, found["seq"]).all()
-    place = np.searchsorted(found["seq"], seq)
+    assert np.isin(seq, poses["seq"]).all()
+    place = np.searchsorted(poses["seq"], seq)
     for name in whole:
         if len(seq):
-            assert np.array_equal(found[name][place], whole[name][seq], equal_nan=True), name
+            assert np.array_equal(poses[name][place], whole[name][seq], equal_nan=True), name
 
 
-def check_losses_are_told(found, pipeline, damage):
+def check_losses_are_told(poses, pipeline, damage):
     """Samples that miss between others are counted, and show as damage."""
-    count = len(found["seq"])
+    count = len(poses["seq"])
     if count:
-        missing = int(found["seq"][-1] - found["seq"][0]) + 1 - count
+        missing = int(poses["seq"][-1] - poses["seq"][0]) + 1 - count
         assert pipeline.sequence.lost == missing
         assert pipeline.sequence.restarts == 0
         if missing:
@@ -179,32 +187,9 @@ def test_the_whole_recording_comes_back_whole(tmp_path):
         (tmp_path / name).write_bytes(data)
     assert meta_of(tmp_path)["config"] == "bench"
     damage = Damage()
-    parts = [pose_columns(p) for p in replay(tmp_path, Pipeline(CONFIG), damage=damage)]
+    again = columns_of_replay(tmp_path, Pipeline(CONFIG), damage)
     assert damage == Damage()
-    found = join_columns(parts)
-    assert all(np.array_equal(found[name], whole[name], equal_nan=True) for name in whole)
-    old = recorded_poses(tmp_path)
-    assert old.keys() == whole.keys()
-    assert all(np.array_equal(old[name], whole[name], equal_nan=True) for name in whole)
-
-
-def test_a_recording_from_before_the_sums_is_read_as_it_was(tmp_path):
-    """Rows of 72 bytes, without CRC; poses without the column that proves them."""
-    from facets.live import OLD, pack_encoder
-
-    rows, data = [], b""
-    for block in make_blocks("frames")[:5]:
-        row = np.zeros(1, OLD)
-        row["offset"], row["length"], row["monotonic"] = len(data), len(block.data), block.arrival
-        row["stage"] = pack_encoder(block.encoder)
-        rows.append(row.tobytes())
-        data += block.data
-    (tmp_path / "bytes.bin").write_bytes(data)
-    (tmp_path / "index.bin").write_bytes(b"".join(rows) + rows[0][:30])
-    (tmp_path / "events.jsonl").touch()
-    damage = Damage()
-    parts = [pose_columns(p) for p in replay(tmp_path, Pipeline(CONFIG), damage=damage)]
-    found, whole = join_columns(parts), recorded("frames")[2]
-    assert damage == Damage()
-    assert len(found["seq"]) == 5 * EACH
-    assert all(np.array_equal(found[n], whole[n][: 5 * EACH], equal_nan=True) for n in whole)
+    assert all(np.array_equal(again[name], whole[name], equal_nan=True) for name in whole)
+    kept = recorded_poses(tmp_path)
+    assert kept.keys() == whole.keys()
+    assert all(np.array_equal(kept[name], whole[name], equal_nan=True) for name in whole)

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import threading
+from contextlib import suppress
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from facets.live import (
     SIZE,
     Block,
     Damage,
+    Disk,
     DiskError,
     Ending,
     Live,
@@ -31,21 +33,19 @@ from facets.live import (
     recorded_poses,
     replay,
 )
-from facets.live.recording.disk import Disk
-from facets.live.run import loop as module
 
 CONFIG = facets.load("bench")
 META = "config: bench\nresolved: {}\n"
 
 
 class Full(Disk):
-    """Has so many bytes left; then takes what fits, and refuses. sync_error: of every sync.
+    """A disk with this many free bytes, which takes what fits and refuses the rest.
 
     only: the name of a file that alone is refused, as one that is as large as files may be.
     """
 
-    def __init__(self, left, sync_error=None, only=""):
-        self.left, self.sync_error, self.only, self.handles = left, sync_error, only, {}
+    def __init__(self, free, only=""):
+        self.free, self.only, self.sync_error, self.handles = free, only, None, {}
 
     def create(self, path):
         handle = super().create(path)
@@ -55,10 +55,10 @@ class Full(Disk):
     def append(self, handle, data):
         if self.only not in ("", self.handles[handle]):
             return super().append(handle, data)
-        if self.left <= 0:
+        if self.free <= 0:
             raise OSError(errno.ENOSPC, "No space left on device")
-        taken = super().append(handle, memoryview(data)[: self.left])
-        self.left -= taken
+        taken = super().append(handle, memoryview(data)[: self.free])
+        self.free -= taken
         return taken
 
     def sync(self, handle):
@@ -129,7 +129,7 @@ def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
         for block in some[:20]:
             recording.add_block(block)
         assert recording.lost
-        lost, disk.left = recording.lost, 10**9
+        lost, disk.free = recording.lost, 10**9
         for block in some[20:]:
             recording.add_block(block)
         assert recording.lost == lost
@@ -212,18 +212,21 @@ def test_a_recording_needs_a_new_folder(tmp_path):
         list(blocks(tmp_path / "old"))
 
 
-class Source:
-    """A port with so many blocks to give."""
+class Port:
+    """A port that gives pieces of a stream, and then is at its end, or fails with an error."""
 
-    ended = waits = False
+    waits = ended = closed = False
 
-    def __init__(self, count=5):
-        self.left, self.closed = [block.data for block in pieces(count)], False
+    def __init__(self, pieces, error=None):
+        self.pieces, self.error, self.given = list(pieces), error, b""
 
     def read(self):
-        data = self.left.pop(0)
-        self.ended = not self.left
-        return data
+        if not self.pieces and self.error:
+            raise self.error
+        piece = self.pieces.pop(0)
+        self.given += piece
+        self.ended = not self.pieces and not self.error
+        return piece
 
     def close(self):
         self.closed = True
@@ -235,13 +238,13 @@ class Stage:
 
     encoder = None
     begun = float("inf")
-
     note = ""
     is_resumable = True
+    ended = False
     envelope = SimpleNamespace(latched="", heartbeat=None)
 
     def __init__(self, error="", at_exit=None):
-        self.error, self.at_exit, self.ended = error, at_exit, False
+        self.error, self.at_exit = error, at_exit
 
     def feed(self, times, powers, apexes, beams, permit, late, doubt):
         assert powers.shape == (len(times), 3)
@@ -261,33 +264,15 @@ class Stage:
 
 
 def begin(folder, tmp_path, tracker=None, disk=None):
+    """A run with a recording, and a reader whose port has five blocks."""
     (tmp_path / "empty").touch()
     live = Live(Pipeline(CONFIG), tracker=tracker)
     recording = Recording(folder, META, CONFIG.resolved, disk=disk)
     live.sinks.append(recording)
     reader = Reader(CONFIG, f"file:{tmp_path / 'empty'}", False, live)
     reader.port.close()
-    reader.port = Source()
+    reader.port = Port(block.data for block in pieces(5))
     return live, recording, reader
-
-
-class Pieces:
-    """A port that gives a stream in pieces, and then is gone, or at its end."""
-
-    waits = ended = False
-
-    def __init__(self, pieces, error=None):
-        self.pieces, self.error = list(pieces), error
-
-    def read(self):
-        if not self.pieces and self.error:
-            raise self.error
-        piece = self.pieces.pop(0)
-        self.ended = not self.pieces and not self.error
-        return piece
-
-    def close(self):
-        pass
 
 
 @pytest.mark.parametrize("busy", [True, False])
@@ -297,13 +282,13 @@ def test_the_reader_keeps_every_byte_in_however_large_blocks(tmp_path, monkeypat
     live, recording, reader = begin(tmp_path / "r", tmp_path)
     live.backlog = 100 if busy else 0  # the loop has its hands full, or nothing to do
     pieces = [bytes([n]) * 100 for n in range(50)]
-    reader.port = Pieces(pieces, error)
+    reader.port = Port(pieces, error)
     monkeypatch.setattr(reader, "loop_is_idle", reader.loop_is_idle if busy else lambda: True)
     reader.run()
     recording.close()
-    found = [block.data for block in blocks(tmp_path / "r")]
-    assert b"".join(found) == b"".join(pieces)
-    assert len(found) == (1 if busy else 50)
+    kept = [block.data for block in blocks(tmp_path / "r")]
+    assert b"".join(kept) == b"".join(pieces)
+    assert len(kept) == (1 if busy else 50)
     assert (reader.error is None) == (error is None)
 
 
@@ -314,7 +299,7 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
     disk = Full(10**9)
     tracker = Stage(at_exit=kind("no") if where == "tracker" else None)
     live, recording, reader = begin(tmp_path / "r", tmp_path, tracker, disk)
-    source = reader.port
+    port = reader.port
 
     def fail(*_, **__):
         raise kind("no")
@@ -322,28 +307,17 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
     if where in ("poses", "flush", "sync"):
         monkeypatch.setattr(recording, {"poses": "add_poses"}.get(where, where), fail)
     show = fail if where == "show" else (lambda _: None)
-    swallowed = where == "show" and kind is KeyboardInterrupt  # that ends a run as it should end
-    if swallowed or (where == "poses" and kind is KeyboardInterrupt):
-        acquire_quietly(live, reader, show)
-    else:
-        with pytest.raises(kind):
-            acquire(live, reader, Ending(), show)
+    # an interruption while it runs ends a run as it should end
+    is_end = where in ("show", "poses") and kind is KeyboardInterrupt
+    with suppress(kind):
+        acquire(live, reader, Ending(), show)
+        assert is_end
+        assert live.note == "interrupted"
     assert tracker.ended
-    assert source.closed
+    assert port.closed
     assert not reader.is_alive()
     assert not disk.handles
-    assert (tmp_path / "r" / "bytes.bin").read_bytes() == b"".join(
-        block.data for block in pieces(5)[: 5 - len(source.left)]
-    )
-
-
-def acquire_quietly(live, reader, show):
-    try:
-        acquire(live, reader, Ending(), show)
-    except KeyboardInterrupt:
-        pass
-    else:
-        assert live.note == "interrupted"
+    assert (tmp_path / "r" / "bytes.bin").read_bytes() == port.given
 
 
 def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
@@ -364,4 +338,3 @@ def test_a_full_disk_does_not_end_the_stream(tmp_path):
     assert live.pipeline.tally.samples == 125
     assert live.pipeline.tally.statuses["converged"] == 125
     assert any("are not recorded" in text for text in live.messages())
-    assert module.FINISH_S > 0
