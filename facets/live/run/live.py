@@ -153,7 +153,7 @@ class Live:
             sink.add_event(name, **details)
 
     def line_messages(self) -> list[str]:
-        """What the reader waits for, or why no samples come, or that they are fewer."""
+        """What the reader waits for, why no samples come, or that they are fewer or all alike."""
         if self.note:
             return [self.note]
         if silence := self.silence:
@@ -168,4 +168,6 @@ class Live:
         if self.rate < FEWER * self.best:
             now, before = f"{self.rate:.4g}", f"{self.best:.4g}"
             return [f"only {now} samples come per second; before, there were {before}"]
+        if self.pipeline.trust.is_frozen:
+            return ["the readings do not change, not even by noise: check the converter and light"]
         return []

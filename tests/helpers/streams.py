@@ -1,0 +1,30 @@
+"""Samples of a virtual detector board, made without a port or a clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import facets
+from facets.detectors import readings_to_counts
+from facets.live import ELECTRODES, Samples
+
+BENCH = facets.load("bench")
+
+
+def samples_of(readings, rng=None, channels=None, electronics=BENCH.electronics):
+    """Samples at 10 kHz of readings (n, 9), with noise if a generator is given.
+
+    channels: numbers (n, m) of the auxiliary channels.
+    """
+    counts = readings_to_counts(BENCH.sensor, electronics, readings, rng)
+    number = np.arange(len(counts), dtype=np.uint32)
+    kind = np.full(len(counts), ELECTRODES, np.uint8)
+    values = np.zeros((len(counts), 0)) if channels is None else channels
+    return Samples(kind, 0 * kind, number, 100 * number, counts, values.astype(np.float32))
+
+
+def yawing(count, samples_per_radian=100):
+    """States (count, 8) of a mirror that yaws by 1 mrad."""
+    states = np.zeros((count, 8))
+    states[:, 5] = 1e-3 * np.sin(np.arange(count) / samples_per_radian)
+    return states
