@@ -1,0 +1,126 @@
+"""Every command of the program once, in chains: each takes what those before it have written.
+
+`tests/cli` runs them in the checkout, `tests/installed` as installed; a new command needs a line.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from textwrap import dedent
+
+import typer
+from facets.cli import whole_app
+
+#: What the live commands are given: a mirror at rest, a converter that is finer than the noise, and
+#: a stage that waits for a busy machine.
+FILES = {
+    "my bench.yaml": """
+        extends: bench
+        sensor: {electronics: {adc_bits: 24}}
+        stage: {stale_ms: 500, resume: auto}
+        motions:
+          rest: {kind: sine, amplitude: {tx_mm: 0}, samples: 1000, rate_hz: 100}
+          runs: {kind: runs, to: {tz_mm: 1}, steps: 3, runs: 2, dwell_ms: 60, move_ms: 20}
+          shaken:
+            kind: vibration
+            modes: {bounce: {frequency_hz: 60, damping_percent: 3, per_newton: {tz_um: 20}}}
+        """,
+}
+
+#: Commands by chain. `&`: runs until the chain ends.
+CHAINS = {
+    "motion": """
+        simulate paper --motion multi-axis -d 'a motion' --plot svg --table parquet
+        solve paper 'a motion/readings.parquet' -o 'a motion/poses again.csv' --beam known
+        simulate rig --motion calibration --with-reference -d 'a rig'
+        calibrate paper 'a rig/readings.csv' -o 'a rig/calibrated.yaml'
+        solve 'a rig/calibrated.yaml' 'a rig/readings.csv' -o 'a rig/poses by it.csv' --beam known
+        simulate 'my bench.yaml' --motion shaken -d 'a vibration'
+        response 'a vibration/poses.csv' --config 'my bench.yaml' --input force_n
+          -d 'a response' --uff 'a body.uff'
+        simulate 'my bench.yaml' --motion rest -d 'a stop'
+        rezero 'a rig/calibrated.yaml' 'a stop/readings.csv' 'a stop/readings.csv' -o 'a zero.yaml'
+        """,
+    "axis": """
+        simulate 'my bench.yaml' --motion runs -d 'a stage'
+        axis 'a stage/poses.csv' --config 'my bench.yaml' --axis Z --dwell 0.04
+          --commands 'a stage/commands-runs.csv' -d 'an axis'
+        """,
+    "live": """
+        emulate 'my bench.yaml' --motion rest --rate 1000 --folder 'virtual bench' &
+        acquire 'my bench.yaml' --port 'virtual bench/board' --samples 2000 -d 'a run' --plain
+        acquire 'my bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
+          --check-stage --write 'my checked bench.yaml' -d 'checked' --plain
+        acquire 'my checked bench.yaml' --port 'virtual bench/board'
+          --stage-port 'virtual bench/stage' --track --samples 200 -d 'tracked' --plain
+        replay 'a run' --compare -o 'a run again.mcap'
+        replay 'a run' --recover
+        noise 'a run' -d 'the noise' --write 'with noise.yaml'
+        """,
+    "range": """
+        range-map paper --axes tx,ty -d 'a range'
+        resolution paper -d 'a resolution'
+        tolerances layout --heads 10 -d 'a yield'
+        """,
+    "jacobian": "jacobian paper -d 'a jacobian'",
+    "optimize": """
+        optimize layout -o 'a layout.yaml' --sheets 'a layout.xlsx'
+          --report 'a layout.html' --certify 0
+        render 'a layout.yaml' -o 'the picture of a layout.png'
+        """,
+    "explore": "explore layout --designs 4 -d 'a space' --report 'a space.html'",
+    "render": """
+        render paper -o 'a rig.html'
+        render paper --spots -o 'the spots.svg'
+        render paper --motion multi-axis --frames 3 -o 'a film.mp4'
+        """,
+    "firmware": "export-c bench -d 'the firmware'",
+    "bench": "bench --quick -d 'the times'",
+    "reproduce": "reproduce table1 fig4 --quick -d 'the paper'",
+    "config": """
+        config list
+        config check paper bench
+        config show paper
+        config schema
+        """,
+}
+
+
+def lines(chain: str) -> list[str]:
+    """The commands of a chain; a line that is indented further goes on with the one before."""
+    return re.sub(r"\n +", " ", dedent(CHAINS[chain]).strip()).splitlines()
+
+
+def command_names(group: typer.core.TyperGroup | None = None, above: str = "") -> Iterator[str]:
+    """The commands that the program has, `config list` and its like among them."""
+    group = group or typer.main.get_command(whole_app())
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from command_names(command, f"{above}{name} ")
+        else:
+            yield f"{above}{name}"
+
+
+def run_chain(
+    chain: str,
+    folder: Path,
+    run: Callable[[list[str]], None],
+    keep_running: Callable[[list[str]], AbstractContextManager[None]],
+) -> None:
+    """Run a chain in a folder; `keep_running` is for a command that ends with the chain."""
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    run_lines([shlex.split(line) for line in lines(chain)], run, keep_running)
+
+
+def run_lines(commands, run, keep_running) -> None:  # type: ignore[no-untyped-def]
+    for n, words in enumerate(commands):
+        if words[-1] == "&":
+            with keep_running(words[:-1]):
+                return run_lines(commands[n + 1 :], run, keep_running)
+        run(words)
+    return None
