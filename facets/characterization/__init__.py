@@ -27,10 +27,11 @@ else:
         __name__,
         {
             "ambiguity": "find_ambiguous_pair find_pair_in_box find_singular_state",
+            "axis_disturbances": "find_disturbances",
             "axis_report": "evaluate_axis",
             "axis_visits": (
                 "Commands PoseSeries approach_directions find_visits match_stands "
-                "measured_directions read_commands"
+                "measured_directions read_commands read_series recorded_series"
             ),
             "error_motions": "ErrorMotions Visits measure_error_motions",
             "frequency_response": (
@@ -50,6 +51,7 @@ else:
             "sensitivity": "Index",
             "singularity": "direction_in_words measures samples search survey weakest_direction",
             "state_box": "AXES StateBox apex_offset box_of_poses least_share parse_box range_box",
+            "tables": "outline_columns resolution_columns state_columns",
             "trials": "default_states saturated_detectors",
             "universal_file": "input_type read_input_dof write_universal_file",
         },
