@@ -42,7 +42,7 @@ else:
             "noise_report": "configured_deviation longest_section",
             "outlines": "Boundary map_inside",
             "positioning": "QUANTITIES evaluate_positioning",
-            "propagation": "coverage_intervals mahalanobis propagate_distributions tolerance",
+            "propagation": "coverage_intervals propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances find_exits scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
             "response_findings": "find_limits find_peaks silent_axes",
