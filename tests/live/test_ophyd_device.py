@@ -13,7 +13,7 @@ from facets.experiments import kills
 from programs import Program
 
 import facets
-from facets import InputError
+from facets import InputError, live
 from facets.core import AuxiliaryChannel
 from facets.live import (
     LABELS,
@@ -26,19 +26,6 @@ from facets.live import (
     poses,
     rows_of,
 )
-from facets.live.streams import row_stream
-
-bluesky = pytest.importorskip("bluesky")
-pytest.importorskip("ophyd_async")
-
-import bluesky.plan_stubs as bps  # noqa: E402
-import bluesky.plans as bp  # noqa: E402
-from bluesky.preprocessors import run_decorator, stage_decorator  # noqa: E402
-from bluesky.run_engine import RunEngine  # noqa: E402
-from bluesky.utils import FailedStatus  # noqa: E402
-
-from facets.live import PoseSensor  # noqa: E402
-from facets.live.streams.ophyd_device import COLUMNS, Interval  # noqa: E402
 
 pytestmark = pytest.mark.installed
 
@@ -65,18 +52,35 @@ class Documents:
 
 @pytest.fixture(scope="module")
 def engine():
+    pytest.importorskip("bluesky")
+    pytest.importorskip("ophyd_async")
+    from bluesky.run_engine import RunEngine
+
     return RunEngine({})
 
 
 @pytest.fixture
 def documents(engine):
-    found = Documents()
-    token = engine.subscribe(found)
-    yield found
+    documents = Documents()
+    token = engine.subscribe(documents)
+    yield documents
     engine.unsubscribe(token)
 
 
-def flight(sensor, interval=None, during=bps.null):
+@pytest.fixture
+def sensor(engine, file):
+    """The sensor on a recorded stream."""
+    return live.PoseSensor(CONFIG, f"file:{file}", name="sensor")
+
+
+def nothing():
+    yield from ()
+
+
+def flight(sensor, interval=None, during=nothing):
+    import bluesky.plan_stubs as bps
+    from bluesky.preprocessors import run_decorator, stage_decorator
+
     @stage_decorator([sensor])
     @run_decorator()
     def plan():
@@ -91,11 +95,17 @@ def flight(sensor, interval=None, during=bps.null):
     return plan()
 
 
+def count(sensor, number):
+    """A plan that reads the sensor so many times."""
+    import bluesky.plans as bp
+
+    return bp.count([sensor], num=number)
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    """A recorded stream of 12,500 samples: more than are read ahead."""
     path = tmp_path_factory.mktemp("board") / "bytes.bin"
-    path.write_bytes(kills.stream(12_500))
+    path.write_bytes(kills.stream(2_500))
     return path
 
 
@@ -104,8 +114,8 @@ def expected(file):
     return np.concatenate([rows_of(part, 0.0) for part in poses(CONFIG, f"file:{file}")])
 
 
-def test_a_plan_reads_a_pose_with_its_uncertainties(engine, documents, file, expected):
-    engine(bp.count([PoseSensor(CONFIG, f"file:{file}", name="sensor")], num=3))
+def test_a_plan_reads_a_pose_with_its_uncertainties(engine, documents, sensor, expected):
+    engine(count(sensor, 3))
     assert documents.read("seq") == [0, 1, 2]
     assert documents.read("status") == ["converged"] * 3
     for name in ("yaw_mrad", "u_yaw_mrad", "power_a_mw", "residual"):
@@ -113,8 +123,7 @@ def test_a_plan_reads_a_pose_with_its_uncertainties(engine, documents, file, exp
     (descriptor,) = documents.all["descriptor"]
     key = descriptor["data_keys"]["sensor-yaw_mrad"]
     assert (key["units"], key["dtype"], key["shape"]) == ("mrad", "number", [])
-    told = descriptor["configuration"]["sensor"]["data"]
-    assert told["sensor-config_sha256"] == CONFIG.sha256
+    assert descriptor["configuration"]["sensor"]["data"]["sensor-config_sha256"] == CONFIG.sha256
     assert descriptor["hints"]["sensor"]["fields"][0] == "sensor-tx_mm"
 
 
@@ -125,26 +134,27 @@ def test_a_plan_reads_auxiliary_channels_with_their_units(engine, documents, tmp
     channel = AuxiliaryChannel("force", "kN", scale=0.5)
     config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=(channel,)))
     address = f"file:{tmp_path / 'bytes.bin'}"
-    engine(bp.count([PoseSensor(config, address, name="sensor")], num=3))
+    engine(count(live.PoseSensor(config, address, name="sensor"), 3))
     assert documents.read("force_kn") == [0.0, 0.5, 1.0]
     (descriptor,) = documents.all["descriptor"]
     assert descriptor["data_keys"]["sensor-force_kn"]["units"] == "kN"
 
 
-@pytest.mark.slow
-def test_a_flight_holds_all_samples_of_a_recording(engine, documents, file, expected):
-    engine(flight(PoseSensor(CONFIG, f"file:{file}", name="sensor")))
+def test_a_flight_holds_all_samples_of_a_recording(
+    engine, documents, sensor, expected, monkeypatch
+):
+    monkeypatch.setattr("facets.live.streams.row_stream.AHEAD", 1_000)  # of 2,500
+    engine(flight(sensor))
     assert len(documents.all["event_page"]) > 1
-    assert documents.flown("seq") == list(range(12_500))
-    for name in COLUMNS:
-        if name not in ("status", "host_s"):  # the file is read at another time
+    assert documents.flown("seq") == list(range(2_500))
+    for name in SAMPLE.names:
+        if name not in ("status", "host_s", "utc_s"):  # the file is read at another time
             np.testing.assert_array_equal(documents.flown(name), expected[name], err_msg=name)
-    assert documents.all["stop"][0]["num_events"] == {"flight": 12_500}
+    assert documents.all["stop"][0]["num_events"] == {"flight": 2_500}
 
 
-def test_a_flight_holds_as_many_samples_as_it_is_asked_for(engine, documents, file):
-    sensor = PoseSensor(CONFIG, f"file:{file}", name="sensor")
-    engine(flight(sensor, Interval(samples=700)))
+def test_a_flight_holds_as_many_samples_as_it_is_asked_for(engine, documents, sensor):
+    engine(flight(sensor, live.Interval(samples=700)))
     assert documents.flown("seq") == list(range(700))
 
 
@@ -153,7 +163,9 @@ class Board:
 
     def __init__(self, monkeypatch):
         self.queue, self.seq = queue.SimpleQueue(), 0
-        monkeypatch.setattr(row_stream.RowStream, "rows", lambda stream: self.rows(stream))
+        monkeypatch.setattr(
+            "facets.live.streams.row_stream.RowStream.rows", lambda stream: self.rows(stream)
+        )
 
     def rows(self, stream):
         while not stream.ending.is_set():
@@ -171,6 +183,8 @@ class Board:
 
 
 def test_samples_are_counted_while_more_come(monkeypatch):
+    from facets.live.streams import row_stream
+
     rows = np.ones(1, SAMPLE)
     monkeypatch.setattr(row_stream.RowStream, "rows", lambda _: itertools.repeat(rows, 20_000))
     stream = row_stream.RowStream(CONFIG, "board")
@@ -190,6 +204,7 @@ def test_a_flight_holds_the_samples_of_its_interval_and_no_others(engine, docume
     inside = []
 
     def during():
+        yield from ()
         now = time.monotonic()
         board.send(now - 100.0, now - 99.0)  # late ones, taken before the flight
         board.send(now)
@@ -197,17 +212,19 @@ def test_a_flight_holds_the_samples_of_its_interval_and_no_others(engine, docume
         board.send(now + 1e-6)
         inside.append(now + 1e-6)
         board.send(now + 3600.0)  # taken after it
-        yield from bps.null()
 
-    engine(flight(PoseSensor(CONFIG, "board", name="sensor"), during=during))
+    engine(flight(live.PoseSensor(CONFIG, "board", name="sensor"), during=during))
     assert documents.flown("host_s") == inside
 
 
 def test_a_trigger_waits_for_a_sample_that_is_taken_after_it(engine, documents, monkeypatch):
+    import bluesky.plan_stubs as bps
+    from bluesky.preprocessors import run_decorator, stage_decorator
+
     board = Board(monkeypatch)
     board.send(time.monotonic() - 1.0)
     later = time.monotonic() + 3600.0
-    sensor = PoseSensor(CONFIG, "board", name="sensor")
+    sensor = live.PoseSensor(CONFIG, "board", name="sensor")
 
     def plan():
         yield from bps.trigger(sensor, group="trigger")
@@ -223,38 +240,50 @@ def test_a_trigger_waits_for_a_sample_that_is_taken_after_it(engine, documents, 
     assert documents.read("host_s") == [later]
 
 
-def test_samples_that_nobody_collected_fail_the_flight(engine, file, monkeypatch):
-    monkeypatch.setattr(row_stream, "MAX_HELD_ROWS", 5_000)
+def failure(engine, plan):
+    """Why a plan failed, in words."""
+    from bluesky.utils import FailedStatus
+
     with pytest.raises(FailedStatus) as failed:
-        engine(flight(PoseSensor(CONFIG, f"file:{file}", name="sensor")))
-    assert "since nobody collected them" in str(failed.value.__cause__)
+        engine(plan)
+    return str(failed.value.__cause__)
+
+
+def test_samples_that_nobody_collected_fail_the_flight(engine, sensor, monkeypatch):
+    monkeypatch.setattr("facets.live.streams.row_stream.MAX_HELD_ROWS", 1_000)
+    assert "since nobody collected them" in failure(engine, flight(sensor))
 
 
 def test_a_source_that_is_not_there_ends_the_plan(engine, tmp_path):
-    sensor = PoseSensor(CONFIG, f"file:{tmp_path}/none.bin", name="sensor")
-    with pytest.raises(FailedStatus) as failed:
-        engine(bp.count([sensor]))
-    assert "none.bin" in str(failed.value.__cause__)
+    sensor = live.PoseSensor(CONFIG, f"file:{tmp_path}/none.bin", name="sensor")
+    assert "none.bin" in failure(engine, count(sensor, 1))
     with pytest.raises(InputError, match=r"acquire\.port"):
-        PoseSensor(CONFIG)
+        live.PoseSensor(CONFIG)
 
 
 def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
-    by_arrival = replace(CONFIG, acquire=replace(CONFIG.acquire, timing="arrival"))
-    pipeline, data = Pipeline(by_arrival), kills.stream(500)
-    with Publications(["zmq://127.0.0.1:0"], CONFIG, patient=True) as publications:
-        sensor = PoseSensor(CONFIG, publications.places()[0], name="sensor")
+    """Of a calibrated sensor, whose samples have more columns."""
+    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
+    publisher = replace(
+        CONFIG,
+        sensor=replace(CONFIG.sensor, calibration=known),
+        acquire=replace(CONFIG.acquire, timing="arrival"),
+    )
+    pipeline, data = Pipeline(publisher), kills.stream(500)
+    with Publications(["zmq://127.0.0.1:0"], publisher, patient=True) as publications:
+        sensor = live.PoseSensor(CONFIG, publications.places()[0], name="sensor")
 
         def during():
+            yield from ()
             for batch in pipeline.take(data[SIZE:], time.monotonic() + 100.0):
                 publications.add_poses(pipeline.solve(batch))
-            yield from bps.null()
 
         # staging waits for a first sample, and the flight for those after it
         publications.add_poses(pipeline.feed(data[:SIZE], time.monotonic()))
-        engine(flight(sensor, Interval(samples=400), during))
+        engine(flight(sensor, live.Interval(samples=400), during))
     assert documents.flown("seq") == list(range(1, 401))
     assert set(documents.flown("status")) == {LABELS[0]}
+    assert not [name for name in documents.all["event_page"][0]["data"] if "u_noise" in name]
 
 
 @pytest.mark.slow
@@ -262,8 +291,8 @@ def test_a_plan_flies_on_the_virtual_bench(engine, documents, tmp_path):
     with Program("emulate", "bench", "--motion", "wobble", "--rate", "1000",
                  cwd=tmp_path) as bench:  # fmt: skip
         bench.await_output("running")
-        sensor = PoseSensor(CONFIG, str(tmp_path / "bench" / "board"), name="sensor")
-        engine(flight(sensor, Interval(samples=300)))
+        sensor = live.PoseSensor(CONFIG, str(tmp_path / "bench" / "board"), name="sensor")
+        engine(flight(sensor, live.Interval(samples=300)))
     assert len(documents.flown("seq")) == 300
     assert set(documents.flown("status")) == {"converged"}
     assert np.max(np.abs(documents.flown("tz_mm"))) < 2.0

@@ -6,13 +6,13 @@ import json
 import signal
 import socket
 import threading
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from commands import command
 from facets.experiments import kills
-from programs import GUARD, Program, await_true
+from programs import GUARD, await_true
 
 import facets
 from facets import InputError
@@ -25,18 +25,10 @@ from facets.live import (
     Publications,
     Subscription,
     description,
-    description_of,
     join_columns,
     pose_columns,
     rows_of,
 )
-from facets.live.streams import publication as module
-from facets.live.streams import zeromq
-from facets.live.streams.json_rows import json_of
-from facets.live.streams.row_stream import same_columns
-from facets.live.streams.senders import Udp
-from facets.live.streams.zeromq import ZmqSender
-from facets.live.web.hub import Hub
 
 CONFIG = facets.load("bench")
 
@@ -117,36 +109,44 @@ def test_rows_have_the_columns_of_the_recording():
     np.testing.assert_array_equal(rows["utc_s"], columns["host_s"] + 5.0)
 
 
-@pytest.mark.parametrize("single", [False, True])
-def test_plotjuggler_takes_the_json(single):
-    rows = np.concatenate([rows_of(part, 1.7e9) for part in solved(300, spoil=True)])
-    options = {"single": ""} if single else {}
-    udp = Udp("127.0.0.1", 9, options)
-    lots = udp.datagrams(rows)
-    udp.close()
-    assert sum(count for _, count in lots) == len(rows)
-    assert max(len(data) for data, _ in lots) <= (2048 if single else 8192)
-    assert (len(lots) == len(rows)) == single
-    found = [entry for data, _ in lots for entry in plotted(data)]
-    yaw = [(at, value) for name, at, value in found if name == "/pose/yaw_mrad"]
+def published(parts, config, *options):
+    """The datagrams that come to sockets of these options, and how many samples were sent there."""
+    with ExitStack() as closing:
+        sockets = [closing.enter_context(Udps()) for _ in options]
+        addresses = [
+            f"udp://127.0.0.1:{one.port}{option}"
+            for one, option in zip(sockets, options, strict=True)
+        ]
+        with Publications(addresses, config, True, utc_offset=5.0) as publications:
+            for part in parts:
+                publications.add_poses(part)
+    return [(one.came, to.sent) for one, to in zip(sockets, publications.all, strict=True)]
+
+
+def test_plotjuggler_takes_the_json_which_says_what_the_rows_say():
+    parts = solved(100, spoil=True)
+    rows = np.concatenate([rows_of(part, 5.0) for part in parts])
     known = np.isfinite(rows["yaw_mrad"])
     assert 0 < known.sum() < len(rows)
-    np.testing.assert_allclose([at for at, _ in yaw], rows["utc_s"][known], rtol=0, atol=1e-6)
-    np.testing.assert_allclose([v for _, v in yaw], rows["yaw_mrad"][known], rtol=1e-8)
-    assert sum(name == "/seq" for name, _, _ in found) == len(rows)
-
-
-def test_json_says_what_the_rows_say():
-    rows = rows_of(solved(40)[0], 0.0)
-    for text, row in zip(json_of(rows), rows, strict=True):
-        found = json.loads(text)
-        for group, names in (("reading", ["psi_a_mm"]), ("u", ["u_tx_mm"]), ("pose", ["by_mm"])):
-            for name in names:
-                assert found[group][name] == pytest.approx(row[name], rel=1e-8)
+    batches, singles = published(parts, CONFIG, "", "?single")
+    assert len(batches[0]) < len(rows) == len(singles[0])
+    for (datagrams, count), most in ((batches, 8192), (singles, 2048)):
+        assert count == len(rows)
+        assert max(map(len, datagrams)) <= most
+        found = [entry for data in datagrams for entry in plotted(data)]
+        yaw = [(at, value) for name, at, value in found if name == "/pose/yaw_mrad"]
+        np.testing.assert_allclose([at for at, _ in yaw], rows["utc_s"][known], rtol=0, atol=1e-6)
+        np.testing.assert_allclose([v for _, v in yaw], rows["yaw_mrad"][known], rtol=1e-8)
+        assert sum(name == "/seq" for name, _, _ in found) == len(rows)
+    for data, row in zip(singles[0], rows, strict=True):
+        words = json.loads(data)
+        for group, name in (("reading", "psi_a_mm"), ("u", "u_tx_mm"), ("pose", "by_mm")):
+            value = words[group].get(name, np.nan)  # what is not known is left out
+            assert value == pytest.approx(row[name], rel=1e-8, nan_ok=True)
 
 
 def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
-    """By ZeroMQ and in JSON; a reader of the plain columns gets these."""
+    """By ZeroMQ and in JSON."""
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
     pipeline = Pipeline(config)
@@ -155,11 +155,11 @@ def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
     assert rows.dtype == CALIBRATED_SAMPLE
     for name, column in columns.items():
         np.testing.assert_array_equal(rows[name], column)
-    found = json.loads(json_of(rows)[0])
+    ((datagrams, _),) = published([part], config, "?single")
+    words = json.loads(datagrams[0])
     for name in ("noise", "calibration"):
         key = f"u_{name}_tz_mm"
-        assert found[f"u_{name}"][key] == pytest.approx(rows[key][0], rel=1e-8)
-    assert same_columns(rows).dtype == SAMPLE
+        assert words[f"u_{name}"][key] == pytest.approx(rows[key][0], rel=1e-8)
     with (
         Publications(["zmq://127.0.0.1:0"], config, True, utc_offset=5.0) as publications,
         Subscription(publications.places()[0]) as samples,
@@ -167,9 +167,6 @@ def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
         publications.add_poses(part)
         came = next(iter(samples))
     np.testing.assert_array_equal(came, rows[: len(came)])
-    hub = Hub(description_of(config) | {"kind": "acquire"})
-    hub.take(rows)
-    assert hub.newest["parts"]["noise"][2] == rows["u_noise_tz_mm"][-1]
     assert samples.about["units"]["u_noise_yaw_mrad"] == "mrad"
 
 
@@ -209,8 +206,10 @@ def numbered(first, count):
 
 
 def test_a_slow_subscriber_loses_samples_alone_and_tells_how_many(monkeypatch):
+    from facets.live.streams import zeromq
+
     monkeypatch.setattr(zeromq, "HIGH_WATER_MARK", 5)
-    sender = ZmqSender("zmq://127.0.0.1:0", description({}), 0.0)
+    sender = zeromq.ZmqSender("zmq://127.0.0.1:0", description({}), 0.0)
     address, ended = f"zmq://127.0.0.1:{sender.port}", threading.Event()
     assert sender.send(numbered(0, 5)) == 0  # nobody was there
 
@@ -258,8 +257,8 @@ def test_nobody_publishes_there():
 
 @pytest.mark.slow
 def test_a_receiver_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
-    monkeypatch.setattr(module, "MAX_WAITING_BYTES", 2_000_000)
-    monkeypatch.setattr(module, "END_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("facets.live.streams.publication.MAX_WAITING_BYTES", 2_000_000)
+    monkeypatch.setattr("facets.live.streams.publication.END_TIMEOUT_S", 0.2)
     parts = solved(2_000)
     with Udps() as other:
         publications = Publications(["zmq://127.0.0.1:0", f"udp://127.0.0.1:{other.port}"], CONFIG)
@@ -278,10 +277,7 @@ def test_a_receiver_that_takes_nothing_costs_itself_samples_and_nobody_else(monk
 
 
 def test_nobody_there_is_counted():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
-        line.bind(("127.0.0.1", 0))
-        port = line.getsockname()[1]
-    one = Publication(f"udp://127.0.0.1:{port}", {})
+    one = Publication(f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}", {})
     for part in solved(2_000):
         one.send(rows_of(part, 0.0).tobytes())
     one.close()
@@ -366,31 +362,42 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
     np.testing.assert_allclose(np.diff(times), np.diff(rows["host_s"]), atol=1e-6)
 
 
-@pytest.mark.slow
-def test_an_acquisition_and_a_replay_publish(tmp_path):
-    """Both to the end, with all that came: at two addresses at once, and one of them of no use."""
-    (tmp_path / "board.bin").write_bytes(kills.stream(2_000))
+def free_port(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as line:
+        line.bind(("127.0.0.1", 0))
+        return line.getsockname()[1]
+
+
+def test_an_acquisition_and_a_replay_publish(tmp_path, run_in_process):
+    """Both to the end, with all that came, the acquisition at two addresses at once."""
+    (tmp_path / "board.bin").write_bytes(kills.stream(500))
+    acquire = ("acquire", "bench", "--port", "file:board.bin", "--plain", "--folder")
     with Udps() as one, Udps() as two:
         addresses = ("--publish", f"udp://127.0.0.1:{one.port}",
                      "--publish", f"udp://127.0.0.1:{two.port}?single")  # fmt: skip
-        result = command("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--plain",
-                         *addresses, cwd=tmp_path)  # fmt: skip
-    assert result.returncode == 0, result.stderr
-    assert f"udp://127.0.0.1:{one.port}: 2000 samples published, 0 dropped" in result.stdout
+        status, out, err = run_in_process(*acquire, "rec", *addresses)
+    assert status == 0, err
+    assert f"udp://127.0.0.1:{one.port}: 500 samples published, 0 dropped" in out
     rows = sorted((json.loads(data) for data in two.came), key=lambda row: row["seq"])
-    assert [row["seq"] for row in rows] == list(range(2_000))
+    assert [row["seq"] for row in rows] == list(range(500))
     series = [entry for data in one.came for entry in plotted(data)]
-    assert sum(name == "/pose/tx_mm" for name, _, _ in series) == 2_000
-    with Program("replay", "rec", "--publish", "zmq://127.0.0.1:0", cwd=tmp_path) as replay:
-        replay.await_output("publishing at zmq://127.0.0.1:")
-        address = replay.stderr.partition("publishing at ")[2].split()[0]
-        with Subscription(address) as subscription:
-            again = np.concatenate(list(subscription))
-        assert replay.end(None) == 0
-    np.testing.assert_allclose(again["tx_mm"], [row["pose"]["tx_mm"] for row in rows], atol=1e-8)
-    np.testing.assert_allclose(again["utc_s"], [row["timestamp"] for row in rows], atol=1e-3)
-    bad = command("acquire", "bench", "--port", "file:board.bin", "-d", "other", "--publish", "x",
-                  cwd=tmp_path)  # fmt: skip
-    assert bad.returncode == 2
-    assert "--publish x: is not an address" in bad.stderr
+    assert sum(name == "/pose/tx_mm" for name, _, _ in series) == 500
+    address, again = f"zmq://127.0.0.1:{free_port()}", []
+
+    def subscribe():
+        with Subscription(address, timeout=GUARD) as subscription:
+            again.extend(np.concatenate(list(subscription)))
+
+    thread = threading.Thread(target=subscribe)
+    thread.start()
+    status, _, err = run_in_process("replay", "rec", "--publish", address)
+    assert status == 0
+    assert f"publishing at {address}" in err
+    thread.join()
+    tx, utc = ([row[name] for row in again] for name in ("tx_mm", "utc_s"))
+    np.testing.assert_allclose(tx, [row["pose"]["tx_mm"] for row in rows], atol=1e-8)
+    np.testing.assert_allclose(utc, [row["timestamp"] for row in rows], atol=1e-3)
+    status, _, err = run_in_process(*acquire, "other", "--publish", "x")
+    assert status == 2
+    assert "--publish x: is not an address" in err
     assert not (tmp_path / "other").exists()

@@ -6,27 +6,25 @@ import asyncio
 import json
 import socket
 import struct
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from commands import command
+from facets.experiments import kills
 from programs import GUARD, await_true
 
 import facets
 from facets import InputError
-from facets.live import SAMPLE, Live, Pipeline, WebPage, description_of, stage, status_of
-from facets.live.web import page as module
-from facets.live.web.bins import COLUMNS
-from facets.live.web.guard import Guard, parse_address
-from facets.live.web.hub import HEAD, Hub
-from facets.live.web.replay_page import events_of
+from facets.live import SAMPLE, Live, Pipeline, ReplayPage, WebPage, stage, status_of
 from facets.tracking import Encoder
 
 pytestmark = pytest.mark.installed
 
 aiohttp = pytest.importorskip("aiohttp")
 CONFIG = facets.load("bench")
+#: Before bins: their level, whether those told before are void, their width (s), and their number.
+HEAD = struct.Struct("<IIdII")
 
 
 def rows_of(count, rate=1_000.0, first=0):
@@ -57,7 +55,7 @@ class Told:
 
     def take(self, message):
         if message.type == aiohttp.WSMsgType.TEXT:
-            words = json.loads(message.data)
+            words = json.loads(message.data, parse_constant=pytest.fail)  # NaN is no JSON
             setattr(self, words["type"], words)
             self.events += words.get("events", [])
         elif message.type == aiohttp.WSMsgType.BINARY:
@@ -66,13 +64,16 @@ class Told:
                 self.bins[level].clear()
             numbers = np.frombuffer(message.data, "<i4", count, HEAD.size)
             table = np.frombuffer(message.data, "<f4", -1, HEAD.size + 4 * count)
-            table = table.reshape(count, len(COLUMNS))
+            table = table.reshape(count, len(self.hello["columns"]))
             self.bins[level].update(zip(numbers.tolist(), table, strict=True))
 
+    def has_sample(self, number):
+        return self.news and (self.news["sample"] or {}).get("seq") == number
 
-async def follow(page, until, told=None):
+
+async def follow(page, until):
     """Reads as a page does, until something is so of what was told or the server ends it."""
-    told = told or Told()
+    told = Told()
     async with (
         aiohttp.ClientSession() as session,
         session.ws_connect(f"{page.url}stream", max_msg_size=0) as line,
@@ -89,7 +90,7 @@ def watched(page, until):
 
 
 def answer(page, path, **headers):
-    """Status and text of a request; a header Host as it is given."""
+    """Status, text and headers of a request; a header Host as it is given."""
 
     async def ask():
         async with (
@@ -101,69 +102,56 @@ def answer(page, path, **headers):
     return asyncio.run(asyncio.wait_for(ask(), GUARD))
 
 
-def begun():
+def begun(web="0"):
     live = Live(Pipeline(CONFIG))
-    one = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"}, drawn={})
-    one.live = live
-    return one
+    page = WebPage(CONFIG, web, lambda: status_of(live), {"kind": "acquire"}, drawn={})
+    page.live = live
+    return page
 
 
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No test fails since a machine is slow."""
-    monkeypatch.setattr(module, "END_TIMEOUT_S", GUARD)
+    monkeypatch.setattr("facets.live.web.page.END_TIMEOUT_S", GUARD)
 
 
 @pytest.fixture
 def page():
-    one = begun()
-    yield one
-    one.close()
+    page = begun()
+    yield page
+    page.close()
 
 
 @pytest.fixture(scope="module")
 def still():
-    """A page that nobody sends anything to."""
-    one = begun()
-    yield one
-    one.close()
-
-
-@pytest.mark.parametrize(
-    ("text", "found"),
-    [
-        ("8080", ("127.0.0.1", 8080)),
-        ("0", ("127.0.0.1", 0)),
-        ("0.0.0.0:81", ("0.0.0.0", 81)),
-        ("lab-pc:8080", ("lab-pc", 8080)),
-        ("[::1]:8080", ("::1", 8080)),
-    ],
-)
-def test_addresses(text, found):
-    assert parse_address(text) == found
+    """A page that nobody sends any samples to."""
+    page = begun()
+    yield page
+    page.close()
 
 
 @pytest.mark.parametrize("text", ["", "x", ":80", "::1:80", "1.2.3.4", "80:", "65536", "-1", "٣"])
 def test_what_is_no_address_is_refused(text):
     with pytest.raises(InputError, match="is not an address"):
-        parse_address(text)
+        begun(text)
 
 
-def test_the_guard_lets_in_who_has_the_address_and_nobody_else():
-    local = Guard("abc", "127.0.0.1", 8080)
-    for host in ("127.0.0.1:8080", "localhost:8080", "LOCALHOST:8080", "[::1]:8080"):
-        assert not local.complaint("abc", host, None)
-        assert not local.complaint("abc", host, f"http://{host}")
-        assert "token" in local.complaint("abd", host, None)
-        assert "token" in local.complaint("", host, None)
-        assert "another page" in local.complaint("abc", host, "http://elsewhere.example")
-        assert "another page" in local.complaint("abc", host, "null")
-    for host in ("elsewhere.example:8080", "127.0.0.1:8081", "127.0.0.1", "", "[", "127.0.0.1:x"):
-        assert "name" in local.complaint("abc", host, None)
-    wide = Guard("abc", "0.0.0.0", 8080)
-    assert not wide.complaint("abc", "192.0.2.7:8080", None)
-    assert not wide.complaint("abc", f"{socket.gethostname()}:8080", None)
-    assert "name" in wide.complaint("abc", "elsewhere.example:8080", None)
+def test_the_guard_lets_in_who_has_the_address_and_nobody_else(still):
+    port, token = still.port, still.url.rstrip("/").rpartition("/")[2]
+
+    def complaint(host, token=token, **headers):
+        status, text, _ = answer(still, f"/{token}/", Host=host, **headers)
+        assert (status == 200) == text.startswith("<!doctype html>")
+        return "" if status == 200 else text
+
+    for name in ("127.0.0.1", "localhost", "LOCALHOST", "[::1]"):
+        host = f"{name}:{port}"
+        assert complaint(host) == complaint(host, Origin=f"http://{host}") == ""
+        assert "token" in complaint(host, f"{token[:-1]}_")
+        assert "another page" in complaint(host, Origin="http://elsewhere.example")
+        assert "another page" in complaint(host, Origin="null")
+    for host in (f"elsewhere.example:{port}", f"127.0.0.1:{port + 1}", "127.0.0.1", "[", "::x"):
+        assert "name" in complaint(host)
 
 
 def test_only_the_whole_address_is_answered(still):
@@ -179,7 +167,6 @@ def test_only_the_whole_address_is_answered(still):
     assert answer(still, f"/{token}/%2e%2e/%2e%2e/page.py")[0] in (403, 404)
     for path in ("/", "/x/", "/x/page.js", "/x/stream", f"/{token[:-1]}/", f"/{token}x/stream"):
         assert answer(still, path)[0] == 403, path
-    assert answer(still, f"/{token}/", Host="elsewhere.example")[0] == 403
     assert answer(still, f"/{token}/stream", Origin="http://elsewhere.example")[0] == 403
 
 
@@ -187,11 +174,24 @@ def test_nothing_but_the_address_that_was_asked_for_is_bound(still):
     assert still.address.startswith("http://127.0.0.1:")
     assert still.local
     others = [
-        one[4][0] for one in socket.getaddrinfo(socket.gethostname(), still.port, socket.AF_INET)
+        entry[4][0]
+        for entry in socket.getaddrinfo(socket.gethostname(), still.port, socket.AF_INET)
     ]
     for other in {address for address in others if not address.startswith("127.")}:
         with socket.socket() as line:
             assert line.connect_ex((other, still.port)) != 0
+
+
+def test_another_address_is_bound_only_when_asked_for_and_with_a_warning():
+    wide = begun("0.0.0.0:0")
+    try:
+        assert not wide.local
+        assert any(text.startswith("warning:") for text in wide.greeting())
+        path = wide.url.removeprefix(wide.address)
+        for name, status in (("192.0.2.7", 200), (socket.gethostname(), 200), ("a.example", 403)):
+            assert answer(wide, path, Host=f"{name}:{wide.port}")[0] == status
+    finally:
+        wide.close()
 
 
 def test_a_page_is_told_every_sample_in_bins_and_the_newest_in_full(page):
@@ -201,7 +201,7 @@ def test_a_page_is_told_every_sample_in_bins_and_the_newest_in_full(page):
     for part in np.array_split(rows, 30):
         give(page, part)
     page.show()
-    told = watched(page, lambda told: told.news and (told.news["sample"] or {}).get("seq") == 2_999)
+    told = watched(page, lambda told: told.has_sample(2_999))
     newest = told.news["sample"]
     assert newest["state"][0] == rows["tx_mm"][-1]
     assert newest["utc"] == rows["utc_s"][-1]
@@ -210,22 +210,15 @@ def test_a_page_is_told_every_sample_in_bins_and_the_newest_in_full(page):
         table = np.array([level[number] for number in sorted(level)])
         assert table[:, 0].sum() == 3_000
         assert table[:, 1].sum() == 2_999
-        means = table[:, COLUMNS.index("mean_tx_mm")]
+        means = table[:, told.hello["columns"].index("mean_tx_mm")]
         np.testing.assert_allclose(
             np.nansum(means * table[:, 1]), np.nansum(rows["tx_mm"]), rtol=1e-6
         )
         assert max(level) == int(np.floor((rows["host_s"][-1] - rows["host_s"][0]) / width))
     assert told.news["status"]["stage"]["why"]
-
-
-def test_a_page_that_comes_later_or_again_is_told_all_that_was(page):
-    give(page, rows_of(500))
-    seen = lambda last: lambda told: told.news and (told.news["sample"] or {}).get("seq") == last  # noqa: E731
-    first = watched(page, seen(499))
-    give(page, rows_of(500, first=500))
-    again = watched(page, seen(999))
-    assert sum(bin[0] for bin in again.bins[0].values()) == 1_000
-    assert sum(bin[0] for bin in first.bins[0].values()) == 500
+    give(page, rows_of(500, first=3_000))  # a page that comes later is told all that was
+    later = watched(page, lambda told: told.has_sample(3_499))
+    assert sum(bin[0] for bin in later.bins[0].values()) == 3_500
 
 
 @pytest.mark.slow
@@ -248,9 +241,7 @@ def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
     await_true(lambda: page.receivers == 1, "the hung page is there")
     for first in range(12_000, 15_000, 100):
         give(page, rows_of(100, rate=100.0, first=first))
-    told = watched(
-        page, lambda told: told.news and (told.news["sample"] or {}).get("seq") == 14_999
-    )
+    told = watched(page, lambda told: told.has_sample(14_999))
     assert sum(bin[0] for bin in told.bins[1].values()) == 15_000
     page.close()
     assert page.dropped_count == 0
@@ -300,40 +291,19 @@ def test_a_process_that_dies_is_told_and_costs_the_run_nothing(page):
     assert page.dropped_count == 10_000
 
 
-@pytest.mark.slow
-def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path):
-    result = command(
-        "acquire",
-        "bench",
-        "--port",
-        "nothing",
-        "--web",
-        str(still.port),
-        "--folder",
-        "rec",
-        cwd=tmp_path,
-    )
-    assert result.returncode == 2
-    assert f"--web 127.0.0.1:{still.port}: Address already in use" in result.stderr
-    assert "Traceback" not in result.stderr
+def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path, run_in_process):
+    words = ("acquire", "bench", "--port", "nothing", "--folder", "rec", "--web")
+    status, _, err = run_in_process(*words, still.port)
+    assert status == 2
+    assert f"--web 127.0.0.1:{still.port}: Address already in use" in err
+    assert "Traceback" not in err
     assert not (tmp_path / "rec").exists()
-    result = command("acquire", "bench", "--port", "nothing", "--web", "here", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "--web here: is not an address" in result.stderr
+    status, _, err = run_in_process(*words, "here")
+    assert status == 2
+    assert "--web here: is not an address" in err
 
 
-def test_another_address_is_bound_only_when_asked_for_and_with_a_warning():
-    live = Live(Pipeline(CONFIG))
-    wide = WebPage(CONFIG, "0.0.0.0:0", lambda: status_of(live), {"kind": "acquire"}, drawn={})
-    try:
-        assert not wide.local
-        assert any(text.startswith("warning:") for text in wide.greeting())
-    finally:
-        wide.close()
-
-
-def test_messages_are_events_when_they_begin_and_end_whatever_their_numbers():
-    hub = Hub(description_of(CONFIG) | {"kind": "acquire"})
+def test_messages_are_events_when_they_begin_and_end_whatever_their_numbers(page):
     behind = "the loop is {} s behind"
     for texts in (
         [],
@@ -341,11 +311,19 @@ def test_messages_are_events_when_they_begin_and_end_whatever_their_numbers():
         [behind.format(1.7), "light is lost"],
         ["light is lost"],
     ):
-        hub.hear({"messages": texts, "events": {"samples lost": 0}})
-    hub.hear({"messages": ["light is lost"], "events": {"samples lost": 7}})
-    assert [(event["what"], event["text"][:9]) for event in hub.events] == [
+        page.tell({"messages": texts, "events": {"samples lost": 0}})
+    page.tell({"messages": ["light is lost"], "events": {"samples lost": 7}})
+    told = watched(page, lambda told: len(told.events) == 4)
+    assert [(event["what"], event["text"][:9]) for event in told.events] == [
         ("begins", "the loop "), ("begins", "light is "), ("ends", "the loop "), ("", "samples l"),
     ]  # fmt: skip
+    rows = rows_of(10)  # samples without times or poses break nothing
+    rows["host_s"] = rows["utc_s"] = rows["tx_mm"] = np.nan
+    rows["status"] = 66
+    give(page, rows)
+    newest = watched(page, lambda told: told.has_sample(9)).news["sample"]
+    assert newest["state"][0] is newest["t"] is newest["utc"] is None
+    assert newest["status"] == "saturated"
 
 
 def test_what_is_not_known_has_a_reason(still):
@@ -377,28 +355,25 @@ def test_the_stage_is_told_with_its_target_and_what_is_left():
     assert words["why"]
 
 
-def test_the_pages_button_resumes_and_nothing_else_that_a_page_says_does():
-    page, pressed = begun(), []
-    page.resume = lambda: pressed.append(len(pressed))
+def test_the_pages_button_resumes_and_nothing_else_that_a_page_says_does(still):
+    pressed = []
+    still.resume = lambda: pressed.append(len(pressed))
 
     async def say(*texts, total):
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(f"{page.url}stream") as line,
+            session.ws_connect(f"{still.url}stream") as line,
         ):
             for text in texts:
                 await line.send_str(text)
             while len(pressed) < total:
                 await asyncio.sleep(0.01)
 
-    try:
-        others = ("go", '{"resume": true}', "Resume")
-        asyncio.run(asyncio.wait_for(say(*others, "resume", total=1), GUARD))
-        asyncio.run(asyncio.wait_for(say("resume", total=2), GUARD))
-    finally:
-        page.close()
+    others = ("go", '{"resume": true}', "Resume")
+    asyncio.run(asyncio.wait_for(say(*others, "resume", total=1), GUARD))
+    asyncio.run(asyncio.wait_for(say("resume", total=2), GUARD))
     assert pressed == [0, 1]
-    assert page.trouble == ""
+    assert still.trouble == ""
 
 
 def test_what_happened_in_a_recorded_run_is_told_at_its_time(tmp_path):
@@ -409,26 +384,15 @@ def test_what_happened_in_a_recorded_run_is_told_at_its_time(tmp_path):
         '{"monotonic": 7.5, "event": "caught up"}', '{"monotonic": 8.0, "eve',
     ]  # fmt: skip
     (tmp_path / "events.jsonl").write_text("\n".join(lines))
-    assert events_of(tmp_path) == [(5.0, "behind: seconds 0.3"), (7.5, "caught up")]
-    assert events_of(tmp_path / "nothing") == []
-    hub = Hub(description_of(CONFIG) | {"kind": "replay"})
-    rows = rows_of(3)
-    rows["host_s"] -= 995.0
-    hub.take(rows)
-    hub.hear({"happened": events_of(tmp_path)})
-    assert [(event["t"], event["text"]) for event in hub.events] == [
-        (0.0, "behind: seconds 0.3"), (2.5, "caught up"),
-    ]  # fmt: skip
-
-
-def test_samples_without_times_or_poses_break_nothing():
-    hub = Hub(description_of(CONFIG) | {"kind": "replay"})
-    rows = rows_of(10)
-    rows["host_s"] = rows["utc_s"] = rows["tx_mm"] = np.nan
-    rows["status"] = 66
-    hub.take(rows)
-    assert hub.newest["state"][0] is None
-    assert hub.newest["t"] is None
-    assert hub.newest["status"] == "saturated"
-    json.loads(hub.news(0))
-    assert struct.calcsize("<IIdII") == HEAD.size
+    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
+    pipeline = Pipeline(replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known)))
+    poses = pipeline.feed(kills.stream(3), 5.0)
+    with ReplayPage(pipeline, tmp_path, "0", {}) as replay:
+        list(replay.following([poses]))
+        told = watched(replay.page, lambda told: told.events)
+    begin = poses.host[0]
+    assert [event["text"] for event in told.events] == ["behind: seconds 0.3", "caught up"]
+    assert [event["t"] for event in told.events] == pytest.approx([5.0 - begin, 7.5 - begin])
+    parts = told.news["sample"]["parts"]  # of the uncertainty of a calibrated sensor
+    assert parts["noise"][2] == poses.solution.noise_uncertainty[-1, 2]
+    assert parts["calibration"][2] == poses.solution.calibration_uncertainty[-1, 2]
