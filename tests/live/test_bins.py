@@ -1,129 +1,130 @@
-"""Samples condensed to bins, beside the plainest way to count them."""
+"""Samples condensed to bins for pages, beside the plainest way to count them."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from streams import BENCH
 
-from facets.core import READING_COLUMNS, STATE_COLUMNS
-from facets.live import row_dtype
-from facets.live.web.bins import COLUMNS, AllBins, Bins, bin_columns
+from facets import MeasuredObject
+from facets.core import READING_COLUMNS, STATE_COLUMNS, AuxiliaryChannel
+from facets.live import row_content, sample_dtype
+from facets.live.web.hub import Hub
 
-CHANNELS = ("force_n", "temperature_c")
+CONFIG = replace(
+    BENCH,
+    object=MeasuredObject(point=(10.0, -20.0, 50.0)),
+    acquire=replace(BENCH.acquire, channels=(AuxiliaryChannel("force", "N"),)),
+)
+CONTENT = row_content(CONFIG)
+POSE = STATE_COLUMNS[:6]
+EXTRAS = (
+    *(f"object_{name}" for name in POSE), "force_n", *(f"u_object_{name}" for name in POSE)
+)  # fmt: skip
 
 
-def some_rows(count, seed, status=True):
-    """Rows with random numbers; some without a pose, some readings and channels unknown."""
+def hub():
+    return Hub({**CONTENT, "statuses": {}})
+
+
+def draw_rows(count, bursts, seed):
+    """Rows with random numbers; some without a pose, some readings and channels unknown.
+
+    bursts: a burst of samples, 50 ms long, comes every 10 s.
+    """
     rng = np.random.default_rng(seed)
-    dtype = row_dtype(False, CHANNELS)
+    dtype = sample_dtype(CONTENT)
     rows = np.zeros(count, dtype)
     for name in dtype.names[6:]:
         rows[name] = rng.normal(size=count)
-    rows["host_s"] = 50.0 + np.sort(rng.uniform(0, 3, count))
+    rows["host_s"] = 50.0 + np.sort(
+        10 * rng.integers(0, bursts, count) + rng.uniform(0, 0.05, count)
+    )
+    rows["host_s"][0] = 50.0
     rows["seq"] = np.arange(count)
-    if status:
-        rows["status"] = np.where(rng.random(count) < 0.2, 3, 0)
-        for name in STATE_COLUMNS:
-            rows[name][rows["status"] != 0] = np.nan
-            rows[f"u_{name}"][rows["status"] != 0] = np.nan
-        rows["force_n"][rng.random(count) < 0.5] = np.nan
-        rows["power_b_mw"][rng.random(count) < 0.3] = np.nan
+    rows["status"] = np.where(rng.random(count) < 0.2, 3, 0)
+    rows["tx_mm"][(rows["status"] != 0) & (rng.random(count) < 0.5)] = np.nan
+    rows["force_n"][rng.random(count) < 0.5] = np.nan
+    rows["power_b_mw"][rng.random(count) < 0.3] = np.nan
     return rows
 
 
-def plain(rows, times, width):
-    """number -> column -> value, one sample after the other."""
-    found = {}
-    for number in np.unique(np.floor(times / width).astype(int)):
-        mine = rows[np.floor(times / width).astype(int) == number]
+def count_plainly(rows, width):
+    """number -> column -> value, one bin after the other."""
+    numbers = np.floor((rows["host_s"] - 50.0) / width).astype(int)
+    bins = {}
+    for number in np.unique(numbers):
+        mine = rows[numbers == number]
         good = mine[mine["status"] == 0]
-        one = {"samples": len(mine), "poses": len(good)}
-        one["residual"] = good["residual"].max() if len(good) else np.nan
+        values = {
+            "samples": len(mine),
+            "poses": len(good),
+            "residual": good["residual"].max(initial=-np.inf),
+        }
         for name in READING_COLUMNS:
-            known = mine[name][np.isfinite(mine[name])]
-            one[name] = known.mean() if len(known) else np.nan
+            values[name] = mine[name][np.isfinite(mine[name])].sum() / np.isfinite(mine[name]).sum()
+        for name in (*STATE_COLUMNS, *EXTRAS):
+            known = good[name] if name in STATE_COLUMNS else mine[name][np.isfinite(mine[name])]
+            values[f"least_{name}"] = known.min(initial=np.inf)
+            values[f"most_{name}"] = known.max(initial=-np.inf)
+            values[f"mean_{name}"] = known.sum() / len(known)
         for name in STATE_COLUMNS:
-            values, sigmas = good[name], good[f"u_{name}"]
-            one[f"least_{name}"] = values.min() if len(good) else np.nan
-            one[f"most_{name}"] = values.max() if len(good) else np.nan
-            one[f"mean_{name}"] = values.mean() if len(good) else np.nan
-            one[f"u_{name}"] = sigmas.max() if len(good) else np.nan
-        for name in CHANNELS:
-            known = mine[name][np.isfinite(mine[name])]
-            one[f"least_{name}"] = known.min() if len(known) else np.nan
-            one[f"most_{name}"] = known.max() if len(known) else np.nan
-            one[f"mean_{name}"] = known.mean() if len(known) else np.nan
-        found[number] = one
-    return found
+            values[f"u_{name}"] = good[f"u_{name}"].max(initial=-np.inf)
+        bins[number] = values
+    return bins
 
 
-def assert_same(bins, expected):
+def assert_same(page_hub, bins, expected):
+    columns = json.loads(page_hub.hello())["columns"]
     assert bins.present_numbers() == sorted(expected)
-    numbers, table = bins.values(np.array(bins.present_numbers()))
+    numbers, table = bins.values(np.array(sorted(expected)))
     for number, row in zip(numbers.tolist(), table, strict=True):
-        for name, value in zip(bin_columns(CHANNELS), row, strict=True):
-            np.testing.assert_allclose(value, expected[number][name], rtol=1e-6, atol=1e-6)
+        values = np.array([expected[number][name] for name in columns])
+        values[~np.isfinite(values)] = np.nan  # nothing is known
+        np.testing.assert_allclose(row, values, rtol=1e-6, atol=1e-6)
 
 
-def add_in_parts(bins, rows, times, seed):
-    """In an order of its own, as a loop that is behind brings them."""
-    rng = np.random.default_rng(seed)
-    parts = np.array_split(np.arange(len(rows)), 40)
-    for k in rng.permutation(len(parts)):
-        bins.add(times[parts[k]], rows[parts[k]])
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.slow
-def test_bins_are_those_of_a_plain_count_whatever_the_order(seed):
-    rows = some_rows(3_000, seed)
-    times = rows["host_s"] - 50.0
-    bins = Bins(0.01, 1_000, CHANNELS)
-    add_in_parts(bins, rows, times, seed)
-    assert_same(bins, plain(rows, times, 0.01))
-
-
-def test_a_run_that_grows_is_told_in_wider_bins():
-    rows = some_rows(3_000, 7)
-    times = rows["host_s"] - 50.0
-    bins = AllBins(0.001, 256, CHANNELS)
-    add_in_parts(bins, rows, times, 7)
-    assert bins.width == pytest.approx(0.016)
-    assert bins.age == 4
-    assert_same(bins, plain(rows, times, bins.width))
-
-
-def test_only_the_newest_bins_are_held_and_late_samples_of_older_ones_are_passed_over():
-    rows = some_rows(2_000, 3)
-    times = rows["host_s"] - 50.0
-    bins = Bins(0.01, 100)
-    bins.add(times, rows)
-    last = int(np.floor(times / 0.01).max())
-    assert min(bins.present_numbers()) > last - 100
-    before = bins.values(np.array(bins.present_numbers()))[1]
-    bins.add(times[:50], rows[:50])
-    np.testing.assert_array_equal(bins.values(np.array(bins.present_numbers()))[1], before)
-    bins.add(times[:5] - 100.0, rows[:5])  # before the origin
-    np.testing.assert_array_equal(bins.values(np.array(bins.present_numbers()))[1], before)
+@pytest.mark.filterwarnings("ignore:invalid value encountered")
+def test_bins_are_those_of_a_plain_count_whatever_the_order():
+    """A loop that is behind brings samples in an order of its own. The newest two minutes are held
+    in bins of 10 ms, and the whole run in bins that become wider."""
+    rows, page_hub = draw_rows(1_500, bursts=30, seed=7), hub()
+    page_hub.take(rows[:1])
+    for first in 1 + 37 * np.random.default_rng(7).permutation(41):
+        page_hub.take(rows[first : first + 37])
+    near, whole = page_hub.levels
+    assert whole.width == pytest.approx(0.016)
+    assert whole.age == 4
+    assert_same(page_hub, whole, count_plainly(rows, whole.width))
+    newest = rows[rows["host_s"] >= 50.0 + 0.01 * (near.numbers.max() - near.count + 1)]
+    assert 0 < len(newest) < 1_000
+    assert_same(page_hub, near, count_plainly(newest, 0.01))
+    before = near.values(np.array(near.present_numbers()))[1]
+    page_hub.take(rows[:50])  # older than two minutes
+    early = rows[:5].copy()
+    early["host_s"] -= 100.0  # before the run
+    page_hub.take(early)
+    np.testing.assert_array_equal(near.values(np.array(near.present_numbers()))[1], before)
 
 
 def test_what_changed_is_told_once():
-    rows = some_rows(200, 5)
-    bins = Bins(0.01, 1_000)
-    bins.add(rows["host_s"] - 50.0, rows)
-    assert sorted(bins.take_changes()) == bins.present_numbers()
-    assert not bins.take_changes()
-    bins.add(rows["host_s"][:1] - 50.0, rows[:1])
-    assert len(bins.take_changes()) == 1
+    rows, page_hub = draw_rows(200, bursts=1, seed=5), hub()
+    near = page_hub.levels[0]
+    page_hub.take(rows)
+    assert sorted(near.take_changes()) == near.present_numbers()
+    assert not near.take_changes()
+    page_hub.take(rows[:1])
+    assert len(near.take_changes()) == 1
 
 
-def test_nothing_is_drawn_of_a_sample_without_a_pose_even_if_it_has_numbers():
-    rows = some_rows(10, 5, status=False)
-    rows["status"] = 1
-    bins = Bins(10.0, 4)
-    bins.add(rows["host_s"] - 50.0, rows)
-    _, table = bins.values(np.array([0]))
-    values = dict(zip(COLUMNS, table[0], strict=True))
-    assert values["samples"] == 10
-    assert values["poses"] == 0
-    assert all(np.isnan(values[f"{part}tx_mm"]) for part in ("least_", "most_", "mean_", "u_"))
+def test_a_page_gets_the_newest_sample_with_object_and_channels():
+    rows, page_hub = draw_rows(20, bursts=1, seed=3), hub()
+    page_hub.take(rows)
+    hello = json.loads(page_hub.hello())
+    assert hello["object"]["point_mm"] == [10.0, -20.0, 50.0]
+    assert hello["extras"] == list(EXTRAS)
+    values = [np.nan if value is None else value for value in page_hub.newest["channels"]]
+    np.testing.assert_array_equal(values, [rows[name][-1] for name in EXTRAS])

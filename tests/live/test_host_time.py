@@ -145,8 +145,8 @@ def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
             loop.pass_on(loop.live.pipeline.skip(loop.backlog.batches[-1]), arrival)
     assert halts == [CLOCK_MOVED]
     ages = np.concatenate(ages)
-    assert ages[:8].max() < 0.02
-    assert ages[16:].min() > 0.29
+    assert ages[:40].max() < 0.02
+    assert ages[80:].min() > 0.29
 
 
 def test_an_input_of_the_board_marks_its_samples():
