@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from functools import partial
 
 import numpy as np
 import pytest
@@ -33,13 +34,27 @@ def stream(rng):
     return pack(whole.where((number < 5000) | (number >= 5003)))
 
 
+@pytest.fixture
+def run(tmp_path):
+    """Runs a command in a folder of its own."""
+    return partial(command, cwd=tmp_path)
+
+
+@pytest.fixture
+def record(run, tmp_path):
+    """Records the bytes of a board."""
+
+    def record(data, folder):
+        (tmp_path / "board.bin").write_bytes(data)
+        run("acquire", "bench", "--port", "file:board.bin", "-d", folder, "--plain")
+
+    return record
+
+
 @pytest.mark.slow
-def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
-    (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8)))
-    acquired = command("acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain",
-                       cwd=tmp_path)  # fmt: skip
-    assert (tmp_path / "rec").exists(), acquired.stderr
-    result = command("noise", "rec", "--folder", "noise", "--write", "noise.yaml", cwd=tmp_path)
+def test_known_noise_is_found_and_the_configuration_takes_it(run, record, tmp_path):
+    record(stream(np.random.default_rng(8)), "rec")
+    result = run("noise", "rec", "--folder", "noise", "--write", "noise.yaml")
     assert result.returncode == 0, result.stderr
     assert f"{COUNT - 3} samples, 16.38 s at 1000 Hz, 3 missing" in result.stdout
     lines = (tmp_path / "noise" / "noise.csv").read_text().splitlines()
@@ -58,25 +73,20 @@ def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
     found = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
     assert found[0] == pytest.approx(CENTROID, rel=0.1)
     assert found[2] == pytest.approx(POWER, rel=0.1)
-    again = command("noise", "rec", "--folder", "noise", cwd=tmp_path)
+    again = run("noise", "rec", "--folder", "noise")
     assert again.returncode == 2
     assert "use --force to replace it" in again.stderr
 
 
 @pytest.mark.slow
-def test_a_recording_that_says_nothing_is_refused(tmp_path):
-    (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8))[: 64 * 20])
-    command(
-        "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain", cwd=tmp_path
-    )
-    result = command("noise", "rec", cwd=tmp_path)
+def test_a_recording_that_does_not_show_the_noise_is_refused_and_leaves_nothing(
+    run, record, tmp_path
+):
+    """One that is too short, and one of a moving mirror."""
+    record(stream(np.random.default_rng(8))[: 64 * 20], "short")
+    result = run("noise", "short")
     assert result.returncode == 2
     assert "too few for their noise" in result.stderr
-
-
-@pytest.mark.slow
-def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
-    """One recording at rest makes the configuration; one of the moving mirror does not."""
     config = facets.load("bench")
     count = 4_000
     state = np.zeros((count, 8))
@@ -87,25 +97,20 @@ def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
     )  # fmt: skip
     number = np.arange(count, dtype=np.uint32)
     kind = np.ones(count, np.uint8)
-    (tmp_path / "board.bin").write_bytes(
-        pack(Samples(kind, 0 * kind, number, 100 * number, counts))
-    )
-    acquired = command("acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain",
-                       cwd=tmp_path)  # fmt: skip
-    assert acquired.returncode == 0, acquired.stderr
-    result = command("noise", "rec", "--folder", "new/noise", "--write", "new/n.yaml", cwd=tmp_path)
+    record(pack(Samples(kind, 0 * kind, number, 100 * number, counts)), "rec")
+    result = run("noise", "rec", "--folder", "new/noise", "--write", "new/n.yaml")
     assert result.returncode == 1
     assert "All detectors change as when the mirror moves, mostly in yaw" in result.stdout
     assert "Not written: new/noise/, new/n.yaml." in result.stdout
     assert "position_um" not in result.stdout
     assert not (tmp_path / "new").exists()
-    result = command("noise", "rec", "--folder", "noise", cwd=tmp_path)
+    result = run("noise", "rec", "--folder", "noise")
     assert result.returncode == 1
     assert "the noise of the bench cannot be estimated from this recording" in result.stdout
     page = (tmp_path / "noise" / "noise.html").read_text()
     assert "he noise of the bench cannot be estimated from this recording" in page
     assert "For the configuration" not in page
-    result = command("noise", "rec", "--write", "foo.txt", cwd=tmp_path)
+    result = run("noise", "rec", "--write", "foo.txt")
     assert result.returncode == 2
     assert "foo.txt: a configuration's name ends in .yaml or .yml" in result.stderr
 
