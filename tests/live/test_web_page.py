@@ -23,21 +23,29 @@ from facets.live import (
     recorded_poses,
     status_of,
 )
-from facets.pictures.page.scripts import rig_scripts
+from facets.pictures import page as drawing
 
-pytest.importorskip("aiohttp")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 CONFIG = facets.load("bench")
-DRAWN = rig_scripts(CONFIG.sensor)
 STATES = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
+COUNT = 6_000
+#: An auxiliary channel, of which each fifth value is missing.
+FORCE = np.where(np.arange(COUNT) % 5, np.sin(np.arange(COUNT) / 300), np.nan).astype(np.float32)
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
+    """The folder of a recording `rec` with channels, made with a page that nobody opened."""
+    pytest.importorskip("aiohttp")
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "board.bin").write_bytes(kills.stream(6_000))
-    words = ("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--web")
+    samples = FixedFrames().feed(kills.stream(COUNT))
+    channels = np.stack([FORCE, np.full(COUNT, 21.5, np.float32)], axis=1)
+    (folder / "board.bin").write_bytes(pack(replace(samples, channels=channels)))
+    (folder / "own.yaml").write_text(
+        "extends: bench\nacquire: {channels: [{name: force, unit: N, scale: 2}, "
+        "{name: temperature, unit: degC}]}\n"
+    )
+    words = ("acquire", "own.yaml", "--port", "file:board.bin", "-d", "rec", "--web")
     result = command(*words, "--plain", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert "the page is at http://127.0.0.1:" in result.stderr
@@ -45,45 +53,60 @@ def recorded(tmp_path_factory):
     return folder
 
 
+@pytest.fixture
+def open_page():
+    """Opens the page of a run, which is closed at the end of the test."""
+    pytest.importorskip("aiohttp")
+    pages = []
+
+    def open_page(status=dict):
+        scripts = drawing.scripts.rig_scripts(CONFIG.sensor)
+        pages.append(WebPage(CONFIG, "0", status, {"kind": "acquire"}, drawn=scripts))
+        return pages[-1]
+
+    yield open_page
+    for page in pages:
+        page.close()
+
+
 def numbers(browser):
     """The numbers beside the strips, by component; None where there is none."""
-    found = browser.ask(
+    values = browser.ask(
         "Object.fromEntries([...document.querySelectorAll('.strip')].map((one) => "
         "[one.dataset.name, one.querySelector('.number').dataset.value]))"
     )
-    return {name: float(value) if value else None for name, value in found.items()}
+    return {name: float(value) if value else None for name, value in values.items()}
 
 
 def drag(browser, begin, end):
     """Across a strip, from one share of its width to another."""
-    left, top, wide, high = browser.ask(
+    x, y, width, height = browser.ask(
         "(() => { const r = facets.strips.plots[2].u.over.getBoundingClientRect();"
         " return [r.left, r.top, r.width, r.height]; })()"
     )
-    x, y = (left + share * wide for share in (begin, end)), top + high / 2
-    x0, x1 = x
-    browser.drag((x0, y), (x1, y))
+    middle = y + height / 2
+    browser.drag((x + begin * width, middle), (x + end * width, middle))
 
 
 @pytest.mark.slow
 def test_a_recording_on_the_page_is_that_of_the_record(recorded):
     poses = recorded_poses(recorded / "rec")
-    order = np.argsort(poses["seq"])
+    last = np.argmax(poses["seq"])
     with Program("replay", "rec", "--web", "127.0.0.1:0", cwd=recorded) as replay:
         replay.await_output("the page stays at ")
         url = replay.stderr.partition("the page is at ")[2].split()[0]
         with Browser(url) as browser:
             browser.await_true("facets.run.status.finished && facets.run.sample")
             browser.await_true("document.querySelector('.number').dataset.value")
-            last = order[-1]
-            for name, value in numbers(browser).items():
-                column = next(one for one in STATES if one.startswith(f"{name}_"))
-                assert value == poses[column][last]  # to the last bit
+            shown = numbers(browser)
+            for column in STATES:
+                assert shown[column.partition("_")[0]] == poses[column][last]  # to the last bit
             assert browser.ask("document.body.dataset.state") == "ended"
             assert browser.ask("facets.run.hello.kind") == "replay"
             events = "document.getElementById('events').innerText"
-            browser.await_true(f"{events}.includes('end: samples 6000')")
+            browser.await_true(f"{events}.includes('end: samples {COUNT}')")
             assert_means_are_those_of_the_record(browser, poses)
+            assert_channels_have_strips_with_name_and_unit(browser)
             pause_zoom_and_follow(browser)
             assert all(address.split("/")[2] == url.split("/")[2] for address in browser.addresses)
             assert not browser.errors
@@ -91,40 +114,26 @@ def test_a_recording_on_the_page_is_that_of_the_record(recorded):
             browser.await_true("document.body.dataset.state === 'ended' && facets.run.end")
             assert "has ended" in browser.ask("document.getElementById('doubts').textContent")
             assert numbers(browser)["tx"] == poses["tx_mm"][last]  # it keeps the last data
+            assert_nothing_is_cut_on_a_telephone_and_on_a_screen(browser)
 
 
 @pytest.mark.slow
-def test_channels_have_strips_with_name_and_unit(tmp_path):
-    samples = FixedFrames().feed(kills.stream(2_000))
-    force = np.sin(np.arange(2_000) / 300).astype(np.float32)
-    force[::5] = np.nan
-    heat = np.full(2_000, 21.5, np.float32)
-    data = pack(replace(samples, channels=np.stack([force, heat], axis=1)))
-    (tmp_path / "board.bin").write_bytes(data)
-    (tmp_path / "own.yaml").write_text(
-        "extends: bench\nacquire: {channels: [{name: force, unit: N, scale: 2}, "
-        "{name: temperature, unit: degC}]}\n"
-    )
-    result = command(
-        "acquire", "own.yaml", "--port", "file:board.bin", "--folder", "rec", "--plain",
-        cwd=tmp_path,
-    )  # fmt: skip
-    assert result.returncode == 0, result.stderr
-    with Program("replay", "rec", "--web", "127.0.0.1:0", cwd=tmp_path) as replay:
+def test_a_page_that_stays_is_ended_by_a_signal(recorded):
+    with Program("replay", "rec", "--web", cwd=recorded) as replay:
         replay.await_output("the page stays at ")
-        with Browser(replay.stderr.partition("the page is at ")[2].split()[0]) as browser:
-            browser.await_true("facets.run.status.finished && facets.run.sample")
-            browser.await_true("document.querySelector('[data-name=force] .number').dataset.value")
-            text = browser.ask("document.querySelector('[data-name=force]').innerText")
-            assert f"{2 * force[-1]:.5g} N" in text
-            heat_text = browser.ask("document.querySelector('[data-name=temperature]').innerText")
-            assert "21.5 degC" in heat_text
-            view = browser.ask("facets.run.store.view(0, 1e9, 1e9)")
-            assert max(filter(None, view["most"][8])) == pytest.approx(2.0, rel=1e-4)
-            assert min(filter(None, view["least"][8])) == pytest.approx(-2.0, rel=1e-4)
-            assert set(view["mean"][9]) == {21.5}
-            assert set(view["u"][8]) == {None}
-            assert not browser.errors
+        assert replay.end(signal.SIGTERM) == 143
+
+
+def assert_channels_have_strips_with_name_and_unit(browser):
+    text = browser.ask("document.querySelector('[data-name=force]').innerText")
+    assert f"{2 * FORCE[-1]:.5g} N" in text
+    text = browser.ask("document.querySelector('[data-name=temperature]').innerText")
+    assert "21.5 degC" in text
+    view = browser.ask("facets.run.store.view(0, 1e9, 1e9)")
+    assert max(filter(None, view["most"][8])) == pytest.approx(2.0, rel=1e-4)
+    assert min(filter(None, view["least"][8])) == pytest.approx(-2.0, rel=1e-4)
+    assert set(view["mean"][9]) == {21.5}
+    assert set(view["u"][8]) == {None}
 
 
 def assert_means_are_those_of_the_record(browser, poses):
@@ -175,10 +184,10 @@ CUT = """
     || one.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
   .map((one) => one.textContent)
 """
-#: Whether the strips have the width of their place; and the longest unit that stands beside one.
+#: Whether the strips have the width of their place; and the longest unit that stands beside a pose.
 FITTED = "facets.strips.plots.every(({ box, u }) => u.width === box.lastChild.clientWidth)"
 UNITS = """
-document.querySelectorAll('.scale').forEach(
+[...document.querySelectorAll('.scale')].slice(0, 6).forEach(
   (one) => { one.textContent = '\\u00b5rad from \\u22123.00012 mrad'; })
 """
 #: By how much the label of a time at the right end, or of a value at the upper end, is cut, px.
@@ -192,32 +201,14 @@ facets.strips.plots.flatMap(({ u }) => {
 """
 
 
-@pytest.mark.slow
-def test_nothing_on_the_page_is_cut_on_a_telephone_and_on_a_screen(recorded):
-    with Program("replay", "rec", "--web", cwd=recorded) as replay:
-        replay.await_output("the page stays at ")
-        url = replay.stderr.partition("the page is at ")[2].split()[0]
-        with Browser(url) as browser:
-            browser.await_true("!!document.querySelector('.number')?.dataset.value")
-            for width, height in ((360, 740), (768, 1024), (1440, 900)):
-                browser.resize(width, height)
-                browser.await_true(FITTED)
-                browser.ask(UNITS)
-                assert browser.ask("document.documentElement.scrollWidth") <= width
-                assert browser.ask(CUT) == []
-                assert max(browser.ask(LABELS)) <= 0
-        replay.end(signal.SIGTERM)
-
-
-@pytest.mark.slow
-def test_a_wrong_token_shows_nothing(recorded):
-    with Program("replay", "rec", "--web", cwd=recorded) as replay:
-        replay.await_output("the page stays at ")
-        url = replay.stderr.partition("the page is at ")[2].split()[0]
-        with Browser(url.rstrip("/")[:-1] + "/") as browser:
-            browser.await_true("document.body.innerText.includes('403')")
-            assert "token" in browser.ask("document.body.innerText")
-        assert replay.end(signal.SIGTERM) == 143
+def assert_nothing_is_cut_on_a_telephone_and_on_a_screen(browser):
+    for width, height in ((360, 740), (768, 1024), (1440, 900)):
+        browser.resize(width, height)
+        browser.await_true(FITTED)
+        browser.ask(UNITS)
+        assert browser.ask("document.documentElement.scrollWidth") <= width
+        assert browser.ask(CUT) == []
+        assert max(browser.ask(LABELS)) <= 0
 
 
 def rows_of(count, first=0):
@@ -240,116 +231,97 @@ def give(page, rows):
 
 
 @pytest.mark.slow
-def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
-    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=DRAWN)
-    try:
-        give(page, rows_of(100))
-        with Browser(page.url, webgl=True) as browser:
-            browser.await_true("facets.scene.drawn")
-            assert browser.ask("document.querySelectorAll('#scene canvas').length") == 1
-            assert not browser.errors
-        with Browser(page.url) as browser:
-            browser.await_true("facets.scene.root.textContent.includes('no WebGL')")
-            browser.await_true("document.querySelector('.number').dataset.value")
-            assert not browser.errors
-    finally:
-        page.close()
+def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said(open_page):
+    page = open_page()
+    give(page, rows_of(100))
+    with Browser(page.url, webgl=True) as browser:
+        browser.await_true("facets.scene.drawn")
+        assert browser.ask("document.querySelectorAll('#scene canvas').length") == 1
+        assert not browser.errors
+    with Browser(page.url) as browser:
+        browser.await_true("facets.scene.root.textContent.includes('no WebGL')")
+        browser.await_true("document.querySelector('.number').dataset.value")
+        assert not browser.errors
 
 
 #: Where the page says what to doubt.
 DOUBTS = "document.getElementById('doubts')"
 
 
-@pytest.mark.slow
-def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
+def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself(open_page):
     live = Live(Pipeline(CONFIG))
-    page = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"}, drawn=DRAWN)
-    try:
-        page.show()
-        with Browser(page.url) as browser:
-            browser.await_true(
-                "facets.run.status && document.getElementById('counts').children.length"
-            )
-            text = browser.ask("document.body.innerText")
-            assert "no sample yet" in text
-            assert "unknown: no sample is solved yet" in text
-            assert "unknown: no stage is moved" in text
-            browser.await_true("[...document.querySelectorAll('.number')].length === 6")
-            assert set(numbers(browser).values()) == {None}
-            give(page, rows_of(1_000))
-            browser.await_true("facets.run.sample?.seq === 999")
-            browser.await_true("document.querySelector('.number').dataset.value === '0.999'")
-            spoilt = rows_of(10, 1_000)
-            spoilt["status"], spoilt["flags"] = 66, 1
-            for name in ("tx_mm", "power_b_mw", "psi_b_mm", "zeta_b_mm"):
-                spoilt[name] = np.nan
-            give(page, spoilt)
-            browser.await_true("facets.run.sample?.seq === 1009")
-            browser.await_true("document.querySelector('.strip .u').textContent === 'saturated'")
-            assert set(numbers(browser).values()) == {None}
-            assert (
-                browser.ask("document.querySelector('.face[data-name=B]').dataset.trouble")
-                == "saturated"
-            )
-            browser.ask("facets.run.line.close()")
-            give(page, rows_of(500, 1_010))
-            browser.await_true("facets.run.connections === 2 && facets.run.sample.seq === 1509")
-            samples = browser.ask(
-                "facets.run.store.view(0, 1e9, 1e9).samples.reduce((a, b) => a + b)"
-            )
-            assert samples == 1_510
-            browser.await_true("document.querySelector('#scene .why') !== null")
-            page.close()
-            browser.await_true("document.body.dataset.state === 'ended'")
-            assert "The run has ended." in browser.ask("document.body.innerText")
-            assert not browser.errors
-    finally:
+    page = open_page(lambda: status_of(live))
+    page.show()
+    with Browser(page.url) as browser:
+        browser.await_true("facets.run.status && document.getElementById('counts').children.length")
+        text = browser.ask("document.body.innerText")
+        assert "no sample yet" in text
+        assert "unknown: no sample is solved yet" in text
+        assert "unknown: no stage is moved" in text
+        browser.await_true("[...document.querySelectorAll('.number')].length === 6")
+        assert set(numbers(browser).values()) == {None}
+        give(page, rows_of(1_000))
+        browser.await_true("facets.run.sample?.seq === 999")
+        browser.await_true("document.querySelector('.number').dataset.value === '0.999'")
+        spoilt = rows_of(10, 1_000)
+        spoilt["status"], spoilt["flags"] = 66, 1
+        for name in ("tx_mm", "power_b_mw", "psi_b_mm", "zeta_b_mm"):
+            spoilt[name] = np.nan
+        give(page, spoilt)
+        browser.await_true("facets.run.sample?.seq === 1009")
+        browser.await_true("document.querySelector('.strip .u').textContent === 'saturated'")
+        assert set(numbers(browser).values()) == {None}
+        trouble = "document.querySelector('.face[data-name=B]').dataset.trouble"
+        assert browser.ask(trouble) == "saturated"
+        browser.ask("facets.run.line.close()")
+        give(page, rows_of(500, 1_010))
+        browser.await_true("facets.run.connections === 2 && facets.run.sample.seq === 1509")
+        samples = browser.ask("facets.run.store.view(0, 1e9, 1e9).samples.reduce((a, b) => a + b)")
+        assert samples == 1_510
+        browser.await_true("document.querySelector('#scene .why') !== null")
         page.close()
+        browser.await_true("document.body.dataset.state === 'ended'")
+        assert "The run has ended." in browser.ask("document.body.innerText")
+        assert not browser.errors
     await_true(lambda: page.process.poll() is not None, "its process ends")
     assert page.dropped_count == 0
 
 
 @pytest.mark.slow
-def test_a_stopped_stage_has_a_button_that_resumes_it():
+def test_a_stopped_stage_has_a_button_that_resumes_it(open_page):
     live, pressed = Live(Pipeline(CONFIG)), []
     stop = (
         "the stage is stopped, the recording goes on: no pose; resume it by the key r, the button"
     )
     words = status_of(live) | {"messages": [f"{stop} on the page, or kill -USR1 123456", stop]}
     stage = {"there": True, "state": "stopped: no pose", "stopped": "no pose", "moves": 3}
-    page = WebPage(CONFIG, "0", lambda: words | {"stage": stage}, {"kind": "acquire"}, drawn=DRAWN)
+    page = open_page(lambda: words | {"stage": stage})
     page.resume = lambda: pressed.append(True)
     button = "document.getElementById('resume')"
-    try:
-        with Browser(page.url) as browser:
-            page.show()
-            browser.await_true(f"{button} && !{button}.hidden")
-            browser.resize(360, 740)
-            assert browser.ask(
-                f"(({{ scrollHeight, clientHeight }}) => scrollHeight <= clientHeight)({DOUBTS})"
-            )
-            browser.ask(f"{button}.click()")
-            await_true(lambda: pressed, "the button's word")
-            stage |= {"state": "following", "stopped": ""}
-            words["messages"] = []
-            page.due = 0.0
-            page.show()
-            browser.await_true(f"{button}.hidden")
-            browser.await_true(f"{DOUBTS}.textContent === 'No sample has come yet.'")
-            assert not browser.errors
-    finally:
-        page.close()
+    with Browser(page.url) as browser:
+        page.show()
+        browser.await_true(f"{button} && !{button}.hidden")
+        browser.resize(360, 740)
+        assert browser.ask(
+            f"(({{ scrollHeight, clientHeight }}) => scrollHeight <= clientHeight)({DOUBTS})"
+        )
+        browser.ask(f"{button}.click()")
+        await_true(lambda: pressed, "the button's word")
+        stage |= {"state": "following", "stopped": ""}
+        words["messages"] = []
+        page.due = 0.0
+        page.show()
+        browser.await_true(f"{button}.hidden")
+        browser.await_true(f"{DOUBTS}.textContent === 'No sample has come yet.'")
+        assert not browser.errors
     assert pressed == [True]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_axe_finds_nothing_against_wcag(theme):
-    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=DRAWN)
-    try:
-        give(page, rows_of(1_000))
+def test_axe_finds_nothing_against_wcag(open_page):
+    page = open_page()
+    give(page, rows_of(1_000))
+    for theme in ("light", "dark"):
         with Browser(f"{page.url}?theme={theme}") as browser:
             browser.await_true("document.querySelector('.number').dataset.value")
             assert browser.find_barriers() == []
-    finally:
-        page.close()
