@@ -14,7 +14,7 @@ import numpy as np
 from properdocs.structure.files import File
 
 from facets.config import load
-from facets.pictures.page.rig_page import rig_page
+from facets.pictures import rig_page
 
 RIG = re.compile(r"<!-- rig: ([\w-]+) -->")
 #: Where the mirror stands at first: off its place in all directions; no two spots are alike.

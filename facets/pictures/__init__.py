@@ -30,11 +30,18 @@ else:
     __getattr__ = load_on_use(
         __name__,
         {
+            "calibration": "residual_picture",
+            "exploration": "front_picture pareto_picture",
             "film": "ease_camera",
+            "layout": "layout_picture",
             "magnification": "motion_factor round_down stays_on_detectors",
+            "motion": "motion_picture",
+            "page.rig_page": "rig_page",
             "ranges": "ranges_picture",
             "render": "Picture",
+            "resolution": "budget_picture",
             "scene": "Stand",
+            "singularity": "survey_picture",
             "spots": "light_on plan_picture spots_picture",
             "style": "lay_out",
         },

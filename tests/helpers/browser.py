@@ -1,21 +1,22 @@
-"""Headless browser that tests control through its debugging protocol.
+"""Headless Chromium that tests control through its debugging protocol.
 
-Everything goes through `Browser.ask`, which evaluates an expression of JavaScript on the page.
+One process serves all tests of a session. Each `Browser` is a window that shares nothing with the
+others; `Browser.ask` evaluates an expression of JavaScript on its page.
 """
 
 from __future__ import annotations
 
-import asyncio
-import base64
+import atexit
 import json
+import os
+import select
 import shutil
 import subprocess
 import tempfile
-import threading
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
-from urllib.request import urlopen
 
 import pytest
 from programs import GUARD
@@ -23,127 +24,142 @@ from programs import GUARD
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--remote-debugging-port=0", "--window-size=1440,900",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
+    "--disable-backgrounding-occluded-windows", "--enable-unsafe-swiftshader",
+    "--remote-debugging-pipe",
 ]  # fmt: skip
-WEBGL, NO_WEBGL = "--enable-unsafe-swiftshader", "--disable-3d-apis"
+#: The browser takes commands from file 3 and answers on file 4.
+START = 'exec "$@" 3<&0 4>&1 0</dev/null 1>/dev/null 2>/dev/null'
+NO_WEBGL = """const plain = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  return kind.includes("webgl") ? null : plain.call(this, kind, ...more);
+};"""
+
+
+class Chromium:
+    """The browser's process, which exchanges JSON over two pipes; a zero byte ends a message."""
+
+    def __init__(self) -> None:
+        assert CHROMIUM is not None
+        self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self.process = subprocess.Popen(
+            ["bash", "-c", START, "bash", CHROMIUM, *FLAGS, f"--user-data-dir={self.profile.name}"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0,
+        )  # fmt: skip
+        atexit.register(self.close)
+        self.windows: dict[str, Browser] = {}
+        self.unread = b""
+        self.count = 0
+
+    def exchange(self, method: str, session: str | None = None, **parameters: Any) -> Any:
+        """Call a method of the protocol and return its result."""
+        assert self.process.stdin is not None
+        self.count += 1
+        request = {"id": self.count, "method": method, "params": parameters}
+        if session:
+            request["sessionId"] = session
+        text = memoryview(json.dumps(request).encode() + b"\0")
+        while text:
+            text = text[self.process.stdin.write(text) :]
+        while (message := self.read()).get("id") != self.count:
+            if message.get("sessionId") in self.windows:
+                self.windows[message["sessionId"]].note(message)
+        assert "error" not in message, message
+        return message["result"]
+
+    def read(self) -> Any:
+        """Wait for a message and return it."""
+        assert self.process.stdout is not None
+        while b"\0" not in self.unread:
+            assert select.select([self.process.stdout], [], [], GUARD)[0], "the browser is silent"
+            data = os.read(self.process.stdout.fileno(), 2**20)
+            assert data, "the browser has ended"
+            self.unread += data
+        message, _, self.unread = self.unread.partition(b"\0")
+        return json.loads(message)
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.profile.cleanup()
+
+
+@cache
+def chromium() -> Chromium:
+    return Chromium()
 
 
 class Browser:
-    """A page in Chromium that records its messages and the addresses that it loads.
+    """A window with a page; it notes what the page logs and loads.
 
-    errors: what scripts threw, and all that stands on the console.  addresses: all that the page
-    loaded.
+    addresses: all that the page loaded.
     """
 
     def __init__(self, url: str, webgl: bool = False) -> None:
         """Open a page; `webgl` enables WebGL on the processor, which is slow."""
-        assert CHROMIUM is not None
-        self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        self.process = subprocess.Popen(
-            [CHROMIUM, *FLAGS, WEBGL if webgl else NO_WEBGL,
-             f"--user-data-dir={self.profile.name}", "about:blank"],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        self.errors: list[str] = []
+        self.exchange = chromium().exchange
+        self.logged: list[str] = []
         self.addresses: list[str] = []
-        self.answers: dict[int, asyncio.Future[Any]] = {}
-        self.count = 0
-        self.loop = asyncio.new_event_loop()
-        self.thread = threading.Thread(target=self.loop.run_forever)
-        self.thread.start()
-        try:
-            self.call(self.open(self.debugger()))
-            for domain in ("Runtime", "Log", "Network", "Page"):
-                self.send(f"{domain}.enable")
-            self.send("Page.navigate", url=url)
-        except BaseException:
-            self.close()
-            raise
+        self.context = self.exchange("Target.createBrowserContext")["browserContextId"]
+        target = self.exchange(
+            "Target.createTarget",
+            url="about:blank", browserContextId=self.context,
+            newWindow=True, width=1440, height=900,
+        )["targetId"]  # fmt: skip
+        attached = self.exchange("Target.attachToTarget", targetId=target, flatten=True)
+        self.session = attached["sessionId"]
+        chromium().windows[self.session] = self
+        for domain in ("Runtime", "Log", "Network", "Page"):
+            self.send(f"{domain}.enable")
+        if not webgl:
+            self.send("Page.addScriptToEvaluateOnNewDocument", source=NO_WEBGL)
+        self.send("Page.navigate", url=url)
 
-    def debugger(self) -> str:
-        """Wait for the browser and return the address of the page's debugger."""
-        port = Path(self.profile.name) / "DevToolsActivePort"
-        last = time.monotonic() + GUARD
-        while time.monotonic() < last:
-            assert self.process.poll() is None, "the browser has ended"
-            words = port.read_text().split() if port.exists() else []
-            if len(words) == 2:
-                with urlopen(f"http://127.0.0.1:{words[0]}/json/list") as answer:
-                    pages = [one for one in json.load(answer) if one["type"] == "page"]
-                if pages:
-                    return str(pages[0]["webSocketDebuggerUrl"])
-            time.sleep(0.02)
-        raise AssertionError("the browser does not begin")
+    def note(self, message: dict[str, Any]) -> None:
+        """Note an event."""
+        method, words = message["method"], message["params"]
+        if method in ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded"):
+            text = json.dumps(words)[:2000]
+            if "GL Driver Message" not in text:  # of a picture that is read
+                self.logged.append(text)
+        elif method in ("Network.requestWillBeSent", "Network.webSocketCreated"):
+            self.addresses.append(words.get("url") or words["request"]["url"])
 
-    async def open(self, address: str) -> None:
-        import aiohttp
-
-        self.session = aiohttp.ClientSession()
-        self.line = await self.session.ws_connect(address, max_msg_size=0)
-        self.listening = asyncio.create_task(self.listen())
-
-    async def listen(self) -> None:
-        async for message in self.line:
-            words = json.loads(message.data)
-            if words.get("id") in self.answers:
-                self.answers.pop(words["id"]).set_result(words)
-            elif words.get("method") == "Runtime.exceptionThrown":
-                self.errors.append(json.dumps(words["params"]["exceptionDetails"])[:2000])
-            elif words.get("method") in ("Runtime.consoleAPICalled", "Log.entryAdded"):
-                if "GL Driver Message" not in message.data:  # of a picture that is read
-                    self.errors.append(json.dumps(words["params"])[:2000])
-            elif words.get("method") in ("Network.requestWillBeSent", "Network.webSocketCreated"):
-                found = words["params"]
-                self.addresses.append(found.get("url") or found["request"]["url"])
-
-    def call(self, what: Any) -> Any:
-        return asyncio.run_coroutine_threadsafe(what, self.loop).result(GUARD)
-
-    async def exchange(self, method: str, parameters: dict[str, Any]) -> Any:
-        self.count += 1
-        number = self.count
-        self.answers[number] = asyncio.get_running_loop().create_future()
-        answer = self.answers[number]
-        await self.line.send_str(json.dumps({"id": number, "method": method, "params": parameters}))
-        return await answer
+    @property
+    def errors(self) -> list[str]:
+        """What scripts threw, and all that stands on the console."""
+        self.ask("0")  # the answer comes after what was logged before
+        return self.logged
 
     def send(self, method: str, **parameters: Any) -> Any:
-        """Call a method of the browser's protocol and return its result."""
-        words = self.call(self.exchange(method, parameters))
-        assert "error" not in words, words
-        return words["result"]
+        """Call a method of the protocol for this page and return its result."""
+        return self.exchange(method, self.session, **parameters)
 
     def ask(self, expression: str) -> Any:
         """Evaluate an expression on the page, wait for a promise, and return the value."""
-        found = self.send(
+        answer = self.send(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
-        assert "exceptionDetails" not in found, found
-        return found["result"].get("value")
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
 
     def await_true(self, expression: str) -> Any:
         """Wait until an expression is true on the page and return its value."""
         last = time.monotonic() + GUARD
-        while time.monotonic() < last:
-            tried = f"try {{ return {expression}; }} catch {{ return null; }}"
-            if found := self.ask(f"(() => {{ {tried} }})()"):
-                return found
+        tried = f"(() => {{ try {{ return {expression}; }} catch {{ return null; }} }})()"
+        while not (value := self.ask(tried)):
+            assert time.monotonic() < last, f"waited in vain: {expression}; {self.logged}"
             time.sleep(0.05)
-        raise AssertionError(f"waited in vain: {expression}; {self.errors}")
+        return value
 
     def find_barriers(self) -> list[Any]:
         """Rules of WCAG 2.1, levels A and AA, that the page breaks, and where, by axe-core."""
         source = pytest.importorskip("axe_playwright_python").__path__[0]
         self.ask((Path(source) / "axe.min.js").read_text("utf-8"))
-        found = self.ask("axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa']})")
-        assert len(found["passes"]) > 5
-        return [(one["id"], [n["target"] for n in one["nodes"]]) for one in found["violations"]]
-
-    def picture(self, path: Path) -> None:
-        data = self.send("Page.captureScreenshot", format="png")["data"]
-        path.write_bytes(base64.b64decode(data))
+        report = self.ask("axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa']})")
+        assert len(report["passes"]) > 5
+        return [(rule["id"], [n["target"] for n in rule["nodes"]]) for rule in report["violations"]]
 
     def press(self, kind: str, x: float, y: float, **more: Any) -> None:
         """Send a mouse event."""
@@ -151,7 +167,7 @@ class Browser:
 
     def drag(self, begin: tuple[float, float], end: tuple[float, float], **more: Any) -> None:
         """Drag the mouse from one place to another."""
-        middle = tuple((one + other) / 2 for one, other in zip(begin, end, strict=True))
+        middle = tuple((first + last) / 2 for first, last in zip(begin, end, strict=True))
         self.press("mousePressed", *begin, button="left", clickCount=1, **more)
         for place in (middle, end):
             self.press("mouseMoved", *place, button="left", **more)
@@ -163,30 +179,17 @@ class Browser:
         self.send("Input.dispatchKeyEvent", type="keyDown", key=key, **text, **more)
         self.send("Input.dispatchKeyEvent", type="keyUp", key=key, **more)
 
-    def resize(self, width: int, height: int) -> None:
-        """Give the page another size, and wait until it has it."""
+    def resize(self, width: int, height: int, scale: float = 1) -> None:
+        """Give the page another size and so many dots a pixel; wait until it has the size."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
-            width=width, height=height, deviceScaleFactor=1, mobile=False,
+            width=width, height=height, deviceScaleFactor=scale, mobile=False,
         )  # fmt: skip
         self.await_true(f"innerWidth === {width}")
 
     def close(self) -> None:
-        async def end() -> None:
-            if hasattr(self, "line"):
-                await self.line.close()
-                self.listening.cancel()
-                await self.session.close()
-
-        try:
-            self.call(end())
-        finally:
-            self.process.kill()
-            self.process.wait()
-            self.loop.call_soon_threadsafe(self.loop.stop)
-            self.thread.join()
-            self.loop.close()
-            self.profile.cleanup()
+        del chromium().windows[self.session]
+        self.exchange("Target.disposeBrowserContext", browserContextId=self.context)
 
     def __enter__(self) -> Browser:
         return self

@@ -6,51 +6,39 @@ import time
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
+from browser import Browser
 
 import facets
 from facets.core import STATE_COLUMNS
 from facets.optics import rotation
-from facets.pictures.page.rig_page import components, rig_page
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium"),
-]
+pytestmark = pytest.mark.slow
 PAPER = facets.Sensor()
-ENDS = np.array([one["end"] * one["factor"] for one in components(PAPER)])
 SHIFT = 8  # the modifier's bit in the browser's protocol
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    path = tmp_path_factory.mktemp("page") / "rig.html"
-    path.write_text(rig_page(PAPER, "paper", np.zeros(8)), "utf-8")
-    return f"file://{path}"
-
-
-@pytest.fixture(scope="module")
 def spatial(address):
-    """The page with WebGL; its messages are looked at after the last test."""
-    with Browser(address, webgl=True) as browser:
+    """The page with WebGL, drawn coarsely; its messages are looked at after the last test."""
+    with Browser("about:blank", webgl=True) as browser:
+        browser.resize(1440, 900, scale=0.25)
+        browser.send("Page.navigate", url=address)
         browser.await_true("page.scene && page.scene.drawn")
         yield browser
         assert not browser.errors
 
 
-@pytest.fixture(scope="module")
-def flat(address):
-    with Browser(address) as browser:
-        browser.await_true("page.state()")
-        yield browser
-        assert not browser.errors
-
-
-def state(browser):
+def state_of(browser):
     return np.array(browser.ask("page.state()"))
 
 
+def ends_of(browser):
+    """The ends of the sliders, mm and rad."""
+    return browser.ask("PAGE.components.map(({end, factor}) => end * factor)")
+
+
 def begin(browser, view="mirror", at=(0.0,) * 8):
+    """Look at a state; return the middle of the view and half its height, pixels."""
     browser.ask(f"page.moveTo({np.array(at).tolist()})")
     browser.ask(f"page.card.close(); page.scene.look('{view}', false)")
     left, top, wide, high = browser.ask(
@@ -78,9 +66,9 @@ def test_a_drag_moves_the_mirror_in_the_plane_of_the_picture(spatial):
     middle, half = begin(spatial)
     right, up = sides(spatial)
     spatial.drag(tuple(middle), tuple(np.add(middle, (60, -30))))
-    wanted = (60 * right + 30 * up) / half * ENDS[0]
-    assert state(spatial)[:3] == pytest.approx(wanted, abs=1e-5)
-    assert not state(spatial)[3:].any()
+    wanted = (60 * right + 30 * up) / half * ends_of(spatial)[0]
+    assert state_of(spatial)[:3] == pytest.approx(wanted, abs=1e-5)
+    assert not state_of(spatial)[3:].any()
 
 
 def test_a_drag_with_shift_turns_the_mirror_as_the_pointer_goes(spatial):
@@ -89,26 +77,25 @@ def test_a_drag_with_shift_turns_the_mirror_as_the_pointer_goes(spatial):
     middle, half = begin(spatial, at=first)
     right, up = sides(spatial)
     spatial.drag(tuple(middle), tuple(np.add(middle, (80, 40))), modifiers=SHIFT)
-    vector = (80 * up + 40 * right) / half * ENDS[3]
+    vector = (80 * up + 40 * right) / half * ends_of(spatial)[3]
     angle = np.linalg.norm(vector)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    found = state(spatial)
-    assert np.abs(np.array(rotation(*found[3:6])) - turn @ rotation(*first[3:6])).max() < 2e-6
-    assert not found[:3].any()
+    state = state_of(spatial)
+    assert np.abs(np.array(rotation(*state[3:6])) - turn @ rotation(*first[3:6])).max() < 2e-6
+    assert not state[:3].any()
 
 
-def test_a_drag_beside_the_mirror_or_in_the_mode_view_turns_the_camera(spatial):
-    for view, place in (("rig", [-300, 40]), ("mirror", [0, 0])):
-        middle, _ = begin(spatial, view)
-        spatial.ask(
-            f"document.querySelector('[data-mode={'move' if place[0] else 'view'}]').click()"
-        )
-        before = sides(spatial)
-        spatial.drag(tuple(middle + place), tuple(middle + place + [50, 0]))
-        assert not state(spatial).any()
-        assert np.abs(np.subtract(sides(spatial), before)).max() > 0.01
+@pytest.mark.parametrize(("view", "mode", "place"), [("rig", "move", -300), ("mirror", "view", 0)])
+def test_a_drag_beside_the_mirror_or_in_the_mode_view_turns_the_camera(spatial, view, mode, place):
+    middle, _ = begin(spatial, view)
+    spatial.ask(f"document.querySelector('[data-mode={mode}]').click()")
+    before = sides(spatial)
+    ends = (np.add(middle, (place, 0)), np.add(middle, (place + 50, 0)))
+    spatial.drag(*map(tuple, ends))
+    assert not state_of(spatial).any()
+    assert np.abs(np.subtract(sides(spatial), before)).max() > 0.01
     spatial.ask("document.querySelector('[data-mode=move]').click()")
 
 
@@ -120,24 +107,25 @@ def test_a_finger_drags_the_mirror(spatial):
             type=f"touch{kind}",
             touchPoints=[{"x": at, "y": y} for at in points],
         )
-    assert np.linalg.norm(state(spatial)[:3]) > 0.01 * ENDS[0]
+    assert np.linalg.norm(state_of(spatial)[:3]) > 0.01 * ends_of(spatial)[0]
 
 
 def test_a_click_on_a_part_shows_its_name_and_numbers(spatial):
     """Also where the button is held for long, as on a computer that draws slowly."""
     middle, _ = begin(spatial, "A", [0, 0, 0, 0, 0, 3e-3, 0, 0])
+    card = "document.getElementById('card')"
     spatial.press("mousePressed", *middle, button="left", clickCount=1)
     time.sleep(0.6)
     spatial.press("mouseReleased", *middle, button="left", clickCount=1)
-    text = spatial.ask("document.getElementById('card').innerText")
-    psi = facets.readings(PAPER, state(spatial))[0]
+    text = spatial.ask(f"{card}.innerText")
+    psi = facets.readings(PAPER, state_of(spatial))[0]
     assert "Detector A" in text
     assert "250 mm" in text
     assert f"{psi:.4f}".rstrip("0") + " mm" in text
     spatial.ask("document.querySelector('[data-part=mirror]').click()")
-    assert "0 mrad, 0 mrad, 3 mrad" in spatial.ask("document.getElementById('card').innerText")
+    assert "0 mrad, 0 mrad, 3 mrad" in spatial.ask(f"{card}.innerText")
     spatial.key("Escape")
-    assert spatial.ask("document.getElementById('card').hidden")
+    assert spatial.ask(f"{card}.hidden")
 
 
 def test_who_prefers_less_motion_sees_none(spatial):
@@ -169,16 +157,88 @@ def test_a_picture_is_saved(spatial, tmp_path):
     assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
+#: How much of the picture has each detector's hue.
+HUES = """(() => {
+  const {scene} = page, gl = scene.renderer.getContext();
+  scene.draw();
+  const wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
+  const data = new Uint8Array(4 * wide * high), count = [0, 0, 0];
+  gl.readPixels(0, 0, wide, high, gl.RGBA, gl.UNSIGNED_BYTE, data);
+  for (let n = 0; n < data.length; n += 4) {
+    const [r, g, b] = data.subarray(n, n + 3);
+    if (b > r + 70 && b > g + 20) count[0]++;
+    if (r > b + 70 && r > g + 30) count[1]++;
+    if (g > r + 60 && g > b + 10) count[2]++;
+  }
+  return count.map((pixels) => pixels / wide / high);
+})()"""
+
+
+def test_the_rig_in_space_shows_the_three_lights(spatial):
+    begin(spatial)
+    lit = spatial.ask(HUES)
+    begin(spatial, at=[40, 0, 0, 0, 0, 0, 0, 0])
+    dark = spatial.ask(HUES)
+    assert np.subtract(lit, dark).min() > 0.003, (lit, dark)
+
+
+#: How far the detectors' corners are from the middle of the view, in halves of its width and of
+#: its height; the ends of the middle that buttons and hints leave free, in halves of the height.
+CORNERS = """(() => {
+  page.scene.draw();
+  const box = (id) => document.querySelector(id).getBoundingClientRect();
+  const view = box("#view"), y = (at) => 1 - 2 * (at - view.top) / view.height;
+  const over = ["#hint", "#modes"].map((id) => box(id).top).filter((top) => y(top) < 0);
+  return {
+    free: [y(Math.min(...over)), y(box(".looks").bottom)],
+    corners: RIG.detectors.flatMap(({centre, axes, half}) => [0, 1, 2, 3].map((corner) => {
+      const [a, b] = [corner & 1 ? 1 : -1, corner & 2 ? 1 : -1];
+      const at = centre.map((x, n) => x + a * half[0] * axes[1][n] + b * half[1] * axes[2][n]);
+      const {x, y} = new THREE.Vector3(...at).project(page.scene.camera);
+      return [x, y];
+    })),
+  };
+})()"""
+#: The graphics driver draws nothing, which is quick; the camera goes where it would.
+BLIND = """for (const name of ["drawArrays", "drawElements"]) {
+  WebGL2RenderingContext.prototype[name] = () => {};
+}"""
+#: A small rig whose detectors stand low.
+LOW = """
+  Model.change({...Model.nominal,
+    psds: Model.nominal.psds.map((psd) => ({...psd, radius: 60, height: -3}))});
+  Object.assign(RIG, Model.bodies());
+  page.rebuild();
+"""
+
+
+def test_the_view_of_the_rig_shows_every_detector(address):
+    with Browser("about:blank", webgl=True) as browser:
+        browser.send("Page.addScriptToEvaluateOnNewDocument", source=BLIND)
+        browser.send("Page.navigate", url=address)
+        browser.await_true("page.scene && page.scene.drawn")
+        for change in ("", LOW):
+            browser.ask(change)
+            for width, height in ((360, 740), (360, 1500), (768, 1024), (1440, 900)):
+                browser.resize(width, height, scale=0.25)
+                browser.ask("new Promise((done) => setTimeout(done, 300))")
+                seen = browser.ask(CORNERS)
+                x, y = np.array(seen["corners"]).T
+                assert np.abs(x).max() < 1, width
+                assert seen["free"][0] < y.min(), width
+                assert y.max() < seen["free"][1], width
+        assert not browser.errors
+
+
 def test_keys_do_all_that_hands_do(flat):
     flat.ask("page.moveTo(new Array(8).fill(0)); document.getElementById('rig').focus()")
-    steps = ENDS / 50
     for key in ("ArrowRight", "ArrowUp", "PageDown"):
         flat.key(key)
     flat.key("ArrowUp", modifiers=SHIFT)
     flat.key("t")
     flat.key("ArrowLeft")
-    wanted = [steps[0], 1.1 * steps[1], -steps[2], -steps[3], 0, 0, 0, 0]
-    assert state(flat) == pytest.approx(wanted, rel=1e-5)
+    x, y, z, roll = np.array(ends_of(flat)[:4]) / 50
+    assert state_of(flat) == pytest.approx([x, 1.1 * y, -z, -roll, 0, 0, 0, 0], rel=1e-5)
     flat.key("m")
     flat.key("l")
     theme = flat.ask("document.documentElement.dataset.theme")
@@ -187,7 +247,7 @@ def test_keys_do_all_that_hands_do(flat):
     assert flat.ask("document.documentElement.dataset.theme") == theme
     flat.ask("document.activeElement.blur()")
     flat.key("r")
-    assert not state(flat).any()
+    assert state_of(flat).tolist() == flat.ask("PAGE.state")
     flat.key("?")
     assert flat.ask("document.getElementById('help').open")
     assert "arrow" in flat.ask("document.getElementById('help').innerText").lower()
@@ -206,7 +266,7 @@ def test_without_webgl_the_mirror_is_dragged_under_the_beam(flat):
     )
     scale = flat.ask("page.point.scale")
     flat.drag((x, y), (x + 20, y + 10))
-    assert state(flat)[:2] == pytest.approx([20 / scale, -10 / scale], rel=1e-4)
+    assert state_of(flat)[:2] == pytest.approx([20 / scale, -10 / scale], rel=1e-4)
     shown = flat.ask("document.getElementById('text').value")
     assert [part.split("=")[0] for part in shown.split(",")] == list(STATE_COLUMNS[:2])
 

@@ -7,19 +7,11 @@ draws by itself is compared with a coarse reference.
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
 
-import facets
-from facets.pictures.page.rig_page import rig_page
-
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-PAPER = facets.Sensor()
-STATE = np.array([0.08, 0.05, 0.5, 0.003, 0.004, 0.006, 0.0, 0.0])
+pytestmark = pytest.mark.slow
+STATE = [0.08, 0.05, 0.5, 0.003, 0.004, 0.006, 0.0, 0.0]
 #: A table with a long name that has no pose, own readings that have none, a state whose numbers are
 #: all long, and a part's card.
 FILL = r"""(async () => {
@@ -67,23 +59,6 @@ OVER = """(() => {
   }));
   return found;
 })()"""
-#: How far the detectors' corners are from the middle of the view, in halves of its width and of
-#: its height; the ends of the middle that buttons and hints leave free, in halves of the height.
-SEEN = """(() => {
-  page.scene.draw();
-  const box = (id) => document.querySelector(id).getBoundingClientRect();
-  const view = box("#view"), y = (at) => 1 - 2 * (at - view.top) / view.height;
-  const over = ["#hint", "#modes"].map((id) => box(id).top).filter((top) => y(top) < 0);
-  return {
-    free: [y(Math.min(...over)), y(box(".looks").bottom)],
-    corners: RIG.detectors.flatMap(({centre, axes, half}) => [0, 1, 2, 3].map((corner) => {
-      const [a, b] = [corner & 1 ? 1 : -1, corner & 2 ? 1 : -1];
-      const at = centre.map((x, n) => x + a * half[0] * axes[1][n] + b * half[1] * axes[2][n]);
-      const {x, y} = new THREE.Vector3(...at).project(page.scene.camera);
-      return [x, y];
-    })),
-  };
-})()"""
 BOX = """["view", "faces", "state", "readings", "panels"].map((id) => {
   const box = document.getElementById(id).getBoundingClientRect();
   return [box.left, box.top];
@@ -121,106 +96,69 @@ REFERENCE = [
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    path = tmp_path_factory.mktemp("page") / "rig.html"
-    path.write_text(rig_page(PAPER, "paper", STATE), "utf-8")
-    return f"file://{path}"
+def page(flat):
+    """The page in daylight, at a state that moves every spot."""
+    choose_theme(flat, "light")
+    flat.ask(f"page.moveTo({STATE})")
+    return flat
 
 
-@contextmanager
-def opened(address):
-    """The page once its scripts have run; nothing may stand on its console in the end."""
-    with Browser(address) as browser:
-        browser.await_true("document.readyState === 'complete' && page.point.scale > 0")
-        yield browser
-        assert not browser.errors
+def choose_theme(page, theme):
+    shown = "document.documentElement.dataset.theme"
+    page.ask(f"if ({shown} !== '{theme}') document.getElementById('theme').click()")
+    assert page.ask(shown) == theme
 
 
-@needs_browser
-@pytest.mark.slow
-@pytest.mark.parametrize("fill", ["", FILL])
-def test_nothing_is_cut_or_covered_at_any_width(address, fill):
-    with opened(address) as browser:
-        browser.ask(fill)
-        for width, height in ((360, 740), (768, 1024), (1024, 768), (1200, 800), (1440, 900)):
-            browser.resize(width, height)
-            browser.ask("new Promise((done) => setTimeout(done, 300))")
-            assert browser.ask(CUT) == [], width
-            assert browser.ask(OVER) == [], width
-            view, faces, state, readings, panels = browser.ask(BOX)
-            assert view[1] < faces[1] < panels[1]
-            if width > 1080:  # numbers beside the view
-                assert state[0] > view[0]
-                assert readings[0] == state[0]
-            else:  # below it; beside each other where there is room
-                assert min(state[1], readings[1]) > faces[1]
-                assert (state[1] == readings[1]) == (width > 680)
-
-
-@needs_browser
-@pytest.mark.slow
-@pytest.mark.parametrize("low", [False, True])
-def test_the_view_of_the_rig_shows_every_detector(low, tmp_path):
-    """Of a small rig whose detectors stand low, too, and in a tall view."""
-    psds = tuple(replace(psd, radius=60.0, height=-3.0) for psd in PAPER.psds)
-    sensor = replace(PAPER, psds=psds) if low else PAPER
-    path = tmp_path / "rig.html"
-    path.write_text(rig_page(sensor, "rig", STATE), "utf-8")
-    with Browser(f"file://{path}", webgl=True) as browser:
-        browser.await_true("page.scene && page.scene.drawn")
-        for width, height in ((360, 740), (360, 1500), (768, 1024), (1440, 900)):
-            browser.resize(width, height)
-            browser.ask("new Promise((done) => setTimeout(done, 300))")
-            found = browser.ask(SEEN)
-            x, y = np.array(found["corners"]).T
-            assert np.abs(x).max() < 1, width
-            assert found["free"][0] < y.min(), width
-            assert y.max() < found["free"][1], width
-        assert not browser.errors
-
-
-@needs_browser
-@pytest.mark.slow
-def test_fingers_have_room_on_a_telephone(address):
-    with opened(address) as browser:
-        browser.send("Emulation.setTouchEmulationEnabled", maxTouchPoints=1, enabled=True)
-        browser.send(
-            "Emulation.setDeviceMetricsOverride",
-            width=360, height=740, deviceScaleFactor=2, mobile=True,
-        )  # fmt: skip
-        browser.await_true("matchMedia('(pointer: coarse)').matches")
-        heights = browser.ask(
-            "[...document.querySelectorAll('button, select, input:not([type=checkbox])')].map("
-            "(one) => one.getBoundingClientRect()).filter((box) => box.width).map("
-            "(box) => box.height)"
-        )
-        assert min(heights) >= 40
-        assert browser.ask(CUT) == []
-
-
-@needs_browser
-@pytest.mark.slow
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_axe_finds_nothing_against_wcag(address, theme):
-    with opened(f"{address}?theme={theme}") as browser:
-        browser.ask(FILL)
-        for help_open in ("close", "showModal"):
-            browser.ask(f"document.getElementById('help').{help_open}()")
-            assert browser.find_barriers() == []
-
-
-@needs_browser
-@pytest.mark.slow
-def test_the_flat_pictures_are_as_they_were(address):
+def test_the_flat_pictures_are_as_they_were(page):
     """In parts of a dozen pixels, so that fonts and edges do not count."""
-    reference = np.array([list(bytes.fromhex("".join(one))) for one in REFERENCE])
-    with opened(f"{address}?theme=light") as browser:
-        browser.resize(1440, 900)
-        found = np.array(browser.ask(FLAT))
-    told = [np.round(one).astype(np.uint8).tobytes().hex() for one in found]
-    assert np.abs(found - reference).max() < 20, told
-    assert np.abs(found - reference).mean() < 3, told
+    reference = np.array([list(bytes.fromhex("".join(rows))) for rows in REFERENCE])
+    page.resize(1440, 900)
+    pictures = np.array(page.ask(FLAT))
+    shown = [np.round(picture).astype(np.uint8).tobytes().hex() for picture in pictures]
+    assert np.abs(pictures - reference).max() < 20, shown
+    assert np.abs(pictures - reference).mean() < 3, shown
 
 
-def test_the_page_is_smaller_than_two_megabytes():
-    assert len(rig_page(PAPER, "paper", STATE).encode()) < 2_000_000
+def test_fingers_have_room_on_a_telephone(page):
+    page.send("Emulation.setTouchEmulationEnabled", maxTouchPoints=1, enabled=True)
+    page.send(
+        "Emulation.setDeviceMetricsOverride",
+        width=360, height=740, deviceScaleFactor=2, mobile=True,
+    )  # fmt: skip
+    page.await_true("matchMedia('(pointer: coarse)').matches")
+    heights = page.ask(
+        "[...document.querySelectorAll('button, select, input:not([type=checkbox])')].map("
+        "(one) => one.getBoundingClientRect()).filter((box) => box.width).map("
+        "(box) => box.height)"
+    )
+    assert min(heights) >= 40
+    assert page.ask(CUT) == []
+    page.send("Emulation.setTouchEmulationEnabled", enabled=False)
+
+
+@pytest.mark.parametrize("fill", ["", FILL], ids=["plain", "filled"])
+def test_nothing_is_cut_or_covered_at_any_width(page, fill):
+    page.ask(fill)
+    for width, height in ((360, 740), (768, 1024), (1024, 768), (1200, 800), (1440, 900)):
+        page.resize(width, height)
+        page.ask("new Promise((done) => setTimeout(done, 300))")
+        assert page.ask(CUT) == [], width
+        assert page.ask(OVER) == [], width
+        view, faces, state, readings, panels = page.ask(BOX)
+        assert view[1] < faces[1] < panels[1]
+        if width > 1080:  # numbers beside the view
+            assert state[0] > view[0]
+            assert readings[0] == state[0]
+        else:  # below it; beside each other where there is room
+            assert min(state[1], readings[1]) > faces[1]
+            assert (state[1] == readings[1]) == (width > 680)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_against_wcag(page, theme):
+    choose_theme(page, theme)
+    page.ask(FILL)
+    for help_open in ("close", "showModal"):
+        page.ask(f"document.getElementById('help').{help_open}()")
+        assert page.find_barriers() == []
+    page.ask("document.getElementById('help').close()")

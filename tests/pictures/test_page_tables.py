@@ -6,18 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
 from commands import command
 from sensors import states
 
 import facets
 from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from facets.pictures.page.rig_page import rig_page
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium"),
-]
+pytestmark = pytest.mark.slow
 PAPER = facets.Sensor()
 TRUE = states(40, seed=8, offset=0.1, angle=0.004)
 POSE = ",".join(STATE_COLUMNS[:6])
@@ -25,9 +20,8 @@ POSE = ",".join(STATE_COLUMNS[:6])
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The page; readings with a time and a row without light; and the poses that facets solves."""
-    folder = tmp_path_factory.mktemp("page")
-    (folder / "rig.html").write_text(rig_page(PAPER, "paper", np.zeros(8)), "utf-8")
+    """Readings with a time and a row without light; and the poses that facets solves."""
+    folder = tmp_path_factory.mktemp("tables")
     rows = [[0.01 * n, *reading] for n, reading in enumerate(facets.readings(PAPER, TRUE))]
     rows[5][1:] = [""] * 9
     lines = ["# config: bench", ",".join(("time_s", *READING_COLUMNS))]
@@ -38,15 +32,21 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def page(folder):
-    with Browser(f"file://{folder / 'rig.html'}") as browser:
-        browser.await_true("Boolean(page.take)")
-        yield browser
-        assert not browser.errors
+def page(flat):
+    return flat
 
 
 def text(page, name):
     return page.ask(f"document.getElementById('{name}').textContent")
+
+
+def await_text(page, name, words):
+    page.await_true(f"document.getElementById('{name}').textContent.includes({json.dumps(words)})")
+
+
+def distance(page, state):
+    """The largest difference of the page's state from another, mm and rad."""
+    return np.abs(np.array(page.ask("page.state()")) - state).max()
 
 
 def choose(page, path):
@@ -76,17 +76,17 @@ def put(page, name, value):
 
 def test_a_table_of_poses_is_played_to_its_end(page, folder):
     choose(page, folder / "poses.csv")
-    page.await_true("document.getElementById('row').textContent.includes('row 1 of 40')")
+    await_text(page, "row", "row 1 of 40")
     assert "0.000 s" in text(page, "row")
     put(page, "at", 7)
-    assert np.abs(np.array(page.ask("page.state()")) - TRUE[7]).max() < 1e-6
+    assert distance(page, TRUE[7]) < 1e-6
     put(page, "at", 5)
     assert "no pose: non finite; the mirror is drawn where it was" in text(page, "row")
     put(page, "at", 0)
     page.ask(
         "document.getElementById('speed').value = '10'; document.getElementById('run').click()"
     )
-    page.await_true("document.getElementById('row').textContent.includes('row 40 of 40')")
+    await_text(page, "row", "row 40 of 40")
     assert page.ask("document.getElementById('run').textContent") == "Play"
     page.ask("document.getElementById('shut').click()")
     assert page.ask("document.getElementById('player').hidden")
@@ -94,12 +94,12 @@ def test_a_table_of_poses_is_played_to_its_end(page, folder):
 
 def test_a_dropped_table_of_readings_is_solved_row_by_row(page, folder):
     drop(page, "readings.csv", (folder / "readings.csv").read_text("utf-8"))
-    page.await_true("document.getElementById('row').textContent.includes('row 1 of 40')")
+    await_text(page, "row", "row 1 of 40")
     assert "made with the configuration bench; this page shows paper" in text(page, "news")
     for n in (3, 17):
         put(page, "at", n)
         wanted = facets.solve(PAPER, facets.readings(PAPER, TRUE[n : n + 1])).state[0]
-        assert np.abs(np.array(page.ask("page.state()")) - wanted).max() < 1e-9
+        assert distance(page, wanted) < 1e-9
         assert "solved from its readings" in text(page, "row")
     put(page, "at", 5)
     assert "no pose: " in text(page, "row")
@@ -126,14 +126,12 @@ BAD = {
 
 def test_a_file_that_cannot_be_read_says_why_and_nothing_is_lost(page, folder):
     drop(page, "poses.csv", (folder / "poses.csv").read_text("utf-8"))
-    page.await_true("document.getElementById('row').textContent.includes('poses.csv: row 1')")
+    await_text(page, "row", "poses.csv: row 1")
     put(page, "at", 9)
     before = page.ask("page.state()"), text(page, "row")
     for content, words in BAD.items():
         drop(page, "bad.csv", content)
-        page.await_true(
-            f"document.getElementById('news').textContent.includes({json.dumps(words)})"
-        )
+        await_text(page, "news", words)
         assert text(page, "news").startswith("bad.csv: ")
         assert text(page, "news").endswith("What was shown is kept.")
         assert (page.ask("page.state()"), text(page, "row")) == before
@@ -147,17 +145,17 @@ def test_a_known_beam_is_where_the_table_of_readings_says(page):
     names = ",".join((*READING_COLUMNS, *STATE_COLUMNS[6:]))
     put(page, "estimate-beam", "known")
     drop(page, "beam.csv", f"{names}\n{values},0.04,-0.03\n{values},,\n")
-    page.await_true("document.getElementById('row').textContent.includes('beam.csv: row 1')")
-    assert np.abs(np.array(page.ask("page.state()")) - state).max() < 1e-9
+    await_text(page, "row", "beam.csv: row 1")
+    assert distance(page, state) < 1e-9
     put(page, "at", 1)
     assert "no pose: the table does not say where the known beam was" in text(page, "row")
     drop(page, "guess.csv", f"{names},u_bx_mm\n{values},0.04,-0.03,0.001\n")
-    page.await_true("document.getElementById('row').textContent.includes('guess.csv: row 1')")
+    await_text(page, "row", "guess.csv: row 1")
     assert "the table does not say where the known beam was" in text(page, "row")
     page.ask("PAGE.offset = [0.01, 0.02]")  # of a configuration's solve.beam_offset_um
     drop(page, "beam.csv", f"{names}\n{values},0.03,-0.05\n")
-    page.await_true("document.getElementById('row').textContent.includes('beam.csv: row 1')")
-    assert np.abs(np.array(page.ask("page.state()")) - state).max() < 1e-9
+    await_text(page, "row", "beam.csv: row 1")
+    assert distance(page, state) < 1e-9
     page.ask("PAGE.offset = [0, 0]")
     put(page, "estimate-beam", "free")
 
@@ -168,12 +166,12 @@ def test_readings_that_are_typed_are_solved(page):
     put(page, "own-text", " ".join(map(repr, values.tolist())))
     assert "Solved in " in text(page, "own-said")
     solution = facets.solve(PAPER, values[None])
-    assert np.abs(np.array(page.ask("page.state()")) - solution.state[0]).max() < 1e-9
+    assert distance(page, solution.state[0]) < 1e-9
     assert text(page, "source") == "your own"
     put(page, "estimate-beam", "known")  # the knowledge of the page's other solved pose, too
     put(page, "own-text", " ".join(map(repr, (values + 1e-3).tolist())))
     solution = facets.solve(PAPER, values[None] + 1e-3, beam="known")
-    assert np.abs(np.array(page.ask("page.state()")) - solution.state[0]).max() < 1e-9
+    assert distance(page, solution.state[0]) < 1e-9
     put(page, "estimate-beam", "free")
     before = page.ask("page.state()")
     for typed, words in (
@@ -188,6 +186,5 @@ def test_readings_that_are_typed_are_solved(page):
     lines = [",".join(READING_COLUMNS), ",".join(map(repr, values.tolist()))]
     put(page, "own-text", "\n".join(lines))
     assert "pasted table: row 1 of 1" in text(page, "row")
-    assert np.allclose(
-        np.array(page.ask("page.state()")) / STATE_UNITS, state / STATE_UNITS, atol=1e-8
-    )
+    shown = np.array(page.ask("page.state()"))
+    assert np.allclose(shown / STATE_UNITS, state / STATE_UNITS, atol=1e-8)
