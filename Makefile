@@ -1,18 +1,31 @@
-# make run: the paper's sensor, simulated and solved.  make test: all checks.
-# make reproduce: the paper's figures, tables and claims.  make docs: the documentation, in site/.
+# make run: the paper's sensor, simulated and solved.  make test: what a change needs, in three minutes.
+# make check: everything, before a merge and a release.  make reproduce: the paper's figures, tables and
+# claims.  make docs: the documentation, in site/.
 PYTHON ?= python3
 BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test test-full lint tree types layers unit quick studies mutants portable installed lowest locked dist \
+.PHONY: run test check lint tree types layers quick unit studies mutants portable installed lowest locked dist \
   publishable image bench reproduce docs gallery vendor clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper --folder results/paper --force
 
-test: lint types layers unit
+# Style, types, layers, and every promise of the README, the commands, Python and the formats, each by its
+# cheapest case. The checks of the sources run beside the tests, which also wait.
+test: .venv/developed
+	$(MAKE) --no-print-directory -j2 quick checked-sources
+
+# Everything, two at a time: installing waits for the disk, and the types use one core.
+check: .venv/developed
+	$(MAKE) --no-print-directory -j2 unit checked-sources
+	$(MAKE) --no-print-directory -j2 installed lowest
+	$(MAKE) --no-print-directory -j2 portable locked run reproduce docs QUICK=--quick
+
+.PHONY: checked-sources
+checked-sources: lint types layers
 
 # Style, spelling, and what the hosts that publish the project expect of its files.
 lint: .venv/developed
@@ -43,16 +56,12 @@ layers: .venv/developed tree
 
 # A file of tests stays in one process, so that what its tests share is made once; the order is that
 # of tests/conftest.py.
-unit: .venv/developed
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
-
-# What takes a second or two at most: six tests of seven, in a quarter of the time.
+PYTEST = $(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 quick: .venv/developed
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not study and not wheel and not slow"
+	$(PYTEST) -m "not study and not wheel and not slow"
 
-# All of that, and the studies, too.
-test-full: lint types layers
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not wheel"
+unit: .venv/developed
+	$(PYTEST)
 
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed

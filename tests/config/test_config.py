@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -106,6 +105,7 @@ sensor:
   psd: {b: {radius_mm: 200, height_mm: 1, roll_mrad: 4, pitch_mrad: 5, yaw_mrad: 6}}
   noise: {position_um: 3, at_power_mw: 0.2, power_uw: 5}
 solve: {beam_sigma_um: 7}
+range: {spot: centroid}
 """
         )
     )
@@ -116,6 +116,7 @@ solve: {beam_sigma_um: 7}
     assert (psd.radius, psd.height, psd.roll, psd.pitch, psd.yaw) == (200, 1, 0.004, 0.005, 0.006)
     assert (noise.position, noise.at_power, noise.power) == (0.003, 0.2, 0.005)
     assert config.solve.beam_sigma == 0.007
+    assert not config.range.whole_spot
 
 
 def test_common_keys_apply_to_all_and_single_ones_override(write):
@@ -247,11 +248,6 @@ def test_a_detectors_correction_is_written_back_in_its_units(write):
     assert found["z_um"] == pytest.approx([5] * 9)
 
 
-def test_a_range_asks_for_whole_spots_where_the_file_says_so(write):
-    assert load(write("range: {spot: whole}\n")).range.whole_spot
-    assert not load(write("range: {spot: centroid}\n")).range.whole_spot
-
-
 def test_a_circle_of_extends_is_an_error(write):
     write("extends: my.yaml\n", "other.yaml")
     (line,) = problems(write("\nextends: other.yaml\n"))
@@ -294,23 +290,17 @@ WRONG = [
     ("sensor: {beam: {power_mw: 3 mW}}", 1, "sensor.beam.power_mw", ["leave the unit out"]),
     ("sensor: {beam: {power_mw: true}}", 1, "sensor.beam.power_mw", ["a number", "got true"]),
     ("sensor: {beam: {power_mw: .nan}}", 1, "sensor.beam.power_mw", ["finite", "got .nan"]),
-    ("sensor: {beam: {power_mw: -.inf}}", 1, "sensor.beam.power_mw", ["finite", "got -.inf"]),
     ("sensor: {beam: {power_mw: 0}}", 1, "sensor.beam.power_mw", ["above 0, up to 1000 mW"]),
     ("sensor: {beam: {power_mw: }}", 1, "sensor.beam.power_mw", ["has no value"]),
-    ("sensor: {beam: {diameter_mm: true}}", 1, "sensor.beam.diameter_mm", ["got true"]),
     ("sensor: {beam: {tilt_mrad: [1]}}", 1, "sensor.beam.tilt_mrad", ["two numbers", "got [1]"]),
-    ("sensor: {beam: {tilt_mrad: 1}}", 1, "sensor.beam.tilt_mrad", ["two numbers", "got 1"]),
-    ("sensor: {psd: {size_mm: [1, 2, 3]}}", 1, "sensor.psd.size_mm", ["two numbers"]),
     ("sensor:\n  psd:\n    size_mm:\n    - 13\n    - 0", 5, "sensor.psd.size_mm[1]", ["got 0"]),
     ("sensor:\n  psd:\n    b: {yaw_mrad: 4000}", 3, "sensor.psd.b.yaw_mrad", ["-3142 to 3142"]),
-    ("sensor: {psd: {a: 3}}", 1, "sensor.psd.a", ["block of keys", "radius_mm"]),
     ("sensor: 3", 1, "sensor", ["block of keys", "beam, mirror, psd, noise"]),
     ("\nsensr: 3", 2, "sensr", ["unknown key", "did you mean 'sensor'?"]),
     ("sensor:\n  beam:\n    power:\n      1", 3, "sensor.beam.power", ["mean 'power_mw'?"]),
     ("sensor: {mirror: {radius_mm: 9}}", 1, "sensor.mirror.radius_mm", ["in sensor.psd"]),
     ("motions: {m: {samples: 3}}", 1, "motions.m.kind", ["is missing", "sweep"]),
     ("motions: {m: {kind: swep}}", 1, "motions.m.kind", ["mean 'sweep'?", '"swep"']),
-    ("motions: {m: 3}", 1, "motions.m", ["block of keys"]),
     ("motions:\n  m:\n    kind: table", 2, "motions.m.file", ["is missing"]),
     ("motions: {m: {kind: table, file: no.csv}}", 1, "motions.m.file", ["no such file", "no.csv"]),
     ("motions: {m: {kind: steps, steps: 2.5}}", 1, "motions.m.steps", ["whole number", "2.5"]),
@@ -323,7 +313,6 @@ WRONG = [
     ),
     ("motions: {a b: {kind: sweep}}", 1, "motions.a b", ["letters, digits"]),
     ("motions: []", 1, "motions", ["block of keys", "got []"]),
-    ("motions: 0", 1, "motions", ["block of keys", "got 0"]),
     ("simulate: {noise: 1}", 1, "simulate.noise", ["true or false"]),
     ("simulate:\n  seed: -1", 2, "simulate.seed", ["whole number from 0"]),
     ("solve: {beam: fre}", 1, "solve.beam", ["did you mean 'free'?"]),
@@ -484,7 +473,6 @@ CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
         "sensor.apertures.tip_um",
         ["no light on PSD a, b"],
     ),
-    ("", "sensor: {apertures: {rim_mm: 1e-9}}", "sensor.apertures.rim_mm", ["no light", "nothing"]),
     (
         "",
         "sensor: {light: {background_uw: [-200, 0, 0]}}",
@@ -504,12 +492,6 @@ CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
         ["any but 0"],
     ),
     (
-        "sensor: {apertures: {rim_mm: 1}}",
-        "sensor: {apertures: {tip_um: 2000}}",
-        "sensor.apertures.tip_um",
-        ["rim_mm (base.yaml:2)"],
-    ),
-    (
         "sensor: {light: {wavelength_nm: 600}}",
         "sensor: {apertures: {tip_um: 10}}",
         "sensor.apertures.tip_um",
@@ -520,12 +502,6 @@ CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
         "sensor: {beam: {diameter_mm: 0.1}}",
         "sensor.beam.diameter_mm",
         ["not small beside the beam", "strips_um (base.yaml:2)"],
-    ),
-    (
-        "sensor: {light: {rolloff_width_um: 250}}",
-        "sensor: {beam: {diameter_mm: 0.4}}",
-        "sensor.beam.diameter_mm",
-        ["not small beside the beam", "rolloff_width_um (base.yaml:2)"],
     ),
     (
         "solve: {beam: known}",
@@ -554,21 +530,9 @@ CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
     ("", "sensor: {beam: {optimize: 3}}", "sensor.beam.optimize", ["at the file's top level"]),
     (
         "",
-        "sensor: {light: {delays_us: [-1e9, 0, 0]}}",
-        "sensor.light.delays_us[0]",
-        ["out of range", "-1000000 to 1000000 us"],
-    ),
-    (
-        "",
         "sensor: {temperature: {reference_c: 293.15}}",
         "sensor.temperature.reference_c",
         ["out of range", "-60 to 150 degC"],
-    ),
-    (
-        "",
-        "sensor: {electronics: {temperature_k: 23}}",
-        "sensor.electronics.temperature_k",
-        ["out of range", "60 to 450 K"],
     ),
     ("", "sensor: {light: {delays_us: [1, 2]}}", "sensor.light.delays_us", ["three numbers"]),
     ("", "sensor: {beam: {power_mw: 1_0}}", "sensor.beam.power_mw", ["no underscores", "1_0"]),
@@ -744,10 +708,6 @@ def test_the_schema_lets_an_editor_pass_what_a_file_may_inherit_or_leave_empty()
     (motion,) = schema()["properties"]["motions"]["patternProperties"].values()
     assert {"$ref": "#/$defs/Sweep"} in motion["anyOf"]
     assert "oneOf" not in motion  # {samples: 3} fits several kinds
-
-
-def test_the_schema_is_json():
-    assert json.loads(json.dumps(schema())) == schema()
 
 
 def test_aliases_that_multiply_are_refused(tmp_path):

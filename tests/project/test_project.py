@@ -73,8 +73,11 @@ def test_workflows_run_what_the_makefile_has():
             called += [run.removeprefix("make ") for run in runs if run.startswith("make ")]
     words = {word for line in called for word in line.split() if word.islower()}
     assert {"unit", "lowest", "installed", "docs", "dist", "publishable"} <= words <= targets
-    checks = (ROOT / ".ci/run").read_text("utf-8")
-    assert {"installed", "lowest", "locked"} <= set(checks.split())
+    assert "make check" in (ROOT / ".ci/run").read_text("utf-8").splitlines()
+    check = re.search(r"^check:.*\n((?:\t.*\n)+)", makefile, flags=re.MULTILINE)[1]
+    assert {"unit", "checked-sources", "installed", "lowest", "locked", "docs"} <= set(
+        check.split()
+    )
 
 
 def test_the_lock_file_names_no_other_host_than_that_of_pypi():
