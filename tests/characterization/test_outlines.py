@@ -5,7 +5,7 @@ import pytest
 
 import facets
 from facets import POSE, InputError, Rules
-from facets.characterization import find_exits, outlines
+from facets.characterization import Boundary, find_exits, outline_columns, outlines
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)
@@ -66,3 +66,10 @@ def test_elsewhere_the_range_is_smaller():
     away[2] = 5.0
     rest = outlines.trace(SENSOR, Rules(), ("roll", "pitch")).extent
     assert (outlines.trace(SENSOR, Rules(), ("roll", "pitch"), away).extent < rest).all()
+
+
+def test_a_table_has_points_in_the_units_of_its_axes():
+    edge = Boundary(("tx", "roll"), np.zeros(6), np.array([[0.3, 5e-3]]), np.array([-1]), 1)
+    assert [column[0] for column in outline_columns([edge]).values()] == [
+        "tx_mm", "roll_mrad", 0.3, 5.0, "nowhere",
+    ]  # fmt: skip

@@ -103,16 +103,13 @@ def test_where_the_input_acts_is_read():
             read_input_dof(text)
 
 
-@pytest.mark.parametrize(
-    ("column", "kind", "unit", "factor"),
-    [
-        ("force_n", 13, "N", 1.0),
-        ("force_kn", 13, "N", 1e3),
-        ("torque_n_m", 13, "N m", 1.0),
-        ("base_m_s2", 12, "m/s^2", 1.0),
-        ("current_a", 0, "NONE", 1.0),
-        ("force", 0, "NONE", 1.0),
-    ],
-)
-def test_the_input_has_the_type_of_its_unit(column, kind, unit, factor):
-    assert input_type(column) == (kind, unit, factor)
+def test_the_input_has_the_type_of_its_unit():
+    for column, expected in {
+        "force_n": (13, "N", 1.0),
+        "force_kn": (13, "N", 1e3),
+        "torque_n_m": (13, "N m", 1.0),
+        "base_m_s2": (12, "m/s^2", 1.0),
+        "current_a": (0, "NONE", 1.0),
+        "force": (0, "NONE", 1.0),
+    }.items():
+        assert input_type(column) == expected, column
