@@ -4,8 +4,9 @@ Importing takes a second or two, the command itself often a tenth of that. A for
 own signals, standard streams, exit status, working folder and environment. A test of the *start* of
 Python needs a fresh interpreter instead.
 
-`python nursery.py` is the process that forks; it reads requests on its standard input, a socket.
-For each it forks a keeper, which forks the command and tells its process id and exit status.
+`python nursery.py` is the process that forks, one for all processes of a run of tests. They connect
+to its standard input, a socket, and send requests; for each it forks a keeper, which forks the
+command and tells its process id and exit status.
 """
 
 from __future__ import annotations
@@ -16,13 +17,18 @@ import io
 import json
 import os
 import resource
+import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import IO, Any
 
+#: The variable with the path at which the process that forks takes requests.
+PLACE = "FACETS_NURSERY"
 #: Slow modules that commands import.
 HEAVY = (
     "numpy", "scipy.optimize", "scipy.stats", "scipy.special", "numba", "pandas", "pyarrow.parquet",
@@ -137,48 +143,85 @@ def keep(request: dict[str, Any], fds: list[int]) -> bool:
     os._exit(0)
 
 
-def serve() -> None:
-    """Fork a process for each request until the requests end."""
-    prepare()
-    asked = socket.socket(fileno=os.dup(0))
-    while True:
-        text, fds, _, _ = socket.recv_fds(asked, 2**20, 3)
-        if not text:
-            return
-        with contextlib.suppress(ChildProcessError):
-            while os.waitpid(-1, os.WNOHANG)[0]:
-                pass
-        request = json.loads(text)
-        prepare_for(request["words"])
-        if os.fork() == 0:
-            asked.close()
-            if keep(request, list(fds)):
-                from facets.cli import main
+def serve(alive: int) -> None:
+    """Fork a process for each request until the process that started this one ends.
 
-                main()
+    alive: a pipe that this process holds open.
+    """
+    listener = socket.socket(fileno=os.dup(0))
+    clients: list[socket.socket] = []
+    is_prepared = False
+    while True:
+        ready = select.select([alive, listener, *clients], [], [])[0]
+        if alive in ready:
             return
-        for fd in fds:
-            os.close(fd)
+        for sender in ready:
+            if sender is listener:
+                clients.append(listener.accept()[0])
+                continue
+            text, fds, _, _ = socket.recv_fds(sender, 2**20, 3)
+            if not text:
+                clients.remove(sender)
+                sender.close()
+                continue
+            if not is_prepared:
+                prepare()
+                is_prepared = True
+            if fork_command(json.loads(text), list(fds), [listener, *clients]):
+                return
+
+
+def fork_command(request: dict[str, Any], fds: list[int], sockets: list[socket.socket]) -> bool:
+    """Fork a keeper for a request; True in the processes that are forked, once they have ended."""
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+    prepare_for(request["words"])
+    if os.fork() == 0:
+        for each in sockets:
+            each.close()
+        if keep(request, fds):
+            from facets.cli import main
+
+            main()
+        return True
+    for fd in fds:
+        os.close(fd)
+    return False
 
 
 # --- in the process of the tests -----------------------------------------------------------------
 
 
+def start_nursery() -> None:
+    """Start the process that forks; it imports what commands need at the first request."""
+    folder = tempfile.mkdtemp(prefix="facets-")
+    os.environ[PLACE] = f"{folder}/requests"
+    alive, hold = os.pipe()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(os.environ[PLACE])
+        listener.listen()
+        program = [sys.executable, str(Path(__file__).resolve()), str(alive)]
+        process = subprocess.Popen(program, stdin=listener, pass_fds=[alive])
+    os.close(alive)
+
+    def end() -> None:
+        os.close(hold)
+        process.wait()
+        shutil.rmtree(folder)
+
+    atexit.register(end)
+
+
 class Nursery:
-    """Request processes for commands; the first request starts the forking process."""
+    """Request processes for commands."""
 
     def __init__(self) -> None:
-        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        here.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2**20)
-        self.asks = here
-        with there:
-            program = [sys.executable, str(Path(__file__).resolve())]
-            self.process = subprocess.Popen(program, stdin=there)
-        atexit.register(self.end)
-
-    def end(self) -> None:
-        self.asks.close()
-        self.process.wait()
+        if PLACE not in os.environ:
+            start_nursery()
+        self.asks = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.asks.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2**20)
+        self.asks.connect(os.environ[PLACE])
 
     def start(
         self, words: list[str], cwd: Path, env: dict[str, str], out: int, err: int,
@@ -221,8 +264,6 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
     def _await(self, timeout: float | None) -> int | None:
-        import select
-
         if self.returncode is None and select.select([self.told], [], [], timeout)[0]:
             status, seconds = self.told.readline().split()
             self.returncode, self.seconds = int(status), float(seconds)
@@ -243,4 +284,4 @@ def nursery() -> Nursery:
 
 
 if __name__ == "__main__":
-    serve()
+    serve(int(sys.argv[1]))
