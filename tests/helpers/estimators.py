@@ -1,0 +1,414 @@
+"""Everything that estimates poses from readings, by one signature.
+
+What is added to the package, or replaces something, is a line of EXECUTIONS, and the tests that go
+over these (`tests/estimation/test_executions.py`) hold it to what all others give.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+
+import facets
+from facets import Knowledge, Prior, Status, firmware, pictures
+from facets.estimation import estimates, knowledge_of, solve_each
+from facets.model import VariedSensors, effects, parameters
+
+COMPILER = shutil.which("gcc") or shutil.which("clang")
+NODE = shutil.which("node")
+
+
+class Question(NamedTuple):
+    """readings: (n, 9), of one sensor.  The other arguments are those of `facets.solve`."""
+
+    sensor: facets.Sensor
+    readings: np.ndarray
+    beam: Any = "free"
+    power: Any = "known"
+    accept_unchecked: bool = False
+    start: Any = "zero"
+    method: str = "least-squares"
+    max_steps: int = 50
+
+    def __repr__(self) -> str:
+        return f"{len(self.readings)} readings, {self.options!s:.200}"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return {name: value for name, value in self._asdict().items() if name not in GIVEN}
+
+    def rows(self, which: Any) -> Question:
+        """The question of some of the readings, or of one."""
+        known = knowledge_of(Knowledge(self.beam, self.power), which)
+        start = self.start if isinstance(self.start, str) else self.start[which]
+        return self._replace(
+            readings=self.readings[which], beam=known.beam, power=known.power, start=start
+        )
+
+    def is_alike(self) -> bool:
+        """Whether what is known of the beam is the same for all readings."""
+        return np.ndim(getattr(self.beam, "mean", 0)) < 2
+
+    def is_of_each(self) -> bool:
+        """Whether no reading starts from the one before."""
+        return not (isinstance(self.start, str) and self.start == "previous")
+
+    def is_plain(self) -> bool:
+        """Whether it asks for least squares from zero."""
+        return isinstance(self.start, str) and self[5:] == ("zero", "least-squares", 50)
+
+
+GIVEN = ("sensor", "readings")
+
+
+class Answer(NamedTuple):
+    """What `facets.Solution` has by these names; None for what an execution does not give."""
+
+    state: np.ndarray
+    status: np.ndarray
+    used: np.ndarray
+    power: np.ndarray
+    residual: np.ndarray
+    covariance: np.ndarray | None = None
+    limit: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Execution:
+    """solve: gives the poses.  can_answer: whether it can answer a question.
+
+    How far its poses may be from those of `facets.solve`: sigmas: in standard uncertainties; 0 for
+    equal bits.  spread: covariances, as a share of the uncertainties.  exists: whether this machine
+    has what it needs.  screens: whether it has a status for each reading.  misfits: whether it also
+    gives the poses of readings that do not fit.  effort: how much longer it takes than others.
+    """
+
+    solve: Callable[[Question], Answer]
+    sigmas: float = 0.0
+    spread: float = 0.0
+    can_answer: Callable[[Question], bool] = lambda question: True
+    exists: bool = True
+    screens: bool = True
+    misfits: bool = True
+    effort: int = 1
+
+
+def answer_of(solution: Any) -> Answer:
+    return Answer(*(getattr(solution, name) for name in Answer._fields))
+
+
+def join(answers: list[Answer]) -> Answer:
+    columns = zip(*answers, strict=True)
+    return Answer(*(None if values[0] is None else np.stack(values) for values in columns))
+
+
+def solve_batch(question: Question) -> Answer:
+    """The poses of all readings by one call, with which all others are compared."""
+    return answer_of(facets.solve(question.sensor, question.readings, **question.options))
+
+
+def solve_prepared(question: Question) -> Answer:
+    """One reading after the other, as a loop does."""
+    options = question.options
+    del options["start"]
+    solver = facets.Solver(question.sensor, **options)
+    return join([answer_of(solver.solve(reading)) for reading in question.readings])
+
+
+def solve_singly(question: Question) -> Answer:
+    return join([solve_batch(question.rows(n)) for n in range(len(question.readings))])
+
+
+def solve_elsewhere(question: Question) -> Answer:
+    """In batches of 1 to 17 readings, each beside others than it stands beside."""
+    count = len(question.readings)
+    order = np.random.default_rng(count).permutation(count)
+    parts = np.split(order, np.cumsum(np.arange(1, 18)))
+    answers = [solve_batch(question.rows(part)) for part in parts if len(part)]
+    back = np.argsort(order)
+    return Answer(*(np.concatenate(values)[back] for values in zip(*answers, strict=True)))
+
+
+@contextmanager
+def without_blocks(as_text: bool):  # type: ignore[no-untyped-def]
+    """Estimate readings one by one: as interpreted Python, or compiled."""
+    with (
+        patch.object(estimates, "block_code", lambda *_, **__: None),
+        patch.object(estimates.as_text, "is_text_faster", lambda *_: as_text),
+    ):
+        yield
+
+
+def solve_rows(question: Question, as_text: bool = False) -> Answer:
+    """As what blocks of readings leave is solved."""
+    with without_blocks(as_text):
+        return solve_batch(question)
+
+
+def solve_varied(question: Question) -> Answer:
+    """With a sensor for each reading, of which every other one is another sensor."""
+    count, rng = len(question.readings), np.random.default_rng(1)
+    is_asked = np.arange(count) % 2 == 0
+    parts = [solve_beside_others(question, rows, rng) for rows in (is_asked, ~is_asked)]
+    return Answer(*(joined(is_asked, *values) for values in zip(*parts, strict=True)))
+
+
+def joined(rows: np.ndarray, one: Any, other: Any) -> Any:
+    """Some rows of one array, and the rest of another."""
+    return None if one is None else np.where(rows.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+
+def solve_beside_others(question: Question, rows: np.ndarray, rng: np.random.Generator) -> Answer:
+    """By the sensor asked for some of the rows, and the rest by sensors that differ."""
+    sensor, wrong = question.sensor, ~rows[:, None]
+    values = parameters(sensor) + 1e-4 * wrong * rng.standard_normal((len(rows), 30))
+    light = None
+    if sensor.light.on:
+        light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((len(rows), 36)))
+    found = solve_each(
+        VariedSensors(sensor, values, light),
+        question.readings,
+        Knowledge(question.beam, question.power),
+        accept_unchecked=question.accept_unchecked,
+    )
+    return Answer(
+        found.states[:, :8], found.status, found.used, found.states[:, 8], found.residuals
+    )
+
+
+def is_exported(question: Question) -> bool:
+    """Whether the C code can be had for a sensor."""
+    is_known = question.is_alike() and question.is_of_each()
+    is_usual = is_known and question[6:] == ("least-squares", 50)
+    return is_usual and exported(question.sensor) is not None
+
+
+@cache
+def exported(sensor: facets.Sensor) -> dict[Path, str] | None:
+    try:
+        return firmware.export.export(sensor, firmware.source.Provenance("test", "0", "test"))
+    except facets.InputError:
+        return None
+
+
+@cache
+def library(sensor: facets.Sensor, precision: str) -> firmware.FirmwareLibrary:
+    """The exported C, compiled."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for path, text in exported(sensor).items():
+            if path.suffix in (".c", ".h") and len(path.parts) == 1:
+                (folder / path).write_text(text)
+        subprocess.run(
+            [COMPILER, "-O0", "-std=c99", precision, "facets.c", "-shared", "-fPIC", "-lm",
+             "-o", "solver.so"], cwd=folder, check=True,
+        )  # fmt: skip
+        return firmware.FirmwareLibrary(folder / "solver.so")
+
+
+def solve_c(question: Question, precision: str) -> Answer:
+    sensor, means, sigmas = question.sensor, np.zeros(3), np.zeros(3)
+    means[2] = sensor.beam.power
+    if question.beam == "free":
+        sigmas[:2] = np.inf
+    elif isinstance(question.beam, Prior):
+        means[:2], sigmas[:2] = question.beam.mean, question.beam.sigma
+    if question.power == "unknown":
+        sigmas[2] = np.inf
+    elif isinstance(question.power, Prior):
+        means[2], sigmas[2] = question.power.mean, question.power.sigma
+    start = None
+    if not isinstance(question.start, str):
+        start = np.column_stack([question.start, np.full(len(question.start), means[2])])
+    found = library(sensor, precision).solve(
+        question.readings, means=means, sigmas=sigmas, start=start,
+        accept_unchecked=question.accept_unchecked,
+    )  # fmt: skip
+    return Answer(
+        found.state, found.status, found.used, found.power, found.residual, found.covariance
+    )
+
+
+PAGE = """
+const text = (found) => [found.state, [found.power, found.residual, found.limit],
+  found.covariance.flat()].map((numbers) => numbers.map(String));
+const {rows, options} = JSON.parse(require("fs").readFileSync(0));
+console.log(JSON.stringify(rows.map((row) => {
+  const found = Model.solve(row.map(Number), options);
+  return [found.status, found.used, ...text(found)];
+})));"""
+
+
+def is_on_pages(question: Question) -> bool:
+    """Whether the page of a rig answers a question: it has no priors and refuses some sensors."""
+    knows = isinstance(question.beam, str) and isinstance(question.power, str)
+    is_asked = knows and question.is_plain() and not question.accept_unchecked
+    return is_asked and not refusal(question.sensor, question.beam)
+
+
+@cache
+def refusal(sensor: facets.Sensor, beam: str) -> str:
+    asked = f"\nconsole.log(Model.refusal({json.dumps({'beam': beam})}));"
+    return run_node(script(sensor) + asked, "").strip()
+
+
+@cache
+def script(sensor: facets.Sensor) -> str:
+    return pictures.page.model.model(sensor)
+
+
+def run_node(text: str, data: str) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.js"
+        path.write_text(text, "utf-8")
+        done = subprocess.run(
+            [NODE, str(path)], input=data, capture_output=True, text=True, check=True
+        )
+    return done.stdout
+
+
+def solve_page(question: Question) -> Answer:
+    """By the JavaScript of the pages, run by Node.js."""
+    rows = [[str(value) for value in row] for row in question.readings.tolist()]
+    options = {"beam": question.beam, "power": question.power}
+    data = json.dumps({"rows": rows, "options": options}).replace("inf", "Infinity")
+    found = json.loads(run_node(script(question.sensor) + PAGE, data))
+    numbers = {status.label: status.value for status in Status}
+    status, used, state, rest, covariance = zip(*found, strict=True)
+    power, residual, limit = np.array(rest, float).T
+    return Answer(
+        np.array(state, float), np.array([numbers[word] for word in status]), np.array(used),
+        power, residual, np.array(covariance, float).reshape(-1, 8, 8), limit,
+    )  # fmt: skip
+
+
+def solve_scipy(question: Question) -> Answer:
+    """The least sum of squares that SciPy finds from zero, by differences of the readings.
+
+    It shares the readings, the sizes of the noise and the choice of detectors with the package,
+    and neither derivatives nor steps.
+    """
+    used = solve_batch(question).used
+    return join([scipy_row(question.rows(n), lit) for n, lit in enumerate(used)])
+
+
+def scipy_row(question: Question, used: np.ndarray) -> Answer:
+    """The pose of one reading, by some of the detectors."""
+    from scipy.optimize import least_squares
+
+    sensor, reading, lit = question.sensor, question.readings, np.repeat(used, 3)
+    sigma = facets.standard_deviations(sensor, reading)
+    widths = {"known": 0.0, "unknown": np.inf, "free": np.inf}
+    beam, power = question.beam, question.power
+    if isinstance(beam, str):
+        beam = Prior((0.0, 0.0), widths[beam])
+    if isinstance(power, str):
+        mean = reading[2::3][used].sum() if power == "unknown" else sensor.beam.power
+        power = Prior(mean, widths[power])
+    means = np.array([*np.ravel(beam.mean), power.mean])
+    sigmas = np.array([*np.broadcast_to(beam.sigma, 2), power.sigma])
+    is_free = np.append(np.ones(6, bool), sigmas > 0)
+    has_prior = np.isfinite(sigmas) & (sigmas > 0)
+    start = np.array([*means[:2], 0, 0, 0, 0, *means])
+    scale = np.array([0.01, 0.01, 0.1, 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01 * power.mean])
+
+    def residuals(steps: np.ndarray) -> np.ndarray:
+        state = start.copy()
+        state[is_free] += steps * scale[is_free]
+        bright = replace(sensor, beam=replace(sensor.beam, power=float(state[8])))
+        values = facets.readings(bright, state[:8])
+        off = (state[6:] - means)[has_prior] / sigmas[has_prior]
+        return np.concatenate([((values - reading) / sigma)[lit], off])
+
+    empty = np.full((8, 8), np.nan)
+    missing = Answer(empty[0], np.int8(Status.STALLED), used, np.nan, np.nan, empty)
+    if lit.sum() + has_prior.sum() < is_free.sum():
+        return missing
+    try:
+        found = least_squares(
+            residuals, np.zeros(is_free.sum()), "3-point", xtol=1e-14, ftol=1e-14, gtol=1e-14
+        )
+    except ValueError:  # a step into the dark
+        return missing
+    state, spread = start.copy(), np.zeros((9, len(found.fun)))
+    state[is_free] += found.x * scale[is_free]
+    spread[is_free] = np.linalg.pinv(found.jac) * scale[is_free, None]
+    return Answer(state[:8], np.int8(Status.CONVERGED), used, state[8],
+                  np.sqrt(2 * found.cost), (spread @ spread.T)[:8, :8])  # fmt: skip
+
+
+def is_lit(question: Question) -> bool:
+    """Whether a question is of least squares from zero under the light of a bench."""
+    return question.is_plain() and question.sensor.light.on
+
+
+EXECUTIONS = {
+    "prepared solver": Execution(
+        solve_prepared,
+        can_answer=lambda question: question.is_alike() and isinstance(question.start, str),
+    ),
+    "single readings": Execution(solve_singly, can_answer=Question.is_of_each),
+    "other batches": Execution(solve_elsewhere, can_answer=Question.is_of_each),
+    "rows": Execution(solve_rows, sigmas=1e-6, spread=1e-5),
+    "rows as text": Execution(
+        partial(solve_rows, as_text=True),
+        sigmas=1e-6,
+        spread=1e-5,
+        can_answer=lambda question: question.is_of_each() and not question.sensor.apertures.cut,
+    ),
+    "a sensor for each": Execution(solve_varied, sigmas=1e-6, can_answer=Question.is_plain),
+    "C, double": Execution(
+        partial(solve_c, precision="-DFACETS_DOUBLE"),
+        sigmas=1e-6,
+        spread=1e-6,
+        can_answer=is_exported,
+        exists=bool(COMPILER),
+    ),
+    "C, single": Execution(
+        partial(solve_c, precision="-DFACETS_FLOAT"),
+        sigmas=0.1,
+        spread=0.05,
+        can_answer=is_exported,
+        exists=bool(COMPILER),
+        misfits=False,
+    ),
+    "page": Execution(
+        solve_page,
+        sigmas=1e-6,
+        spread=1e-6,
+        can_answer=is_on_pages,
+        exists=bool(NODE),
+        effort=2,
+    ),
+    "SciPy": Execution(
+        solve_scipy,
+        sigmas=2e-3,
+        spread=1e-4,
+        can_answer=lambda question: question.is_plain() and not is_lit(question),
+        screens=False,
+        misfits=False,
+        effort=4,
+    ),
+    # The derivatives of the package's steps leave out how what happens at the edges changes: they
+    # end where a few hundredths of the sum of squares, seldom 1, are left.
+    "SciPy, bench light": Execution(
+        solve_scipy,
+        sigmas=1.0,
+        spread=0.3,
+        can_answer=is_lit,
+        screens=False,
+        misfits=False,
+        effort=10,
+    ),
+}
