@@ -16,7 +16,7 @@ else:
             ),
             "motion": "shaker_force states",
             "reference": "reference_columns reference_poses",
-            "run": "axes pose_table reading_table statuses",
+            "run": "axes pose_table reading_table reference_table statuses",
             "vibration": "receptance shake",
         },
     )

@@ -12,31 +12,24 @@ import facets
 from facets import InputError, standard_deviations
 from facets.calibration import Data, gather_samples
 from facets.calibration.samples import add_converter_steps
-from facets.core import READING_COLUMNS, STATE_UNITS
+from facets.core import READING_COLUMNS, Steps
 from facets.estimation import dwell_means, stands, stands_of_axis
+from facets.simulation import reading_table, reference_table
 
 SIGMA = np.array([1e-3, 2e-3])
 
 
-def steps(rng, counts, way):
-    """A reference that stands for some rows, goes to another place in `way` rows, and so on."""
-    places, parts = rng.uniform(-1, 1, (len(counts), 2)), []
-    for n, count in enumerate(counts):
-        parts.append(np.tile(places[n], (count, 1)))
-        if n + 1 < len(counts):
-            share = np.linspace(0, 1, way + 2)[1:-1, None]
-            parts.append(places[n] + share * (places[n + 1] - places[n]))
-    return np.concatenate(parts), places
-
-
 def test_stands_are_found_and_the_way_between_is_not():
-    rng = np.random.default_rng(1)
-    counts = [40, 200, 31, 500]
-    pose, places = steps(rng, counts, way=300)
+    """The third has too few rows."""
+    rng, counts = np.random.default_rng(1), (40, 200, 31, 500)
+    places, rows = rng.uniform(-1, 1, (4, 2)), []
+    for place, after, count in zip(places, np.roll(places, -1, axis=0), counts, strict=True):
+        rows += [np.tile(place, (count, 1)), np.linspace(place, after, 302)[1:-1]]
+    pose = np.concatenate(rows[:-1])
     pose += 0.3 * SIGMA * rng.standard_normal(pose.shape)
-    found = stands(pose, SIGMA)
-    assert len(found) == 3  # 31 rows are too few
-    for part, n in zip(found, (0, 1, 3), strict=True):
+    parts = stands(pose, SIGMA)
+    assert len(parts) == 3
+    for part, n in zip(parts, (0, 1, 3), strict=True):
         assert 0.85 * counts[n] <= part.stop - part.start <= counts[n]
         assert (np.abs(pose[part] - places[n]) < 3 * SIGMA).all()
 
@@ -51,38 +44,37 @@ def test_rows_without_a_pose_and_a_new_seat_end_a_stand():
     assert stands(np.full((50, 2), np.nan), SIGMA) == []
 
 
+def mean_at_stands(noise, count):
+    """The means of noise (n, 9), and powers of 100, at so many places of the same length."""
+    places = np.random.default_rng(1).uniform(-1, 1, (count, 2))
+    readings = noise + np.tile([0, 0, 100.0], 3)
+    columns = dict(zip(READING_COLUMNS, readings.T, strict=True))
+    return dwell_means(columns, np.repeat(places, len(noise) // count, axis=0), SIGMA)
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_the_noise_of_a_mean_is_what_means_scatter_by(memory):
     """White noise, and noise that lasts for some rows: the scatter of the means of 200 stands."""
-    rng = np.random.default_rng(3)
-    count, rows = 200, 400
-    pose = np.repeat(rng.uniform(-1, 1, (count, 2)), rows, axis=0)
-    noise = rng.standard_normal((count * rows, 9))
+    noise = np.random.default_rng(3).standard_normal((80_000, 9))
     for n in range(1, len(noise)):
         noise[n] += memory * noise[n - 1]
-    noise[:, 2::3] += 100.0  # powers
-    columns = dict(zip(READING_COLUMNS, noise.T, strict=True))
-    found = dwell_means(columns, pose, SIGMA)
-    assert len(found.rows) == count
+    found = mean_at_stands(noise, 200)
+    assert len(found.rows) == 200
     means = np.column_stack([found.columns[name] for name in READING_COLUMNS])
     means[:, 2::3] -= 100.0
     ratio = np.sqrt((means**2).mean(axis=0)) / found.noise.mean(axis=0)
     assert np.sqrt((ratio**2).mean()) == pytest.approx(1, abs=0.08)
-    assert found.left_out == count * rows - found.rows.sum()
+    assert found.left_out == 80_000 - found.rows.sum()
 
 
 def test_rows_that_jump_and_stands_that_are_spoilt_change_little():
     rng = np.random.default_rng(4)
-    count, rows = 40, 100
-    pose = np.repeat(rng.uniform(-1, 1, (count, 2)), rows, axis=0)
-    noise = rng.standard_normal((count * rows, 9))
-    noise[:, 2::3] += 100.0
-    clean = dwell_means(dict(zip(READING_COLUMNS, noise.T, strict=True)), pose, SIGMA)
-    hit = noise.copy()
-    hit[rng.choice(len(hit), 40, replace=False), 0] += 1e4
-    for stand in (3, 17, 30):  # a reading that creeps while the mirror stands still
-        hit[stand * rows : (stand + 1) * rows, 1] += np.linspace(0, 500, rows)
-    found = dwell_means(dict(zip(READING_COLUMNS, hit.T, strict=True)), pose, SIGMA)
+    noise = rng.standard_normal((4000, 9))
+    clean = mean_at_stands(noise, 40)
+    noise[rng.choice(4000, 40, replace=False), 0] += 1e4
+    for row in (300, 1700, 3000):  # a reading that creeps while the mirror stands still
+        noise[row : row + 100, 1] += np.linspace(0, 500, 100)
+    found = mean_at_stands(noise, 40)
     name = READING_COLUMNS[0]
     np.testing.assert_allclose(found.columns[name], clean.columns[name], atol=0.1)
     assert (found.noise / clean.noise)[:, 1].mean() < 1.3
@@ -107,29 +99,22 @@ def test_a_converter_s_steps_stay_in_a_mean(bandwidth):
     assert np.sqrt((((means - exact) / white) ** 2).mean()) > 3
 
 
-def columns_of(rng, count, rows):
-    config = facets.load("paper")
-    reach = np.array([0.1, 0.1, 0.5, 5e-3, 5e-3, 5e-3])
-    places = rng.uniform(-1, 1, (count, 6)) * reach
-    states = np.zeros((count * rows, 8))
-    states[:, :6] = np.repeat(places, rows, axis=0)
-    raw = facets.add_noise(config.sensor, facets.readings(config.sensor, states), rng)
-    columns = dict(zip(READING_COLUMNS, raw.T, strict=True))
-    names = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
-    for n, name in enumerate(names):
-        columns[f"ref_{name}"] = states[:, n] / STATE_UNITS[n]
-    columns["time_s"] = 1e-3 * np.arange(count * rows)
-    return config, places, columns
+def table_of_steps(steps):
+    """Simulated readings beside an exact reference, which stands still a hundred rows a step."""
+    start, stop = np.array([-1, 1])[:, None] * [0.1, 0.1, 0.5, 5e-3, -5e-3, 5e-3, 0, 0]
+    motion = Steps(tuple(start), tuple(stop), steps, 100, 1000.0)
+    config = replace(facets.load("paper"), motions={"steps": motion})
+    segments = facets.simulate(config, seed=5)
+    columns = reading_table(segments) | reference_table(segments, [0] * 6, 5)
+    del columns["motion"]
+    return config, segments[0].truth[::100], columns
 
 
 def test_a_table_of_stands_becomes_a_sample_each():
-    rng = np.random.default_rng(5)
-    config, places, columns = columns_of(rng, 12, 100)
-    settings = replace(config.calibrate, dwells=True)
-    data = gather_samples(Path("t.csv"), columns, settings)
-    np.testing.assert_allclose(data.pose, places, atol=1e-9)
+    config, states, columns = table_of_steps(12)
+    data = gather_samples(Path("t.csv"), columns, replace(config.calibrate, dwells=True))
+    np.testing.assert_allclose(data.pose, states[:, :6], atol=1e-9)
     assert data.velocity is None
-    states = np.concatenate([places, np.zeros((12, 2))], axis=1)
     over = (data.raw - facets.readings(config.sensor, states)) / data.noise
     assert np.sqrt((over**2).mean()) == pytest.approx(1, abs=0.3)
     single = standard_deviations(config.sensor, data.raw)
@@ -137,8 +122,7 @@ def test_a_table_of_stands_becomes_a_sample_each():
 
 
 def test_a_reference_that_does_not_stand_still_is_told():
-    rng = np.random.default_rng(6)
-    config, _, columns = columns_of(rng, 8, 100)
+    config, _, columns = table_of_steps(8)
     with pytest.raises(InputError, match=r"stands still 8 times.*Leave out --dwells"):
         gather_samples(Path("t.csv"), columns, replace(config.calibrate, dwells=True))
 
@@ -147,12 +131,11 @@ def test_an_axis_stands_still_where_its_noisy_coordinate_does():
     """Steps of two standard deviations of a row, with missing rows, are found; noise alone is one
     stand."""
     rng = np.random.default_rng(3)
-    places = np.repeat([0.0, 2.0, 4.0, 2.0], 500)
-    place = places + rng.standard_normal(len(places))
-    place[rng.integers(0, len(place), 40)] = np.nan
-    found = stands_of_axis(place, 300)
-    assert len(found) == 4
-    for k, part in enumerate(found):
+    place = np.repeat([0.0, 2.0, 4.0, 2.0], 500) + rng.standard_normal(2000)
+    place[rng.integers(0, 2000, 40)] = np.nan
+    parts = stands_of_axis(place, 300)
+    assert len(parts) == 4
+    for k, part in enumerate(parts):
         assert 500 * k <= part.start < part.stop <= 500 * (k + 1)
         assert part.stop - part.start > 380
     assert len(stands_of_axis(rng.standard_normal(2000), 300)) == 1
