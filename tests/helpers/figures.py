@@ -9,7 +9,7 @@ import numpy as np
 
 from facets import POSE, Boundary
 from facets.characterization import Index
-from facets.core import RANGE_COLUMNS, READING_COLUMNS, STATE_COLUMNS
+from facets.core import RANGE_COLUMNS, STATE_COLUMNS
 
 
 def rng() -> np.random.Generator:
@@ -33,7 +33,7 @@ def segment(name: str = "steps", count: int = 600, solved: bool = True) -> Any:
 
 
 def motion(*segments: Any) -> Any:
-    from facets.pictures.motion import motion_picture
+    from facets.pictures import motion_picture
 
     return motion_picture(segments or [segment(), segment("a sweep with a long name", 90)])
 
@@ -52,7 +52,7 @@ def ranges(count: int = 15) -> Any:
 
 
 def resolution() -> Any:
-    from facets.pictures.resolution import budget_picture
+    from facets.pictures import budget_picture
 
     fine = np.array([2.4e-3, 2.4e-3, 1.5e-3, 4.2e-6, 4.2e-6, 6e-6])
     rows = []
@@ -67,7 +67,7 @@ def resolution() -> Any:
 
 
 def layout() -> Any:
-    from facets.pictures.layout import layout_picture
+    from facets.pictures import layout_picture
 
     fine = [f"u_{name.replace('_mm', '_um').replace('_mrad', '_urad')}" for name in STATE_COLUMNS]
     before = np.array([0.681, 0.66, 1.2, 3.8, 3.9, 6.1, 0.359, 0.39, 12.1, 28, 24.3, 49])
@@ -87,19 +87,19 @@ def designs(count: int = 300) -> dict[str, Any]:
 
 
 def front() -> Any:
-    from facets.design.exploration import front as best
-    from facets.pictures.exploration import front_picture
+    from facets.design import exploration
+    from facets.pictures import front_picture
 
     table = designs()
     names = list(table)
     indices = {name: {key: Index(0.3, 0.08) for key in ("radius_mm", "pitch_mrad")}
                for name in names}  # fmt: skip
     own = {"head_mm": 500.0, "u_roll_urad": 8.5, "range_roll_mrad": 40.0}
-    return front_picture(table, best(table, names), names, indices, own)
+    return front_picture(table, exploration.front(table, names), names, indices, own)
 
 
 def pareto() -> Any:
-    from facets.pictures.exploration import pareto_picture
+    from facets.pictures import pareto_picture
 
     place = np.linspace(4, 9, 9)
     price = np.array([np.nan, *np.linspace(0.02, 0.4, 7), np.nan])
@@ -110,7 +110,7 @@ def pareto() -> Any:
 
 
 def calibration() -> Any:
-    from facets.pictures.calibration import residual_picture
+    from facets.pictures import residual_picture
 
     random = rng()
     table = {
@@ -122,7 +122,7 @@ def calibration() -> Any:
 
 
 def survey() -> Any:
-    from facets.pictures.singularity import survey_picture
+    from facets.pictures import survey_picture
 
     counts = rng().poisson(3, (40, 40)).astype(float)
     edges = [np.linspace(0, 0.3, 41), np.linspace(-4e6, 4e6, 41), np.linspace(0, 2e-3, 41)]
@@ -149,27 +149,21 @@ def plan() -> Any:
     return plan_picture(facets.load("bench").sensor, np.zeros(8))
 
 
-def noise_channels() -> list[Any]:
-    """Minimal channels of a report that suffice for its figures."""
-    from facets.characterization.allan import allan
-
-    random = rng()
-    channels = []
-    for column in (*READING_COLUMNS, *STATE_COLUMNS[:6]):
-        unit = "uW" if column.startswith("power") else "urad" if "mrad" in column else "um"
-        signal = random.standard_normal(2048)
-        line = SimpleNamespace(frequency=50.0)
-        model = SimpleNamespace(rate=1000.0, mean=0.0, lines=(line,),
-                                density=lambda f: 2e-3 + 1e-3 / f)  # fmt: skip
-        channels.append(SimpleNamespace(name=column, unit=unit, signal=signal, model=model,
-                                        allan=allan(signal, 1000.0), configured=1.2))  # fmt: skip
-    return channels
-
-
 #: All figures by name.
 ALL = {
-    one.__name__: one
-    for one in (motion, ranges, resolution, layout, front, pareto, calibration, survey, spots, plan)
+    figure.__name__: figure
+    for figure in (
+        motion,
+        ranges,
+        resolution,
+        layout,
+        front,
+        pareto,
+        calibration,
+        survey,
+        spots,
+        plan,
+    )
 }
 
 
