@@ -24,15 +24,19 @@ else:
     __getattr__ = load_on_use(
         __name__,
         {
+            "assembly": "assembly_of",
             "exploration": (
                 "MEASURES NO_RIVALS Space collect designs measure_design measure_designs "
                 "meets part_of part_table space_of"
             ),
+            "front": "compare_with_designs pareto_front",
             "problem": "problem_of",
             "production": "SimulatedHeads count_passes interval simulate_heads",
+            "robust": "robust_layout",
             "rounding": "round_design step_of",
             "search": "optimize solve_from_present",
             "sheets": "require_writable write_sheets",
+            "survey": "SKIPPED",
             "tolerancing": "draw_heads expand_margins key_of sensitivities shares",
             "variables": (
                 "columns_of_states gain_of layout_parameters outcome_of present_values sensor_of"

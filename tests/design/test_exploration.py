@@ -9,35 +9,47 @@ import time
 from dataclasses import replace
 
 import numpy as np
-import pandas
 import pytest
 from commands import PROGRAM, command
 
 import facets
-from facets import InputError, OutputError, axis_ranges
-from facets.design import MEASURES, NO_RIVALS, Space, collect, designs, measure_design, part_of
+from facets import InputError, OutputError, axis_ranges, pictures
+from facets.design import (
+    MEASURES,
+    NO_RIVALS,
+    SKIPPED,
+    Space,
+    collect,
+    designs,
+    measure_design,
+    measure_designs,
+    meets,
+    part_of,
+)
 from facets.design import exploration as study
-from facets.design.exploration import front
-from facets.design.survey import SKIPPED
 
 CONFIG = facets.load("layout")
 SPACE = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, "sobol", 60, 1)
 
 
-@pytest.mark.parametrize("sampling", ["sobol", "lhs", "grid"])
-def test_designs_are_in_their_bounds_and_the_same_again(sampling):
-    space = replace(SPACE, sampling=sampling)
-    drawn = designs(space)
-    assert len(drawn) >= 60
-    bounds = np.array(list(space.layout.variables.values()))
-    assert (drawn >= bounds[:, 0] - 1e-9).all()
-    assert (drawn <= bounds[:, 1] + 1e-9).all()
-    np.testing.assert_array_equal(drawn, designs(space))
+def test_designs_are_in_their_bounds_and_the_same_again():
+    for sampling in ("sobol", "lhs", "grid"):
+        space = replace(SPACE, sampling=sampling)
+        drawn = designs(space)
+        assert len(drawn) >= 60
+        bounds = np.array(list(space.layout.variables.values()))
+        assert (drawn >= bounds[:, 0] - 1e-9).all()
+        assert (drawn <= bounds[:, 1] + 1e-9).all()
+        study.draw.cache_clear()
+        np.testing.assert_array_equal(drawn, designs(space))
+
+
+#: The paper's own sensor as a design.
+OWN = np.array([250.0, 45.0, 0.0, 120.0, 0.85])
 
 
 def test_a_design_is_what_the_other_commands_say_of_it():
-    x = np.array([250.0, 45.0, 0.0, 120.0, 0.85])
-    why, values = measure_design(SPACE, x)
+    why, values = measure_design(SPACE, OWN)
     assert why == 0
     found = dict(zip(MEASURES, values, strict=True))
     ranges = axis_ranges(CONFIG.sensor, replace(CONFIG.range, condition=np.inf), np.zeros(6))
@@ -46,37 +58,31 @@ def test_a_design_is_what_the_other_commands_say_of_it():
     assert found["range_yaw_mrad"] == pytest.approx(1e3 * ranges[5].symmetric, rel=1e-3)
 
 
-def test_what_can_not_work_at_rest_is_skipped():
+def test_the_limit_that_a_design_breaks_at_rest_is_the_one_told():
     dim = replace(SPACE, layout=replace(SPACE.layout, least_power=0.2))
-    why, values = measure_design(dim, designs(dim)[0])
+    why, values = measure_design(dim, OWN)
     assert SKIPPED[why] == "too little light at rest"
     assert np.isnan(values[1:]).all()
-
-
-def test_the_limit_that_a_design_breaks_at_rest_is_the_one_told():
-    x = np.array([250.0, 45.0, 0.0, 120.0, 0.85])
     rules = CONFIG.range
     coarse = replace(rules, coarsest=(1e-9,) * 6)
-    for broken, says in ((coarse, "too coarse at rest"), (replace(rules, snr=1e9), "too little")):
-        why, values = measure_design(replace(SPACE, rules=broken), x)
-        assert SKIPPED[why].startswith(says)
+    for broken, words in ((coarse, "too coarse at rest"), (replace(rules, snr=1e9), "too little")):
+        why, values = measure_design(replace(SPACE, rules=broken), OWN)
+        assert SKIPPED[why].startswith(words)
         assert np.isnan(values[study.AT_RANGES]).all()
         assert np.isfinite(values[MEASURES.index("condition")])
 
 
 def test_too_few_designs_make_no_picture():
-    from facets.pictures.exploration import front_picture
-
     names = ["head_mm", "u_tz_um"]
+    for known in (1, 2):
+        table = {name: np.array([1.0, np.nan, 2.0]) for name in names}
+        for column in table.values():
+            column[known:] = np.nan
+        best = study.front(table, names)
+        assert pictures.exploration.front_picture(table, best, names, {}) is None
     table = {name: np.array([1.0, np.nan, 2.0]) for name in names}
-    for known in (0, 1, 2):
-        some = {name: np.where(np.arange(3) < 2 * known - 1, column, np.nan)
-                for name, column in table.items()}  # fmt: skip
-        best = front(some, names)
-        picture = front_picture(some, best, names, {})
-        assert (picture is None) == (known < 2)
-        if picture is not None:
-            assert len(picture.axes) == 1
+    best = study.front(table, names)
+    assert len(pictures.exploration.front_picture(table, best, names, {}).axes) == 1
 
 
 def brute(costs):
@@ -91,15 +97,15 @@ def test_the_front_is_that_of_the_definition():
     table = {name: rng.random(300) for name in MEASURES}
     table["u_tz_um"][:5] = np.nan
     names = ["head_mm", "u_tz_um", "range_yaw_mrad"]
-    best = front(table, names)
+    best = study.front(table, names)
     costs = np.stack([table["head_mm"], table["u_tz_um"], -table["range_yaw_mrad"]], axis=1)
     assert not best[:5].any()
     np.testing.assert_array_equal(best[5:], brute(costs[5:]))
 
 
-def rivals_of(tables):
+def rivals_of(tables, objectives):
     table = {name: np.concatenate([t[name] for t in tables]) for name in MEASURES}
-    best = front(table, list(SPACE.objectives))
+    best = study.front(table, list(objectives))
     return np.stack([table[name][best] for name in MEASURES], axis=1)
 
 
@@ -109,54 +115,46 @@ PILOTED = replace(
 )
 
 
-@pytest.fixture(scope="module")
-def looked_at_all():
-    """500 designs, and 100 that follow, nothing of them skipped; the same for any objectives."""
+@pytest.mark.slow
+def test_what_is_skipped_is_not_on_the_front():
+    """After 500 designs, of which nothing is skipped, 100 follow: the front without skipping has
+    the same designs, and the skipped are a good part of all."""
     pilot = [part_of(PILOTED, first, NO_RIVALS) for first in range(0, 500, 100)]
-    return pilot, part_of(replace(PILOTED, every=True), 500, NO_RIVALS)
-
-
-@pytest.mark.parametrize(
-    "objectives",
-    [
+    full = part_of(replace(PILOTED, every=True), 500, NO_RIVALS)
+    for objectives in (
         ("head_mm", "u_roll_urad", "range_roll_mrad"),
         ("range_tz_mm", "range_yaw_mrad"),
         ("u_tz_um", "condition"),
-    ],
-)
-@pytest.mark.slow
-def test_what_is_skipped_is_not_on_the_front(looked_at_all, objectives):
-    """The front without skipping has the same designs, and the skipped are a good part of all."""
-    pilot, full = looked_at_all
-    space = replace(PILOTED, objectives=objectives)
-    short = part_of(space, 500, rivals_of(pilot))
-    skipped = short["skipped"] == SKIPPED[5]
-    assert skipped.sum() > 20
-    found = []
-    for last in (full, short):
-        table = {name: np.concatenate([t[name] for t in [*pilot, last]]) for name in full}
-        found.append(table["design"][front(table, list(objectives))])
-    np.testing.assert_array_equal(found[0], found[1])
+    ):
+        space = replace(PILOTED, objectives=objectives)
+        short = part_of(space, 500, rivals_of(pilot, SPACE.objectives))
+        assert (short["skipped"] == SKIPPED[5]).sum() > 20
+        fronts = []
+        for last in (full, short):
+            table = {name: np.concatenate([t[name] for t in [*pilot, last]]) for name in full}
+            fronts.append(table["design"][study.front(table, list(objectives))])
+        np.testing.assert_array_equal(*fronts)
 
 
 def test_only_what_keeps_the_requirement_is_looked_at():
     space = replace(SPACE, required=True)
     best = np.array([221.0, 53.0, 257.0, 119.75, 1.8])
     assert measure_design(space, best)[0] == 0
-    assert study.meets(space.sensor, space.layout, space.volume)  # the paper's own
+    assert meets(space.sensor, space.layout, space.volume)  # the paper's own
     fine = replace(space.layout, limit=(*[np.inf] * 2, 0.1, *[np.inf] * 3))
-    assert not study.meets(space.sensor, fine, space.volume)
+    assert not meets(space.sensor, fine, space.volume)
     why, _ = measure_design(replace(space, layout=fine), best)
     assert SKIPPED[why] == "not what is required over the volume"
 
 
-@pytest.mark.parametrize(("name", "regular"), [("paper", 1.0), ("singular", 0.0)])
-def test_a_singular_design_is_told(name, regular):
-    sensor = facets.load(name).sensor
-    volume = (0.0, 0.0, 3.0, 0.02, 0.02, 0.02, 0.0, 0.0)
-    layout = replace(CONFIG.layout, variables={"power_mw": (0.2, 0.4)}, volume=volume)
-    space = Space(sensor, CONFIG.range, layout, "sobol", 4, 1)
-    assert study.measure_rest(space, np.array([0.3]))[1][MEASURES.index("regular")] == regular
+def test_a_singular_design_is_told():
+    for name, regular in (("paper", 1.0), ("singular", 0.0)):
+        sensor = facets.load(name).sensor
+        volume = (0.0, 0.0, 3.0, 0.02, 0.02, 0.02, 0.0, 0.0)
+        layout = replace(CONFIG.layout, variables={"power_mw": (0.2, 0.4)}, volume=volume)
+        space = Space(sensor, CONFIG.range, layout, "sobol", 4, 1)
+        _, values = measure_design(space, np.array([0.3]))
+        assert values[MEASURES.index("regular")] == regular
 
 
 def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
@@ -180,10 +178,10 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_path):
+def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
     distributed = pytest.importorskip("distributed")
-    space = replace(SPACE, part=10, count=200)
-    alone = [part_of(space, first, NO_RIVALS) for first in range(0, 200, 10)]
+    space = replace(SPACE, part=10, count=100)
+    alone = [part_of(space, first, NO_RIVALS) for first in range(0, 100, 10)]
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
     ) as cluster:
@@ -194,9 +192,6 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_pa
             if done == 1 and not killed:
                 killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
-                cluster.scale(3)
-                with distributed.Client(cluster) as client:
-                    client.wait_for_workers(3)
 
         words = study.cluster_words(cluster.scheduler_address)
         assert words.startswith("2 workers at tcp://")
@@ -217,22 +212,20 @@ def test_the_command_explores_and_refuses(tmp_path):
     assert "128 designs" in result.stdout
     assert "range_roll_mrad follows: radius_mm" in result.stdout
     assert (tmp_path / "out" / "front.png").stat().st_size > 10_000
-    again = command(*arguments, cwd=tmp_path)  # nothing is left to do
-    assert again.returncode == 0
-    other = command(*arguments[:-2], "--seed", "2", "-d", "out", cwd=tmp_path)
-    assert other.returncode == 2
-    assert "another search" in other.stderr
-    for wrong, words in ((("--objective", "cost"), "unknown measure cost"),
-                         (("--scheduler", "tcp://127.0.0.1:1"), "no cluster answers")):  # fmt: skip
-        result = command("explore", "layout", *wrong, "--folder", "new", cwd=tmp_path)
+    for words, message in (
+        ((*arguments[:-2], "--seed", "2", "-d", "out"), "another search"),
+        (("explore", "layout", "--objective", "cost", "-d", "new"), "unknown measure cost"),
+        (("explore", "layout", "--scheduler", "tcp://127.0.0.1:1", "-d", "new"), "no cluster"),
+        (("explore", "layout", "--report", "page.txt", "-d", "new"), ".html"),
+    ):
+        result = command(*words, cwd=tmp_path)
         assert result.returncode == 2
-        assert words in result.stderr
+        assert message in result.stderr
 
 
 @pytest.mark.parametrize(
     "more",
     [
-        {},
         {"rules": replace(CONFIG.range, tracking=True)},
         {"layout": replace(CONFIG.layout, variables={"size_mm": (2.0, 20.0),
                                                      "diameter_mm": (0.2, 4.0)})},
@@ -245,19 +238,16 @@ def test_the_command_explores_and_refuses(tmp_path):
 @pytest.mark.slow
 def test_designs_at_once_have_the_measures_that_they_have_one_by_one(more):
     """All measures, and why a design is skipped."""
-    space = replace(SPACE, count=64, **more)
+    space = replace(SPACE, count=32, **more)
     assert space.plain
     some = designs(space)
-    why, values, _ = study.measure_designs(space, some)
-    reached = 0
+    why, values, _ = measure_designs(space, some)
+    assert (why == 0).sum() > 2
     for n, x in enumerate(some):
         reason, expected = measure_design(space, x)
         assert why[n] == reason
-        if reason == 5:
-            continue
-        reached += not reason
-        np.testing.assert_allclose(values[n], expected, rtol=1e-9)
-    assert reached > 5
+        if reason != 5:
+            np.testing.assert_allclose(values[n], expected, rtol=1e-9)
 
 
 def test_what_is_not_plain_is_looked_at_one_by_one():
@@ -269,28 +259,28 @@ def test_what_is_not_plain_is_looked_at_one_by_one():
 
 @pytest.mark.slow
 def test_a_run_killed_outright_goes_on_and_makes_nothing_twice(tmp_path):
-    words = ("explore", "layout", "--designs", "3000", "--folder", "out", "--no-table")
-    parts = tmp_path / "out" / "parts"
+    words = ("explore", "layout", "--designs", "1000", "--folder", "out", "--no-table")
+    folder = tmp_path / "out"
     process = subprocess.Popen([*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.DEVNULL)
-    while process.poll() is None and len(study.parts_in(parts.parent)) < 2:
+    while process.poll() is None and not study.parts_in(folder):
         time.sleep(0.01)
     process.kill()
     process.wait()
-    kept = {path: path.stat().st_mtime_ns for path in study.parts_in(parts.parent)}
-    assert 2 <= len(kept) < 15
+    kept = {path: path.stat().st_mtime_ns for path in study.parts_in(folder)}
+    assert 1 <= len(kept) < 5
     result = command(*words, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    whole = pandas.read_parquet(parts)
-    np.testing.assert_array_equal(np.sort(whole["design"]), np.arange(3000))
-    assert not (tmp_path / "out" / "designs.parquet").exists()
+    np.testing.assert_array_equal(np.sort(collect(folder)["design"]), np.arange(1000))
+    assert not (folder / "designs.parquet").exists()
 
 
-def test_an_older_page_is_not_replaced_unasked(tmp_path):
+def test_an_older_page_is_not_replaced_unasked(run_in_process, tmp_path):
     (tmp_path / "page.html").write_text("mine")
-    result = command("explore", "layout", "--report", "page.html", "--folder", "out", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "page.html" in result.stderr
+    words = ("explore", "layout", "--report", "page.html", "--folder", "out")
+    status, _, errors = run_in_process(*words)
+    assert status == 2
+    assert "page.html" in errors
     assert (tmp_path / "page.html").read_text() == "mine"
     assert not (tmp_path / "out").exists()
 
