@@ -60,6 +60,7 @@ AFFINE = record(
 ABOUT = (
     "config",
     "config_sha256",
+    "object",
     "facets",
     "seed",
     "command",
@@ -77,6 +78,7 @@ SCHEMA: dict[str, Any] = {
             "format": {"const": FORMAT},
             "config": TEXT,
             "config_sha256": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
+            "object": TEXT,
             "facets": TEXT,
             "seed": TEXT,
             "command": TEXT,

@@ -357,7 +357,7 @@ def check_content(content: dict[str, Any]) -> CheckResult:
     if content["range"] is not None:
         found.verified, unverified = check_range(rig, content)
         found.not_verified += unverified
-    known = ("facets", "seed", "command", "made", "seconds", "work")
+    known = ("object", "facets", "seed", "command", "made", "seconds", "work")
     found.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
     return found
 

@@ -32,7 +32,7 @@ _NAMES_OF = {
     "streams.subscription": "Subscription",
     "recording.comparison": "compare",
     "recording.disk": "Disk",
-    "recording.index": "Damage OLD are_events_whole pack_encoder",
+    "recording.index": "Damage OLD are_events_whole",
     "recording.pose_table": "join_columns pose_columns recorded_poses",
     "recording.reader": "blocks meta_of",
     "recording.replay": "recorded_config replay",
@@ -55,7 +55,7 @@ _NAMES_OF = {
     ),
     "virtual": "Bench Faults Pty truth_of",
     "virtual.stages": "PiController ZaberDevice",
-    "web.page": "WebPage description_of",
+    "web.page": "WebPage",
     "web.status": "stage status_of",
 }
 __all__ = sorted(" ".join(_NAMES_OF.values()).split())
