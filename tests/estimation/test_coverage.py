@@ -13,7 +13,6 @@ from facets.config import covariance
 from facets.core import READING_COLUMNS
 from facets.estimation import coverage_factor, effective_degrees_of_freedom, region_factor
 from facets.files import write_table
-from facets.live import Poses, join_poses
 
 KNOWN = facets.Calibration(("psd_a.height",), ((1e-4,),), 5.0)
 SENSOR = replace(facets.load("paper").sensor, calibration=KNOWN)
@@ -37,12 +36,9 @@ def test_coverage_factors_are_those_of_the_printed_tables():
     # Hotelling: m n / (n - m + 1) times the quantile 4.256 of F with 2 and 9 degrees of freedom.
     assert region_factor(0.95, 2, 10) == pytest.approx(np.sqrt(20 / 9 * 4.256), abs=1e-3)
     assert np.isnan(region_factor(0.95, 6, 5))
-
-
-@pytest.mark.parametrize("probability", [0, 1, -0.5, np.nan])
-def test_a_coverage_probability_is_between_0_and_1(probability):
-    with pytest.raises(facets.InputError, match="allowed: between 0 and 1"):
-        coverage_factor(probability)
+    for probability in (0, 1, -0.5, np.nan):
+        with pytest.raises(facets.InputError, match="allowed: between 0 and 1"):
+            coverage_factor(probability)
 
 
 def test_a_short_calibration_needs_a_larger_factor():
@@ -58,9 +54,6 @@ def test_a_short_calibration_needs_a_larger_factor():
     assert np.isnan(expanded[2]).all()
     single = facets.solve(SENSOR, readings[0], beam="known")
     assert single.expanded_uncertainty(0.95) == pytest.approx(expanded[0])
-    line = Poses(*(np.zeros(3),) * 3, readings, found, np.zeros(3, np.uint8))
-    joined = join_poses([line, line]).solution
-    assert joined.expanded_uncertainty(0.95)[:3] == pytest.approx(expanded, nan_ok=True)
 
 
 def test_the_factor_is_normal_without_a_calibration_and_where_its_freedom_is_unknown():

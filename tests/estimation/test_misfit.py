@@ -13,7 +13,6 @@ from facets import add_noise
 from facets.estimation import (
     FALSE_ALARM_RATE,
     LIMITS,
-    MAX_EXAMPLES,
     Misfit,
     StatusCounts,
     solve_readings,
@@ -56,11 +55,7 @@ def flags(sensor, raw, options=OPTIONS):
     return solution.misfit, found
 
 
-def test_nothing_is_said_where_all_is_right():
-    assert flags(CONFIG.sensor, read())[1].sentence == ""
-
-
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [0, 1, 2])
 def test_a_single_flag_is_left_to_chance(count):
     raw = read(100)
     raw[:count, 3] += 0.1
@@ -104,12 +99,6 @@ def read_bench(beam=(0.0, 0.0), moves=True, power=1.0, count=400):
     return add_noise(sensor, facets.readings(sensor, state), rng)
 
 
-def radii(sensor, step):
-    """The sensor with the detectors B and C further out than they are."""
-    psds = tuple(replace(psd, radius=psd.radius + step * n) for n, psd in enumerate(sensor.psds))
-    return replace(sensor, psds=psds)
-
-
 @pytest.mark.parametrize("options", [KNOWN, OPTIONS], ids=["power known", "power unknown"])
 @pytest.mark.parametrize("moves", [True, False], ids=["moves", "stands"])
 def test_a_beam_that_stands_elsewhere_is_the_likeliest_cause(options, moves):
@@ -119,14 +108,11 @@ def test_a_beam_that_stands_elsewhere_is_the_likeliest_cause(options, moves):
     assert ("because the mirror stood still" in sentence) == (not moves)
 
 
-def test_a_beam_elsewhere_than_its_stage_says_is_told_so():
-    _, found = flags(BENCH, read_bench((0.3, 0.1)), KNOWN)
+def test_a_beam_elsewhere_than_its_stage_says_and_another_power_are_told():
+    found = flags(BENCH, read_bench((0.3, 0.1)), KNOWN)[1]
     found.carried = True
     assert "(0.3, 0.1) mm from where the stage says" in found.sentence
     assert "stage.zero_mm" in found.sentence
-
-
-def test_another_power_of_the_laser_is_told():
     sentence = flags(BENCH, read_bench(power=0.8), KNOWN)[1].sentence
     assert "fit a laser of 0.24 mW instead of 0.3 mW" in sentence
 
@@ -135,27 +121,16 @@ def test_another_power_of_the_laser_is_told():
 def test_what_nothing_explains_is_unknown(options):
     """Another geometry, order or sign: a free beam for each reading would fit most of them."""
     good = read_bench()
+    psds = tuple(replace(psd, radius=psd.radius + 5 * n) for n, psd in enumerate(BENCH.psds))
     sign = good.copy()
     sign[:, 0] *= -1
     order = good[:, [3, 4, 5, 0, 1, 2, 6, 7, 8]]
-    for sensor, raw in ((radii(BENCH, 5.0), good), (BENCH, sign), (BENCH, order)):
+    for sensor, raw in ((replace(BENCH, psds=psds), good), (BENCH, sign), (BENCH, order)):
         sentence = flags(sensor, raw, options)[1].sentence
         assert "The cause is unknown" in sentence
         assert "geometry" in sentence
     free = replace(options, beam="free", power="known")
     assert "fit a beam" not in flags(BENCH, 1e3 * good, free)[1].sentence
-
-
-def test_examples_are_of_the_whole_run():
-    found = Misfit()
-    raw = read_bench((4.0, -1.5))
-    solution = solve_readings(BENCH, KNOWN, raw, None)
-    for n in range(50):
-        found.add(solution, BENCH, KNOWN.knowledge(BENCH), KNOWN.method, raw + 1000 * n)
-    numbers = {round(reading[0] / 1000) for reading, _ in found.examples}
-    assert len(found.examples) <= MAX_EXAMPLES
-    assert min(numbers) < 2
-    assert max(numbers) > 45
 
 
 @pytest.mark.parametrize("batch", [1, 7, 500])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from sensors import correlate
 
 import facets
 from facets.model import evaluate, parameters, vectors_of
@@ -21,12 +22,7 @@ SIGMAS = {"psd_a.radius": 2e-3, "psd_b.height": 1e-3, "psd_c.azimuth": 1e-5, "ps
 
 
 def calibrated() -> facets.Sensor:
-    """A sensor whose parameters are known with correlated errors."""
-    sigma = np.array(list(SIGMAS.values()))
-    mixing = np.random.default_rng(1).standard_normal((len(sigma), 2 * len(sigma)))
-    covariance = np.corrcoef(mixing) * np.outer(sigma, sigma)
-    known = facets.Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
-    return replace(facets.load("paper").sensor, calibration=known)
+    return replace(facets.load("paper").sensor, calibration=correlate(SIGMAS))
 
 
 def motion(state, body) -> tuple[np.ndarray, Rotation]:
@@ -39,12 +35,18 @@ def pose_of(place, turn) -> np.ndarray:
     return np.append(place, turn.as_euler("xyz"))
 
 
-def check_intervals(found: facets.ObjectPose, truth: np.ndarray) -> None:
+def displacement(body) -> np.ndarray:
+    """From START to STATE."""
+    (place, turn), (start, turn_zero) = motion(STATE, body), motion(START, body)
+    return pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
+
+
+def check_intervals(pose: np.ndarray, covariance: np.ndarray, truth: np.ndarray) -> None:
     """95 % intervals of the components hold, and the 95 % region of all six."""
-    error = found.pose - truth
-    shares = (np.abs(error) < 1.96 * found.uncertainty).mean(axis=0)
+    error, variance = pose - truth, np.einsum("nii->ni", covariance)
+    shares = (np.abs(error) < 1.96 * np.sqrt(variance)).mean(axis=0)
     assert ((shares > 0.93) & (shares < 0.97)).all(), shares
-    squares = (error * np.linalg.solve(found.covariance, error[:, :, None])[:, :, 0]).sum(axis=1)
+    squares = (error * np.linalg.solve(covariance, error[:, :, None])[:, :, 0]).sum(axis=1)
     assert 0.93 < (squares < 12.5916).mean() < 0.97  # chi-square of six numbers
 
 
@@ -54,20 +56,20 @@ def test_intervals_at_points_hold_over_noise(body, beam):
     sensor, rng = facets.load("paper").sensor, np.random.default_rng(4)
     noisy = facets.add_noise(sensor, facets.readings(sensor, np.tile(STATE, (COUNT, 1))), rng)
     solution = facets.solve(sensor, noisy, beam=beam)
-    check_intervals(facets.transform(solution, body), pose_of(*motion(STATE, body)))
+    found = facets.transform(solution, body)
+    check_intervals(found.pose, found.covariance, pose_of(*motion(STATE, body)))
     before = facets.add_noise(sensor, facets.readings(sensor, np.tile(START, (100, 1))), rng)
     zero = facets.zero_pose(sensor, facets.solve(sensor, before, beam=beam).state, beam=beam)
     assert (np.abs(zero.scatter - 1) < 0.3).all()
     # The zero's own error is one for all: subtract what it does to the mean.
     found = facets.transform(solution, body, START)
-    (place, turn), (start, turn_zero) = motion(STATE, body), motion(START, body)
-    truth = pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
-    check_intervals(found, truth)
+    check_intervals(found.pose, found.covariance, displacement(body))
     measured = facets.transform(solution, body, zero)
     assert (measured.uncertainty > found.uncertainty).all()
     assert (np.abs(measured.pose - found.pose)[0] < 5 * measured.uncertainty[0] / 7).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1000, pytest.param(COUNT, marks=pytest.mark.study)])
 def test_intervals_of_displacements_hold_over_rigs_and_noise(count):
     """Each rig is another draw of the calibration, with a zero of its own: the mean of four
@@ -81,23 +83,18 @@ def test_intervals_of_displacements_hold_over_rigs_and_noise(count):
     owner = np.repeat(np.arange(count), samples + 1)
     reading = facets.add_noise(sensor, evaluate("readings", vectors_of(rigs), owner, states), rng)
     solution = facets.solve(sensor, reading.reshape(count, samples + 1, 9), **KNOWN)
-    check_intervals(part_of(facets.transform(solution, HEAD), np.s_[:, samples]),
-                    pose_of(*motion(STATE, HEAD)))  # fmt: skip
+    still = part_of(facets.transform(solution, HEAD), np.s_[:, samples])
+    check_intervals(still.pose, still.covariance, pose_of(*motion(STATE, HEAD)))
     members = np.arange(samples + 1) < samples
     found = []
-    for n, states in enumerate(solution.state):
-        zero = facets.zero_pose(sensor, states[members], **KNOWN)
-        own = part_of(solution, n)
-        found.append(facets.transform(own, HEAD, zero, members=members))
-    (place, turn), (start, turn_zero) = motion(STATE, HEAD), motion(START, HEAD)
-    moved = pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
-    for row, truth in ((samples, moved), (0, np.zeros(6))):
-        some = [part_of(one, row) for one in found]
-        pose, covariance = (np.stack([getattr(one, k) for one in some])
-                            for k in ("pose", "covariance"))  # fmt: skip
-        check_intervals(replace(some[0], pose=pose, covariance=covariance), truth)
-    with_all = some[0].noise_covariance + some[0].calibration_covariance
-    np.testing.assert_allclose(some[0].covariance, with_all, rtol=0.01, atol=1e-18)
+    for n, each in enumerate(solution.state):
+        zero = facets.zero_pose(sensor, each[members], **KNOWN)
+        found.append(facets.transform(part_of(solution, n), HEAD, zero, members=members))
+    pose, covariance = (np.stack([getattr(x, k) for x in found]) for k in ("pose", "covariance"))
+    check_intervals(pose[:, samples], covariance[:, samples], displacement(HEAD))
+    check_intervals(pose[:, 0], covariance[:, 0], np.zeros(6))
+    parts = found[0].noise_covariance + found[0].calibration_covariance
+    np.testing.assert_allclose(covariance[0], parts, rtol=0.01, atol=1e-18)
 
 
 def part_of(found, which):
@@ -124,25 +121,25 @@ def test_a_zero_of_one_sample_is_exact_for_that_sample():
 
 def test_poses_without_a_solution_stay_nan_and_bare_states_have_no_covariance():
     sensor = facets.load("paper").sensor
-    reading = facets.readings(sensor, np.tile(STATE, (2, 3, 1)))
-    reading[1, 2] = np.nan
-    solution = facets.solve(sensor, reading)
+    readings = facets.readings(sensor, np.tile(STATE, (2, 3, 1)))
+    readings[1, 2] = np.nan
+    solution = facets.solve(sensor, readings)
     for zero in (None, START, START[:6], facets.zero_pose(sensor, START)):
         found = facets.transform(solution, HEAD, zero)
         assert found.pose.shape == (2, 3, 6)
         assert found.status is solution.status
         assert found.is_displacement == (zero is not None)
-        assert np.isnan(found.pose[1, 2]).all()
-        assert np.isnan(found.uncertainty[1, 2]).all()
-        assert np.isfinite(found.uncertainty[0]).all()
+        for numbers in (found.pose, found.uncertainty):
+            assert np.isnan(numbers[1, 2]).all()
+            assert np.isfinite(numbers[0]).all()
+    expected = facets.transform(solution, HEAD)
     bare = facets.transform(solution.state, HEAD)
-    np.testing.assert_array_equal(bare.pose, facets.transform(solution, HEAD).pose)
+    np.testing.assert_array_equal(bare.pose, expected.pose)
     np.testing.assert_allclose(facets.transform(STATE[:6], HEAD).pose, bare.pose[0, 0], rtol=1e-12)
     with pytest.raises(facets.InputError, match="no covariance"):
         bare.uncertainty  # noqa: B018
-    one = facets.solve(sensor, reading[0, 0])
-    first = facets.transform(solution, HEAD).uncertainty[0, 0]
-    np.testing.assert_allclose(facets.transform(one, HEAD).uncertainty, first, rtol=1e-6)
+    single = facets.transform(facets.solve(sensor, readings[0, 0]), HEAD)
+    np.testing.assert_allclose(single.uncertainty, expected.uncertainty[0, 0], rtol=1e-6)
 
 
 def test_zeros_that_cannot_be():

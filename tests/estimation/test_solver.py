@@ -67,31 +67,25 @@ def test_every_way_finds_the_exact_state(states, readings, options):
     assert angle < 1e-12
 
 
-def plain_steps(reading, start):
-    """The costs of twenty steps without any damping, by NumPy, and where they lead."""
-    noise, state, costs = facets.standard_deviations(SENSOR, reading), start, []
-    for _ in range(20):
-        rest = (reading - facets.readings(SENSOR, state)) / noise
-        costs.append((rest**2).sum())
-        if not np.isfinite(costs[-1]):
-            break
-        slopes = facets.jacobian(SENSOR, state) / noise[:, None]
-        state = state + np.linalg.lstsq(slopes, rest, rcond=None)[0]
-    return np.array(costs), state
-
-
 def test_the_papers_method_goes_on_through_a_rise_and_arrives_where_plain_steps_do():
+    """Twenty steps without any damping, by NumPy."""
     rng = np.random.default_rng(2)
     size = np.array([0.1, 0.1, 1, 4e-3, 4e-3, 5e-3, 0.05, 0.05])
-    true = rng.uniform(-1, 1, (60, 8)) * size
-    starts = true + 3 * rng.uniform(-1, 1, (60, 8)) * size * [0.5, 0.5, *[1] * 6]
+    truth = rng.uniform(-1, 1, (60, 8)) * size
+    starts = truth + 3 * rng.uniform(-1, 1, (60, 8)) * size * [0.5, 0.5, *[1] * 6]
     rises = 0
-    for state, start, reading in zip(true, starts, facets.readings(SENSOR, true), strict=True):
-        costs, end = plain_steps(reading, start)
-        arrives = bool(np.isfinite(costs[-1]) and np.abs(end - state).max() < 1e-6)
+    for true, start, reading in zip(truth, starts, facets.readings(SENSOR, truth), strict=True):
+        state, costs, noise = start, [0.0], facets.standard_deviations(SENSOR, reading)
+        while np.isfinite(costs[-1]) and len(costs) < 20:
+            rest = (reading - facets.readings(SENSOR, state)) / noise
+            slopes = facets.jacobian(SENSOR, state) / noise[:, None]
+            costs.append(np.sum(rest**2))
+            if np.isfinite(costs[-1]):
+                state = state + np.linalg.lstsq(slopes, rest, rcond=None)[0]
+        arrives = bool(np.isfinite(costs[-1]) and np.abs(state - true).max() < 1e-6)
         solution = facets.solve(SENSOR, reading, method="paper", start=start)
         assert bool(solution.converged) == arrives
-        rises += arrives and bool((np.diff(costs) > 1).any())
+        rises += arrives and bool((np.diff(costs[1:]) > 1).any())
     assert rises
 
 
@@ -211,19 +205,15 @@ def test_a_spoilt_number_that_others_check_is_a_misfit_and_not_ok():
     assert (single.converged, single.misfit, single.ok) == (True, True, False)
 
 
-def test_the_covariance_is_that_of_the_linearised_problem():
-    """(J' W J)^-1 from the public Jacobian, and by a Monte Carlo of 20,000 draws (1 %, 4 sigma)."""
+def test_poses_scatter_by_their_uncertainties():
+    """20,000 draws: 1 %, 4 sigma."""
     reading = facets.readings(SENSOR, STATE)
     noise = SENSOR.noise
     sigma = np.full(9, noise.power)
     sigma[0::3] = sigma[1::3] = noise.position * noise.at_power / reading[2::3]
-    scaled = facets.jacobian(SENSOR, STATE) / sigma[:, None]
-    expected = np.linalg.inv(scaled.T @ scaled)
-    solution = facets.solve(SENSOR, reading)
-    np.testing.assert_allclose(solution.covariance, expected, rtol=1e-6, atol=1e-12)
     draws = reading + sigma * np.random.default_rng(2).standard_normal((20_000, 9))
     spread = facets.solve(SENSOR, draws, covariance=False).state.std(axis=0)
-    np.testing.assert_allclose(spread, solution.uncertainty, rtol=0.02)
+    np.testing.assert_allclose(spread, facets.solve(SENSOR, reading).uncertainty, rtol=0.02)
 
 
 @pytest.mark.parametrize("sigma", [np.inf, 0.005, 1e-4, 1e-7, 0.0])
@@ -261,6 +251,9 @@ def test_bad_arguments_are_named(options, words):
     for readings in (np.zeros(9), np.zeros((2, 9))):
         with pytest.raises(InputError, match=words):
             facets.solve(SENSOR, readings, **options)
+    if words.startswith(("beam is", "power is", "start is", "max_steps", "method")):
+        with pytest.raises(InputError, match=words.partition(" ")[0]):
+            facets.Solver(SENSOR, **options)
 
 
 def test_bad_priors_and_shapes_are_named():
@@ -272,14 +265,10 @@ def test_bad_priors_and_shapes_are_named():
         facets.solve(SENSOR, np.zeros(8))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "reading"),
-    [({"start": "there"}, None), ({"max_steps": 0}, None), ({}, [0] * 8), ({}, [[0] * 9])],
-    ids=str,
-)
-def test_a_prepared_solver_refuses_what_it_can_not_take(arguments, reading):
-    with pytest.raises(InputError):
-        facets.Solver(SENSOR, **arguments).solve(reading)
+@pytest.mark.parametrize("reading", [[0] * 8, [[0] * 9]], ids=str)
+def test_a_prepared_solver_takes_one_reading(reading):
+    with pytest.raises(InputError, match="needed"):
+        facets.Solver(SENSOR).solve(reading)
 
 
 def test_a_copy_of_a_prepared_solver_has_memory_of_its_own(readings):
@@ -295,25 +284,20 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
     """Its fields are made when they are asked for; nobody need know."""
     solver = facets.Solver(SENSOR, start="previous")
     single, plain = solver.solve(readings[0]), facets.solve(SENSOR, readings[:1])
-    assert single.noise_covariance is plain.noise_covariance is None
-    assert single.calibration_covariance is plain.calibration_covariance is None
-    names = [field.name for field in fields(facets.Solution)]
-    names = [name for name in names if getattr(plain, name) is not None]
-    kept = {name: np.copy(getattr(plain, name)[0]) for name in names}
+    kept = {
+        field.name: None if value is None else np.copy(value[0])
+        for field in fields(facets.Solution)
+        for value in [getattr(plain, field.name)]
+    }
     solver.solve(readings[1])  # in the memory that the first one was found in
     other = solver.solve(readings[0])
     other.state[:] *= 1e3  # as somebody does who wants micrometres: nothing follows from it
     assert solver.solve(readings[0]).iterations <= 2
     assert replace(single, power=2 * single.power).power == 2 * kept["power"]
-    for each in (
-        single,
-        copy.copy(single),
-        copy.deepcopy(single),
-        pickle.loads(pickle.dumps(single)),
-    ):
+    for each in (single, copy.copy(single), pickle.loads(pickle.dumps(single))):
         assert isinstance(each, facets.Solution)
-        for name in names:
-            np.testing.assert_array_equal(getattr(each, name), kept[name])
+        for name, value in kept.items():
+            np.testing.assert_array_equal(getattr(each, name), value)
     assert repr(single).startswith("Solution(state=array(")
     with pytest.raises(AttributeError, match="pose"):
         single.pose  # noqa: B018
@@ -323,12 +307,6 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
     assert bare.covariance is None
     with pytest.raises(InputError, match="covariance"):
         bare.uncertainty  # noqa: B018
-
-
-def test_a_pose_to_start_from_saves_steps(readings):
-    there = facets.solve(SENSOR, readings[0])
-    again = facets.solve(SENSOR, readings[0], start=there.state)
-    assert again.iterations < there.iterations
 
 
 def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
@@ -348,11 +326,7 @@ def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
 @pytest.mark.slow
 def test_a_warm_solver_finds_whatever_is_found_from_zero():
     """Under the light of a bench, too, where what stalls is tried again without approximations."""
-    light = facets.BenchLight(
-        wavelength=6e-4, rolloff=(2e-3,) * 6, rolloff_width=0.05, strips=(0.02,) * 3, tip=1e-3,
-        background=((1e-3, 0.1, 0.0),) * 3,
-    )  # fmt: skip
-    sensor, rng = replace(SENSOR, light=light), np.random.default_rng(1)
+    sensor, rng = LIT, np.random.default_rng(1)
     path = rng.normal(size=(150, 8)) * [0.3, 0.3, 1.5, 3e-3, 3e-3, 3e-3, 0.2, 0.2]
     readings = facets.readings(sensor, path) + rng.normal(size=(150, 9)) * ([5e-3, 5e-3, 1e-4] * 3)
     readings[::3] += rng.normal(size=(50, 9)) * ([0.3, 0.3, 5e-3] * 3)
@@ -364,10 +338,10 @@ def test_a_warm_solver_finds_whatever_is_found_from_zero():
 
 
 @pytest.mark.parametrize(
-    ("sensor", "share"), [(SENSOR, 0.2), pytest.param(LIT, 0.0, marks=pytest.mark.slow)]
+    "sensor", [SENSOR, pytest.param(LIT, marks=pytest.mark.slow)], ids=["ideal", "lit"]
 )
-def test_most_readings_stay_in_their_blocks(sensor, share, monkeypatch):
-    """What blocks leave takes five times as long. No step may be too few for that, nor too many."""
+def test_most_readings_stay_in_their_blocks(sensor, monkeypatch):
+    """What blocks leave takes five times as long."""
     rng, single = np.random.default_rng(3), estimates.one_by_one
     states = rng.uniform(-1, 1, (200, 8)) * [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3, 0, 0]
     readings = facets.add_noise(sensor, facets.readings(sensor, states), rng)
@@ -379,7 +353,7 @@ def test_most_readings_stay_in_their_blocks(sensor, share, monkeypatch):
 
     monkeypatch.setattr(estimates, "one_by_one", count_and_solve)
     assert facets.solve(sensor, readings).converged.all()
-    assert sum(counts) <= share * 200
+    assert sum(counts) < 40
 
 
 def test_threads_do_not_change_bits(readings):

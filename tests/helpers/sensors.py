@@ -3,7 +3,7 @@
 import numpy as np
 from facets.experiments import sensors as experiments_sensors
 
-from facets import BenchLight
+from facets import BenchLight, Calibration
 
 SENSORS = experiments_sensors.SENSORS
 
@@ -40,3 +40,11 @@ def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> n
     state[:, 6] = state[:, 0] - radius * np.cos(turn)
     state[:, 7] = state[:, 1] - radius * np.sin(turn)
     return state
+
+
+def correlate(sigmas: dict[str, float]) -> Calibration:
+    """A calibration whose parameters have these standard uncertainties and correlated errors."""
+    mixing = np.random.default_rng(1).standard_normal((len(sigmas), 2 * len(sigmas)))
+    sizes = np.array(list(sigmas.values()))
+    covariance = np.corrcoef(mixing) * np.outer(sizes, sizes)
+    return Calibration(tuple(sigmas), tuple(map(tuple, covariance.tolist())))
