@@ -10,9 +10,17 @@ from commands import command
 
 import facets
 from facets import InputError, Knowledge, uncertainties
-from facets.design import MEASURES, NO_RIVALS, Space, part_of, sensor_of
-from facets.design.front import columns, compare_with_designs, is_objective, pareto_front
-from facets.design.trade import trade_of
+from facets.design import (
+    MEASURES,
+    NO_RIVALS,
+    Space,
+    compare_with_designs,
+    front,
+    measure_design,
+    pareto_front,
+    part_of,
+    sensor_of,
+)
 
 CONFIG = facets.load("layout")
 
@@ -27,12 +35,11 @@ def roll_at(sensor):
     return 1e6 * uncertainties(sensor, np.zeros((1, 8)), Knowledge())[0, 3]
 
 
-@pytest.mark.slow
 def test_radius_against_resolution_is_the_curve_that_it_is():
     """All else fixed, the front is u_roll as a function of the radius, and its slope the price."""
     space = space_of(("u_roll_urad", "head_mm"), ["radius_mm"])
-    found = pareto_front(space, 15, 1)
-    assert len(found.designs) >= 14
+    found = pareto_front(space, 9, 1)
+    assert len(found.designs) >= 8
     assert found.left_out == 0
     roll, head = (MEASURES.index(name) for name in space.objectives)
     prices = found.prices[:, found.objectives.index("head_mm")]
@@ -62,13 +69,11 @@ def test_no_design_of_a_cloud_beats_the_front():
     assert beside.beaten == 0
     assert (beside.gains > -0.1).all()
     assert np.median(beside.gains) > 0.5
-    table = columns(found)
+    table = front.columns(found)
     assert (np.diff(table["u_roll_urad"]) > 0).all()
     assert (np.diff(table["range_roll_mrad"]) > 0).all()
     assert any("spot on PSD" in words for words in table["holds_it_back"])
-    assert not any(
-        is_objective(group) for words in table["holds_it_back"] for group in words.split("; ")
-    )
+    assert not any("as low as it can be" in words for words in table["holds_it_back"])
 
 
 @pytest.mark.slow
@@ -76,10 +81,8 @@ def test_a_point_is_no_worse_than_a_global_search_finds():
     """Differential evolution on the float model, at one bound of the range."""
     from scipy.optimize import differential_evolution
 
-    from facets.design import measure_design
-
     space = space_of(("u_roll_urad", "range_roll_mrad"), ["radius_mm", "diameter_mm"])
-    found = pareto_front(space, 7, 1)
+    found = pareto_front(space, 5, 1)
     middle = len(found.designs) // 2
     roll, far = (MEASURES.index(name) for name in space.objectives)
     wanted = found.measures[middle, far]
@@ -127,7 +130,7 @@ def test_what_is_required_holds_on_the_front():
 )
 def test_what_has_no_front_is_refused(objectives, words):
     with pytest.raises(InputError, match=words):
-        trade_of(space_of(objectives, ["radius_mm"]))
+        pareto_front(space_of(objectives, ["radius_mm"]), 3, 1)
 
 
 @pytest.mark.slow

@@ -4,61 +4,59 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
-from commands import command
 
 import facets
+from facets import design, pictures
 from facets.design import NO_RIVALS, Space, part_of
-from facets.design.gallery import best_of, gallery, texts_of
-from facets.pictures.head_drawing import drawing
-
-pytest.importorskip("plotly")
-from facets.pictures.exploration_page import page
 
 CONFIG = facets.load("layout")
-needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
 
 
-def in_browser(path, profile):
-    """The document of a page once its scripts have run."""
-    done = subprocess.run(
-        ["chromium", "--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--no-first-run",
-         "--disable-background-networking", "--disable-component-update", "--disable-sync",
-         f"--user-data-dir={profile}", "--window-size=1400,1000", "--virtual-time-budget=30000",
-         "--dump-dom", f"file://{path}"],
-        check=True, capture_output=True, timeout=300, text=True,
-    )  # fmt: skip
-    return done.stdout
+@pytest.fixture
+def browser():
+    from browser import CHROMIUM, Browser
+
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium")
+    with Browser("about:blank", webgl=True) as window:
+        yield window
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def written(tmp_path_factory):
+    """A page, what it shows, and the configurations that it gives to copy."""
+    pytest.importorskip("plotly")
     folder = tmp_path_factory.mktemp("page")
     space = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, "sobol", 40, 1, part=40, every=True)
     table = part_of(space, 0, NO_RIVALS)
     ranges = np.isfinite(table["range_roll_mrad"])
-    best = best_of(table, list(space.objectives), ranges & (np.arange(40) % 4 == 0))
-    shown, sensors = gallery(space, best, table)
-    texts = texts_of(CONFIG, sensors, folder)
-    text = page("layout </script>", space.names, list(space.objectives), shown, sensors, texts, "")
+    best = design.gallery.best_of(table, list(space.objectives), ranges & (np.arange(40) % 4 == 0))
+    shown, sensors = design.gallery.gallery(space, best, table)
+    texts = design.gallery.texts_of(CONFIG, sensors, folder)
+    text = pictures.exploration_page.page(
+        "layout </script>", space.names, list(space.objectives), shown, sensors, texts, ""
+    )
     (folder / "page.html").write_text(text, "utf-8")
-    return folder, shown, texts
+    return folder / "page.html", shown, texts
 
 
 def test_the_page_asks_nothing_of_a_network(written):
-    folder, shown, texts = written
-    text = (folder / "page.html").read_text("utf-8")
-    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", text)
+    page, shown, texts = written
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", page.read_text("utf-8"))
     assert len(texts) == len(shown["kind"])
     assert shown["kind"].tolist().count("own") == 1
 
 
-def test_what_the_page_gives_to_copy_is_the_design(written, tmp_path):
+def test_a_page_gives_each_design_to_copy_in_the_numbers_of_its_table(written, tmp_path):
+    """The table's head is the drawing's, in numbers that can be made."""
     _, shown, texts = written
+    for n in range(1, len(texts)):
+        radius = shown["radius_mm"][n]
+        assert shown["head_mm"][n] == pytest.approx(2 * radius, rel=1e-12)
+        assert f"radius_mm: {radius:g}" in texts[n]
     for n in (1, len(texts) - 1):
         (tmp_path / "one.yaml").write_text(texts[n])
         sensor = facets.load(tmp_path / "one.yaml").sensor
@@ -69,53 +67,28 @@ def test_what_the_page_gives_to_copy_is_the_design(written, tmp_path):
 
 
 #: What a user does: choose a design in the list, keep a part of an axis, choose a point.
-ACTS = """<script>
-addEventListener("load", () => setTimeout(() => {
+ACTS = """(async () => {
   const rows = document.querySelectorAll("#list tbody tr");
-  const told = {drawn: document.body.dataset.drawn, rows: rows.length};
+  const seen = {drawn: document.body.dataset.drawn, rows: rows.length};
   rows[2].click();
-  told.row = document.getElementById("which").textContent;
-  const radius = data.columns.filter(c => c.plotted).findIndex(c => c.label.startsWith("radius"));
-  const values = data.columns.filter(c => c.plotted)[radius].values;
+  seen.row = document.getElementById("which").textContent;
+  const plotted = data.columns.filter(c => c.plotted);
+  const radius = plotted.findIndex(c => c.label.startsWith("radius"));
+  const values = plotted[radius].values;
   const middle = [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
-  Plotly.restyle("axes", {[`dimensions[${radius}].constraintrange`]: [[0, middle]]}).then(() => {
-    setTimeout(() => {
-      told.kept = document.body.dataset.kept;
-      told.below = values.filter(v => v <= middle).length;
-      document.getElementById("matrix").emit("plotly_click", {points: [{pointNumber: 5}]});
-      told.point = document.getElementById("which").textContent;
-      told.yaml = document.getElementById("yaml").textContent;
-      told.svg = document.querySelectorAll("#drawing svg line").length;
-      document.body.dataset.told = JSON.stringify(told);
-    }, 1500);
-  });
-}, 6000));
-</script></html>"""
-
-
-@needs_browser
-@pytest.mark.slow
-def test_a_browser_draws_the_page_and_brushing_and_clicks_work(written, tmp_path):
-    folder, shown, texts = written
-    acted = tmp_path / "acted.html"
-    acted.write_text((folder / "page.html").read_text("utf-8").replace("</html>", ACTS), "utf-8")
-    document = in_browser(acted, tmp_path / "profile")
-    found = re.search(r'data-told="([^"]*)"', document)
-    assert found, document[-2000:]
-    told = json.loads(found.group(1).replace("&quot;", '"'))
-    count = len(texts)
-    assert int(told["drawn"]) == count
-    assert told["rows"] == int((shown["kind"] != "other").sum())
-    assert told["row"] == shown["title"][2]
-    assert int(told["kept"]) == told["below"] < count
-    assert told["point"] == shown["title"][5]
-    assert told["yaml"] == texts[5]
-    assert told["svg"] > 5
+  seen.below = values.filter(v => v <= middle).length;
+  await Plotly.restyle("axes", {[`dimensions[${radius}].constraintrange`]: [[0, middle]]});
+  document.getElementById("matrix").emit("plotly_click", {points: [{pointNumber: 5}]});
+  seen.point = document.getElementById("which").textContent;
+  seen.yaml = document.getElementById("yaml").textContent;
+  seen.svg = document.querySelectorAll("#drawing svg line").length;
+  return seen;
+})()"""
 
 
 def test_a_drawing_has_the_head_and_its_dimensions():
-    paper = facets.load("paper").sensor
-    svg = drawing(paper)
+    drawing = pictures.head_drawing.drawing
+    svg = drawing(facets.load("paper").sensor)
     assert "head \u2300 500 mm" in svg
     assert "facet at 45\u00b0" in svg
     assert svg.count("<line") > 8
@@ -123,50 +96,32 @@ def test_a_drawing_has_the_head_and_its_dimensions():
     assert all(f"{letter}: R" in skewed for letter in "ABC")
 
 
-def check_that_nothing_is_cut(page):
-    """No table is wider than its place on a desk's screen, and no page than a telephone's."""
-    from browser import CHROMIUM, Browser
-
-    if CHROMIUM is None:
-        return
-    wider = "[...document.querySelectorAll('section')].filter(s => s.scrollWidth > s.clientWidth)"
-    with Browser(f"file://{page}") as browser:
-        browser.await_true(
-            "document.readyState === 'complete' && !!document.querySelector('footer')"
-        )
-        for width in (360, 768, 1300, 1440):
-            browser.send("Emulation.setDeviceMetricsOverride", width=width, height=1400,
-                         deviceScaleFactor=1, mobile=False)  # fmt: skip
-            wide = browser.ask("document.documentElement.scrollWidth")
-            assert wide <= width
-            assert width < 1000 or browser.ask(f"{wider}.length") == 0, browser.ask(
-                f"{wider}.map(s => s.textContent.slice(0, 80))"
-            )
+@pytest.mark.slow
+def test_a_report_tells_the_whole_story(optimised):
+    text = (optimised.folder / "best.html").read_text("utf-8")
+    for part in ("Requirements", "What changes", "diameter of the head, mm", "<svg",
+                 "after over before", "What limits the layout", "best.gltf", "proved",
+                 "uncertainty of shift in x, µm", "PSD B, +z edge", "±0.05",
+                 "pitch at its upper bound"):  # fmt: skip
+        assert part in text, part
+    assert not re.search(r"\b(u|range)_\w+_(um|mm|u?rad|mrad)\b|\+- ", text)
+    scene = json.loads((optimised.folder / "best.gltf").read_text())
+    assert scene["asset"]["version"].startswith("2")
+    lines = [n for n in (optimised.folder / "best.yaml").read_text().splitlines() if n[:1] != "#"]
+    assert "extends: loose.yaml" in lines
+    assert any("+- 0.05" in line for line in lines)
 
 
 @pytest.mark.slow
-def test_a_report_tells_the_whole_story(tmp_path):
-    (tmp_path / "mine.yaml").write_text(
-        "extends: layout\noptimize:\n  starts: 1\n"
-        "  variables: {inclination_deg: null, azimuth_b_deg: null, pitch_mrad: null}\n"
-    )
-    result = command("optimize", "mine.yaml", "--report", "new.html", "--certify", "10",
-                     "-o", "new.yaml", cwd=tmp_path)  # fmt: skip
-    assert result.returncode == 0, result.stderr
-    text = (tmp_path / "new.html").read_text("utf-8")
-    for part in ("Requirements", "What changes", "diameter of the head, mm", "<svg",
-                 "after over before", "What limits the layout", "new.gltf", "proved"):  # fmt: skip
-        assert part in text, part
-    assert not re.search(r"\b(u|range)_\w+_(um|mm|u?rad|mrad)\b|\+- ", text)
-    check_that_nothing_is_cut(tmp_path / "new.html")
-    assert json.loads((tmp_path / "new.gltf").read_text())["asset"]["version"].startswith("2")
-    lines = [line for line in (tmp_path / "new.yaml").read_text().splitlines() if line[:1] != "#"]
-    assert "extends: mine.yaml" in lines
-    assert len([line for line in lines if line]) <= 7
-    assert any("+- 0.05" in line for line in lines)
-    refused = command("explore", "layout", "--report", "page.txt", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert ".html" in refused.stderr
+def test_no_table_of_a_report_is_wider_than_a_screen(optimised, browser):
+    """No table is wider than its place on a desk's screen, and no page than a telephone's."""
+    wider = "[...document.querySelectorAll('section')].filter(s => s.scrollWidth > s.clientWidth)"
+    browser.send("Page.navigate", url=f"file://{optimised.folder / 'best.html'}")
+    browser.await_true("document.readyState === 'complete' && !!document.querySelector('footer')")
+    for width in (360, 768, 1300, 1440):
+        browser.resize(width, 1400)
+        assert browser.ask("document.documentElement.scrollWidth") <= width
+        assert width < 1000 or browser.ask(f"{wider}.map(s => s.textContent.slice(0, 80))") == []
 
 
 #: What a label's box is: none may be cut, and none may lie on another.
@@ -184,19 +139,25 @@ BOXES = """(() => {
 })()"""
 
 
-@needs_browser
 @pytest.mark.slow
-def test_no_label_of_the_plots_is_cut_or_lies_on_another(written):
-    from browser import Browser
-
-    folder, _, _ = written
-    with Browser("about:blank", webgl=True) as browser:
-        for width in (360, 768, 1300, 1440):
-            browser.send("Emulation.setDeviceMetricsOverride", width=width, height=1400,
-                         deviceScaleFactor=1, mobile=False)  # fmt: skip
-            browser.send("Page.navigate", url=f"file://{folder / 'page.html'}?{width}")
-            browser.await_true(f"location.search === '?{width}' && document.body.dataset.drawn")
-            check_labels(browser.ask(BOXES))
+def test_a_browser_draws_the_page_and_brushing_and_clicks_work(written, browser):
+    """And no label of the plots is cut or lies on another."""
+    page, shown, texts = written
+    for width in (1440, 360):
+        browser.resize(width, 1400)
+        browser.send("Page.navigate", url=f"file://{page}?{width}")
+        browser.await_true(f"location.search === '?{width}' && document.body.dataset.drawn")
+        check_labels(browser.ask(BOXES))
+    seen = browser.ask(ACTS)
+    count = len(texts)
+    assert int(seen["drawn"]) == count
+    assert seen["rows"] == int((shown["kind"] != "other").sum())
+    assert seen["row"] == shown["title"][2]
+    assert seen["below"] < count
+    browser.await_true(f"document.body.dataset.kept === '{seen['below']}'")
+    assert seen["point"] == shown["title"][5]
+    assert seen["yaml"] == texts[5]
+    assert seen["svg"] > 5
 
 
 def check_labels(seen):
@@ -214,25 +175,3 @@ def check_labels(seen):
                 or other["bottom"] <= box["top"] + 1
             )
             assert apart, (seen["page"], box, other)
-
-
-def test_a_page_shows_each_design_in_one_set_of_numbers(written):
-    """The table's head is the drawing's, in numbers that can be made."""
-    _, shown, texts = written
-    for n in range(1, len(texts)):
-        radius = shown["radius_mm"][n]
-        assert shown["head_mm"][n] == pytest.approx(2 * radius, rel=1e-12)
-        assert f"radius_mm: {radius:g}" in texts[n]
-
-
-def test_what_is_said_on_pages_is_in_words_with_units():
-    from facets.pictures.wording import label, limit_in_words, lines_of, rows_in_words
-
-    assert label("u_tx_um") == "uncertainty of shift in x, µm"
-    assert label("azimuth_b_deg") == "azimuth B, deg"
-    assert lines_of("diameter of the head, mm") == ["diameter of", "the head", "mm"]
-    assert limit_in_words("radius_mm at its least") == "radius at its lower bound"
-    assert rows_in_words([["u_roll_urad", "1.5"], ["psd.b.pitch_mrad", "+- 0.5, which"]]) == [
-        ["uncertainty of roll, µrad", "1.5"],
-        ["PSD B, pitch, mrad", "±0.5, which"],
-    ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 import pytest
-from commands import command
 
 from facets import InputError
 from facets.design import require_writable, write_sheets
@@ -38,22 +37,15 @@ def test_a_workbook_has_numbers_as_numbers(tmp_path):
     assert book["how it was made"]["A1"].value == "facets optimize layout"
 
 
-def test_other_kinds_are_refused(tmp_path):
+def test_other_kinds_are_refused(run_in_process, tmp_path):
     with pytest.raises(InputError, match=r"\.tex or \.xlsx"):
         require_writable(tmp_path / "t.docx")
-    told = command("optimize", "layout", "--sheets", "t.docx", cwd=tmp_path)
-    assert told.returncode == 2
+    status, _, _ = run_in_process("optimize", "layout", "--sheets", "t.docx")
+    assert status == 2
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
-def test_optimize_writes_its_tables(tmp_path):
-    (tmp_path / "mine.yaml").write_text(
-        "extends: layout\noptimize: {starts: 1, variables: {radius_mm: [200, 250]}}\n"
-    )
-    words = ("optimize", "mine.yaml", "-o", "best.yaml", "--certify", "0", "--sheets", "t.tex")
-    told = command(*words, cwd=tmp_path)
-    assert told.returncode == 0, told.stderr
-    text = (tmp_path / "t.tex").read_text()
-    assert text.count(r"\toprule") == 4
-    assert "t.tex" in told.stdout
+def test_optimize_writes_its_tables(optimised):
+    assert (optimised.folder / "t.tex").read_text().count(r"\toprule") == 6
+    assert "t.tex" in optimised.printed

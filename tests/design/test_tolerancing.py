@@ -52,16 +52,15 @@ def within(share, seen, count):
     return low <= share <= high
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def plain(tmp_path_factory):
     return load(tmp_path_factory.mktemp("plain"), LOOSE)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def robust(plain):
     """The layout for 95 % of the heads, and the one for perfect heads."""
-    some = {name: plain.layout.variables[name] for name in ("radius_mm", "diameter_mm")}
-    layout = replace(plain.layout, production=0.95, variables=some)
+    layout = replace(plain.layout, production=0.95)
     best = optimize(plain.sensor, layout).best
     problem = problem_of(plain.sensor, layout)
     return robust_layout(problem, layout, plain.range, plain.calibrate, best), best
