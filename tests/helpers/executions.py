@@ -1,0 +1,321 @@
+"""All that runs the text of the optics: what it computes, of which light, and how well.
+
+`FLOATS` is Python's text. An execution that is replaced, or that comes new, changes `EXECUTIONS`
+and nothing else: `tests/model/test_executions.py` compares each with floats.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from digits import differences, many_digits, precise
+from facets.experiments.sensors import skew_sensor
+from sensors import ALL, ASYMMETRY, PROFILE
+
+import facets
+from facets import BenchLight, firmware
+from facets.model import (
+    arrays,
+    as_text,
+    blocks,
+    effects,
+    geometry_of,
+    group_by_field,
+    many,
+    options,
+    parameters,
+    rare,
+    threads,
+)
+from facets.optics import (
+    OPEN,
+    LightEffects,
+    bench_light,
+    build_geometry,
+    cut_light,
+    detected,
+    forward,
+    limits,
+)
+
+APERTURES = facets.Apertures(beam=1.1, detectors=True, tip=0.03, rim=0.4, gap=0.01)
+COATED = BenchLight(
+    index=(1.37, 7.62), polarization=0.3, background=((5e-4, 1, 2), (4e-4, -1, 0.5), (6e-4, 0, -2))
+)
+#: What of a sensor makes each kind of light.
+LIGHTS: dict[str, dict[str, Any]] = {
+    "ideal": {},
+    "bench": {"light": ALL},
+    "profile": {"light": BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)},
+    "cut": {"apertures": APERTURES},
+    "cut and coated": {"apertures": APERTURES, "light": COATED},
+}
+UNCUT = ("ideal", "bench", "profile")
+#: Kinds of states: usual ones, turned far, with faint facets, and those that are none.
+STATES = ("near", "turned", "far", "spoilt")
+#: Of which all facets have light.
+BRIGHT = ("near", "turned")
+#: The functions of a sensor and of states (n, 8) that executions compute.
+TASKS: dict[str, Callable[..., Any]] = {
+    "readings": facets.readings,
+    "jacobian": facets.jacobian,
+    "approximate_jacobian": arrays.derivatives,
+    "footprints": facets.footprints,
+    "parameter_jacobian": facets.parameter_jacobian,
+    "effect_jacobian": arrays.effect_jacobian,
+}
+
+
+@cache
+def sensor_of(light: str, seed: int) -> facets.Sensor:
+    """One of many sensors; the first is the paper's, the others have no symmetry."""
+    return replace(skew_sensor(seed) if seed else facets.Sensor(), **LIGHTS[light])
+
+
+#: Computes a task of `TASKS` for a sensor and states (n, 8).
+Compute = Callable[[str, facets.Sensor, Any], Any]
+
+
+@dataclass(frozen=True)
+class Execution:
+    """One way to run the optics' text.
+
+    ulps: the largest difference from floats in units of the last place, by the task; these tasks
+    are all that it has.  lights: of `LIGHTS`.  slow: those of them that take long.  reference: what
+    it is compared with.  encloses: whether it gives the ends of intervals, (..., 2), which hold the
+    value and are `ulps` apart at most.  sensors, examples, rows: how many sensors, calls and states
+    a test may ask for.
+    states: of `STATES`.  program: that it needs.
+    """
+
+    name: str
+    compute: Compute
+    ulps: Mapping[str, float]
+    lights: tuple[str, ...] = UNCUT
+    slow: tuple[str, ...] = ()
+    reference: Compute | None = None
+    encloses: bool = False
+    sensors: int = 1000
+    examples: int = 15
+    rows: int = 10
+    states: tuple[str, ...] = STATES
+    program: str = ""
+
+
+def machine_code(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    """What users call."""
+    return TASKS[task](sensor, states)
+
+
+@contextmanager
+def without_blocks(text: bool) -> Iterator[None]:
+    """Have all poses computed one at a time: by Python's text, or by machine code."""
+
+    def leave_all(name: str, vectors: Any, *arrays: Any) -> Any:
+        return np.arange(len(arrays[-1]))
+
+    with (
+        patch.object(blocks, "run", leave_all),
+        patch.object(blocks, "slopes", leave_all),
+        patch.object(blocks, "run_one", lambda *_: None),
+        patch.object(as_text, "is_text_faster", lambda *_: text),
+    ):
+        yield
+
+
+def rows(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    with without_blocks(text=False):
+        return TASKS[task](sensor, states)
+
+
+def compiled_rare_functions(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    rare.prepare()
+    return rows(task, sensor, states)
+
+
+def floats(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    if sensor.apertures.cut:
+        return cut_floats(task, sensor, states)
+    with without_blocks(text=True):
+        return TASKS[task](sensor, states)
+
+
+def cut_floats(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    geometry = geometry_of(sensor)
+    workspace = np.empty((3, limits.MOST_SIDES, limits.COLUMNS))
+    text = cut_light if sensor.light.on else detected
+    linearise = cut_light.linearise if sensor.light.on else detected.linearise_where_cut
+    results = np.full((len(states), 9) + (8,) * (task == "jacobian"), np.nan)
+    for state, result in zip(states, results, strict=True):
+        try:
+            if task == "readings":
+                result[:] = np.ravel(text.readings(geometry, tuple(state.tolist()), workspace))
+            else:
+                detectors = linearise(geometry, tuple(state.tolist()), workspace)
+                result[:] = as_text.rows_of(detectors)
+        except (ArithmeticError, ValueError):
+            continue
+    return results
+
+
+def in_lanes(width: int, task: str, sensor: facets.Sensor, states: Any) -> Any:
+    """The same as `machine_code`, in blocks of another width."""
+    kernel, memory = blocks.kernel, partial(blocks.BlockMemory, width)
+    with (
+        patch.object(blocks, "lanes", lambda: width),
+        patch.object(blocks, "kernel", lambda name, few=None: kernel(name, few or width)),
+        patch.object(blocks, "slopes_kernel", partial(slopes_kernel, width)),
+        patch.object(blocks, "RESTS", threads.Pool(memory)),
+    ):
+        return TASKS[task](sensor, states)
+
+
+@cache
+def slopes_kernel(width: int, name: str) -> Any:
+    return blocks.load_code(name, 7, width)
+
+
+def many_sensors(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    """Each state with a sensor of its own, of which every second is another one."""
+    both = [parameters(each) for each in (sensor, sensor_of("ideal", 7))]
+    owner = np.repeat(np.arange(2), len(states))
+    name = {"jacobian": "derivatives"}.get(task, task)
+    vectors = many.vectors_of(np.array(both))
+    return many.evaluate(name, vectors, owner, np.concatenate([states, states]))[: len(states)]
+
+
+def precise_readings(sensor: facets.Sensor, given: Any, light: Any, state: Any) -> Any:
+    """Nine readings of numbers of any type: 30 parameters, 36 of the light, 8 of a state."""
+    if not sensor.light.on:
+        return np.ravel(forward.readings(build_geometry(tuple(given)), tuple(state)))
+    effect = LightEffects(group_by_field(light), options(sensor, profiled=True))
+    vectors = build_geometry(tuple(given), OPEN, effect)
+    return np.ravel(bench_light.readings(vectors, tuple(state)))
+
+
+def forty_digits(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    """Readings, and derivatives by differences."""
+    results = []
+    with many_digits():
+        given, light = precise(parameters(sensor)), precise(effects(sensor))
+        for state in map(precise, states):
+            by_task = {
+                "readings": lambda at=state: precise_readings(sensor, given, light, at),
+                "jacobian": lambda at=state: differences(
+                    at, lambda moved: precise_readings(sensor, given, light, moved)
+                ),
+                "parameter_jacobian": lambda at=state: differences(
+                    given, lambda moved: precise_readings(sensor, moved, light, at)
+                ),
+                "effect_jacobian": lambda at=state: differences(
+                    light, lambda moved: precise_readings(sensor, given, moved, at)
+                ),
+            }
+            results.append(by_task[task]().astype(float))
+    return np.array(results)
+
+
+def intervals(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    """Where the rays land, of light that is known to floats."""
+    from flint import arb
+
+    vectors = build_geometry(tuple(map(arb, parameters(sensor))))
+    results = np.empty((len(states), 9, 2))
+    for state, result in zip(states.tolist(), results, strict=True):
+        lit = forward.scene(geometry_of(sensor), tuple(state))
+        at = forward.dark_scene(vectors, tuple(map(arb, state)))._replace(moments=lit.moments)
+        for n, number in enumerate(np.ravel(forward.scene_readings(vectors, at))):
+            ball = arb(number)
+            result[n] = float(ball.lower()), float(ball.upper())
+    return results
+
+
+@cache
+def firmware_library(sensor: facets.Sensor, precision: str) -> Any:
+    """The exported C of a sensor, compiled."""
+    folder = Path(tempfile.mkdtemp(prefix="firmware"))
+    files = firmware.export.export(sensor, firmware.source.Provenance("test", "0" * 8, "test"))
+    for path in map(Path, ("facets.h", "facets.c")):
+        (folder / path).write_text(files[path])
+    subprocess.run(
+        ["gcc", "-O1", "-std=c99", "-shared", "-fPIC", f"-DFACETS_{precision}", "-I.",
+         "facets.c", "-o", "library.so", "-lm"],
+        cwd=folder, check=True,
+    )  # fmt: skip
+    return firmware.FirmwareLibrary(folder / "library.so")
+
+
+def exported_c(precision: str, task: str, sensor: facets.Sensor, states: Any) -> Any:
+    return firmware_library(sensor, precision).readings(states)
+
+
+def page_model(script: str, sensor: facets.Sensor, *rules: Any) -> Any:
+    """What an expression of JavaScript gives in which `Model` is the page's model of a sensor."""
+    from facets.pictures.page.model import model
+
+    program = f"{model(sensor, *rules)}\nconsole.log(JSON.stringify({script}))"
+    done = subprocess.run(["node", "-"], input=program, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def as_script(array: Any) -> str:
+    """An array of numbers as JavaScript, with those that are not finite."""
+    text = json.dumps([[repr(value) for value in row] for row in np.asarray(array).tolist()])
+    return f"{text.replace('nan', 'NaN').replace('inf', 'Infinity')}.map((row) => row.map(Number))"
+
+
+def javascript(task: str, sensor: facets.Sensor, states: Any) -> Any:
+    script = f"{as_script(states)}.map((state) => Model.readings(state).map(String))"
+    return np.array(page_model(script, sensor), float)
+
+
+BENCH = ("bench", "profile")
+#: Derivatives by parameters are sums of terms that cancel.
+SLOPES = {"jacobian": 1e3, "parameter_jacobian": 1e5}
+BENCH_SLOPES = {"jacobian": 1e5, "parameter_jacobian": 1e7, "effect_jacobian": 1e7}
+BITS = {"readings": 0, "jacobian": 0, "footprints": 0}
+IDEAL = ("readings", "jacobian", "footprints", "parameter_jacobian")
+EXECUTIONS = [
+    Execution("machine code", machine_code, {"readings": 4, "footprints": 50, **SLOPES},
+              ("ideal",)),
+    Execution("machine code of a bench", machine_code,
+              {"readings": 4, "approximate_jacobian": 1e3, **BENCH_SLOPES}, BENCH, BENCH),
+    Execution("single poses", rows, dict.fromkeys(IDEAL, 0), ("ideal",)),
+    Execution("single poses of a bench", rows, dict.fromkeys(TASKS, 0), BENCH, BENCH),
+    Execution("compiled rare functions", compiled_rare_functions, BITS, ("ideal",), ("ideal",)),
+    Execution("2 lanes", partial(in_lanes, 2), BITS, slow=BENCH, reference=machine_code),
+    Execution("4 lanes", partial(in_lanes, 4), BITS, slow=BENCH, reference=machine_code),
+    Execution("8 lanes", partial(in_lanes, 8), BITS, slow=BENCH, reference=machine_code),
+    Execution("many sensors", many_sensors, BITS, ("ideal",), reference=machine_code),
+    Execution("cut light", machine_code, {"readings": 0, "jacobian": 0}, ("cut",)),
+    Execution("cut light on coatings", machine_code, {"readings": 0}, ("cut and coated",),
+              ("cut and coated",)),
+    Execution("C in double precision", partial(exported_c, "DOUBLE"), {"readings": 4}, ("ideal",),
+              sensors=2, program="gcc"),
+    Execution("C in single precision", partial(exported_c, "FLOAT"), {"readings": 1e10}, ("ideal",),
+              sensors=2, states=BRIGHT, program="gcc"),
+    Execution("JavaScript", javascript, {"readings": 4}, ("ideal", "bench"), examples=2, rows=40,
+              program="node"),
+    Execution("JavaScript of cut light", javascript, {"readings": 200}, ("cut", "cut and coated"),
+              examples=2, rows=40, program="node"),
+    Execution("intervals", intervals, {"readings": 100}, ("ideal",), encloses=True,
+              states=("near", "turned", "far")),
+    Execution("40 digits", forty_digits, {"readings": 4}, ("ideal",), examples=8, rows=3),
+    Execution("40 digits of a bench", forty_digits, {"readings": 8}, BENCH, examples=6, rows=3,
+              states=BRIGHT),
+    Execution("differences at 40 digits", forty_digits,
+              {"jacobian": 1e2, "parameter_jacobian": 1e4}, ("ideal",), examples=2, rows=1,
+              states=BRIGHT),
+    Execution("differences at 40 digits of a bench", forty_digits, BENCH_SLOPES, BENCH, BENCH,
+              examples=3, rows=1, states=BRIGHT),
+]  # fmt: skip

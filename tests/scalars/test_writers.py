@@ -1,0 +1,136 @@
+"""What writers make of a formula: the bits of floats, nothing twice, and no zeros in lanes."""
+
+import ctypes
+import math
+import struct
+
+import numpy as np
+import pytest
+from llvmlite import binding, ir
+
+from facets.scalars import dual, lanes, machine, tracing
+
+pytestmark = pytest.mark.installed
+VALUES = (0.0, -0.0, 1.5, -7.3, 1e-310, 1e300, math.inf, -math.inf, math.nan)
+
+
+def odd_numbers(x, y):
+    less = -x
+    return (
+        x * 1, 1 * x, x * -1, -1 * x, x / 1, x / 8, x / -0.25, y - less, x + -y, less + y, less - y,
+        less * y, less * -y, -less, less / y, x * 0, x * 0.0, x * -0.0, x + 0, 0 + x, 0 - x, x - 0,
+        x - x, y * x - x * y, 3 * x, x * y + y * x, y + x - (x + y), abs(less), x - -y, y / 1,
+    )  # fmt: skip
+
+
+def new_function(make):
+    """A writer of a function of two pointers to numbers, and these."""
+    kind = ir.FunctionType(ir.VoidType(), [machine.DOUBLE.as_pointer()] * 2)
+    function = ir.Function(ir.Module(), kind, "formula")
+    return make(ir.IRBuilder(function.append_basic_block())), *function.args
+
+
+def compiled(writer):
+    writer.builder.ret_void()
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    parsed = binding.parse_assembly(str(writer.builder.module))
+    parsed.verify()
+    target = binding.Target.from_default_triple().create_target_machine()
+    engine = binding.create_mcjit_compiler(parsed, target)
+    engine.finalize_object()
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2)(engine.get_function_address("formula"))
+
+    def run(given, count):
+        asked, results = np.array(given, float), np.empty(count)
+        call(asked.ctypes.data, results.ctypes.data)
+        return results.tolist()
+
+    run.keeps = engine
+    return run
+
+
+def lane_writer(builder):
+    return lanes.LaneWriter(builder, 4)
+
+
+def bits(number: float) -> bytes:
+    return b"nan" if math.isnan(number) else struct.pack("<d", number)
+
+
+def test_one_pose_has_the_bits_of_floats_for_any_number():
+    """Zeros have signs, and what is not finite stays so."""
+    writer, asked, results = new_function(machine.MachineWriter)
+    formulas = odd_numbers(writer.load(asked, 0), writer.load(asked, 1))
+    for n, number in enumerate(formulas):
+        writer.store(number, results, n)
+    run = compiled(writer)
+    for x in VALUES:
+        for y in [value for value in VALUES if value != 0]:
+            expected = [bits(number) for number in odd_numbers(x, y)]
+            assert [bits(number) for number in run([x, y], len(formulas))] == expected, (x, y)
+
+
+def test_each_lane_computes_as_floats_do():
+    writer, asked, results = new_function(lane_writer)
+    x, y = writer.load_rows(asked, 2, 2)
+    angle, sine = writer.function("atan2", y, x), writer.function("sin", x / 8)
+    writer.store_rows(
+        [angle, sine, *(n + 0 * x for n in odd_numbers(x, y))], results, 2 + len(odd_numbers(1, 1))
+    )
+    run = compiled(writer)
+    turns = np.arange(0.05, 6.28, 0.4).reshape(4, 4)
+    for rows in np.stack([2 * np.cos(turns), 2 * np.sin(turns)], axis=-1):
+        expected = [
+            [math.atan2(y, x), math.sin(x / 8), *odd_numbers(x, y)] for x, y in rows.tolist()
+        ]
+        np.testing.assert_allclose(
+            run(rows, np.size(expected)), np.ravel(expected), rtol=7e-16, atol=1e-300
+        )
+
+
+def test_what_is_known_before_a_branch_or_as_a_divisor_is_computed_once():
+    writer, asked, _ = new_function(machine.MachineWriter)
+    x, y = (writer.load(asked, n) for n in range(2))
+    before = x * y
+    chosen = writer.choose((x > 0) & (x > 0), lambda: y * x + 1, lambda: y * x - 1)
+    assert chosen + before is not None
+    assert str(writer.builder.module).count("fmul") == 1
+    assert str(writer.builder.module).count("fcmp") == 1
+    writer, asked, _ = new_function(lane_writer)
+    x, y = writer.load_rows(asked, 2, 2)
+    assert x / y + x * x / y + 1 / y + x / 3 + x / 4 is not None
+    assert str(writer.builder.module).count("fdiv") == 1
+
+
+def test_what_one_branch_computes_is_computed_anew_in_the_other_and_after():
+    writer, asked, results = new_function(machine.MachineWriter)
+    x, y = (writer.load(asked, n) for n in range(2))
+    product = writer.choose(
+        x > 0,
+        lambda: writer.choose(y > 0, lambda: x * y + 1, lambda: x * y + x / y),
+        lambda: -(x * y),
+    )
+    for n, number in enumerate((product, x * y, -(x * y))):
+        writer.store(number, results, n)
+    run = compiled(writer)  # LLVM refuses a number that is not computed on every way
+    assert run([2, 3], 3) == [7, 6, -6]
+    assert run([2, -4], 3) == [-8.5, -8, 8]
+    assert run([-2, 3], 3) == [6, -6, 6]
+
+
+def test_lanes_leave_out_zeros_and_know_functions_of_plain_numbers():
+    writer, asked, _ = new_function(lane_writer)
+    (x,) = writer.load_rows(asked, 1, 1)
+    assert x * 0 == x - x == 0 / x == 0.0
+    assert (x + 0) is x
+    assert -(0 - x) is x
+    assert (dual.Dual(x, 0.0) * x + dual.Dual(x, 0.0) / x).imag == 0.0
+    assert tracing.maximum(dual.Dual(x, 0.0), dual.Dual(x * x, 0.0)).imag == 0.0
+    assert writer.function("sqrt", 2.0) == math.sqrt(2.0)
+
+
+def test_a_formula_can_not_ask_what_only_its_code_will_know():
+    writer, asked, _ = new_function(machine.MachineWriter)
+    with pytest.raises(TypeError, match="choose"):
+        bool(writer.load(asked, 0) > 0)
