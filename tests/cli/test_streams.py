@@ -8,61 +8,55 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import PROGRAM, command
+from commands import PROGRAM, command, start
+from programs import GUARD
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files and pipes of Unix")
 
-
-def run(words, cwd, stdout, env=None):
-    """A command in a fresh interpreter, with its output sent elsewhere."""
-    return subprocess.run(
-        [*PROGRAM, *words], cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, **(env or {})}, timeout=600, check=False,
-    )  # fmt: skip
-
-
-def closed_pipe() -> int:
-    """The writing end of a pipe that nobody reads."""
-    reading, writing = os.pipe()
-    os.close(reading)
-    return writing
-
-
-WAY = ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out")
+WORDS = ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out")
 FILES = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]
+
+
+def run_into(file, cwd):
+    """Simulate with the output sent to a file or pipe: status, and what is said of errors."""
+    with (cwd / "errors").open("w+") as errors:
+        status = start(*WORDS, cwd=cwd, out=file, err=errors.fileno()).wait(GUARD)
+        errors.seek(0)
+        return status, errors.read()
 
 
 @pytest.mark.slow
 def test_a_reader_that_is_gone_loses_nothing(tmp_path):
-    pipe = closed_pipe()
-    done = run(WAY, tmp_path, pipe)
-    os.close(pipe)
-    assert done.returncode == 0
-    assert done.stderr == ""
+    reading, writing = os.pipe()
+    os.close(reading)
+    assert run_into(writing, tmp_path) == (0, "")
+    os.close(writing)
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.slow
 def test_an_output_that_is_full_is_told_and_loses_nothing(tmp_path):
     with Path("/dev/full").open("w") as full:
-        done = run(WAY, tmp_path, full)
-    assert done.returncode == 2
-    assert "standard output cannot be written: No space left" in done.stderr
-    assert "Traceback" not in done.stderr
+        status, errors = run_into(full.fileno(), tmp_path)
+    assert status == 2
+    assert "standard output cannot be written: No space left" in errors
+    assert "Traceback" not in errors
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
 
 @pytest.mark.slow
 def test_ascii_gets_letters_for_the_micro_sign(tmp_path):
-    done = run(WAY, tmp_path, subprocess.PIPE, {"PYTHONIOENCODING": "ascii"})
-    assert done.returncode == 0, done.stderr
+    """In a fresh interpreter, which reads this variable at its start."""
+    done = subprocess.run(
+        [*PROGRAM, "resolution", "paper", "-d", "r"], cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"}, check=True,
+    )  # fmt: skip
     assert done.stdout.isascii()
-    assert " urad" in done.stdout
+    assert " um" in done.stdout
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("columns", ["40", "60", "200"])
+@pytest.mark.parametrize("columns", ["40", "200"])
 @pytest.mark.slow
 def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
     done = command("resolution", "paper", "-d", "r", cwd=tmp_path, env={"COLUMNS": columns})
@@ -76,34 +70,31 @@ def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
     assert sum("0.067" in line for line in table) >= 1
 
 
+PICTURE = ("render", "paper", "--width", "200", "--height", "200")
+FILM = (*PICTURE, "--motion", "yaw-sweep", "--frames", "2")
+
+
 @pytest.mark.parametrize(
-    ("words", "name"),
+    "words",
     [
-        (("simulate", "paper", "--motion", "yaw-sweep", "-d", "out"), "out"),
-        (("render", "paper", "-o", "rig.gltf"), "rig.gltf"),
-        (("render", "paper", "-o", "rig.html"), "rig.html"),
-        (("render", "paper", "-o", "rig.png"), "rig.png"),
-        (("render", "paper", "--motion", "yaw-sweep", "--frames", "6", "--width", "400",
-          "--height", "300", "-o", "film.mp4"), "film.mp4"),
-        (("render", "paper", "--motion", "yaw-sweep", "--frames", "6", "--width", "400",
-          "--height", "300", "-o", "film.gif"), "film.gif"),
+        ("render", "paper", "-o", "rig.gltf"),
+        (*PICTURE, "-o", "rig.png"),
+        (*FILM, "-o", "film.mp4"),
+        (*FILM, "-o", "film.gif"),
     ],
-)  # fmt: skip
+    ids=lambda words: next(word for word in words if "." in word),
+)
 @pytest.mark.slow
-def test_a_file_that_can_not_be_finished_is_not_there(tmp_path, words, name):
-    done = command(*words, cwd=tmp_path, limit=8192)
+def test_a_file_that_can_not_be_finished_is_not_there(tmp_path, words):
+    done = command(*words, cwd=tmp_path, limit=1024)
     assert done.returncode == 2, done.stderr
     assert "cannot be written" in done.stderr
     assert "Traceback" not in done.stderr
-    path = tmp_path / name
-    left = list(path.iterdir() if path.is_dir() else tmp_path.iterdir())
-    assert all(file.stat().st_size < 8192 for file in left)
-    assert not any(file.name.startswith(".") for file in left)
-    assert path.is_dir() or not path.exists()
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_help_has_a_short_form_everywhere(tmp_path):
+def test_help_has_a_short_form_everywhere(run_in_process):
     for words in ([], ["simulate"], ["config"], ["config", "check"], ["range-map"]):
-        done = command(*words, "-h", cwd=tmp_path)
-        assert done.returncode == 0
-        assert done.stdout.startswith("Usage: ")
+        status, out, _ = run_in_process(*words, "-h")
+        assert status == 0
+        assert out.startswith("Usage: ")
