@@ -143,7 +143,7 @@ BOXES = """(() => {
 def test_a_browser_draws_the_page_and_brushing_and_clicks_work(written, browser):
     """And no label of the plots is cut or lies on another."""
     page, shown, texts = written
-    for width in (1440, 360):
+    for width in (1440, 768, 360):
         browser.resize(width, 1400)
         browser.send("Page.navigate", url=f"file://{page}?{width}")
         browser.await_true(f"location.search === '?{width}' && document.body.dataset.drawn")
