@@ -1,9 +1,9 @@
-"""The potential on a tetra-lateral detector, against the series that it is the sum of."""
+"""Electrodes' currents: the potential on a tetra-lateral detector, and from currents to places."""
 
 import numpy as np
 import pytest
 
-from facets.detectors import fractions, side_potential
+from facets.detectors import electrodes, fractions
 
 
 def series(towards: float, along: float, aspect: float) -> float:
@@ -17,14 +17,22 @@ def series(towards: float, along: float, aspect: float) -> float:
 
 
 @pytest.mark.parametrize("aspect", [0.3, 1.0, 2.7, 10.0])
-@pytest.mark.parametrize("place", [(0, 0), (0.5, 0.3), (-0.9, 0.9), (0.97, -0.97), (0.2, -0.8)])
-def test_the_closed_form_is_the_series(place, aspect):
-    found = float(side_potential(np.array(place[0]), np.array(place[1]), aspect))
-    assert found == pytest.approx(series(*place, aspect), rel=1e-11)
+def test_a_tetra_laterals_currents_are_those_of_a_conducting_sheet(aspect):
+    """The current into each side is the potential at the light with that side at 1."""
+    for y, z in ((0, 0), (0.5, 0.3), (-0.9, 0.9), (0.97, -0.97), (0.2, -0.8)):
+        shares = fractions("tetra-lateral", np.array(y), np.array(z), aspect)
+        sides = [(-y, z, aspect), (y, z, aspect), (-z, y, 1 / aspect), (z, y, 1 / aspect)]
+        assert shares == pytest.approx([series(*side) for side in sides], rel=1e-11, abs=1e-13)
+    at_rim = fractions("tetra-lateral", np.array(0.999), np.array(-0.999), aspect)
+    assert at_rim.sum() == pytest.approx(1.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("aspect", [0.4, 1.0, 3.0])
-def test_all_the_current_leaves_by_the_four_sides_also_at_the_rim(aspect):
-    y, z = np.meshgrid(np.linspace(-0.999, 0.999, 21), np.linspace(-0.999, 0.999, 21))
-    share = fractions("tetra-lateral", y, z, aspect)
-    np.testing.assert_allclose(share.sum(axis=-1), 1.0, rtol=1e-12)
+@pytest.mark.parametrize("kind", electrodes.KINDS)
+def test_currents_lead_back_to_the_place(kind):
+    y, z = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 500))
+    for aspect in (1.0, 0.6):
+        shares = fractions(kind, y, z, aspect)
+        assert (shares > 0).all()
+        assert electrodes.total(kind, shares) == pytest.approx(np.ones(500), abs=1e-11)
+        places = electrodes.places(kind, shares, aspect)
+        assert places == pytest.approx(np.stack([y, z], axis=-1), abs=1e-9)

@@ -1,0 +1,74 @@
+"""Samples of drawn rigs with ideal light, disturbed in some way, and their calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from facets.experiments import rigs
+
+import facets
+from facets.calibration import Data, choice, states_of, verdict
+from facets.detectors import add_noise, invert_correction
+
+CONFIG = facets.load("paper")
+NOMINAL = CONFIG.sensor
+#: Half widths of a motion that is wide enough for the powers to bend, mm and rad.
+WIDE = np.array([rigs.REACH_MM, rigs.REACH_MM, *rigs.BOX[2:]])
+
+Alter = Callable[[facets.Sensor, np.ndarray, np.ndarray], np.ndarray]
+
+
+def settings(**effects: str):
+    """The settings of a calibration that tries no effects but these."""
+    off = dict.fromkeys(CONFIG.calibrate.effects, "off")
+    return replace(CONFIG.calibrate, effects=off | effects)
+
+
+def sample_rig(
+    count: int,
+    seed: int = 5,
+    *,
+    box=WIDE,
+    light: facets.BenchLight | None = None,
+    mirror: Callable | None = None,
+    beam: Callable | None = None,
+    alter: Alter | None = None,
+    noise: float = 1.0,
+):
+    """Return a rig, its samples with a reference's errors, and the true states (count, 8).
+
+    mirror: displaces it, by poses (n, 6) and a generator.  beam: displaces it (n, 2), by the count
+    and a generator.  alter: changes exact readings (n, 9), by the sensor and the states.
+    """
+    rng = np.random.default_rng(seed)
+    rig = rigs.draw_rig(NOMINAL, rng)
+    sensor = rig.sensor if light is None else replace(rig.sensor, light=light)
+    pose = rng.uniform(-1, 1, (count, 6)) * box
+    still = np.zeros((count, 2))
+    there = pose if mirror is None else pose + mirror(pose, rng)
+    moved = still if beam is None else beam(count, rng)
+    data = Data(np.zeros((count, 9)), there, rigs.REFERENCE, moved)
+    state = states_of(data, np.zeros((count, 9)), rig.values)
+    exact = facets.readings(sensor, state)
+    if alter is not None:
+        exact = alter(sensor, state, exact)
+    raw = exact + noise * (add_noise(sensor, exact, rng) - exact)
+    said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
+    data = data._replace(raw=invert_correction(sensor, raw), pose=said, beam=still)
+    return rig, data, state
+
+
+def judge(data: Data, asked=None, sensor: facets.Sensor = NOMINAL) -> verdict.Verdict:
+    """Calibrate as the command does, with the effects of light and motion off unless asked for."""
+    asked = asked or settings()
+    return verdict.verdict(sensor, data, choice(sensor, asked), asked)
+
+
+def words_of(judged: verdict.Verdict) -> str:
+    return " ".join(finding.words for finding in judged.findings)
+
+
+def accepted_effects(judged: verdict.Verdict) -> set[str]:
+    return {row.key for row in judged.search.rows if row.accepted}
