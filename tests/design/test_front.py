@@ -16,7 +16,6 @@ from facets.design import (
     Space,
     compare_with_designs,
     front,
-    measure_design,
     pareto_front,
     part_of,
     sensor_of,
@@ -74,28 +73,6 @@ def test_no_design_of_a_cloud_beats_the_front():
     assert (np.diff(table["range_roll_mrad"]) > 0).all()
     assert any("spot on PSD" in words for words in table["holds_it_back"])
     assert not any("as low as it can be" in words for words in table["holds_it_back"])
-
-
-@pytest.mark.slow
-def test_a_point_is_no_worse_than_a_global_search_finds():
-    """Differential evolution on the float model, at one bound of the range."""
-    from scipy.optimize import differential_evolution
-
-    space = space_of(("u_roll_urad", "range_roll_mrad"), ["radius_mm", "diameter_mm"])
-    found = pareto_front(space, 5, 1)
-    middle = len(found.designs) // 2
-    roll, far = (MEASURES.index(name) for name in space.objectives)
-    wanted = found.measures[middle, far]
-    low, high = np.array(list(space.layout.variables.values())).T
-
-    def cost(x):
-        why, values = measure_design(space, x, tolerance=1e-8)
-        return 1e3 if why else values[roll] + 1e3 * max(wanted - values[far], 0.0)
-
-    rival = differential_evolution(
-        cost, list(zip(low, high, strict=True)), seed=1, maxiter=12, popsize=6, polish=False
-    )
-    assert found.measures[middle, roll] <= rival.fun * (1 + 1e-6)
 
 
 @pytest.mark.slow

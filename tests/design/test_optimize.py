@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -142,7 +141,7 @@ def worst_over(sensor, layout):
     return -fineness(add_worst_states(layout, fineness)).min(axis=0)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def optimum():
     return optimize(CONFIG.sensor, CONFIG.layout)
 
@@ -157,17 +156,6 @@ def test_all_starts_end_at_the_same_optimum_and_it_is_better(optimum):
     before, _ = worst([present_values(CONFIG.sensor)[n] for n in optimum.names], optimum.names)
     assert before == pytest.approx(np.sqrt(optimum.before), rel=1e-6)
     assert value < 0.75 * before
-
-
-@pytest.mark.slow
-def test_no_neighbour_is_better(optimum):
-    """To 0.1 %, of those that keep what the optimum keeps."""
-    best, names = optimum.best.x, optimum.names
-    rng = np.random.default_rng(1)
-    neighbours = best * (1 + rng.uniform(-0.02, 0.02, (150, len(best))))
-    costs = [penalised(x, names) for x in neighbours]
-    assert min(costs) > 0.999 * worst(best, names)[0]
-    assert sum(cost < 1 for cost in costs) > 20
 
 
 @pytest.mark.slow
@@ -208,18 +196,10 @@ def test_a_design_in_numbers_that_can_be_made_keeps_what_is_asked_for(optimum):
     assert optimum.best.objective - 1e-7 < made.objective < 1.02 * optimum.best.objective
 
 
-def test_a_larger_volume_is_found():
-    layout = replace(CONFIG.layout, aim="range", limit=(np.inf,) * 6, starts=1)
-    found = optimize(CONFIG.sensor, layout)
-    assert found.best.found
-    assert -found.best.objective > 1.1 * -found.before
-
-
-@pytest.mark.parametrize("aim", ["size", "condition", "mean-resolution"])
+@pytest.mark.parametrize("aim", ["size", "condition", "mean-resolution", "range"])
 def test_every_aim_gets_better(aim):
-    limit = (np.inf, np.inf, 2.3, 8.0, 8.0, np.inf)
-    layout = replace(CONFIG.layout, aim=aim, starts=1, limit=limit)
-    found = optimize(CONFIG.sensor, layout)
+    limit = (np.inf, np.inf, 2.3, 8.0, 8.0, np.inf) if aim != "range" else (np.inf,) * 6
+    found = optimize(CONFIG.sensor, replace(CONFIG.layout, aim=aim, starts=1, limit=limit))
     assert found.best.found
     assert found.best.objective < found.before - 0.01
     better = sensor_of(CONFIG.sensor, found.names, found.best.x)
@@ -228,6 +208,8 @@ def test_every_aim_gets_better(aim):
     if aim == "condition":
         old, new = (measures(s, VOLUME)[:, 2].max() for s in (CONFIG.sensor, better))
         assert new < old
+    if aim == "range":
+        assert found.best.objective < 1.1 * found.before
 
 
 def test_a_weighted_sum_lies_between_its_parts():
@@ -332,16 +314,6 @@ def test_what_the_symbols_do_not_know_is_an_error(more, words):
 def test_nothing_to_vary_is_an_error():
     with pytest.raises(InputError, match="name what may vary"):
         optimize(CONFIG.sensor, replace(CONFIG.layout, variables={}))
-
-
-def test_the_volume_has_all_its_corners():
-    corners = np.array(list(product((-1.0, 1.0), repeat=8)))
-    shares = shares_of_volume()
-    assert len(shares) == 256 + 16 + 1
-    assert len(np.unique(np.concatenate([shares, corners]), axis=0)) == len(shares)
-    wide = np.arange(8) < 3
-    assert len(shares_of_volume(wide)) == 8 + 6 + 1
-    assert not shares_of_volume(wide)[:, 3:].any()
 
 
 def test_what_is_worst_between_the_corners_is_found():
