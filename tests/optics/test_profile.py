@@ -8,7 +8,7 @@ from bench_oracle import Bench, by_rays
 from sensors import ASYMMETRY, PROFILE, SENSORS
 
 import facets
-from facets.core import BenchLight, ConfigError, InputError
+from facets.core import BenchLight, InputError
 from facets.model import EFFECTS, derivatives, effect_jacobian, effects, replace_effects
 from facets.simulation import ray_readings
 
@@ -70,34 +70,31 @@ def test_light_at_edges_and_tip_is_that_of_the_profile():
         assert away[:, 2::3].max() < 3e-6
 
 
-@pytest.mark.parametrize("light", [{}, {"curvature_xx": 1 / 2100, "curvature_yy": 1 / 2500}])
-def test_the_fast_jacobian_is_the_exact_one(light):
-    sensor, some = (
-        replace(TURNED, light=BenchLight(profile=PROFILE, asymmetry=ASYMMETRY, **light)),
-        box(50, 4),
-    )
-    exact = facets.jacobian(sensor, some)
-    scale = np.abs(exact).max(axis=(0, 1))
-    assert (np.abs(derivatives(sensor, some) - exact) <= 1e-3 * scale).all()
-    if not light:
-        assert (np.abs(derivatives(sensor, some) - exact) <= 1e-12 * scale).all()
+def test_the_fast_jacobian_is_the_exact_one():
+    some, light = box(20, 4), BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)
+    curved = replace(light, curvature_xx=1 / 2100, curvature_yy=1 / 2500)
+    for each, close in ((light, 1e-12), (curved, 1e-3)):
+        sensor = replace(TURNED, light=each)
+        exact = facets.jacobian(sensor, some)
+        scale = np.abs(exact).max(axis=(0, 1))
+        assert (np.abs(derivatives(sensor, some) - exact) <= close * scale).all()
 
 
-@pytest.mark.parametrize("beam", ["known", "free"])
-def test_poses_are_found(beam):
+@pytest.mark.slow
+def test_poses_are_found():
     sensor, truth = (
         replace(TURNED, light=BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)),
         box(100, 5),
     )
-    found = facets.solve(sensor, facets.readings(sensor, truth), beam=beam)
-    assert found.ok.all()
-    assert np.abs(found.state - truth)[:, :6].max() < 1e-11
+    for beam in ("known", "free"):
+        solution = facets.solve(sensor, facets.readings(sensor, truth), beam=beam)
+        assert solution.ok.all()
+        assert np.abs(solution.state - truth)[:, :6].max() < 1e-11
 
 
 #: Irradiance of 5 % of another mode beside a Gaussian beam, over the Gaussian's; x in its sigmas.
 MODES = {
     "LG10": lambda x, y: 0.95 + 0.05 * (1 - (x * x + y * y) / 2) ** 2,
-    "HG10": lambda x, y: 0.95 + 0.05 * x * x,
     "HG11": lambda x, y: 0.95 + 0.05 * x * x * y * y,
     "HG20": lambda x, y: 0.95 + 0.05 * (x * x - 1) ** 2 / 2,
 }
@@ -109,13 +106,13 @@ def fit_beam(truth: np.ndarray, some: np.ndarray, profiled: bool) -> np.ndarray:
     sensor, state = replace(PAPER, light=BenchLight(background=((1e-300, 0, 0),) * 3)), some.copy()
     profile = [n for n, name in enumerate(EFFECTS) if name.startswith("profile.")]
     for _ in range(6):
-        left = (truth - facets.readings(sensor, state)) / noise
+        residual = (truth - facets.readings(sensor, state)) / noise
         whole = facets.parameter_jacobian(sensor, state)
         columns = [whole[:, :, :3], facets.jacobian(sensor, state)[:, :, 6:]]
         if profiled:
             columns.append(effect_jacobian(sensor, state)[:, :, profile])
         slopes = np.concatenate(columns, axis=2) / noise[:, None]
-        step = np.linalg.lstsq(slopes.reshape(left.size, -1), left.ravel(), rcond=None)[0]
+        step = np.linalg.lstsq(slopes.reshape(residual.size, -1), residual.ravel(), rcond=None)[0]
         beam = sensor.beam
         beam = replace(beam, power=beam.power + step[0], diameter_x=beam.diameter_x + step[1],
                        diameter_y=beam.diameter_y + step[2])  # fmt: skip
@@ -123,7 +120,7 @@ def fit_beam(truth: np.ndarray, some: np.ndarray, profiled: bool) -> np.ndarray:
         values = effects(sensor)
         values[profile] += step[5:] if profiled else 0.0
         sensor = replace_effects(replace(sensor, beam=beam), values)
-    return left
+    return residual
 
 
 @pytest.mark.parametrize("mode", MODES.values(), ids=MODES)
@@ -133,7 +130,7 @@ def test_five_numbers_describe_five_per_cent_of_another_mode(mode):
     some = box(40, 6)
     truth = np.array([by_rays(PAPER, state, Bench(profile=mode)) for state in some])
     before, after = (fit_beam(truth, some, profiled)[:, 2::3] for profiled in (False, True))
-    before, after = (np.sqrt((left**2).mean()) for left in (before, after))
+    before, after = (np.sqrt((residual**2).mean()) for residual in (before, after))
     assert before > 0.3
     assert after < 0.1 * before
 
@@ -147,13 +144,10 @@ def test_a_profile_without_light_near_its_middle_is_refused(profile):
     BenchLight(profile=tuple(0.2 * c for c in profile))
 
 
-def test_a_configuration_gives_it_and_refuses_it_beside_apertures(tmp_path):
+def test_a_configuration_gives_it(tmp_path):
     file = tmp_path / "modes.yaml"
     file.write_text("extends: paper\nsensor:\n  light:\n    profile: [0.01, 0, 0.02, 0, 0.01]\n")
     assert facets.load(file).sensor.light.profile == (0.01, 0.0, 0.02, 0.0, 0.01)
-    file.write_text(file.read_text() + "  apertures:\n    tip_um: 5\n")
-    with pytest.raises(ConfigError, match=r"light\.profile.*modelled as Gaussian only"):
-        facets.load(file)
 
 
 def test_names_follow_those_of_the_other_effects():
