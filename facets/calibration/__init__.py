@@ -25,6 +25,7 @@ else:
             "identifiability": (
                 "choose_poses information mean_reduction pose_information weak_directions"
             ),
+            "reference_join": "join_tables",
             "rezero": (
                 "CHANGES ChangePriors LEAST_CHANCE StopReadings average_stop renew_zero "
                 "stop_readings"
@@ -32,6 +33,7 @@ else:
             "table": (
                 "REFERENCE choice choose_groups gather_samples read recording_time velocities"
             ),
+            "tour": "short_order travel",
             "unknowns": "ALL Choice PLACE assign_values block fold_mount values_of",
         },
     )

@@ -71,6 +71,8 @@ def log_chance(fall: float, count: int) -> float:
     """Logarithm of the chance that chi-square of a number of columns is larger than a fall."""
     from scipy.special import chdtrc, gammaln
 
+    if count == 0:  # the unknowns explain all columns
+        return 0.0
     chance = float(chdtrc(count, max(fall, 0.0)))
     if chance > 1e-290:
         return float(np.log(chance))
