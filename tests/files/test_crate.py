@@ -9,7 +9,8 @@ import pytest
 
 import facets
 from facets.files import provenance, tables
-from facets.files.crate import NAME, PROFILE
+
+NAME, PROFILE = "ro-crate-metadata.json", "https://w3id.org/ro/crate/1.1"
 
 
 @pytest.fixture
@@ -24,14 +25,14 @@ def folder(tmp_path):
 
 
 def entities(folder):
-    found = json.loads((folder / NAME).read_text())
-    return found, {entity["@id"]: entity for entity in found["@graph"]}
+    crate = json.loads((folder / NAME).read_text())
+    return crate, {entity["@id"]: entity for entity in crate["@graph"]}
 
 
 def test_a_crate_has_the_shape_of_ro_crate(folder):
-    found, by_id = entities(folder)
-    assert found["@context"][0] == f"{PROFILE}/context"
-    assert len(by_id) == len(found["@graph"])  # each entity once
+    crate, by_id = entities(folder)
+    assert crate["@context"][0] == f"{PROFILE}/context"
+    assert len(by_id) == len(crate["@graph"])  # each entity once
     head = by_id[NAME]
     assert head["@type"] == "CreativeWork"
     assert head["about"] == {"@id": "./"}
@@ -40,7 +41,7 @@ def test_a_crate_has_the_shape_of_ro_crate(folder):
     assert root["@type"] == "Dataset"
     for key in ("name", "description", "datePublished"):
         assert root[key]
-    for entity in found["@graph"]:  # flat: what is referred to is an entity of its own
+    for entity in crate["@graph"]:  # flat: what is referred to is an entity of its own
         for value in entity.values():
             for one in value if isinstance(value, list) else [value]:
                 if isinstance(one, dict) and entity is not head:

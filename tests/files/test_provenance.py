@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bad_inputs import recorded
-from commands import command
 
 import facets
 from facets import InputError
@@ -47,35 +46,34 @@ def explored(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("config", "words"),
     [
-        ("--pick", "0", "-d", "out", "-o", "mine.yaml"),
-        ("--pick", "0", "--front", "-d", "out", "-o", "mine.yaml"),
-        ("-d", "out"),
-        ("--front", "-d", "out"),
+        ("paper", ("--pick", "0", "-d", "out", "-o", "mine.yaml")),
+        ("paper", ("--pick", "0", "--front", "-d", "out", "-o", "mine.yaml")),
+        ("paper", ("-d", "out")),
+        ("other.yaml", ("--front", "-d", "out")),
     ],
 )
-@pytest.mark.parametrize("config", ["paper", "other.yaml"])
-def test_designs_of_another_configuration_are_not_taken(explored, words, config):
+def test_designs_of_another_configuration_are_not_taken(explored, run_in_process, words, config):
     (explored / "other.yaml").write_text("extends: layout\nsensor: {psd: {height_mm: 1}}\n")
     before = {path: path.read_bytes() for path in explored.rglob("*") if path.is_file()}
-    result = command("explore", config, *words, cwd=explored)
-    assert result.returncode == 2
-    assert "was made from configuration layout, not from" in result.stderr
+    status, _, err = run_in_process("explore", config, *words)
+    assert status == 2
+    assert "was made from configuration layout, not from" in err
     assert before == {path: path.read_bytes() for path in explored.rglob("*") if path.is_file()}
 
 
-def test_designs_of_the_same_configuration_are_taken(explored):
+def test_designs_of_the_same_configuration_are_taken(explored, run_in_process):
     words = ("explore", "layout", "--pick", "1", "-d", "out", "-o", "mine.yaml")
-    result = command(*words, cwd=explored)
-    assert result.returncode == 0, result.stderr
+    status, _, err = run_in_process(*words)
+    assert status == 0, err
     assert facets.load(explored / "mine.yaml").path.is_file()
 
 
-def test_a_recording_of_another_sensor_is_not_drawn(tmp_path):
+def test_a_recording_of_another_sensor_is_not_drawn(tmp_path, run_in_process):
     recorded(tmp_path)
     words = ("render", "paper", "--recording", "recording", "-o", "film.gif")
-    result = command(*words, cwd=tmp_path)
-    assert result.returncode == 2, result.stdout
-    assert "recording: was made from configuration" in result.stderr
+    status, _, err = run_in_process(*words)
+    assert status == 2
+    assert "recording: was made from configuration" in err
     assert not (tmp_path / "film.gif").exists()

@@ -22,20 +22,21 @@ def read(path, needed=("a", "b"), optional=(), rows=1000):
     return columns, lines.tolist(), lines[bad].tolist()
 
 
-def test_a_plain_table(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("b,other,a\n2,x,1\n4,y,3\n")
-    columns, lines, bad = read(path)
-    assert columns["a"].tolist() == [1, 3]
-    assert columns["b"].tolist() == [2, 4]
-    assert lines == [2, 3]
-    assert bad == []
+@pytest.fixture
+def write(tmp_path):
+    """Writes text or bytes to `t.csv`, or a file of another name."""
+
+    def write(content, name="t.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 1000])
-def test_broken_rows_are_found_at_their_lines_and_never_read_as_data(tmp_path, rows):
-    path = tmp_path / "t.csv"
-    path.write_text(
+def test_broken_rows_are_found_at_their_lines_and_never_read_as_data(write, rows):
+    path = write(
         '# a comment\n\na,b\n1,2\n\n# another\nx,3\n4,5,6\n7\n8,"9\n10,11\n,12\nnan,13\n14,1'
     )
     columns, lines, bad = read(path, rows=rows)
@@ -46,10 +47,27 @@ def test_broken_rows_are_found_at_their_lines_and_never_read_as_data(tmp_path, r
     assert np.isnan(columns["a"][6:8]).all()
 
 
-def test_a_last_row_cut_in_a_column_is_not_data(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("a,b,c\n1,2,3\n4,5")
-    assert read(path)[2] == [3]
+@pytest.mark.parametrize(
+    ("raw", "good", "lines"),
+    [
+        ("b,other,a\n2,x,1\n4,y,3\n", [1, 3], []),
+        ("a,b,c\n1,2,3\n4,5", [1], [3]),  # the last row is cut in a column
+        ("a,b\nx,1\n2,2\n", [2], [2]),
+        ('"a"\t"b"\n"1.5"\t2\n3\t"-4e1"\n5\t"x"\n', [1.5, 3], [4]),
+        (b"a,b\n1,2\n\xff\xfe\x00,3\n4,5\n", [1, 4], [3]),
+        ("a,b\n1,2\n1_0,3\n4,5\n", [1, 4], [3]),
+        ("a,b\n1,2\n\N{FULLWIDTH DIGIT ONE},3\n4,5\n", [1, 4], [3]),
+        ("a,b\n1,2\n0x10,3\n4,5\n", [1, 4], [3]),
+    ],
+)
+def test_what_is_no_number_is_a_broken_row(write, raw, good, lines):
+    path = write(raw)
+    columns, _, bad = read(path)
+    assert columns["a"][np.isfinite(columns["a"] + columns["b"])].tolist() == good
+    assert bad == lines
+    if lines == [3]:
+        with pytest.raises(InputError, match=r"t\.csv:3: this row"):
+            tables.read_numbers(path)
 
 
 @pytest.mark.parametrize(
@@ -58,27 +76,16 @@ def test_a_last_row_cut_in_a_column_is_not_data(tmp_path):
         b"\xef\xbb\xbfa,b\n1,2\n",
         b"a,b\r\n1,2\r\n",
         b"a;b\n1;2\n",
-        b'"a" , "b"\n1,2\n'.replace(b" ", b""),
+        b'"a","b"\n1,2\n',
         b" a, b \n 1, 2 \n",
     ],
     ids=["byte order mark", "CRLF", "semicolons", "quoted names", "blanks"],
 )
-def test_what_spreadsheets_make_of_csv(tmp_path, raw):
-    path = tmp_path / "t.csv"
-    path.write_bytes(raw)
-    columns, _, bad = read(path)
+def test_what_spreadsheets_make_of_csv(write, raw):
+    columns, _, bad = read(write(raw))
     assert bad == []
     assert columns["a"].tolist() == [1]
     assert columns["b"].tolist() == [2]
-
-
-def test_tabs_and_quotes_round_numbers_are_read(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text('"a"\t"b"\n"1.5"\t2\n3\t"-4e1"\n5\t"x"\n')
-    columns, _, bad = read(path)
-    assert columns["a"][:2].tolist() == [1.5, 3]
-    assert columns["b"][:2].tolist() == [2, -40]
-    assert bad == [4]
 
 
 @pytest.mark.parametrize(
@@ -91,17 +98,10 @@ def test_tabs_and_quotes_round_numbers_are_read(tmp_path):
         (b"a;b\n1,5;2\n2,5;3\n", "column a holds '1,5', not a number; write decimals after a p"),
     ],
 )
-def test_what_is_no_table_of_numbers_is_named(tmp_path, raw, says):
-    path = tmp_path / "t.csv"
-    path.write_bytes(raw)
+def test_what_is_no_table_of_numbers_is_named(write, raw, says):
+    path = write(raw)
     with pytest.raises(InputError, match=says):
         read(path)
-
-
-def test_a_column_with_some_numbers_is_one_of_numbers(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("a,b\nx,1\n2,2\n")
-    assert read(path)[2] == [2]
 
 
 @pytest.mark.parametrize("ending", tables.ENDINGS)
@@ -116,11 +116,6 @@ def test_values_in_another_unit_are_missing_and_a_column_of_them_is_refused(tmp_
     says = "column temperature_c holds 293.15; plausible: -60 to 150 degC; give the column in the"
     with pytest.raises(InputError, match=says):
         read(path, ("temperature_c",))
-
-
-def test_a_folder_is_no_table(tmp_path):
-    with pytest.raises(InputError, match="is a folder, not a table"):
-        read(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -141,50 +136,27 @@ def test_a_parquet_column_that_holds_no_numbers_is_named(tmp_path, column, says)
         read(path)
 
 
-def test_the_rows_of_a_parquet_table_are_numbered_from_one(tmp_path):
-    path = tmp_path / "t.parquet"
-    tables.write_table(path, {"a": np.arange(5.0), "b": np.arange(5.0)}, {})
-    columns, rows, _ = read(path, rows=2)
-    assert rows == [1, 2, 3, 4, 5]
-    assert columns["a"].tolist() == [0, 1, 2, 3, 4]
+def test_other_bad_files_are_named(tmp_path, write):
+    for path, says in (
+        (tmp_path / "none.csv", r"none\.csv: no such file"),
+        (tmp_path, "is a folder, not a table"),
+        (write("a,b\n", "t.txt"), r"ends in \.csv, \.csv\.gz or \.parquet"),
+        (write("a,b\n", "t.parquet"), "not a Parquet table"),
+        (write("psi_a_mm,b,c,b\n", "twice.csv"), "appear twice: b"),
+        (write("psi_a,b\n1,2\n"), r"missing columns: psi_a_mm \(found: psi_a\), c"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read(path, ("psi_a_mm", "b", "c"))
 
 
-def test_garbage_bytes_are_broken_rows(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_bytes(b"a,b\n1,2\n\xff\xfe\x00,3\n4,5\n")
-    columns, _, bad = read(path)
-    assert bad == [3]
-    assert columns["a"][2] == 4
-
-
-def test_missing_columns_are_named_with_the_nearest(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("psi_a,b\n1,2\n")
-    with pytest.raises(InputError, match=r"missing columns: psi_a_mm \(found: psi_a\), c"):
-        read(path, ("psi_a_mm", "b", "c"))
-
-
-def test_other_bad_files_are_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.csv: no such file"):
-        read(tmp_path / "none.csv")
-    (tmp_path / "t.txt").write_text("a,b\n")
-    with pytest.raises(InputError, match=r"ends in \.csv, \.csv\.gz or \.parquet"):
-        read(tmp_path / "t.txt")
-    (tmp_path / "t.parquet").write_text("a,b\n")
-    with pytest.raises(InputError, match="not a Parquet table"):
-        read(tmp_path / "t.parquet")
-    (tmp_path / "t.csv").write_text("a,b,a\n1,2,3\n")
-    with pytest.raises(InputError, match="appear twice: a"):
-        read(tmp_path / "t.csv")
-
-
-@pytest.mark.parametrize("ending", ["csv", "csv.gz", "parquet"])
+@pytest.mark.parametrize("ending", tables.ENDINGS)
 def test_what_is_written_is_read_back_to_the_bit(tmp_path, ending):
-    path = tmp_path / f"t.{ending}"
+    path = tmp_path / f"t{ending}"
     a = np.array([0.1, -1e-300, 5e300, np.nan, 1 / 3])
     tables.write_table(path, {"a": a, "word": np.array(["x y"] * 5), "b": a * 2}, {"seed": "1"})
-    columns, _, bad = read(path, rows=2)
+    columns, lines, bad = read(path, rows=2)
     assert bad == []
+    assert lines == list(range(1, 6) if ending == ".parquet" else range(3, 8))
     np.testing.assert_array_equal(columns["a"], a)
     np.testing.assert_array_equal(columns["b"], a * 2)
     assert list(tmp_path.iterdir()) == [path]
@@ -218,19 +190,24 @@ def test_a_dash_is_the_standard_input_and_output(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_table_says_how_it_was_made(tmp_path):
+def test_a_table_says_how_it_was_made_and_parquet_the_units(tmp_path):
     import pyarrow.parquet as pq
 
     about = {"command": "facets\nsolve", "seed": "3"}
-    tables.write_table(tmp_path / "t.csv", {"a": [1.0]}, about)
-    assert (tmp_path / "t.csv").read_text() == "# command: facets solve\n# seed: 3\na\n1\n"
-    tables.write_table(tmp_path / "t.parquet", {"a": [1.0]}, about)
-    assert pq.read_schema(tmp_path / "t.parquet").metadata[b"seed"] == b"3"
+    columns = {"tx_mm": [1.0], "u_yaw_mrad": [2.0], "status": np.array(["a"])}
+    for name in ("t.csv", "t.parquet"):
+        tables.write_table(tmp_path / name, columns, about)
+    text = (tmp_path / "t.csv").read_text()
+    assert text.startswith("# command: facets solve\n# seed: 3\ntx_mm,u_yaw_mrad,status\n1,2,")
+    schema = pq.read_schema(tmp_path / "t.parquet")
+    assert schema.metadata[b"seed"] == b"3"
+    units = {name: (schema.field(name).metadata or {}).get(b"unit") for name in columns}
+    assert units == {"tx_mm": b"mm", "u_yaw_mrad": b"mrad", "status": None}
+    assert read(tmp_path / "t.parquet", ["u_yaw_mrad"])[0]["u_yaw_mrad"].tolist() == [2]
 
 
-def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("old")
+def test_a_failure_leaves_the_old_file_and_no_other(tmp_path, write):
+    path = write("old")
 
     def fail():
         with tables.Whole(path) as temporary:
@@ -243,33 +220,24 @@ def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_an_unwritable_place_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be written"):
-        tables.write_table(tmp_path / "file" / "t.csv", {"a": [1.0]}, {})
-
-
-def test_existing_files_are_kept_unless_forced(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("old")
-    with pytest.raises(OutputError, match="exists already; use --force"):
-        tables.refuse_to_overwrite([path], force=False)
-    tables.refuse_to_overwrite([path], force=True)
-
-
-def test_a_place_that_can_not_be_written_is_refused_before_the_work(tmp_path):
-    (tmp_path / "file").write_text("")
+def test_a_place_that_can_not_be_written_is_refused_before_the_work(tmp_path, write):
+    path = write("old")
     (tmp_path / "folder").mkdir()
-    for path, says in (
-        (tmp_path / "file" / "t.csv", "is a file; name another folder"),
+    for place, says in (
+        (path / "t.csv", "is a file; name another folder"),
         (tmp_path / "folder", "is a folder; name a file"),
         (tmp_path / ("n" * 300), "File name too long"),
         (tmp_path / ("n" * 300) / "t.csv", "File name too long"),
     ):
         with pytest.raises(OutputError, match=says):
-            tables.refuse_to_overwrite([path], force=True)
+            tables.refuse_to_overwrite([place], force=True)
+    with pytest.raises(OutputError, match="exists already; use --force"):
+        tables.refuse_to_overwrite([path], force=False)
+    tables.refuse_to_overwrite([path], force=True)
     tables.refuse_to_overwrite([tmp_path / "a" / "b" / "t.csv"], force=False)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+    with pytest.raises(OutputError, match="cannot be written"):
+        tables.write_table(path / "t.csv", {"a": [1.0]}, {})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "t.csv"]
 
 
 @pytest.mark.parametrize(
@@ -309,50 +277,27 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
 
 def test_columns_of_all_kinds_are_written_without_pandas(tmp_path):
     """As `pyarrow.array` would have them, which imports pandas to look at what it is given."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    text = (
+        "{'a': np.array([1.0, np.nan, -0.0, 9.0])[::2], 'b': [1, 2],\n"
+        " 'c': ['x', 'µm, y'], 'd': np.array([3, 4, 5])[:0:-1]}"
+    )
     code = (
         "import sys, numpy as np, pathlib\n"
         "from facets.files import tables\n"
-        "columns = {'a': np.array([1.0, np.nan, -0.0, 9.0])[::2], 'b': [1, 2],\n"
-        "           'c': ['x', 'µm, y'], 'd': np.array([3, 4, 5])[:0:-1]}\n"
-        "tables.write_table(pathlib.Path('t.parquet'), columns, {})\n"
+        f"tables.write_table(pathlib.Path('t.parquet'), {text}, {{}})\n"
         "assert 'pandas' not in sys.modules\n"
-        "import pyarrow as pa, pyarrow.parquet as pq\n"
-        "written, plain = pq.read_table('t.parquet'), pa.table(columns)\n"
-        "assert written.schema.equals(plain.schema)\n"
-        "assert written.equals(plain)\n"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    written, plain = pq.read_table(tmp_path / "t.parquet"), pa.table(eval(text, {"np": np}))
+    assert written.schema.equals(plain.schema)
+    assert written.equals(plain)
 
 
-def test_parquet_says_units_and_reads_as_before(tmp_path):
-    import pyarrow.parquet as pq
-
-    path = tmp_path / "t.parquet"
-    columns = {"tx_mm": np.zeros(3), "u_yaw_mrad": np.ones(3), "status": np.array(["a", "b", "c"])}
-    tables.write_table(path, columns, {"config": "paper"})
-    schema = pq.read_schema(path)
-    assert schema.field("tx_mm").metadata == {b"unit": b"mm"}
-    assert schema.field("u_yaw_mrad").metadata == {b"unit": b"mrad"}
-    assert schema.field("status").metadata is None
-    assert schema.metadata[b"config"] == b"paper"
-    (chunk,) = tables.read_chunks(path, ["tx_mm", "u_yaw_mrad"])
-    assert chunk.columns["u_yaw_mrad"].tolist() == [1, 1, 1]
-
-
-@pytest.mark.parametrize("cell", ["1_0", "\N{FULLWIDTH DIGIT ONE}", "0x10"])
-def test_a_number_that_nobody_writes_so_is_none(tmp_path, cell):
-    path = tmp_path / "t.csv"
-    path.write_text(f"a,b\n1,2\n{cell},3\n4,5\n", encoding="utf-8")
-    columns, _, bad = read(path)
-    assert bad == [3]
-    assert np.isnan(columns["a"][1])
-    with pytest.raises(InputError, match=r"t\.csv:3: this row"):
-        tables.read_numbers(path)
-
-
-def test_a_small_table_of_numbers_has_each_column_once(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("# a: b\na,b,a\n1,2,3\n")
+def test_a_small_table_of_numbers_has_each_column_once(write):
+    path = write("# a: b\na,b,a\n1,2,3\n")
     with pytest.raises(InputError, match="twice: a"):
         tables.read_numbers(path)
 
