@@ -9,13 +9,12 @@ import pytest
 from commands import command
 
 import facets
-from facets import InputError, Knowledge, uncertainties
+from facets import InputError, Knowledge, design, uncertainties
 from facets.design import (
     MEASURES,
     NO_RIVALS,
     Space,
     compare_with_designs,
-    front,
     pareto_front,
     part_of,
     sensor_of,
@@ -52,10 +51,6 @@ def test_radius_against_resolution_is_the_curve_that_it_is():
         assert measures[roll] == pytest.approx(at(measures[head]), rel=1e-9)
         slope = (at(measures[head] + 0.01) - at(measures[head] - 0.01)) / 0.02
         assert price == pytest.approx(-slope, rel=1e-4)
-    # as fine as a head of that size can be: a mesh over the radius is on the curve to 1e-6
-    mesh = np.linspace(heads.min(), heads.max(), 200)
-    curve = np.interp(mesh, heads[::-1], found.measures[::-1, roll])
-    assert (curve > [at(diameter) - 1e-6 for diameter in mesh]).all()
 
 
 @pytest.mark.slow
@@ -68,7 +63,7 @@ def test_no_design_of_a_cloud_beats_the_front():
     assert beside.beaten == 0
     assert (beside.gains > -0.1).all()
     assert np.median(beside.gains) > 0.5
-    table = front.columns(found)
+    table = design.front.columns(found)
     assert (np.diff(table["u_roll_urad"]) > 0).all()
     assert (np.diff(table["range_roll_mrad"]) > 0).all()
     assert any("spot on PSD" in words for words in table["holds_it_back"])
@@ -76,10 +71,12 @@ def test_no_design_of_a_cloud_beats_the_front():
 
 
 @pytest.mark.slow
-def test_three_objectives_have_a_front():
+def test_three_objectives_have_a_front_also_of_a_skewed_head():
     space = space_of(("u_roll_urad", "head_mm", "range_yaw_mrad"), ["radius_mm", "diameter_mm"])
+    space = replace(space, sensor=facets.load("skewed").sensor)
     found = pareto_front(space, 9, 1)
     assert len(found.designs) >= 3
+    assert found.left_out == 0
     cloud = part_of(replace(space, every=True, part=60), 0, NO_RIVALS)
     assert compare_with_designs(found, cloud).beaten == 0
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
+from facets import design
 from facets.core import FINE_UNITS
 from facets.design import (
     MEASURES,
@@ -23,7 +24,6 @@ from facets.design import (
     simulate_heads,
     space_of,
     states_of,
-    verification,
 )
 
 CONFIG = facets.load("layout")
@@ -74,7 +74,7 @@ def test_the_optimum_is_that_of_the_object():
     plain = optimize(CONFIG.sensor, replace(LAYOUT, object=None))
     other, room = worst(sensor_of(plain.sensor, plain.names, plain.best.x))
     assert room < 0 or other > largest * 1.001  # the mirror's best layout is not that of the tip
-    table = verification.compare(CONFIG.sensor, sensor, LAYOUT, CONFIG.range, seed=1)
+    table = design.verification.compare(CONFIG.sensor, sensor, LAYOUT, CONFIG.range, seed=1)
     rows = dict(zip(table["quantity"].tolist(), table["after"].tolist(), strict=True))
     sizes = [rows[f"u_{n}"] for n in ("tz_um", "roll_urad", "yaw_urad")]
     np.testing.assert_allclose(sizes, fine(sensor, volume).max(axis=0)[[2, 3, 5]], rtol=1e-3)
