@@ -7,125 +7,189 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments import rigs
+from rig_samples import CONFIG, NOMINAL, accepted_effects, judge, sample_rig, settings
+from scipy.spatial.transform import Rotation
 
 import facets
-from facets import add_noise
+from facets import InputError
 from facets.calibration import (
+    ALL,
     LOWER_BOUNDS_MM,
+    OWN_COUNT,
+    OWN_UNITS,
     PLACE,
+    Choice,
     Data,
     Task,
-    add_power_polynomials,
+    block,
     choice,
-    search,
+    eliminate_own_unknowns,
+    fit,
+    linear,
+    predict_readings,
     states_of,
+    unknowns,
+    values_of,
 )
-from facets.calibration.candidates import POLARISATIONS
-from facets.calibration.fit import fit
-from facets.calibration.laser import fit_steady_laser
-from facets.detectors import invert_correction
-
-CONFIG = facets.load("paper")
-NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate
-OFF = dict.fromkeys(SETTINGS.effects, "off")
-BOX = np.array([0.25, 0.25, *rigs.BOX[2:]])
+from facets.detectors import correct
 
 
-def samples(count, light=NOMINAL.light, power=1.0, seed=5):
-    """Readings of a rig with some light, of a laser whose power changes."""
-    rng = np.random.default_rng(seed)
-    rig = rigs.draw_rig(NOMINAL, rng)
-    pose = rng.uniform(-1, 1, (count, 6)) * BOX
-    data = Data(np.empty((count, 9)), pose, rigs.REFERENCE, np.zeros((count, 2)))
-    sensor = replace(rig.sensor, light=light)
-    exact = facets.readings(sensor, states_of(data, np.zeros((count, 9)), rig.values))
-    exact[:, 2::3] *= np.broadcast_to(power, count)[:, None]
-    raw = invert_correction(sensor, add_noise(sensor, exact, rng))
-    return rig, add_power_polynomials(data._replace(raw=raw))
+@pytest.fixture(scope="module")
+def data():
+    return sample_rig(40)[1]
 
 
-def test_short_fits_end_where_a_long_one_does():
-    """A fit cut short says so, and goes on from where it was."""
-    _, data = samples(40)
-    whole = fit(NOMINAL, data, rigs.choice(), None)
-    short = fit(NOMINAL, data, rigs.choice(), None, most=1, enough=1e-6)
+@pytest.fixture(scope="module")
+def whole(data):
+    return fit.fit(NOMINAL, data, rigs.choice(), None)
+
+
+# ---- the pieces
+
+
+def test_the_mirror_is_carried_as_a_rigid_body():
+    """By SciPy's rotations: t = t_s + (R_s - 1) lever + apex, R = R_s R_m, R = Rz Ry Rx."""
+    rng = np.random.default_rng(1)
+    pose = rng.uniform(-0.3, 0.3, (20, 6))
+    lever, apex, mount = rng.uniform(-5, 5, (3, 3)) * [[1], [1], [0.05]]
+    values = values_of(NOMINAL)
+    values[block(unknowns.OF_SEAT)] = np.concatenate([lever, apex, mount])
+    data = Data(np.zeros((20, 9)), pose, np.ones(6), np.zeros((20, 2)))
+    state = states_of(data, np.zeros((20, OWN_COUNT)), values)
+    turn = Rotation.from_euler("ZYX", pose[:, [5, 4, 3]])
+    place = pose[:, :3] + turn.apply(lever) - lever + apex
+    np.testing.assert_allclose(state[:, :3], place, atol=1e-13)
+    put = turn * Rotation.from_euler("ZYX", mount[[2, 1, 0]])
+    np.testing.assert_allclose(state[:, [5, 4, 3]], put.as_euler("ZYX"), atol=1e-13)
+
+
+def test_a_mirror_turned_on_its_reference_is_a_mirror_with_other_facets(data):
+    """Degrees, to rounding: the readings are the same once the facets have taken the turn."""
+    values, still = values_of(NOMINAL), np.zeros((40, OWN_COUNT))
+    values[unknowns.mount_of(0)] = [0.01, -0.02, 0.05]
+    folded = unknowns.fold_mount(values)
+    turned, straight = (states_of(data, still, each) for each in (values, folded))
+    assert abs(turned[:, 5] - straight[:, 5]).min() > 0.04
+    other = unknowns.assign_values(NOMINAL, folded)
+    np.testing.assert_allclose(
+        facets.readings(other, straight), facets.readings(NOMINAL, turned), atol=1e-10
+    )
+
+
+def real_sensor():
+    """A sensor with an elliptic beam, and with every effect of the model on."""
+    light = replace(
+        NOMINAL.light, curvature_xx=3e-4, curvature_xy=1e-4, curvature_yy=-2e-4, wavelength=6.3e-4,
+        rolloff=(1e-5, 2e-5, 3e-5, -1e-5, 1e-5, 2e-5), strips=(0.01, 0.004, 0.008), tip=1e-4,
+        background=((5e-4, 1.0, -2.0), (3e-4, 0.5, 1.0), (1e-4, -1.0, 0.3)), index=(1.4, 7.6),
+        polarization=0.4, rolloff_width=0.05,
+    )  # fmt: skip
+    beam = replace(NOMINAL.beam, diameter_x=0.9, diameter_y=0.8, rotation=0.3)
+    return replace(NOMINAL, beam=beam, light=light)
+
+
+def test_derivatives_are_those_of_differences():
+    """Every unknown there is and the nine of each sample, by central differences."""
+    sensor, rng = real_sensor(), np.random.default_rng(3)
+    values = values_of(sensor)
+    seat = rng.normal(size=9) * [5, 5, 5, 0.02, 0.02, 0, 1e-3, 1e-3, 1e-3]
+    values[block(unknowns.OF_SEAT)] += seat
+    opening = rng.normal(size=(4, OWN_COUNT)) * [*[1e-3] * 3, *[1e-4] * 3, 0.02, 1e-3, 1e-3]
+    data = Data(
+        np.zeros((4, 9)), rng.uniform(-1, 1, (4, 6)) * rigs.BOX, rigs.REFERENCE, np.zeros((4, 2)),
+        velocity=rng.normal(size=(4, 6)) * 0.1, clock=rng.uniform(-1, 1, (4, 4)),
+        slow=rng.uniform(-1, 1, (4, 5)), step=rng.normal(size=(4, 6)) * 0.1,
+    )  # fmt: skip
+    values[block(unknowns.POWER_DRIFT)] = rng.uniform(-0.02, 0.02, 5)
+    made = unknowns.assign_values(sensor, values)
+    raw = predict_readings(made, data, opening, values, states_of(data, opening, values))
+    data = data._replace(raw=raw, noise=np.ones((4, 9)))
+    slopes = linear(made, data, opening, values, Choice(ALL, np.ones(len(ALL))))
+
+    def misfit(values, opening):
+        other = unknowns.assign_values(sensor, values)
+        state = states_of(data, opening, values)
+        return predict_readings(other, data, opening, values, state) - correct(other, raw)
+
+    for n, name in enumerate(ALL):
+        if name.startswith("seat_") or name in unknowns.SPLINE:
+            continue  # a spline is written as lines between fine places, see test_spline
+        step = np.zeros(len(ALL))
+        step[n] = 1e-6 if "wavelength" not in name else 1e-8
+        slope = (misfit(values + step, opening) - misfit(values - step, opening)) / (2 * step[n])
+        scale = np.abs(slope).max() + 1
+        np.testing.assert_allclose(slopes.common[:, :, n], slope, atol=5e-5 * scale, err_msg=name)
+    for n in range(OWN_COUNT):
+        step = np.zeros((4, OWN_COUNT))
+        step[:, n] = 1e-3 * OWN_UNITS[n]
+        slope = (misfit(values, opening + step) - misfit(values, opening - step)) / 2e-3
+        scale = np.abs(slope).max()
+        np.testing.assert_allclose(slopes.own[:, :, n], slope, atol=1e-4 * scale, err_msg=str(n))
+
+
+def test_elimination_gives_what_the_whole_system_gives(data):
+    """Against the dense normal equations of all unknowns together."""
+    data = data.part(slice(0, 7))
+    data = data._replace(sigma=np.array([1e-4, 1e-4, np.inf, 5e-7, np.inf, 5e-7]))
+    chosen, opening = rigs.choice(), np.zeros((7, OWN_COUNT))
+    slopes = linear(NOMINAL, data, opening, values_of(NOMINAL), chosen)
+    normal = eliminate_own_unknowns(slopes, np.ones((7, 9)), opening, data.sigma)
+    size = len(chosen.names)
+    step = np.linalg.solve(normal.matrix + np.diag(1 / chosen.sigma**2), normal.side)
+    rows = np.zeros((7 * 9, size + 42))
+    rows[:, :size] = slopes.common.reshape(-1, size)
+    for n in range(7):
+        rows[9 * n : 9 * n + 9, size + 6 * n : size + 6 * n + 6] = slopes.own[n][:, :6]
+    known = np.where(np.isfinite(data.sigma), OWN_UNITS[:6] / data.sigma, 1e-9)
+    prior = np.diag(np.concatenate([1 / chosen.sigma, np.tile(known, 7)]))
+    side = np.concatenate([slopes.residual.ravel(), np.zeros(size + 42)])
+    dense, *_ = np.linalg.lstsq(np.concatenate([rows, prior]), side, rcond=None)
+    np.testing.assert_allclose(step / chosen.sigma, dense[:size] / chosen.sigma, atol=1e-6)
+    own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
+    scale = np.abs(dense[size:]).max()
+    np.testing.assert_allclose(own[:, :6].ravel(), dense[size:], atol=1e-4 * scale)
+    assert np.abs(own[:, 6:]).max() < 1e-9
+
+
+# ---- steps
+
+
+def test_a_short_fit_says_so_and_goes_on_to_where_a_long_one_ends(data, whole):
+    short = fit.fit(NOMINAL, data, rigs.choice(), None, most=1, enough=1e-6)
     assert whole.ended
     assert not short.ended
     assert "still falls by" in short.cause
     assert "hold them" not in short.cause  # the samples tell these unknowns
     assert short.loss > whole.loss + 1
-    again = fit(NOMINAL, data, rigs.choice(), None, start=short)
+    again = fit.fit(NOMINAL, data, rigs.choice(), None, start=short)
     assert again.loss == pytest.approx(whole.loss, abs=0.01)
-    off = (again.values - whole.values) / whole.uncertainty
-    assert np.abs(off).max() < 0.1
+    assert np.abs((again.values - whole.values) / whole.uncertainty).max() < 0.1
     known = whole.sensor.calibration.degrees_of_freedom
     assert known == whole.freedom
     assert 260 < known < 330  # of 360 numbers, less what the unknowns take up
 
 
-def test_a_fit_comes_back_from_far_away():
+def test_a_fit_comes_back_from_far_away(data, whole):
     """Ten tolerances off in everything, where a plain step leads nowhere."""
-    _, data = samples(40)
-    chosen = rigs.choice()
-    whole = fit(NOMINAL, data, chosen, None)
-    every = whole.every.copy()
-    rng = np.random.default_rng(1)
-    every[chosen.places] += 10 * chosen.sigma * rng.uniform(-1, 1, len(chosen.names))
-    back = fit(NOMINAL, data, chosen, None, start=replace(whole, every=every))
+    chosen, every = rigs.choice(), whole.every.copy()
+    off = np.random.default_rng(1).uniform(-10, 10, len(chosen.names))
+    every[chosen.places] += off * chosen.sigma
+    back = fit.fit(NOMINAL, data, chosen, None, start=replace(whole, every=every))
     assert back.ended
     assert back.loss == pytest.approx(whole.loss, abs=0.01)
 
 
-def test_fits_of_a_coating_begin_all_over_half_a_turn():
-    between = np.diff(np.sort([*POLARISATIONS, min(POLARISATIONS) + np.pi]))
-    assert between == pytest.approx(np.pi / 4)
-
-
-@pytest.mark.parametrize("turn", [20, 65, 110, 155])
-@pytest.mark.slow
-def test_a_coating_is_found_whatever_the_polarisation(turn):
-    """Half a turn is a whole period: from one start, some would end on the wrong side."""
-    true = np.radians(turn)
-    light = replace(NOMINAL.light, index=(1.37, 7.62), polarization=float(true))
-    _, data = samples(80, light)
-    asked = replace(SETTINGS, effects=OFF | {"coating": "auto"}, power_per_sample=False)
-    done = search(NOMINAL, data, asked, fit(NOMINAL, data, choice(NOMINAL, asked)))
-    assert [row.accepted for row in done.rows] == [True]
-    found = done.found.every[PLACE["light.polarization"]]
-    sigma = done.found.uncertainty[done.found.choice.names.index("light.polarization")]
-    off = (found - true + np.pi / 2) % np.pi - np.pi / 2
-    assert abs(off) < 4 * sigma
-    assert sigma < 0.1
-
-
-@pytest.mark.parametrize("jitter", [0.0, 2e-3])
-def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
-    """Not from the powers that a fit finds, whose scatter is mostly the fit's own."""
-    count = 60
-    rng = np.random.default_rng(4)
-    power = 1 + 0.01 * np.sin(np.linspace(0, 3, count)) + jitter * rng.normal(size=count)
-    _, data = samples(count, power=power)
-    free = fit(NOMINAL, data, choice(NOMINAL, SETTINGS))
-    found = fit_steady_laser(NOMINAL, data, free, SETTINGS.outliers)
-    assert found.choice.power == pytest.approx(max(jitter, 2e-4), rel=0.8)
-    if not jitter:
-        place = found.choice.names.index("apex.x")
-        assert found.uncertainty[place] < 0.5 * free.uncertainty[free.choice.names.index("apex.x")]
-
-
-def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_along():
-    _, data = samples(40)
+def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_along(data):
     wrong = data.raw.copy()
     wrong[:, 3] *= -1
-    found = fit(NOMINAL, data._replace(raw=wrong), rigs.choice(), most=3)
-    assert not found.ended
-    assert "the model does not follow these readings" in found.cause
-    assert "hold" not in found.cause
+    creeping = fit.fit(NOMINAL, data._replace(raw=wrong), rigs.choice(), most=3)
+    assert not creeping.ended
+    assert "the model does not follow these readings" in creeping.cause
+    assert "hold" not in creeping.cause
 
 
-def test_an_unknown_at_its_bound_stops_no_other():
+def test_an_unknown_at_its_bound_stops_no_other(data):
     """A width of rolled-off edges that would become negative stays where it has a derivative."""
-    _, data = samples(40)
     chosen = rigs.choice().add_unknowns({"rolloff.width": 0.05})
     task = Task(NOMINAL, data, chosen, None)
     start = task.start.copy()
@@ -142,19 +206,53 @@ def test_an_unknown_at_its_bound_stops_no_other():
     assert np.linalg.solve(matrix, side)[-1] >= 0
 
 
-@pytest.mark.parametrize(("chi_square", "excess"), [(700.0, 0.0), (950.0, 0.0), (1200.0, 0.3)])
-def test_chi_square_exceeds_what_chance_allows_by_four_deviations(chi_square, excess):
+def test_chi_square_exceeds_what_chance_allows_by_four_deviations(whole):
     """Of 800 degrees of freedom the reduced chi-square has the standard deviation 0.05."""
-    _, data = samples(12)
-    found = replace(fit(NOMINAL, data, rigs.choice(), most=1), chi_square=chi_square, freedom=800.0)
-    assert found.reduced_chi_square == pytest.approx(chi_square / 800)
-    assert found.excess == pytest.approx(excess)
+    for chi_square, excess in ((700.0, 0.0), (950.0, 0.0), (1200.0, 0.3)):
+        other = replace(whole, chi_square=chi_square, freedom=800.0)
+        assert other.reduced_chi_square == pytest.approx(chi_square / 800)
+        assert other.excess == pytest.approx(excess)
 
 
-def test_a_power_that_a_fit_puts_below_zero_is_named():
-    _, data = samples(24)
-    found = fit(NOMINAL, data, choice(NOMINAL, SETTINGS))
-    astray = found.open.copy()
-    astray[:, 6] = -1e5
-    with pytest.raises(facets.InputError, match="these 24 samples do not determine it"):
-        fit_steady_laser(NOMINAL, data, replace(found, open=astray), SETTINGS.outliers)
+def test_too_little_is_an_error(data):
+    with pytest.raises(InputError, match="two samples"):
+        fit.fit(NOMINAL, data.part(slice(0, 1)), rigs.choice())
+
+
+# ---- the light
+
+
+@pytest.mark.slow
+def test_a_coating_is_found_whatever_the_polarisation():
+    """Half a turn is a whole period: from one start, some would end on the wrong side."""
+    asked = replace(settings(coating="auto"), power_per_sample=False, held_back=0.0)
+    for angle in np.radians([20, 65, 110, 155]).tolist():
+        light = replace(NOMINAL.light, index=(1.37, 7.62), polarization=angle)
+        judged = judge(sample_rig(80, light=light)[1], asked)
+        assert accepted_effects(judged) == {"coating"}
+        place = judged.found.choice.names.index("light.polarization")
+        off = (judged.found.values[place] - angle + np.pi / 2) % np.pi - np.pi / 2
+        sigma = judged.found.uncertainty[place]
+        assert abs(off) < 4 * sigma
+        assert sigma < 0.1
+
+
+@pytest.mark.parametrize("jitter", [0.0, 2e-3])
+def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
+    """Not from the powers that a fit finds, whose scatter is mostly the fit's own."""
+
+    def drift(sensor, state, exact):
+        rng, count = np.random.default_rng(4), len(exact)
+        power = 1 + 0.01 * np.sin(np.linspace(0, 3, count)) + jitter * rng.normal(size=count)
+        exact[:, 2::3] *= power[:, None]
+        return exact
+
+    data = sample_rig(60, alter=drift)[1]
+    judged = judge(data, replace(settings(), held_back=0.0))
+    assert judged.found.choice.power == pytest.approx(max(jitter, 2e-4), rel=0.8)
+    if not jitter:
+        free = fit.fit(NOMINAL, data, choice(NOMINAL, CONFIG.calibrate))
+        steady, loose = (
+            each.uncertainty[each.choice.names.index("apex.x")] for each in (judged.found, free)
+        )
+        assert steady < 0.5 * loose

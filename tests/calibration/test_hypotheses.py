@@ -10,8 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.calibration import Data
-from facets.calibration.hypotheses import Hypothesis, hypotheses
+from facets.calibration import Data, hypotheses
 from facets.detectors import fractions, places
 
 SENSOR = facets.Sensor()
@@ -23,23 +22,22 @@ NAMES = [f"{kind} of {letter}" for letter in "ABC" for kind in ("psi", "zeta", "
 AXES = ("tx", "ty", "tz", "roll", "pitch", "yaw")
 
 
-def scaled(rows, columns, factor):
+def scale(rows, columns, factor):
     rows = rows.copy()
     rows[:, columns] *= factor
     return rows
 
 
-def crossed(rows, a, b):
-    order = list(range(rows.shape[1]))
-    order[a], order[b] = b, a
-    return rows[:, order]
+def exchange(rows, a, b):
+    rows = rows.copy()
+    rows[:, [a, b]] = rows[:, [b, a]]
+    return rows
 
 
-def with_angles(turn, order="xyz"):
+def replace_angles(turn, order="xyz"):
     """The pose with the angles of a rotation about fixed axes, in some order."""
-    columns = [3 + "xyz".index(axis) for axis in order]
     pose = POSE.copy()
-    pose[:, columns] = turn.as_euler(order)
+    pose[:, [3 + "xyz".index(axis) for axis in order]] = turn.as_euler(order)
     return pose
 
 
@@ -53,12 +51,12 @@ def columns_of(words):
 
 
 def spoilt_readings():
-    """What the readings look like with each fault, by its words and its remedy."""
+    """What the readings look like with each fault, by its words or its remedy."""
     faults = {}
     for kind in ("psi", "zeta"):
-        for of in ("detector A", "detector B", "detector C", "all detectors"):
-            words = f"the sign of {kind} of {of} is swapped"
-            faults[words] = scaled(RAW, columns_of(words), -1)
+        for detectors in ("detector A", "detector B", "detector C", "all detectors"):
+            words = f"the sign of {kind} of {detectors} is swapped"
+            faults[words] = scale(RAW, columns_of(words), -1)
     for order in list(permutations("ABC"))[1:]:
         spoilt = np.empty_like(RAW)  # the columns that are called A, B, C hold those of `order`
         for name, letter in zip("ABC", order, strict=True):
@@ -67,72 +65,68 @@ def spoilt_readings():
         faults[f"name the columns of the readings in the order {''.join(order)}"] = spoilt
     for a, b in combinations(range(9), 2):
         if (a % 3 == 2) == (b % 3 == 2):
-            faults[frozenset((a, b))] = crossed(RAW, a, b)
+            faults[frozenset((a, b))] = exchange(RAW, a, b)
     for unit, factor in (("um where mm is asked for", 1e3), ("m where mm is asked for", 1e-3)):
-        columns = [n for n in range(9) if n % 3 < 2]
-        faults[f"the spots' places are in {unit}"] = scaled(RAW, columns, factor)
+        faults[f"the spots' places are in {unit}"] = scale(RAW, [0, 1, 3, 4, 6, 7], factor)
     for unit, factor in (("uW", 1e3), ("W", 1e-3)):
-        faults[f"the powers are in {unit} where mW is asked for"] = scaled(RAW, [2, 5, 8], factor)
+        faults[f"the powers are in {unit} where mW is asked for"] = scale(RAW, [2, 5, 8], factor)
     for kind, other, words in (
         ("tetra-lateral", "duo-lateral", "a tetra-lateral's and were not straightened"),
         ("duo-lateral", "tetra-lateral", "straightened as a tetra-lateral's and are none"),
     ):
         spoilt = RAW.copy()
-        for k, psd in enumerate(SENSOR.psds):
-            half, both = np.array([psd.size_y, psd.size_z]) / 2, slice(3 * k, 3 * k + 2)
-            currents = fractions(kind, *(RAW[:, both] / half).T, psd.size_z / psd.size_y)
-            spoilt[:, both] = places(other, currents, psd.size_z / psd.size_y) * half
+        for k in range(3):
+            both = slice(3 * k, 3 * k + 2)
+            spoilt[:, both] = 6.5 * places(other, fractions(kind, *(RAW[:, both].T / 6.5)))
         faults[f"the places on the detectors are {words}"] = spoilt
     return faults
 
 
 def spoilt_poses():
-    faults = {}
+    faults = {"the reference gives the inverse rotation": replace_angles(TURN.inv())}
     for n, axis in enumerate(AXES):
-        faults[f"the sign of the reference's {axis} is swapped"] = scaled(POSE, [n], -1)
+        faults[f"the sign of the reference's {axis} is swapped"] = scale(POSE, [n], -1)
     for a, b in ((0, 1), (3, 4)):
-        faults[f"the reference's {AXES[a]} and {AXES[b]} are exchanged"] = crossed(POSE, a, b)
+        faults[f"the reference's {AXES[a]} and {AXES[b]} are exchanged"] = exchange(POSE, a, b)
     for order in ("xzy", "yxz", "yzx", "zxy", "zyx"):
         faults[
             "the reference's angles are taken in another order (about the fixed axes "
             f"{order[0]}, then {order[1]}, then {order[2]}; here x, then y, then z)"
-        ] = with_angles(TURN, order)
-    faults["the reference gives the inverse rotation"] = with_angles(TURN.inv())
+        ] = replace_angles(TURN, order)
     for degrees in (90, 180, 270):
-        words = f"the reference's x and y axes are turned by {degrees} degrees about z"
-        seen = Rotation.from_euler("z", -degrees, degrees=True)
+        axes = Rotation.from_euler("z", -degrees, degrees=True).as_matrix()[:2, :2].T
         pose = POSE.copy()
-        for columns in ([0, 1], [3, 4]):
-            vectors = np.column_stack([POSE[:, columns], np.zeros(len(POSE))])
-            pose[:, columns] = seen.apply(vectors)[:, :2]
-        faults[words] = pose
-    angles = {"degrees": np.degrees(1) / 1e3, "rad": 1e-3, "urad": 1e3,
-              "arc seconds": 3600 * np.degrees(1) / 1e3}  # fmt: skip
-    for unit, factor in angles.items():
-        words = f"the reference's angles are in {unit} where mrad is asked for"
-        faults[words] = scaled(POSE, [3, 4, 5], factor)
-    for unit, factor in (("um", 1e3), ("m", 1e-3)):
-        words = f"the reference's lengths are in {unit} where mm is asked for"
-        faults[words] = scaled(POSE, [0, 1, 2], factor)
+        pose[:, :2], pose[:, 3:5] = POSE[:, :2] @ axes, POSE[:, 3:5] @ axes
+        faults[f"the reference's x and y axes are turned by {degrees} degrees about z"] = pose
+    for quantity, columns, units in (
+        ("angles", slice(3, 6), {"degrees": np.degrees(1) / 1e3, "rad": 1e-3, "urad": 1e3,
+                                 "arc seconds": 3.6 * np.degrees(1)}),
+        ("lengths", slice(0, 3), {"um": 1e3, "m": 1e-3}),
+    ):  # fmt: skip
+        usual = {"angles": "mrad", "lengths": "mm"}[quantity]
+        for unit, factor in units.items():
+            words = f"the reference's {quantity} are in {unit} where {usual} is asked for"
+            faults[words] = scale(POSE, columns, factor)
     return faults
 
 
-def key_of(one: Hypothesis):
-    if "in the order" in one.remedy:
-        return one.remedy
-    if one.remedy == "exchange them" and "reference" not in one.words:
-        return frozenset(columns_of(one.words))
-    return one.words
+def key_of(fault):
+    if "in the order" in fault.remedy:
+        return fault.remedy
+    if fault.remedy == "exchange them" and "reference" not in fault.words:
+        return frozenset(columns_of(fault.words))
+    return fault.words
 
 
 def test_every_fault_is_undone():
     """Which also says that no two of them are the same, and that none is left out."""
     raws, poses = spoilt_readings(), spoilt_poses()
-    found = {key_of(one): one for one in hypotheses(SENSOR)}
-    assert len(found) == len(list(hypotheses(SENSOR)))
-    assert set(found) == set(raws) | set(poses)
-    for key, one in found.items():
+    faults = list(hypotheses.hypotheses(SENSOR))
+    assert len(faults) == len(raws) + len(poses)
+    assert {key_of(fault) for fault in faults} == set(raws) | set(poses)
+    for fault in faults:
+        key = key_of(fault)
         spoilt = Data(raws.get(key, RAW), poses.get(key, POSE), np.ones(6), np.zeros((5, 2)))
-        data = one.change(spoilt)
-        assert data.raw == pytest.approx(RAW, rel=1e-9), one.words
-        assert data.pose == pytest.approx(POSE, rel=1e-9), one.words
+        data = fault.change(spoilt)
+        assert data.raw == pytest.approx(RAW, rel=1e-9), fault.words
+        assert data.pose == pytest.approx(POSE, rel=1e-9), fault.words

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments import rigs
+from rig_samples import CONFIG, NOMINAL
 
 import facets
 from facets.calibration import (
@@ -15,26 +16,24 @@ from facets.calibration import (
     choice,
     choose_groups,
     eliminate_own_unknowns,
+    fit,
     linear,
     own_sigma,
     prior_information,
     values_of,
 )
-from facets.calibration.fit import fit
 from facets.core import InputError
 
-SETTINGS = facets.load("paper")
-NOMINAL = SETTINGS.sensor
 #: What may be off, without the mirror's seat, which a later calibration has anew.
 ASKED = replace(
-    SETTINGS.calibrate,
+    CONFIG.calibrate,
     power_per_sample=False,
     before={"psd_place_mm": 0.2, "facet_mrad": 1.5, "beam_tilt_mrad": 1.5, "power_percent": 2.0},
 )
 ALL = choice(NOMINAL, ASKED)
 
 
-def drawn(seed: int) -> tuple[rigs.Rig, Data, Data]:
+def draw_rig(seed: int) -> tuple[rigs.Rig, Data, Data]:
     """A rig that ALL describes, and two motions."""
     rng = np.random.default_rng(seed)
     values = values_of(NOMINAL)
@@ -45,35 +44,36 @@ def drawn(seed: int) -> tuple[rigs.Rig, Data, Data]:
 
 def normal_equations(data):
     zero = np.zeros((len(data.raw), 9))
-    found = linear(NOMINAL, data, zero, values_of(NOMINAL), ALL)
-    return eliminate_own_unknowns(found, np.ones((len(zero), 9)), zero, own_sigma(data, ALL))
+    slopes = linear(NOMINAL, data, zero, values_of(NOMINAL), ALL)
+    return eliminate_own_unknowns(slopes, np.ones((len(zero), 9)), zero, own_sigma(data, ALL))
 
 
-def calibrated(covariance):
-    known = facets.Calibration(ALL.names, tuple(map(tuple, covariance.tolist())))
+def calibrated(covariance, names=ALL.names):
+    known = facets.Calibration(names, tuple(map(tuple, covariance.tolist())))
     return replace(NOMINAL, calibration=known)
 
 
 def test_two_linear_calibrations_are_one_of_both_data():
-    _, first, second = drawn(1)
-    one, two, prior = normal_equations(first), normal_equations(second), prior_information(ALL)
-    covariance = np.linalg.inv(prior + one.matrix)
-    values = covariance @ one.side
+    _, *both = draw_rig(1)
+    first, second = map(normal_equations, both)
+    prior = prior_information(ALL)
+    covariance = np.linalg.inv(prior + first.matrix)
+    values = covariance @ first.side
     changed = choose_groups(calibrated(covariance), ASKED, ["gains"])
     assert changed.names == ALL.names
     known = prior_information(changed)
-    later = np.linalg.inv(known + two.matrix)
-    updated = later @ (known @ values + two.side)
+    later = np.linalg.inv(known + second.matrix)
+    updated = later @ (known @ values + second.side)
 
     # at once: all parameters as they were, and by how much the gains changed
     places = [ALL.names.index(name) for name in GAINS]
     size = len(ALL.names)
     now = np.hstack([np.eye(size), np.eye(size)[:, places]])
-    matrix = now.T @ two.matrix @ now
-    matrix[:size, :size] += prior + one.matrix
+    matrix = now.T @ second.matrix @ now
+    matrix[:size, :size] += prior + first.matrix
     matrix[range(size, size + 3), range(size, size + 3)] += 1 / ALL.sigma[places] ** 2
-    side = now.T @ two.side
-    side[:size] += one.side
+    side = now.T @ second.side
+    side[:size] += first.side
     whole = np.linalg.inv(matrix)
     scale = np.sqrt(np.diag(later))
     assert updated / scale == pytest.approx(now @ whole @ side / scale, abs=1e-4)  # rounding
@@ -81,34 +81,19 @@ def test_two_linear_calibrations_are_one_of_both_data():
     assert correlation == pytest.approx(now @ whole @ now.T / np.outer(scale, scale), abs=1e-7)
 
 
-def test_two_fits_are_nearly_one_of_both_data():
-    """They differ by where the model is linearised: the first at the values of fewer data."""
-    _, first, second = drawn(2)
-    both = Data(*(np.concatenate(pair) for pair in ((first.raw, second.raw),
-                                                   (first.pose, second.pose))),
-                first.sigma, np.concatenate([first.beam, second.beam]))  # fmt: skip
-    at_once = fit(NOMINAL, both, ALL, robust=None)
-    before = fit(NOMINAL, first, ALL, robust=None)
-    unchanged = replace(ASKED, before=ASKED.before | {"power_percent": 1e-7})
-    after = fit(before.sensor, second, choose_groups(before.sensor, unchanged, ["gains"]), None)
-    assert after.choice.names == ALL.names
-    off = (after.values - at_once.values) / at_once.uncertainty
-    assert np.abs(off).max() < 0.1
-    assert after.uncertainty == pytest.approx(at_once.uncertainty, rel=0.02)
-
-
 def test_a_changed_gain_is_found_and_the_rest_stays_known():
-    rig, first, _ = drawn(3)
-    before = fit(NOMINAL, first, ALL)
+    rig, first, _ = draw_rig(3)
+    before = fit.fit(NOMINAL, first, ALL)
     psd = rig.sensor.psds[1]
     brighter = replace(psd, correction=replace(psd.correction, power=psd.correction.power + 0.01))
     changed = replace(rig.sensor, psds=(rig.sensor.psds[0], brighter, rig.sensor.psds[2]))
     few = rigs.sample_motion(rigs.Rig(changed, rig.values), 12, np.random.default_rng(4))[0]
-    after = fit(before.sensor, few, choose_groups(before.sensor, ASKED, ["gains", "beam"]))
-    alone = fit(before.sensor, few, choice(NOMINAL, ASKED))
+    groups = ["gains", "beam"]
+    after = fit.fit(before.sensor, few, choose_groups(before.sensor, ASKED, groups))
+    alone = fit.fit(before.sensor, few, ALL)
     place = ALL.names.index("correction_b.power")
-    grown = after.values[place] - before.values[place]
-    assert abs(grown - 0.01) < 4 * np.hypot(after.uncertainty[place], before.uncertainty[place])
+    growth = after.values[place] - before.values[place]
+    assert abs(growth - 0.01) < 4 * np.hypot(after.uncertainty[place], before.uncertainty[place])
     heights = [n for n, name in enumerate(ALL.names) if name.endswith("height")]
     assert (after.uncertainty[heights] <= before.uncertainty[heights]).all()
     assert (after.uncertainty[heights] < 0.7 * alone.uncertainty[heights]).all()
@@ -119,25 +104,27 @@ def test_a_changed_gain_is_found_and_the_rest_stays_known():
     assert known.degrees_of_freedom == after.freedom < before.freedom
     old = replace(before.sensor.calibration, degrees_of_freedom=None)
     older = replace(before.sensor, calibration=old)
-    again = fit(older, few, choose_groups(older, ASKED, ["gains", "beam"]))
+    again = fit.fit(older, few, choose_groups(older, ASKED, groups))
     assert again.sensor.calibration.degrees_of_freedom is None
 
 
 def test_what_cannot_be_recalibrated_is_said():
-    with pytest.raises(InputError, match="calibrated configuration"):
-        choose_groups(NOMINAL, ASKED, ["gains"])
     known = calibrated(np.diag(ALL.sigma**2))
-    with pytest.raises(InputError, match="--only gains: every key"):
-        choose_groups(known, replace(ASKED, before={"facet_mrad": 1.0}), ["gains"])
+    thermal = replace(known, thermal=replace(known.thermal, beam=(1e-3, 0.0)))
+    for sensor, before, reason in (
+        (NOMINAL, ASKED.before, "calibrated configuration"),
+        (known, {"facet_mrad": 1.0}, "--only gains: every key"),
+        (thermal, ASKED.before, "sensor.temperature"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            choose_groups(sensor, replace(ASKED, before=before), ["gains"])
 
 
 def test_a_power_of_each_sample_takes_the_place_of_the_old_one():
     names = (*ALL.names, "beam.power", "misfit_a.psi")
-    matrix = np.diag([*ALL.sigma**2, 1e-6, 1e-8])
-    known = facets.Calibration(names, tuple(map(tuple, matrix.tolist())))
-    each = replace(ASKED, power_per_sample=True)
-    found = choose_groups(replace(NOMINAL, calibration=known), each, ["beam"])
-    assert found.names == ALL.names
-    assert np.isinf(found.power)
-    tilt = found.sigma[found.names.index("beam.tilt_x")]
+    known = calibrated(np.diag([*ALL.sigma**2, 1e-6, 1e-8]), names)
+    chosen = choose_groups(known, replace(ASKED, power_per_sample=True), ["beam"])
+    assert chosen.names == ALL.names
+    assert np.isinf(chosen.power)
+    tilt = chosen.sigma[chosen.names.index("beam.tilt_x")]
     assert tilt == pytest.approx(np.sqrt(2) * 1.5e-3)
