@@ -34,13 +34,11 @@ else:
             "production": "SimulatedHeads count_passes interval simulate_heads",
             "robust": "robust_layout",
             "rounding": "round_design step_of",
-            "search": "optimize solve_from_present",
+            "search": "optimize",
             "sheets": "require_writable write_sheets",
             "survey": "SKIPPED",
             "tolerancing": "draw_heads expand_margins key_of sensitivities shares",
-            "variables": (
-                "columns_of_states gain_of layout_parameters outcome_of present_values sensor_of"
-            ),
-            "volume": "add_worst_states mirror_states shares_of_volume states_of worst_places",
+            "variables": "present_values sensor_of",
+            "volume": "add_worst_states mirror_states states_of",
         },
     )

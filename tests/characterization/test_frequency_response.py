@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from facets import InputError
 from facets.characterization import (
@@ -58,6 +57,8 @@ def test_the_receptance_lies_within_its_random_error_in_95_percent_of_the_lines(
 
 def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
     """Without leakage, however narrow a peak is between the lines."""
+    from scipy import signal
+
     rng = np.random.default_rng(9)
     lines, held, total = np.arange(4, 400, 3), 0, 0
     b, a, _ = signal.cont2discrete(([1.0], [1 / 500**2, 2 * 0.01 / 500, 1]), 1 / RATE, "zoh")
@@ -93,8 +94,7 @@ def test_noise_of_the_input_lowers_h1_by_its_share(shaken):
     found = estimate_response(spoilt, moved, even(len(force)), 2.0)
     true = receptance(BODY, found.frequency)[:, AXES]
     lines = (found.frequency > 20) & (found.frequency < 60)
-    signal_density = 1.0 / (0.4 * RATE - 2.0)
-    expected = 1 / (1 + 2 * 0.5**2 / RATE / signal_density)
+    expected = 1 / (1 + 2 * 0.5**2 / RATE * (0.4 * RATE - 2.0))
     ratio = (found.h1[:, 1:] / true[:, 1:])[lines].mean()
     assert ratio.real == pytest.approx(expected, rel=0.02)
 
@@ -111,32 +111,33 @@ def test_the_noise_floor_is_what_noise_alone_gives(shaken):
 
 def test_segments_across_a_gap_are_left_out(shaken):
     """The rest is averaged as from separate records."""
+    from scipy import signal
+
     force, moved = shaken
     count, length = 20_000, 1000
-    usable = np.ones(count, bool)
-    usable[7300] = False  # a row without a pose
-    time = np.arange(count) / RATE
-    kept = np.ones(count, bool)
-    kept[12_000:12_400] = False  # lost samples
-    x, y = force[:count][kept], moved[:count][kept]
-    stretches = find_stretches(time[kept], usable[kept], "it")
+    usable = np.arange(count) != 7300  # a row without a pose
+    row = np.arange(count)
+    kept = (row < 12_000) | (row >= 12_400)  # lost samples
+    x, y = force[:count][kept], moved[:count, 1][kept]
+    stretches = find_stretches(row[kept] / RATE, usable[kept], "it")
     assert stretches.starts.tolist() == [0, 7301, 12_000]
     assert stretches.stops.tolist() == [7300, 12_000, 19_600]
     assert (stretches.span, stretches.unsolved) == (count, 1)
-    found = estimate_response(x, y, stretches, RATE / length)
-    parts, weights = [], []
+    found = estimate_response(x, y[:, None], stretches, RATE / length)
+    cross = own = segments = 0
     for start, stop in zip(stretches.starts, stretches.stops, strict=True):
         options = {"nperseg": length, "detrend": "linear", "window": "hann"}
-        cross = signal.csd(x[start:stop], y[start:stop, 1], RATE, **options)[1]
-        own = signal.welch(x[start:stop], RATE, **options)[1]
-        parts.append((cross, own))
-        weights.append((stop - start - length) // (length // 2) + 1)
-    cross, own = (np.average([p[n] for p in parts], axis=0, weights=weights) for n in (0, 1))
-    assert found.h1[:, 1] == pytest.approx((cross / own)[2:], rel=1e-9)
-    assert (found.segments, found.left_out) == (sum(weights), 39 - sum(weights))
+        weight = (stop - start - length) // (length // 2) + 1
+        cross += weight * signal.csd(x[start:stop], y[start:stop], RATE, **options)[1]
+        own += weight * signal.welch(x[start:stop], RATE, **options)[1]
+        segments += weight
+    assert found.h1[:, 0] == pytest.approx((cross / own)[2:], rel=1e-9)
+    assert (found.segments, found.left_out) == (segments, 39 - segments)
 
 
 def test_overlapping_segments_count_as_independent_ones_of_the_same_variance():
+    from scipy import signal
+
     rng = np.random.default_rng(4)
     length, count = 64, 64 * 12
     window = signal.get_window("hann", length)
@@ -153,33 +154,28 @@ def test_noise_behind_a_low_pass_keeps_its_variance():
     found = noise_spectrum(frequency, np.array([2.0]), RATE, 60.0)[:, 0]
     assert np.trapezoid(found, frequency) == pytest.approx(4.0, rel=1e-3)
     memory = np.exp(-2 * np.pi * 60.0 / RATE)
-    rng = np.random.default_rng(6)
-    steps = 2.0 * np.sqrt(1 - memory**2) * rng.standard_normal(400_000)
-    series = signal.lfilter([1], [1, -memory], steps)
-    lines, power = signal.welch(series, RATE, nperseg=400)
-    middle = (lines > 10) & (lines < 450)
-    expected = np.interp(lines[middle], frequency, found)
-    assert power[middle] == pytest.approx(expected, rel=0.2)
+    turns = np.exp(-2j * np.pi * frequency / RATE)
+    expected = 2 * 4.0 * (1 - memory**2) / RATE / np.abs(1 - memory * turns) ** 2
+    assert found[:-1] == pytest.approx(expected[:-1], rel=0.01)
 
 
 def test_the_low_pass_and_a_late_input_are_corrected(shaken):
     force, _ = shaken
     frequency = np.fft.rfftfreq(len(force), 1 / RATE)
     delay, bandwidth = 0.4e-3, 150.0
-    turned = np.exp(2j * np.pi * frequency * delay)  # sampled later than the motion
-    late = np.fft.irfft(np.fft.rfft(force) * turned, len(force))
-    slow = np.fft.irfft(np.fft.rfft(force) * low_pass(frequency, bandwidth), len(force))
-    noise = np.array([1e-3])
-    plain = estimate_response(late, slow[:, None], even(len(force)), 2.0, noise, bandwidth)
-    right = estimate_response(
-        late, slow[:, None], even(len(force)), 2.0, noise, bandwidth, True, delay
-    )
+
+    def filtered(factors):
+        return np.fft.irfft(np.fft.rfft(force) * factors, len(force))
+
+    late = filtered(np.exp(2j * np.pi * frequency * delay))  # sampled later than the motion
+    slow = filtered(low_pass(frequency, bandwidth))
+    given = late, slow[:, None], even(len(force)), 2.0, np.array([1e-3]), bandwidth
+    plain, right = estimate_response(*given), estimate_response(*given, True, delay)
     lines = plain.is_excited
     assert right.h1[lines, 0] == pytest.approx(np.ones(lines.sum()), abs=0.03)
     assert np.abs(plain.h1[lines, 0]).min() < 0.5
-    assert right.noise_floor[lines] == pytest.approx(
-        plain.noise_floor[lines] / np.abs(low_pass(plain.frequency, bandwidth))[lines, None]
-    )
+    gain = np.abs(low_pass(plain.frequency, bandwidth))[lines, None]
+    assert right.noise_floor[lines] == pytest.approx(plain.noise_floor[lines] / gain)
     shares = [one.output_density[lines] / one.noise_density[lines] for one in (plain, right)]
     assert shares[1] == pytest.approx(shares[0])  # the correction changes both alike
 
@@ -200,20 +196,21 @@ def test_times_that_have_no_spectrum_are_refused(change, words):
 
 def test_what_cannot_be_estimated_is_refused(shaken):
     force, moved = shaken
-    with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
-        estimate_response(force, moved, even(len(force)), 0.02)
-    with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
-        estimate_response(force, moved, even(len(force)), 1e-6)  # without the memory for it
-    with pytest.raises(InputError, match=r"allowed: up to 15.62 Hz at 1000 samples per second"):
-        estimate_response(force, moved, even(len(force)), 100.0)
+    stretches = even(len(force))
+    for resolution, words in (
+        (0.02, "Record for longer, or give a larger --resolution-hz"),
+        (1e-6, "Record for longer, or give a larger --resolution-hz"),  # without the memory for it
+        (100.0, "allowed: up to 15.62 Hz at 1000 samples per second"),
+    ):
+        with pytest.raises(InputError, match=words):
+            estimate_response(force, moved, stretches, resolution)
     with pytest.raises(InputError, match="the input does not change"):
-        estimate_response(np.ones(len(force)), moved, even(len(force)))
+        estimate_response(np.ones(len(force)), moved, stretches)
 
 
 def test_the_table_has_a_row_for_each_line(shaken):
     force, moved = shaken
-    wide = np.repeat(moved[:, :1], 6, axis=1)
-    found = estimate_response(force, wide, even(len(force)))
+    found = estimate_response(force, np.repeat(moved[:, :1], 6, axis=1), even(len(force)))
     table = response_table(found)
     assert 28 < found.averages < 36
     assert {len(column) for column in table.values()} == {len(found.frequency)}

@@ -16,7 +16,7 @@ from facets.characterization import (
     noise_deviation,
     silent_axes,
 )
-from facets.core import MIRROR, MeasuredObject, Mode, Vibration
+from facets.core import MIRROR, STATE_COLUMNS, STATE_UNITS, MeasuredObject, Mode, Vibration
 from facets.detectors import SATURATED, standard_deviations
 from facets.estimation import solve_readings
 from facets.simulation import shake
@@ -153,28 +153,23 @@ def test_a_body_that_does_not_answer_is_silent():
 
 def test_the_noise_at_a_point_is_that_of_solved_poses():
     """And the motion there is that of a rigid body."""
-    config = facets.load("bench")
-    body = MeasuredObject(point=(0.0, 0.0, 40.0))
-    rng = np.random.default_rng(1)
-    count = 4000
+    config, count = facets.load("bench"), 4000
     pose = np.array([0.02, -0.01, 0.3, 1e-3, -2e-3, 3e-3, 0.0, 0.0])
+    swing = np.sin(np.arange(count) / 7)
     states = np.tile(pose, (count, 1))
-    states[:, 4] += 1e-4 * np.sin(np.arange(count) / 7)
-    noise = rng.standard_normal((count, 9))
+    states[:, 4] += 1e-4 * swing
     exact = facets.readings(config.sensor, states)
-    sigma = standard_deviations(config.sensor, exact[0])
-    place = np.zeros((count, 2))
-    solution = solve_readings(config.sensor, config.solve, exact + sigma * noise, place)
-    columns = {"time_s": np.arange(count) / 1000, "force_n": np.sin(np.arange(count) / 7.0)}
-    units = [1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]
-    for n, name in enumerate(("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")):
-        columns[name] = solution.state[:, n] / units[n]
+    noise = np.random.default_rng(1).standard_normal((count, 9))
+    readings = exact + standard_deviations(config.sensor, exact[0]) * noise
+    solution = solve_readings(config.sensor, config.solve, readings, np.zeros((count, 2)))
+    columns = dict(zip(STATE_COLUMNS[:6], (solution.state / STATE_UNITS).T[:6], strict=True))
     columns["tz_mm"][7] = np.nan
-    columns["flags"] = np.zeros(count)
-    columns["flags"][:3] = SATURATED
-    columns["misfit"] = np.arange(count) < 5
+    rows = np.arange(count)
+    columns |= {"time_s": rows / 1000, "force_n": swing, "misfit": rows < 5}
+    columns["flags"] = np.where(rows < 3, SATURATED, 0)
+    body = MeasuredObject(point=(0.0, 0.0, 40.0))
     signals = build_signals(columns, "force_n", body, config, "it")
-    expected = 40 * 1e-4 * np.sin(np.arange(count) / 7)
+    expected = 40 * 1e-4 * swing
     apart = signals.motion[:, 0] - (expected - expected.mean())
     assert np.nanstd(apart) == pytest.approx(signals.deviation[0], rel=0.1)
     assert abs(np.nanmean(apart)) < signals.deviation[0]
