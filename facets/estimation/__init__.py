@@ -13,10 +13,9 @@ else:
         {
             "chance": "FALSE_ALARM_RATE LIMITS",
             "coverage": "coverage_factor effective_degrees_of_freedom region_factor",
-            "differences": "lasting_covariance propagate_in_light",
             "doubts": "has_fold",
             "dwells": "dwell_means stands stands_of_axis",
-            "misfit": "MAX_EXAMPLES Misfit",
+            "misfit": "Misfit",
             "plan": "make_plan",
             "series": "beam_at nearest solve_series",
             "table": (

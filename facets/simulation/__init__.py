@@ -11,9 +11,7 @@ else:
         __name__,
         {
             "axis_runs": "command_columns course_of course_states run_states",
-            "imperfect_optics": (
-                "FacetEdge flaws_of imperfect_readings nodes ray_readings reflectances"
-            ),
+            "imperfect_optics": "imperfect_readings ray_readings",
             "motion": "shaker_force states",
             "reference": "reference_columns reference_poses",
             "run": "axes pose_table reading_table reference_table statuses",

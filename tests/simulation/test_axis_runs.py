@@ -20,14 +20,14 @@ AXIS = Runs(
 
 
 def test_the_stands_are_commanded_in_their_order_from_both_sides():
-    told = command_columns(AXIS)
+    commands = command_columns(AXIS)
     up, down = [-1, -0.5, 0, 0.5, 1], [1, 0.5, 0, -0.5, -1]
-    np.testing.assert_allclose(told["position_mm"], 2 * [*up, *down])
-    np.testing.assert_array_equal(told["direction"], 2 * [*[1] * 5, *[-1] * 5])
+    np.testing.assert_allclose(commands["position_mm"], 2 * [*up, *down])
+    np.testing.assert_array_equal(commands["direction"], 2 * [*[1] * 5, *[-1] * 5])
     turned = replace(AXIS, start=state(yaw=0.01, tz=1e-3), stop=state(yaw=-0.01))
-    told = command_columns(turned)
-    np.testing.assert_allclose(told["position_mrad"][:5], [10, 5, 0, -5, -10])
-    assert told["direction"][0] == -1
+    commands = command_columns(turned)
+    np.testing.assert_allclose(commands["position_mrad"][:5], [10, 5, 0, -5, -10])
+    assert commands["direction"][0] == -1
 
 
 def test_each_error_has_its_form():

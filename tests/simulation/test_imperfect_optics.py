@@ -6,21 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import neglected
 from sensors import SENSORS, states
 
 import facets
 from facets import Apertures, BenchLight, Imperfections, InputError
-from facets.model import geometry_of
-from facets.optics import dark_scene
-from facets.simulation import (
-    FacetEdge,
-    flaws_of,
-    imperfect_readings,
-    nodes,
-    ray_readings,
-    reflectances,
-)
+from facets.simulation import imperfect_readings, ray_readings
 
 PAPER = facets.Sensor()
 AWAY = np.array([0.06, -0.04, 0.3, 3e-3, -2e-3, 5e-3, 0, 0])
@@ -44,97 +34,28 @@ def test_what_is_off_costs_nothing():
     )
 
 
-def test_aluminium_at_45_degrees():
-    """n = 1.37 + 7.62i at 633 nm: 0.938 across; along, its square, as any mirror at 45 degrees."""
-    s, p = reflectances(1.37 + 7.62j, np.sqrt(0.5))
-    assert s == pytest.approx(0.938, abs=2e-3)
-    assert p == pytest.approx(s**2, abs=1e-9)
-    normal = abs((1.37 + 7.62j - 1) / (1.37 + 7.62j + 1)) ** 2
-    assert reflectances(1.37 + 7.62j, 1.0)[0] == pytest.approx(normal)
-
-
-def test_unpolarised_light_is_shared_as_if_nothing_were_there():
-    rest = np.zeros((1, 8))
-    plain = facets.readings(PAPER, rest)
-    np.testing.assert_allclose(
-        imperfect_readings(flawed(index=(1.37, 7.62)), rest), plain, atol=1e-9
-    )
-    polarised = imperfect_readings(flawed(index=(1.37, 7.62), polarization=0.0), rest)
-    s, p = reflectances(1.37 + 7.62j, np.sqrt(0.5))
-    assert polarised[0, 2] / plain[0, 2] == pytest.approx(2 * p / (s + p), rel=1e-6)
-    quarter = (p + 3 * s) / 4  # the field lies at 60 degrees to the others' planes of incidence
-    assert polarised[0, 5] / plain[0, 5] == pytest.approx(2 * quarter / (s + p), rel=1e-6)
-
-
-def test_a_beam_that_spreads_enlarges_the_spots():
-    """The centroid's offset from the apex's image grows by path over radius."""
-    radius = 2000.0
-    rest = np.zeros((1, 8))
-    plain, wide = (
-        facets.readings(PAPER, rest),
-        imperfect_readings(flawed(wavefront_radius=radius), rest),
-    )
-    assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 / radius, rel=2e-3)
-
-
 def test_a_dome_enlarges_them_as_a_mirror_of_its_radius():
     """R = D^2 / 8 sag; along the plane of incidence at 45 degrees its power is 2 sqrt 2 / R."""
     sag, over = 1e-4, 5.0
     rest = np.zeros((1, 8))
-    plain, wide = (
-        facets.readings(PAPER, rest),
-        imperfect_readings(flawed(sag=(sag,) * 3, sag_over=over), rest),
-    )
+    plain = facets.readings(PAPER, rest)
+    wide = imperfect_readings(flawed(sag=(sag,) * 3, sag_over=over), rest)
     radius = over**2 / 8 / sag
     assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 * 2 * np.sqrt(2) / radius, rel=2e-3)
 
 
-@pytest.mark.study  # the suite holds rays against the model, and that against quadratures
-@pytest.mark.parametrize("offset", [-0.1, 0.1])
-def test_diffraction_is_that_of_a_propagated_field(offset):
-    """Against Fresnel's propagation by FFT, of a facet of 120 degrees, to what its grid resolves.
-
-    The detector is moved under the spot of A, so that it lies 2 and 4 mm off its middle; z of the
-    spot is the direction along the facet. Told from the middle, where the field's own shift falls
-    with its grid, which is coarse: by quadrature (`make_diffraction`) the field's shifts are the
-    closed form's to 0.01 um.
-    """
-    places = np.array([0.0, 2.0, 4.0])
-    fields, shifts = (
-        neglected.diffraction_shifts(offset, places),
-        neglected.closed_form_shifts(offset, places),
-    )
-    for shift, field in zip(shifts[1:] - shifts[0], fields[1:] - fields[0], strict=True):
-        assert shift < 0  # towards the middle
-        assert shift == pytest.approx(field, rel=0.02)
-
-
 def test_simulations_have_it_and_the_solver_does_not():
-    from facets import simulate
-
     ideal = facets.load("paper")
     short = replace(ideal.motions["multi-axis"], samples=40)
-    ideal = replace(ideal, motions={"multi-axis": short})
-    config = replace(ideal, sensor=flawed(index=(1.37, 7.62), polarization=0.3))
-    (segment,) = simulate(config, ["multi-axis"], noise=False)
+    config = replace(ideal, motions={"multi-axis": short},
+                     sensor=flawed(index=(1.37, 7.62), polarization=0.3))  # fmt: skip
+    (segment,) = facets.simulate(config, noise=False)
     assert np.abs(segment.error[:, 0]).max() > 1e-3  # 6 % of the power apart is microns in x
-    (plain,) = simulate(ideal, ["multi-axis"], noise=False)
-    assert np.abs(plain.error[:, 0]).max() < 1e-9
 
 
 def test_apertures_do_not_go_with_it():
     with pytest.raises(InputError, match="imperfections"):
         replace(flawed(index=(1.37, 7.62)), apertures=Apertures(beam=1.0))
-
-
-def test_the_nodes_hold_all_the_light():
-    at, flaws = dark_scene(geometry_of(PAPER), tuple(AWAY.tolist())), flaws_of(PAPER)
-    fixed = geometry_of(PAPER)
-    total = 0.0
-    for k in range(3):
-        edges = [FacetEdge.from_scene(fixed, at, flaws, k, which) for which in (0, 1)]
-        total += nodes(fixed, at, flaws, k, edges)[0].sum()
-    assert total == pytest.approx(1, abs=1e-12)
 
 
 DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
