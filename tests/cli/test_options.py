@@ -8,9 +8,8 @@ from collections import defaultdict
 import pytest
 import typer
 from commands import command
-from facets.cli import COMMANDS, whole_app
+from facets.cli import COMMANDS, manual, whole_app
 from facets.cli.command import OPTIONAL_VALUES, RENAMED, why_meaningless
-from facets.cli.manual import commands, context_of
 
 BAD = [
     (("range-map", "paper", "--at", ""), "'--at': the value is empty"),
@@ -50,7 +49,7 @@ def test_what_can_be_meant_is_not(texts, is_number):
 
 def all_commands():
     app = typer.main.get_command(whole_app())
-    return commands(app, context_of(app, "facets", None))
+    return manual.commands(app, manual.context_of(app, "facets", None))
 
 
 def meaning(param):

@@ -16,14 +16,14 @@ from facets.config import (
     Sweep,
     Table,
     fingerprint,
+    key_names,
+    landings,
     load,
     schema,
     shipped,
     to_yaml,
     write_sensor,
 )
-from facets.config.alignment_check import landings
-from facets.config.json_schema import key_names
 
 pytestmark = pytest.mark.installed
 

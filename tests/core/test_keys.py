@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 from pydantic import ValidationError
 
-from facets.config.models import model_of
+from facets.config import model_of
 from facets.core import KEY_UNITS, Key, block_of, item_of, key, unit_in
 
 SIZE = Key("size_mm", (1.0, 2.0), "width and height", "mm", tuple[float, float], {"gt": 0})

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from commands import command
 from facets.experiments import reproduce as study
-from facets.experiments.paper.experiment import EXPERIMENTS, experiment
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +23,7 @@ def test_all_repeats_the_references(run):
     result, folder = run
     assert result.returncode == 0, result.stdout
     assert "CHANGED" not in result.stdout
-    for name in EXPERIMENTS:
+    for name in study.EXPERIMENTS:
         assert f"\n{name:11}  repeats" in result.stdout
         assert (folder / f"{name}.csv").read_text().startswith("# config: ")
 
@@ -47,16 +46,16 @@ def test_the_report_holds_everything_in_one_file(run):
     page = (folder / "report.html").read_text()
     assert page.count("data:image/svg+xml;base64,") == len(list(folder.glob("*.svg"))) >= 11
     assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
-    for name in EXPERIMENTS:
+    for name in study.EXPERIMENTS:
         assert f'id="{name}"' in page
-        assert experiment(name).TITLE.replace("'", "&#39;") in page
+        assert study.experiment(name).TITLE.replace("'", "&#39;") in page
 
 
 @pytest.mark.slow
 def test_what_is_more_than_three_percent_off_the_paper_has_a_reason(run):
     _, folder = run
-    for name in EXPERIMENTS:
-        for claim in experiment(name).claims(study.read(folder / f"{name}.csv")):
+    for name in study.EXPERIMENTS:
+        for claim in study.experiment(name).claims(study.read(folder / f"{name}.csv")):
             known = claim.paper == claim.paper
             near = claim.ours == claim.paper or abs(claim.ratio - 1) < 0.03
             assert not known or near or claim.why, (name, claim.what)
@@ -71,7 +70,7 @@ def test_a_number_that_has_moved_is_a_miss(run, tmp_path, monkeypatch):
     path = expected / "eq13-claims.csv"
     path.write_text(path.read_text().replace("0.847", "0.848"))
     table = study.read(folder / "eq13.csv")
-    claims = experiment("eq13").claims(table)
+    claims = study.experiment("eq13").claims(table)
     verdicts = {c.column: c.repeats for c in study.check_columns("eq13", True, table, claims)}
     assert verdicts == {"ours": False, "left_um": True}
 
@@ -106,4 +105,4 @@ def test_what_is_not_there_is_an_error(run, tmp_path):
 
 
 def test_every_experiment_is_held_against_something():
-    assert set(study.tolerances()) == set(EXPERIMENTS)
+    assert set(study.tolerances()) == set(study.EXPERIMENTS)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.pictures.page.rig_page import rig_page
+from facets.pictures import rig_page
 
 
 @pytest.mark.parametrize("name", ["paper", "bench-light"])

@@ -15,8 +15,7 @@ from pathlib import Path
 
 import pytest
 import typer
-from facets.cli import whole_app
-from facets.cli.manual import commands, context_of
+from facets.cli import manual, whole_app
 from installed import ROOT
 from numpydoc.validate import validate
 
@@ -276,7 +275,7 @@ def test_public_functions_have_docstrings_by_the_numpy_standard():
 
 def help_texts():
     app = typer.main.get_command(whole_app())
-    for context, command in commands(app, context_of(app, "facets", None)):
+    for context, command in manual.commands(app, manual.context_of(app, "facets", None)):
         yield context.command_path, command.help
         for param in command.params:
             yield f"{context.command_path} {param.opts[-1]}", param.help
