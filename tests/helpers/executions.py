@@ -7,23 +7,21 @@ and nothing else: `tests/model/test_executions.py` compares each with floats.
 from __future__ import annotations
 
 import json
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 from digits import differences, many_digits, precise
+from estimators import library, run_node, script
 from facets.experiments.sensors import skew_sensor
 from sensors import ALL, ASYMMETRY, PROFILE
 
 import facets
-from facets import BenchLight, firmware
+from facets import BenchLight
 from facets.model import (
     arrays,
     as_text,
@@ -240,32 +238,13 @@ def intervals(task: str, sensor: facets.Sensor, states: Any) -> Any:
     return results
 
 
-@cache
-def firmware_library(sensor: facets.Sensor, precision: str) -> Any:
-    """The exported C of a sensor, compiled."""
-    folder = Path(tempfile.mkdtemp(prefix="firmware"))
-    files = firmware.export.export(sensor, firmware.source.Provenance("test", "0" * 8, "test"))
-    for path in map(Path, ("facets.h", "facets.c")):
-        (folder / path).write_text(files[path])
-    subprocess.run(
-        ["gcc", "-O1", "-std=c99", "-shared", "-fPIC", f"-DFACETS_{precision}", "-I.",
-         "facets.c", "-o", "library.so", "-lm"],
-        cwd=folder, check=True,
-    )  # fmt: skip
-    return firmware.FirmwareLibrary(folder / "library.so")
-
-
 def exported_c(precision: str, task: str, sensor: facets.Sensor, states: Any) -> Any:
-    return firmware_library(sensor, precision).readings(states)
+    return library(sensor, precision).readings(states)
 
 
-def page_model(script: str, sensor: facets.Sensor, *rules: Any) -> Any:
-    """What an expression of JavaScript gives in which `Model` is the page's model of a sensor."""
-    from facets.pictures.page.model import model
-
-    program = f"{model(sensor, *rules)}\nconsole.log(JSON.stringify({script}))"
-    done = subprocess.run(["node", "-"], input=program, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+def ask_page(expression: str, model: str) -> Any:
+    """What an expression of JavaScript gives in which `Model` is a page's model."""
+    return json.loads(run_node(f"{model}\nconsole.log(JSON.stringify({expression}))", ""))
 
 
 def as_script(array: Any) -> str:
@@ -275,11 +254,12 @@ def as_script(array: Any) -> str:
 
 
 def javascript(task: str, sensor: facets.Sensor, states: Any) -> Any:
-    script = f"{as_script(states)}.map((state) => Model.readings(state).map(String))"
-    return np.array(page_model(script, sensor), float)
+    readings = f"{as_script(states)}.map((state) => Model.readings(state).map(String))"
+    return np.array(ask_page(readings, script(sensor)), float)
 
 
 BENCH = ("bench", "profile")
+SINGLE, DOUBLE = "-DFACETS_FLOAT", "-DFACETS_DOUBLE"
 #: Derivatives by parameters are sums of terms that cancel.
 SLOPES = {"jacobian": 1e3, "parameter_jacobian": 1e5}
 BENCH_SLOPES = {"jacobian": 1e5, "parameter_jacobian": 1e7, "effect_jacobian": 1e7}
@@ -300,9 +280,11 @@ EXECUTIONS = [
     Execution("cut light", machine_code, {"readings": 0, "jacobian": 0}, ("cut",)),
     Execution("cut light on coatings", machine_code, {"readings": 0}, ("cut and coated",),
               ("cut and coated",)),
-    Execution("C in double precision", partial(exported_c, "DOUBLE"), {"readings": 4}, ("ideal",),
+    Execution("C in double precision", partial(exported_c, DOUBLE),
+              {"readings": 4}, ("ideal",),
               sensors=2, program="gcc"),
-    Execution("C in single precision", partial(exported_c, "FLOAT"), {"readings": 1e10}, ("ideal",),
+    Execution("C in single precision", partial(exported_c, SINGLE),
+              {"readings": 1e10}, ("ideal",),
               sensors=2, states=BRIGHT, program="gcc"),
     Execution("JavaScript", javascript, {"readings": 4}, ("ideal", "bench"), examples=2, rows=40,
               program="node"),
