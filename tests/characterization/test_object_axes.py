@@ -58,7 +58,7 @@ def test_a_turn_about_a_distant_point_moves_the_apex_out_of_the_light():
         assert tip[i].symmetric == pytest.approx(apex[i].symmetric, rel=1e-9)
 
 
-@pytest.mark.parametrize("point", [50.0, -800.0])
+@pytest.mark.parametrize("point", [50.0, pytest.param(-800.0, marks=pytest.mark.slow)])
 def test_an_outline_is_long_where_the_apex_stays_in_the_beam(point):
     """The tip may go as far as the mirror may turn, along the line on which the apex stays."""
     body = facets.MeasuredObject((0, 0, point))
@@ -84,6 +84,7 @@ def test_uncertainties_are_those_of_the_solver_at_the_point():
     np.testing.assert_allclose(np.sqrt(parts.sum(axis=2)), free, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_worst_in_the_range_of_an_object_and_the_limit_of_its_uncertainty():
     rules = replace(CONFIG.range, object=SIDE)
     found = resolve(CONFIG.sensor, rules, estimators(0.005))[1]

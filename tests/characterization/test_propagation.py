@@ -215,6 +215,7 @@ def test_wrong_trials_are_refused(run_in_process, tmp_path):
         assert message in errors
 
 
+@pytest.mark.slow
 def test_poses_where_axes_are_worst_do_not_repeat_rest():
     """In `paper` tz, roll and yaw are worst at rest."""
     found = default_states(PAPER.sensor, PAPER.range, KNOWN)

@@ -64,11 +64,12 @@ def test_a_limit_on_the_condition_ends_the_range():
     "rules",
     [
         Rules(),
-        Rules(tracking=True),
-        Rules(coarsest=(np.inf, np.inf, 6.0, *[np.inf] * 3), condition=np.inf),
+        pytest.param(Rules(tracking=True), marks=pytest.mark.slow),
+        pytest.param(Rules(coarsest=(np.inf, np.inf, 6.0, *[np.inf] * 3), condition=np.inf),
+                     marks=pytest.mark.slow),
     ],
     ids=["fixed", "tracked", "coarsest"],
-)
+)  # fmt: skip
 def test_no_band_inside_a_range_is_stepped_over(rules):
     """Near rest the Jacobian of `singular` is singular, in bands a hundredth of a step wide, with
     regular poses on either side."""

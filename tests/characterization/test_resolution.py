@@ -170,6 +170,7 @@ def test_a_table_has_the_resolution_of_the_jacobian_in_um_and_urad(resolved):
     assert table["worst_at_yaw_mrad"][known] == pytest.approx(1e3 * row.worst_state[:, 5])
 
 
+@pytest.mark.slow
 def test_table_2_in_z_and_the_angles_from_one_position_noise():
     """Twice the worst standard deviation, light shared evenly as by tracking: within 10 %."""
     found = resolve(SENSOR, Rules(tracking=True), estimators(0.005))[0]

@@ -111,17 +111,20 @@ def silence(force, motion):
                   "there is the sensor's noise.", 4),
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_what_spoils_a_record_is_said(change, words, most):
     *_, limits = look(change)
     assert any(words in text for text in limits), limits
     assert len(limits) <= most
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_slower_than_a_segment_is_said():
     *_, limits = look(body=replace(BODY, drive="sweep"))
     assert any("only 1 of the 39 segments have input" in text for text in limits), limits
 
 
+@pytest.mark.slow
 def test_few_averages_and_narrow_peaks_are_said():
     sharp = replace(BODY, modes={"bounce": Mode(60.0, 0.004, tuple(SHAPES.sum(axis=0)))})
     _, (peak,), limits = look(body=sharp)
@@ -142,6 +145,7 @@ def test_rows_that_are_left_out_are_said():
     assert not any("residual" in text for text in few)  # twice as many as by chance
 
 
+@pytest.mark.slow
 def test_a_body_that_does_not_answer_is_silent():
     def still(force, motion):
         motion[:] = NOISE * np.random.default_rng(3).standard_normal((COUNT, 6))

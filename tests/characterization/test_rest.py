@@ -164,6 +164,7 @@ def test_a_mirror_at_rest_with_honest_electronics_is_at_rest(name):
     assert faults(HONEST[name]()) == []
 
 
+@pytest.mark.slow
 def test_no_more_than_a_few_of_many_recordings_of_strong_flicker_are_refused():
     """The worst case of electronics: nothing but flicker, on all readings."""
     refused = 0
