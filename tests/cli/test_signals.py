@@ -47,7 +47,9 @@ def test_explore_leaves_no_workers(tmp_path, number):
     assert not [file for file in tmp_path.rglob(".*") if file.is_file()]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)]
+)
 def test_solve_leaves_no_hidden_file(tmp_path, number):
     sensor = facets.load("paper").sensor
     row = ",".join(f"{x!r}" for x in facets.readings(sensor, np.zeros(8)).tolist())

@@ -183,8 +183,9 @@ def test_a_file_that_is_wrong_is_named_in_one_sentence(place, run_in_process, na
         path.unlink()
         if what == "folder":
             path.mkdir()
-    for words_of_command in (("replay", "rec"), ("noise", "rec", "--write", "n.yaml")):
-        status, _, err = run_in_process(*words_of_command)
+    commands = [("replay", "rec")] + [("noise", "rec", "--write", "n.yaml")] * (what == "lose")
+    for command in commands:
+        status, _, err = run_in_process(*command)
         assert status == 2
         assert words in err
         assert len(err.splitlines()) == 1

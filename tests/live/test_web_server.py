@@ -266,20 +266,7 @@ def test_the_end_is_said_to_every_page(page):
     assert page.sent == 100
 
 
-def test_a_run_that_breaks_off_is_said_to_be_one(page):
-    give(page, rows_of(100))
-
-    async def broken():
-        task = asyncio.create_task(follow(page, lambda told: told.end))
-        await asyncio.to_thread(await_true, lambda: page.receivers == 1, "a page")
-        page.status = None  # nothing is said of an end, as where the program is killed
-        await asyncio.to_thread(page.close)
-        return await asyncio.wait_for(task, GUARD)
-
-    told = asyncio.run(broken())
-    assert not told.end["good"]
-
-
+@pytest.mark.slow
 def test_a_process_that_dies_is_told_and_costs_the_run_nothing(page):
     page.process.kill()
     page.process.wait()
@@ -303,7 +290,8 @@ def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path, run_
     assert "--web here: is not an address" in err
 
 
-def test_messages_are_events_when_they_begin_and_end_whatever_their_numbers(page):
+def test_a_page_is_told_messages_as_events_unsolved_samples_and_a_run_that_breaks_off(page):
+    """A message is an event when it begins and when it ends, whatever its numbers."""
     behind = "the loop is {} s behind"
     for texts in (
         [],
@@ -324,6 +312,15 @@ def test_messages_are_events_when_they_begin_and_end_whatever_their_numbers(page
     newest = watched(page, lambda told: told.has_sample(9)).news["sample"]
     assert newest["state"][0] is newest["t"] is newest["utc"] is None
     assert newest["status"] == "saturated"
+
+    async def break_off():
+        task = asyncio.create_task(follow(page, lambda told: told.end))
+        await asyncio.to_thread(await_true, lambda: page.receivers == 1, "a page")
+        page.status = None  # nothing is said of an end, as where the program is killed
+        await asyncio.to_thread(page.close)
+        return await asyncio.wait_for(task, GUARD)
+
+    assert not asyncio.run(break_off()).end["good"]
 
 
 def test_what_is_not_known_has_a_reason(still):
