@@ -8,11 +8,8 @@ __getattr__ = load_on_use(
         "forward": "OPEN build_geometry dark_scene",
         "gradient": "linearise",
         "parameters": "BEAM FACET PARAMETERS PSD",
-        "tail_quadrature": (
-            "AWAY_SIGMAS NARROW_RAD brighter_side integrate tail_integrals "
-            "wedge_by_quadrature wedge_sums"
-        ),
+        "tail_quadrature": "AWAY_SIGMAS tail_integrals",
         "vectors": "rotation",
-        "wedge": "closed_wedge moments_along_float side turn_derivative",
+        "wedge": "moments_along_float side",
     },
 )

@@ -80,18 +80,6 @@ def test_the_fast_jacobian_is_the_exact_one():
         assert (np.abs(derivatives(sensor, some) - exact) <= close * scale).all()
 
 
-@pytest.mark.slow
-def test_poses_are_found():
-    sensor, truth = (
-        replace(TURNED, light=BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)),
-        box(100, 5),
-    )
-    for beam in ("known", "free"):
-        solution = facets.solve(sensor, facets.readings(sensor, truth), beam=beam)
-        assert solution.ok.all()
-        assert np.abs(solution.state - truth)[:, :6].max() < 1e-11
-
-
 #: Irradiance of 5 % of another mode beside a Gaussian beam, over the Gaussian's; x in its sigmas.
 MODES = {
     "LG10": lambda x, y: 0.95 + 0.05 * (1 - (x * x + y * y) / 2) ** 2,
