@@ -3,16 +3,26 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from commands import command
-from scipy import stats
 
 import facets
 from facets.config import covariance
 from facets.core import READING_COLUMNS
 from facets.estimation import coverage_factor, effective_degrees_of_freedom, region_factor
 from facets.files import write_table
+
+
+def student(probability, freedom):
+    from scipy import stats
+
+    return stats.t.ppf(probability, freedom)
+
+
+def read_csv(path):
+    import pandas as pd
+
+    return pd.read_csv(path, comment="#")
+
 
 KNOWN = facets.Calibration(("psd_a.height",), ((1e-4,),), 5.0)
 SENSOR = replace(facets.load("paper").sensor, calibration=KNOWN)
@@ -47,7 +57,7 @@ def test_a_short_calibration_needs_a_larger_factor():
     found = facets.solve(SENSOR, readings, beam="known")
     part = found.calibration_uncertainty[0, :6] ** 2 / found.uncertainty[0, :6] ** 2
     assert found.degrees_of_freedom[0, :6] == pytest.approx(5 / part**2)
-    assert found.coverage_factor(0.95)[0, :6] == pytest.approx(stats.t.ppf(0.975, 5 / part**2))
+    assert found.coverage_factor(0.95)[0, :6] == pytest.approx(student(0.975, 5 / part**2))
     expanded = found.expanded_uncertainty(0.95)
     assert expanded[0] == pytest.approx(found.coverage_factor(0.95)[0] * found.uncertainty[0])
     assert np.isnan(found.coverage_factor()[2]).all()
@@ -93,30 +103,33 @@ def bench(tmp_path):
 
 
 @pytest.mark.parametrize("is_known", [True, False])
-def test_solve_writes_expanded_uncertainties(bench, tmp_path, is_known):
+def test_solve_writes_expanded_uncertainties(bench, run_in_process, is_known):
     if not is_known:
         bench.write_text(bench.read_text("utf-8").replace(", degrees_of_freedom: 5", ""), "utf-8")
     words = ["solve", "mine.yaml", "r.csv", "-o", "poses.csv", "--beam", "known", "--coverage"]
-    run = command(*words, "0.99", cwd=tmp_path)
-    said = " ".join(run.stdout.split())
+    _, out, _ = run_in_process(*words, "0.99")
+    said = " ".join(out.split())
     assert "coverage probability 99 %" in said
     assert ("degrees of freedom of the calibration: 5." in said) == is_known
     assert ("unknown; coverage factors are those of the normal" in said) != is_known
-    assert "# coverage_probability: 0.99" in (tmp_path / "poses.csv").read_text("utf-8")
-    found = pd.read_csv(tmp_path / "poses.csv", comment="#").iloc[0]
-    assert found.expanded_tz_mm == pytest.approx(found.k_tz * found.u_tz_mm)
-    freedom = found.degrees_of_freedom_tz
+    poses = bench.with_name("poses.csv")
+    assert "# coverage_probability: 0.99" in poses.read_text("utf-8")
+    row = read_csv(poses).iloc[0]
+    assert row.expanded_tz_mm == pytest.approx(row.k_tz * row.u_tz_mm)
+    freedom = row.degrees_of_freedom_tz
     assert np.isnan(freedom) != is_known
-    assert found.k_tz == pytest.approx(stats.t.ppf(0.995, freedom if is_known else 1e9), rel=1e-6)
-    assert command(*words, "95", cwd=tmp_path).returncode == 2
+    assert row.k_tz == pytest.approx(student(0.995, freedom if is_known else 1e9), rel=1e-6)
+    assert run_in_process(*words, "95")[0] == 2
 
 
-def test_resolution_writes_expanded_uncertainties(bench, tmp_path):
-    run = command("resolution", bench.name, "-d", "out", "--coverage", "0.95", cwd=tmp_path)
-    assert "expanded uncertainty, 95 %, at rest" in run.stdout
-    found = pd.read_csv(tmp_path / "out" / "resolution.csv", comment="#")
-    z = found[(found.axis == "tz") & (found.estimator == "beam known")].iloc[0]
+def test_resolution_writes_expanded_uncertainties(bench, run_in_process):
+    _, out, _ = run_in_process("resolution", bench.name, "-d", "out", "--coverage", "0.95")
+    assert "expanded uncertainty, 95 %, at rest" in out
+    table = read_csv(bench.with_name("out") / "resolution.csv")
+    row = table[(table.axis == "tz") & (table.estimator == "beam known")].iloc[0]
     exact = facets.solve(SENSOR, facets.readings(SENSOR, np.zeros(8)), beam="known")
-    assert z.degrees_of_freedom_at_rest == pytest.approx(exact.degrees_of_freedom[2], rel=1e-6)
-    assert z.expanded_at_rest == pytest.approx(1e3 * exact.expanded_uncertainty(0.95)[2], rel=1e-6)
-    assert z.expanded_worst == pytest.approx(z.k_worst * z.u_worst)
+    assert row.degrees_of_freedom_at_rest == pytest.approx(exact.degrees_of_freedom[2], rel=1e-6)
+    assert row.expanded_at_rest == pytest.approx(
+        1e3 * exact.expanded_uncertainty(0.95)[2], rel=1e-6
+    )
+    assert row.expanded_worst == pytest.approx(row.k_worst * row.u_worst)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 import facets
 from facets import add_noise
@@ -43,6 +42,8 @@ def test_redundancy_is_what_is_read_beside_what_is_sought(beam, power, count):
 
 
 def test_chance_flags_as_many_as_it_should():
+    from scipy.stats import chi2
+
     solution = solve_readings(CONFIG.sensor, OPTIONS, read(), None)
     share = (solution.residual > np.sqrt(chi2.isf(0.05, 2))).mean()
     assert 0.03 < share < 0.07
@@ -145,6 +146,8 @@ def test_the_examples_are_the_same_however_a_run_is_cut(batch):
 
 
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
+    from scipy.stats import chi2
+
     exact = np.sqrt(chi2.isf(FALSE_ALARM_RATE, np.arange(1, 10)))
     assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)
 

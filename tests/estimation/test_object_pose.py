@@ -58,15 +58,8 @@ def test_intervals_at_points_hold_over_noise(body, beam):
     solution = facets.solve(sensor, noisy, beam=beam)
     found = facets.transform(solution, body)
     check_intervals(found.pose, found.covariance, pose_of(*motion(STATE, body)))
-    before = facets.add_noise(sensor, facets.readings(sensor, np.tile(START, (100, 1))), rng)
-    zero = facets.zero_pose(sensor, facets.solve(sensor, before, beam=beam).state, beam=beam)
-    assert (np.abs(zero.scatter - 1) < 0.3).all()
-    # The zero's own error is one for all: subtract what it does to the mean.
     found = facets.transform(solution, body, START)
     check_intervals(found.pose, found.covariance, displacement(body))
-    measured = facets.transform(solution, body, zero)
-    assert (measured.uncertainty > found.uncertainty).all()
-    assert (np.abs(measured.pose - found.pose)[0] < 5 * measured.uncertainty[0] / 7).all()
 
 
 @pytest.mark.slow
