@@ -202,6 +202,18 @@ def test_poses_are_found_from_cut_light(cut):
     assert away[:, 3:6].max() < 1e-11
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("power", ["known", "unknown"])
+def test_poses_are_found_from_cut_light_on_a_coating(power):
+    sensor = replace(PAPER, apertures=Apertures(beam=0.7), light=COATED)
+    truth = np.zeros((20, 8))
+    box = [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3]
+    truth[:, :6] = np.random.default_rng(6).uniform(-1, 1, (20, 6)) * box
+    solution = facets.solve(sensor, facets.readings(sensor, truth), beam="known", power=power)
+    assert solution.ok.all()
+    assert np.abs(solution.state - truth)[:, :3].max() < 1e-9
+
+
 def test_margins_to_the_rim_and_footprints_to_the_aperture():
     sensor = replace(PAPER, apertures=Apertures(rim=2.0))
     margin = facets.margins(sensor, np.zeros(8))
