@@ -99,12 +99,6 @@ def test_the_front_is_that_of_the_definition():
     np.testing.assert_array_equal(best[5:], brute(costs[5:]))
 
 
-def rivals_of(tables, objectives):
-    table = {name: np.concatenate([t[name] for t in tables]) for name in MEASURES}
-    best = study.front(table, list(objectives))
-    return np.stack([table[name][best] for name in MEASURES], axis=1)
-
-
 #: Of a plain sensor no design is skipped: this one has electronics.
 PILOTED = replace(
     SPACE, sensor=replace(SPACE.sensor, electronics=facets.Electronics()), part=100, count=600
@@ -117,13 +111,15 @@ def test_what_is_skipped_is_not_on_the_front():
     the same designs, and the skipped are a good part of all."""
     pilot = [part_of(PILOTED, first, NO_RIVALS) for first in range(0, 500, 100)]
     full = part_of(replace(PILOTED, every=True), 500, NO_RIVALS)
+    table = {name: np.concatenate([part[name] for part in pilot]) for name in MEASURES}
+    best = study.front(table, list(SPACE.objectives))
+    rivals = np.stack([column[best] for column in table.values()], axis=1)
     for objectives in (
         ("head_mm", "u_roll_urad", "range_roll_mrad"),
         ("range_tz_mm", "range_yaw_mrad"),
         ("u_tz_um", "condition"),
     ):
-        space = replace(PILOTED, objectives=objectives)
-        short = part_of(space, 500, rivals_of(pilot, SPACE.objectives))
+        short = part_of(replace(PILOTED, objectives=objectives), 500, rivals)
         assert (short["skipped"] == SKIPPED[5]).sum() > 20
         fronts = []
         for last in (full, short):
@@ -219,22 +215,23 @@ def test_the_command_explores_and_refuses(tmp_path):
         assert message in result.stderr
 
 
+def vary(**variables):
+    return {"layout": replace(CONFIG.layout, variables=variables)}
+
+
 @pytest.mark.parametrize(
     "more",
     [
         {"rules": replace(CONFIG.range, tracking=True)},
-        {"layout": replace(CONFIG.layout, variables={"size_mm": (2.0, 20.0),
-                                                     "diameter_mm": (0.2, 4.0)})},
+        vary(size_mm=(2.0, 20.0), diameter_mm=(0.2, 4.0)),
         {"sensor": facets.load("skewed").sensor},
-        {"layout": replace(CONFIG.layout, variables={"facet_b_azimuth_deg": (119.0, 121.0),
-                                                     "inclination_deg": (44.7, 45.3),
-                                                     "psd_a_height_mm": (-6.0, 6.0)})},
+        vary(facet_b_azimuth_deg=(119.0, 121.0), inclination_deg=(44.7, 45.3),
+             psd_a_height_mm=(-6.0, 6.0)),
     ],
 )  # fmt: skip
-@pytest.mark.slow
 def test_designs_at_once_have_the_measures_that_they_have_one_by_one(more):
     """All measures, and why a design is skipped."""
-    space = replace(SPACE, count=32, **more)
+    space = replace(SPACE, count=16, **more)
     assert space.plain
     some = designs(space)
     why, values, _ = measure_designs(space, some)
