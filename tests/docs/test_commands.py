@@ -7,7 +7,7 @@ import re
 import shlex
 
 import pytest
-from pages import DOCS, PAGES, ROOT, blocks, hook, name_of, prose
+from pages import DOCS, PAGES, ROOT, blocks, hook, prose
 
 REFERENCE = hook("reference")
 
@@ -16,7 +16,7 @@ def lines(page, start):
     """What is to be typed on a page: the lines that begin so in `bash`, or after `$ ` elsewhere."""
     typed = [line for text in blocks(page, "bash") for line in text.splitlines()]
     shown = [line for text in blocks(page, "console", "text", "") for line in text.splitlines()]
-    typed += [line[2:] for line in shown if line.startswith("$ ")]
+    typed += [line.removeprefix("$ ") for line in shown if line.startswith(("$ ", "make "))]
     return [line for line in typed if line.startswith(start)]
 
 
@@ -28,35 +28,22 @@ def parse(line):
     return command.make_context(words[depth - 1], words[depth:])
 
 
-COMMANDS = sorted({(name_of(page), line) for page in PAGES for line in lines(page, "facets ")})
-MENTIONED = sorted(
-    {
-        (name_of(page), span)
-        for page in PAGES
-        for span in re.findall(r"`(facets [a-z][^`]*)`", prose(page))
-    }
-)
+def test_each_command_in_a_block_is_parsed():
+    typed = {line for page in PAGES for line in lines(page, "facets ")}
+    assert len(typed) > 30
+    for line in typed:
+        assert parse(line).info_name, line
 
 
-@pytest.mark.parametrize(("page", "line"), COMMANDS)
-def test_a_command_in_a_block_is_parsed(page, line):
-    assert parse(line).info_name
-
-
-@pytest.mark.parametrize(("page", "span"), MENTIONED)
-def test_a_command_in_a_sentence_exists_with_its_options(page, span):
-    words = span.split()[1:]
-    depth = 2 if words[0] == "config" and len(words) > 1 else 1
-    command, _ = REFERENCE.command_of(" ".join(words[:depth]))
-    options = {option for parameter in command.params for option in parameter.opts}
-    for word in words[depth:]:
-        if word.startswith("-"):
-            assert word in options | {"--help"}, span
-
-
-def test_there_are_commands_to_be_parsed():
-    assert len(COMMANDS) > 30
-    assert len(MENTIONED) > 30
+def test_each_command_in_a_sentence_exists_with_its_options():
+    spans = {span for page in PAGES for span in re.findall(r"`(facets [a-z][^`]*)`", prose(page))}
+    assert len(spans) > 30
+    for span in spans:
+        words = span.split()[1:]
+        depth = 2 if words[0] == "config" and len(words) > 1 else 1
+        command, _ = REFERENCE.command_of(" ".join(words[:depth]))
+        options = {option for parameter in command.params for option in parameter.opts}
+        assert {word for word in words[depth:] if word[0] == "-"} <= options | {"--help"}, span
 
 
 def test_a_wrong_option_is_not_parsed():
@@ -64,24 +51,16 @@ def test_a_wrong_option_is_not_parsed():
         parse("facets solve paper readings.csv -o poses.csv --nonsense")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_modules_to_be_run_exist(page):
-    for module in re.findall(r"python -m (facets\.[\w.]+)", page.read_text()):
-        assert importlib.util.find_spec(module), module
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_targets_to_be_made_exist(page):
+def test_modules_to_be_run_and_targets_to_be_made_exist():
     rules = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
-    said = re.findall(r"`make (\w+)`", prose(page))
-    said += [line.split()[1] for line in "\n".join(blocks(page, "")).splitlines()
-             if line.startswith("make ")]  # fmt: skip
-    for target in said:
-        assert target in rules, target
+    for page in PAGES:
+        for module in re.findall(r"python -m (facets\.[\w.]+)", page.read_text()):
+            assert importlib.util.find_spec(module), module
+        typed = [words[-1] for words in map(str.split, lines(page, "make "))]
+        assert {*re.findall(r"`make (\w+)`", prose(page)), *typed} <= set(rules), page
 
 
 @pytest.mark.parametrize("name", REFERENCE.command_names())
-@pytest.mark.slow
 def test_every_command_has_a_page_with_its_help(name):
     page = DOCS / "commands" / f"{name.split()[0]}.md"
     assert f"<!-- help: {name} -->" in page.read_text()

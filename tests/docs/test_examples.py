@@ -4,33 +4,35 @@ import doctest
 import inspect
 
 import pytest
+from pages import DOCS
 
 import facets
 
-pytestmark = pytest.mark.installed
+CALLABLES = [name for name in facets.__all__ if callable(getattr(facets, name))]
 
 
-def callables() -> list[str]:
-    return [name for name in facets.__all__ if callable(getattr(facets, name))]
-
-
-@pytest.mark.parametrize("name", callables())
+@pytest.mark.installed
+@pytest.mark.parametrize("name", CALLABLES)
 def test_a_public_name_says_what_it_is(name):
     text = inspect.getdoc(getattr(facets, name)) or ""
     assert len(text.split()) >= 5, f"facets.{name} has no docstring"
 
 
-@pytest.mark.parametrize("name", ["facets", *callables()])
+@pytest.mark.installed
+@pytest.mark.parametrize("name", ["facets", *CALLABLES])
 def test_examples_run(name):
     thing = facets if name == "facets" else getattr(facets, name)
     for example in doctest.DocTestFinder(recurse=False).find(thing, name, globs={}):
         assert doctest.DocTestRunner().run(example).failed == 0
 
 
+@pytest.mark.installed
 def test_every_public_function_has_an_example():
-    without = [
-        name
-        for name in callables()
-        if inspect.isfunction(getattr(facets, name)) and ">>>" not in getattr(facets, name).__doc__
-    ]
-    assert without == []
+    functions = [getattr(facets, name) for name in CALLABLES]
+    assert all(">>>" in part.__doc__ for part in functions if inspect.isfunction(part))
+
+
+def test_the_examples_of_the_page_on_machine_code_run():
+    results = doctest.testfile(str(DOCS / "fast-code.md"), module_relative=False)
+    assert results.attempted > 15
+    assert results.failed == 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import signal
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -13,15 +12,20 @@ from pathlib import Path
 
 from commands import command
 from pages import Step, agree, shape
+from programs import Program
 
 
 class Reader:
     """Type a page's commands and run its Python; a block for the first terminal runs until the text
-    stops it."""
+    stops it.
+
+    outputs: what each command has printed; a command is not run again.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.bench: subprocess.Popen[str] | None = None
+        self.bench: Program | None = None
+        self.outputs: dict[str, list[str]] = {}
         self.printed: list[str] = []
         self.has_measured = False
         here = str(Path(sys.executable).parent)
@@ -43,37 +47,32 @@ class Reader:
             self.compare(step.block.splitlines(), "from run to run" in step.text)
 
     def start(self, line: str) -> None:
+        """Start the virtual bench in the first terminal and wait for its ports."""
         assert self.bench is None, f"the first terminal is still busy: {line}"
-        self.bench = subprocess.Popen(
-            ["bash", "-c", line], cwd=self.folder, env=self.environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
-        )  # fmt: skip
+        self.bench = Program(*shlex.split(line)[1:], cwd=self.folder)
         self.has_measured = True
-        assert self.bench.stdout is not None
-        printed = []
-        for text in self.bench.stdout:  # up to the ports' names
-            printed.append(text)
-            if "/board" in text:
-                return
-        raise AssertionError(f"{line}{''.join(printed)}")
+        self.bench.await_output("/board")
 
     def stop(self) -> None:
         """Send Ctrl-C to the first terminal."""
-        bench, self.bench = self.bench, None
-        if bench is None:
-            return
-        os.killpg(bench.pid, signal.SIGINT)
-        printed, _ = bench.communicate(timeout=60)
-        assert bench.returncode == 0, printed
+        if self.bench:
+            with self.bench as bench:
+                status = bench.end()
+            self.bench = None
+            assert status == 0, bench.stderr
 
     def end(self) -> None:
         """Close the first terminal if it is still busy."""
         if self.bench:
-            os.killpg(self.bench.pid, signal.SIGKILL)
-            self.bench.communicate()
+            self.bench.__exit__()
 
     def type(self, line: str) -> None:
         """Run a line in the second terminal; a comment states its exit status if that is not 0."""
+        if line not in self.outputs:
+            self.outputs[line] = self.run(line)
+        self.printed += self.outputs[line]
+
+    def run(self, line: str) -> list[str]:
         words = shlex.split(line, comments=True)
         if words[0] == "facets" and ">" not in words:
             done = command(*words[1:], cwd=self.folder)
@@ -82,10 +81,10 @@ class Reader:
                 ["bash", "-c", line], cwd=self.folder, env=self.environment, text=True,
                 capture_output=True, timeout=600, check=False,
             )  # fmt: skip
-        told = re.search(r"# ends with status (\d+)", line)
+        stated = re.search(r"# ends with status (\d+)", line)
         printed = done.stdout + done.stderr
-        assert done.returncode == (int(told[1]) if told else 0), f"{line}\n{printed}"
-        self.printed += printed.splitlines()
+        assert done.returncode == (int(stated[1]) if stated else 0), f"{line}\n{printed}"
+        return printed.splitlines()
 
     def compare(self, lines: Iterable[str], is_rough: bool = False) -> None:
         """Check that a page's output was printed; `...` matches anything. Numbers agree to 2 %, to
@@ -93,7 +92,7 @@ class Reader:
         factor of ten where the page says that they differ."""
         for line in lines:
             pattern = re.escape(shape(line)).replace(re.escape("..."), ".*")
-            printed = [one for one in self.printed if re.fullmatch(pattern, shape(one))]
+            printed = [other for other in self.printed if re.fullmatch(pattern, shape(other))]
             assert printed, line
             share = 9.0 if is_rough else 1.0 if self.has_measured else 0.02
-            assert any(agree(line, one, share) for one in printed), f"{line}\n{printed[-1]}"
+            assert any(agree(line, other, share) for other in printed), f"{line}\n{printed[-1]}"
