@@ -26,6 +26,7 @@ sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 LONG = (
     "docs/test_guides.py",
     "calibration/test_faults.py",
+    "calibration/test_bench_rigs.py",
     "live/test_live.py",
     "design/test_exploration.py",
     "design/test_tolerancing.py",
