@@ -45,6 +45,18 @@ def settling_time(settings: Settings) -> float:
     return s.latency + MAX_PLACE_AGE_S + reach / s.max_speed + settling
 
 
+def excursion(settings: Settings) -> float:
+    """The largest distance that a disobedient controller moves before it stands still, mm.
+
+    It moves by `POSITION_SLACK_MM` unnoticed, then at the largest speed until the loop has asked
+    for its position, received the answer and sent a stop; then it brakes. Keep this distance
+    between the soft limits and anything hard.
+    """
+    s = settings
+    noticed = 1 / s.rate + 2 * MAX_PLACE_AGE_S + s.latency
+    return POSITION_SLACK_MM + s.step + s.max_speed * (noticed + s.max_speed / (2 * s.acceleration))
+
+
 def distance_to_box(place: Floats, corners: Floats) -> float:
     """Distance of a place (2,) from the smallest box that holds places (n, 2)."""
     outside = np.maximum(corners.min(axis=0) - place, place - corners.max(axis=0))

@@ -187,7 +187,8 @@ class Envelope:
                 self._require(f"the heartbeat cannot be sent ({self.settings.heartbeat})")
 
     def _require(self, complaint: str) -> None:
-        if complaint and not self.latched:
+        """Stop the stage for a complaint, if any, so that only a person can resume."""
+        if complaint and (not self.latched or self.is_for_auto):
             self.latch(complaint)
 
     def compare(self, time: float, beam: Floats) -> None:

@@ -2,66 +2,32 @@
 
 from __future__ import annotations
 
-import threading
+import sys
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 
 import makers
 import numpy as np
 import pytest
+from stage_world import stage_on
 
 import facets
-from facets.live import PiController, ZaberDevice
-from facets.tracking import Envelope, StageError, StageModel
-from facets.tracking import drivers as module
-from facets.tracking.contract import check_driver
-from facets.tracking.drivers import open_driver
+from facets.tracking import Envelope, StageError, check_driver, open_driver
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 OTHER = replace(STAGE, driver="other")
 
 
-class Bench:
-    """A stage's model and its clock; `port` puts an emulator behind a serial line."""
-
-    def __init__(self, settings):
-        self.settings, self.model, self.now = settings, StageModel(settings), 10.0
-        self.model.now, self.model.STEP = self.now, 1e-3
-        self.turn, self.replies, self.closed = threading.Lock(), b"", False
-        zaber = settings.driver == "zaber"
-        self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
-
-    def clock(self):
-        return self.now
-
-    def wait(self, seconds):
-        with self.turn:
-            self.now += seconds
-            self.model.advance(self.now)
-
-    def write(self, data):
-        if self.closed:
-            raise OSError("the port is closed")
-        with self.turn:
-            self.replies += self.device.receive(data)
-
-    def read(self, size):
-        if not self.replies:
-            self.wait(0.02)
-        with self.turn:
-            data, self.replies = self.replies[:size], self.replies[size:]
-        return data
-
-    def close(self):
-        self.closed = True
+def check(port, bench, settings=OTHER):
+    check_driver(
+        lambda: open_driver(port, settings, bench.clock), settings, bench.wait, bench.clock
+    )
 
 
 @pytest.mark.parametrize("driver", ["zaber", "pi"])
 def test_drivers_of_serial_lines_keep_the_contract(driver):
     settings = replace(STAGE, driver=driver)
-    bench = Bench(settings)
-    check_driver(lambda: open_driver(bench, settings, bench.clock), settings, bench.wait,
-                 bench.clock)  # fmt: skip
+    bench = stage_on(settings)
+    check(bench, bench, settings)
     assert bench.closed
 
 
@@ -69,14 +35,14 @@ def test_drivers_of_serial_lines_keep_the_contract(driver):
 def bench(monkeypatch):
     """A bench whose axes are motors of pylablib."""
     makers.install(monkeypatch)
-    found = Bench(OTHER)
+    found = stage_on(STAGE)
     monkeypatch.setattr(makers.KinesisMotor, "model", found.model)
     return found
 
 
 @pytest.mark.parametrize("name", ["kinesis:27000001,27000002", "kinesis:70000001"])
 def test_kinesis_keeps_the_contract(bench, name):
-    check_driver(lambda: open_driver(name, OTHER, bench.clock), OTHER, bench.wait, bench.clock)
+    check(name, bench)
     assert bench.model.max_speed == OTHER.max_speed
 
 
@@ -94,30 +60,16 @@ def test_a_kinesis_stage_that_can_not_be_held_back_is_not_used(
 ):
     monkeypatch.setattr(makers.KinesisMotor, name, value)
     with pytest.raises(StageError, match=words):
-        Envelope("kinesis:27000001,27000002", OTHER, lambda *_, **__: None, bench.clock)
+        Envelope("kinesis:27000001,27000002", OTHER, print, bench.clock)
 
 
 def test_native_limits_of_a_kinesis_stage_are_in_steps_and_given_back(bench):
     bench.model.max_speed, bench.model.acceleration = 7.0, 900.0
     settings = replace(OTHER, step=OTHER.step / 1000, native_limits=(20_000, 3_000_000))
-    envelope = Envelope("kinesis:70000001", settings, lambda *_, **__: None, bench.clock)
+    envelope = Envelope("kinesis:70000001", settings, print, bench.clock)
     assert (bench.model.max_speed, bench.model.acceleration) == pytest.approx((2.0, 300.0))
     assert envelope.close()
     assert (bench.model.max_speed, bench.model.acceleration) == pytest.approx((7.0, 900.0))
-
-
-def test_the_envelope_holds_back_a_kinesis_stage(bench):
-    """No further than a step, and a stop at the end, whatever is asked for."""
-    events = []
-    envelope = Envelope("kinesis:27000001,27000002", OTHER,
-                        lambda name, **_: events.append(name), bench.clock)  # fmt: skip
-    begin = bench.model.place.copy()
-    sent = envelope.go(np.array([100.0, 100.0]), bench.now)
-    assert np.abs(sent - begin).max() <= OTHER.max_step
-    bench.wait(5.0)
-    assert np.abs(bench.model.place - sent).max() < 1e-3
-    assert envelope.close()
-    assert events == ["stop"]
 
 
 class Mine:
@@ -154,26 +106,23 @@ MODELS = {}
 
 
 @pytest.fixture
-def mine(monkeypatch):
-    """An entry point as an installed package would have it, and its bench."""
-    known = [EntryPoint("mine", f"{__name__}:Mine", module.GROUP),
-             EntryPoint("none", f"{__name__}:object", module.GROUP)]  # fmt: skip
-    monkeypatch.setattr(
-        EntryPoint, "load", lambda self: Mine if self.name == "mine" else lambda *_: object()
+def mine(tmp_path, monkeypatch):
+    """Entry points of an installed package, `mine` and `none`, and their bench."""
+    about = tmp_path / "mine-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Name: mine\nVersion: 1\n")
+    (about / "entry_points.txt").write_text(
+        f"[facets.stages]\nmine = {__name__}:Mine\nnone = operator:is_\n"
     )
-    monkeypatch.setattr(
-        module,
-        "entry_points",
-        lambda group, name=None: [one for one in known if name in (None, one.name)],
-    )
-    found = Bench(OTHER)
+    monkeypatch.syspath_prepend(tmp_path)
+    found = stage_on(STAGE)
     MODELS["mine:1"] = found.model
     return found
 
 
 def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
-    check_driver(lambda: open_driver("mine:1", OTHER, mine.clock), OTHER, mine.wait, mine.clock)
-    envelope = Envelope("mine:1", OTHER, lambda *_, **__: None, mine.clock)
+    check("mine:1", mine)
+    envelope = Envelope("mine:1", OTHER, print, mine.clock)
     begin = mine.model.place.copy()
     sent = envelope.go(np.array([5.0, 5.0]), mine.now)
     assert np.hypot(*(sent - begin)) <= OTHER.max_step
@@ -194,17 +143,15 @@ def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
 )
 def test_what_is_no_driver_is_told(mine, name, words):
     with pytest.raises(StageError, match=words):
-        Envelope(name, OTHER, lambda *_, **__: None, mine.clock)
+        Envelope(name, OTHER, print, mine.clock)
 
 
 def test_a_driver_that_can_not_hold_native_limits_is_refused_them(mine):
     with pytest.raises(StageError, match="it has no give_back"):
-        Envelope("mine:1", replace(OTHER, native_limits=(1, 1)), lambda *_, **__: None, mine.clock)
+        Envelope("mine:1", replace(OTHER, native_limits=(1, 1)), print, mine.clock)
 
 
 def test_a_kinesis_stage_needs_its_package_and_its_numbers(monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "pylablib", None)
     for name, words in (
         ("kinesis:27000001,27000002", "needs pylablib"),

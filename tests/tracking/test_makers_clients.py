@@ -5,14 +5,10 @@ from __future__ import annotations
 import select
 import threading
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from pipython.pidevice.gcscommands import GCSCommands
-from pipython.pidevice.gcsmessages import GCSMessages
-from pipython.pidevice.interfaces.piserial import PISerial
-from zaber_motion import Units
-from zaber_motion.ascii import Connection
 
 import facets
 from facets.live import PiController, Pty, ZaberDevice
@@ -21,12 +17,12 @@ from facets.tracking import StageModel
 STAGE = facets.load("bench").stage
 
 
-@pytest.fixture
-def serve(tmp_path):
-    """Puts a device behind a pty, in a thread; gives the pty's name."""
-    ending, threads, ptys = threading.Event(), [], []
+@contextmanager
+def served(device, path):
+    """Put a device behind a pty, in a thread; give the pty's name."""
+    pty, ending = Pty(path), threading.Event()
 
-    def run(device, pty):
+    def run():
         begin = time.monotonic()
         while not ending.is_set():
             ready, _, _ = select.select([pty.end], [], [], 0.01)
@@ -34,24 +30,25 @@ def serve(tmp_path):
             if ready:
                 pty.write(device.receive(pty.read()))
 
-    def start(device):
-        pty = Pty(tmp_path / f"port{len(ptys)}")
-        ptys.append(pty)
-        threads.append(threading.Thread(target=run, args=(device, pty)))
-        threads[-1].start()
-        return pty.name
-
-    yield start
-    ending.set()
-    for thread in threads:
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield pty.name
+    finally:
+        ending.set()
         thread.join()
-    for pty in ptys:
         pty.close()
 
 
-def test_zaber_motion_drives_the_virtual_stage(serve):
+def test_zaber_motion_drives_the_virtual_stage(tmp_path):
+    from zaber_motion import Units
+    from zaber_motion.ascii import Connection
+
     model = StageModel(STAGE)
-    with Connection.open_serial_port(serve(ZaberDevice(model)), direct=True) as line:
+    with (
+        served(ZaberDevice(model), tmp_path / "port") as name,
+        Connection.open_serial_port(name, direct=True) as line,
+    ):
         axis = line.get_device(1).get_axis(1)  # not identified: that would ask the network
         assert axis.get_position(Units.NATIVE) == 0
         axis.move_absolute(5000, Units.NATIVE, wait_until_idle=True)
@@ -61,9 +58,16 @@ def test_zaber_motion_drives_the_virtual_stage(serve):
 
 
 @pytest.mark.slow
-def test_pipython_drives_the_virtual_stage(serve):
+def test_pipython_drives_the_virtual_stage(tmp_path):
+    from pipython.pidevice.gcscommands import GCSCommands
+    from pipython.pidevice.gcsmessages import GCSMessages
+    from pipython.pidevice.interfaces.piserial import PISerial
+
     model = StageModel(STAGE)
-    with PISerial(serve(PiController(model)), 115200) as line:
+    with (
+        served(PiController(model), tmp_path / "port") as name,
+        PISerial(name, 115200) as line,
+    ):
         stage = GCSCommands(GCSMessages(line))
         stage.VEL(["1", "2"], [10.0, 10.0])
         stage.MOV(["1", "2"], [1.0, 0.5])

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from facets.tracking import priority, urgent
+from facets.tracking import urgent
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux alone has these calls")
 
@@ -27,18 +27,18 @@ def test_it_is_taken_back_and_not_passed_on():
     assert os.sched_getscheduler(0) == before
 
 
-def test_where_the_system_refuses_nothing_changes(monkeypatch):
-    def refuse(*_):
-        raise PermissionError(1, "Operation not permitted")
+def refuse(*_):
+    raise PermissionError(1, "Operation not permitted")
 
-    monkeypatch.setattr(priority.os, "sched_setscheduler", refuse)
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [("sched_setscheduler", refuse), ("sched_getaffinity", lambda _: {0})],
+    ids=["the system refuses", "a single processor"],
+)
+def test_where_it_can_not_be_had_nothing_changes(monkeypatch, name, call):
+    monkeypatch.setattr(os, name, call)
     before = os.sched_getscheduler(0)
     with urgent() as allowed:
         assert not allowed
         assert os.sched_getscheduler(0) == before
-
-
-def test_a_single_processor_is_left_to_all(monkeypatch):
-    monkeypatch.setattr(priority.os, "sched_getaffinity", lambda _: {0})
-    with urgent() as allowed:
-        assert not allowed
