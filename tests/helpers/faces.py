@@ -20,7 +20,7 @@ class FacesContract(Contract):
         contract_utils.remove_ignored_imports(
             graph=graph,
             ignore_imports=self.ignore_imports,  # type: ignore[arg-type]
-            unmatched_alerting=contract_utils.AlertLevel.WARN,
+            unmatched_alerting=contract_utils.AlertLevel.ERROR,
         )
         tests = graph.find_descendants(self.tests.name)  # type: ignore[attr-defined]
         reached = {
