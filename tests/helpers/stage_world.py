@@ -504,7 +504,8 @@ class World:
             if fault.kind == "jam" and fault.begin <= self.barred:  # it moves on when it is free
                 allowed = max(allowed, min(fault.end, self.now) + bound)
             if fault.kind == "foreign" and fault.begin <= self.now:
-                allowed = max(allowed, fault.begin + FOREIGN_MM / s.max_speed + bound)
+                jams = [min(jam.end, self.now) for jam in self.faults if jam.kind == "jam"]
+                allowed = max(allowed, max([fault.begin, *jams]) + FOREIGN_MM / s.max_speed + bound)
             if fault.kind == "tenfold" and fault.begin <= self.barred < np.inf:
                 allowed = max(allowed, self.barred + 10 * self.model.reach / s.max_speed + bound)
         return allowed
