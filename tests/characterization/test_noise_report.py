@@ -11,6 +11,7 @@ from commands import command
 
 import facets
 from facets.characterization import configured_deviation
+from facets.core import THEMES, chosen_style
 from facets.detectors import readings_to_counts
 from facets.live import Samples, pack
 
@@ -68,6 +69,11 @@ def test_known_noise_is_found_and_the_configuration_takes_it(run, record, tmp_pa
     page = (tmp_path / "noise" / "noise.html").read_text()
     assert page.count("<svg") == 3
     assert "mains, 50 Hz" in page
+    hues = THEMES[chosen_style()]
+    for hue in (*hues.detectors.values(), hues.axes["tx"], hues.axes["yaw"]):
+        assert hue.lower() in page, hue
+    for words in ("detector A", "shift in x", "frequency, Hz", "averaging time, s"):
+        assert f">{words}</text>" in page
     sensor = facets.load(tmp_path / "noise.yaml").sensor
     assert sensor.electronics is None
     found = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
