@@ -1,4 +1,4 @@
-# make run: the paper's sensor, simulated and solved.  make test: what a change needs, in three minutes.
+# make run: the paper's sensor, simulated and solved.  make test: what each change needs.
 # make check: everything, before a merge and a release.  make reproduce: the paper's figures, tables and
 # claims.  make docs: the documentation, in site/.
 PYTHON ?= python3
