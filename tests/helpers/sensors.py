@@ -27,8 +27,6 @@ ALL = BenchLight(
 PROFILE = (0.012, -0.006, 0.02, 0.004, -0.008)
 ASYMMETRY = (0.01, -0.02, 0.015, 0.008)
 
-SENSORS = experiments_sensors.SENSORS
-
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:
     """Sample states with the apex up to `offset` mm off the beam and tilts up to `angle` rad."""
@@ -40,6 +38,14 @@ def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> n
     state[:, 6] = state[:, 0] - radius * np.cos(turn)
     state[:, 7] = state[:, 1] - radius * np.sin(turn)
     return state
+
+
+def box(count: int, seed: int, reach: float = 0.12) -> np.ndarray:
+    """Sample states of the mirror in the paper's box, up to `reach` mm off a beam at rest."""
+    some = np.zeros((count, 8))
+    ends = [reach, reach, 2, 6e-3, 6e-3, 6e-3]
+    some[:, :6] = np.random.default_rng(seed).uniform(-1, 1, (count, 6)) * ends
+    return some
 
 
 def correlate(sigmas: dict[str, float]) -> Calibration:

@@ -98,10 +98,22 @@ def test_the_oracle_itself_finds_the_uncut_readings():
         assert strips == pytest.approx(oracle.by_quadrature(PAPER, state), abs=1e-12)
 
 
-def convergence(error_at, steps) -> float:
-    """By how much the error of central differences falls from the first step to the second."""
-    first, second = (error_at(step) for step in steps)
-    return first / second
+def assert_convergence(sensors, some, slopes, move, units):
+    """Derivatives are what central differences converge to as the square of the step: with a tenth
+    of the step they are off by a hundredth. move: readings with all that is varied moved by this.
+    """
+    errors = []
+    for step in (3e-5, 3e-6):
+        away = []
+        for sensor in sensors:
+            closed = slopes(sensor, some)
+            lit = np.repeat(facets.readings(sensor, some)[:, 2::3] > 0.01 * 0.3, 3, axis=1)
+            for n, shift in enumerate(step * np.diag(units)):
+                difference = move(sensor, some, shift) - move(sensor, some, -shift)
+                error = np.abs(closed[..., n] - difference / (2 * step * units[n]))[lit]
+                away.append(np.nanmax(error) / np.nanmax(np.abs(closed[..., n])))
+        errors.append(max(away))
+    assert 90 < errors[0] / errors[1] < 110
 
 
 @pytest.mark.parametrize(
@@ -113,46 +125,31 @@ def convergence(error_at, steps) -> float:
     ],
     ids=[*CUTS, "gap, coated", "all, coated"],
 )
-def test_derivatives_converge_as_the_square_of_the_step(cut, light):
-    """A tenth of the step, a hundredth of the error: of the derivatives by the state."""
-    units = np.array([1, 1, 1, 1 / 300, 1 / 300, 1 / 300, 1, 1])
-
-    def error_at(step: float) -> float:
-        errors = []
-        for name in ("paper", "skewed1", "skewed4"):
-            sensor = replace(SENSORS[name], apertures=cut, light=light)
-            some = draw(cut, 20)
-            closed = facets.jacobian(sensor, some)
-            ahead = facets.readings(sensor, some[:, None] + step * units * np.eye(8))
-            behind = facets.readings(sensor, some[:, None] - step * units * np.eye(8))
-            moved = (ahead - behind).swapaxes(1, 2) / (2 * step * units)
-            lit = np.repeat(facets.readings(sensor, some)[:, 2::3] > 0.01 * 0.3, 3, axis=1)
-            away = np.abs(closed - moved) / np.nanmax(np.abs(closed), axis=(0, 1))
-            errors.append(np.nanmax(away[lit]))
-        return max(errors)
-
-    assert 90 < convergence(error_at, (3e-4, 3e-5)) < 105
+def test_derivatives_by_the_state(cut, light):
+    names = ("paper", "skewed1", "skewed4")
+    sensors = [replace(SENSORS[name], apertures=cut, light=light) for name in names]
+    units = np.array([10, 10, 10, 1 / 30, 1 / 30, 1 / 30, 10, 10])
+    assert_convergence(
+        sensors,
+        draw(cut, 20),
+        facets.jacobian,
+        lambda sensor, some, shift: facets.readings(sensor, some + shift),
+        units,
+    )
 
 
 @pytest.mark.slow
 def test_derivatives_by_parameters():
-    sensor, some = replace(SENSORS["skewed2"], apertures=APERTURES), draw(APERTURES, 10, seed=9)
-    closed = facets.parameter_jacobian(sensor, some)
-    origin = np.array(parameters(sensor))
-    lit = np.repeat(facets.readings(sensor, some)[:, 2::3] > 0.01 * 0.3, 3, axis=1)
-    units = np.array([1, 1, 1, 1, 1, 1] + [1] * 6 + [1, 0.01, 1, 0.05, 0.05, 0.05] * 3)
+    def move(sensor, some, shift):
+        return facets.readings(sensor_with(sensor, np.array(parameters(sensor)) + shift), some)
 
-    def error_at(step: float) -> float:
-        away = []
-        for p, move in enumerate(step * np.diag(units)):
-            ahead = facets.readings(sensor_with(sensor, origin + move), some)
-            behind = facets.readings(sensor_with(sensor, origin - move), some)
-            moved = (ahead - behind) / (2 * step * units[p])
-            scale = max(1, np.nanmax(np.abs(closed[..., p])))
-            away.append(np.nanmax(np.abs(closed[..., p] - moved)[lit]) / scale)
-        return max(away)
-
-    assert 90 < convergence(error_at, (3e-5, 3e-6)) < 110
+    assert_convergence(
+        [replace(SENSORS["skewed2"], apertures=APERTURES)],
+        draw(APERTURES, 10, seed=9),
+        facets.parameter_jacobian,
+        move,
+        np.array([1] * 12 + [1, 0.01, 1, 0.05, 0.05, 0.05] * 3),
+    )
 
 
 @pytest.mark.parametrize(
@@ -169,63 +166,32 @@ def test_where_nothing_is_cut_the_results_are_the_same_bit_for_bit(cut):
     np.testing.assert_array_equal(slopes, facets.parameter_jacobian(PAPER, some[:50]))
 
 
-def test_a_beam_cut_at_1_over_e2_keeps_86_percent():
-    reading = facets.readings(replace(PAPER, apertures=Apertures(beam=1.0)), np.zeros(8))
-    assert reading[2::3].sum() / 0.3 == pytest.approx(1 - np.exp(-2), rel=1e-15)
-    assert reading[2::3] == pytest.approx(reading[2])
-
-
-def test_a_detector_takes_what_falls_on_it():
-    """Half the light of a symmetric spot is lost when its middle lies on the edge."""
-    sensor = replace(PAPER, apertures=Apertures(detectors=True))
-    on, off = np.zeros((2, 8))
-    on[2] = 6.5  # the image of the apex comes to lie on the upper edge; the light hangs below
-    assert facets.readings(sensor, on)[2::3].sum() == pytest.approx(0.3, rel=1e-12)
-    off[2] = 8.0
-    assert np.isnan(facets.readings(sensor, off)).all()
-
-
-@pytest.mark.parametrize("cut", [CUTS["detectors"], APERTURES], ids=["detectors", "all"])
-def test_poses_are_found_from_cut_light(cut):
+def test_poses_are_found_from_cut_light():
     """All but the tenth whose spots an edge may cut: these are out of range, not doubtful poses."""
-    sensor = replace(PAPER, apertures=cut)
-    truth = states(200, seed=7, offset=0.1, angle=5e-3)
+    sensor = replace(PAPER, apertures=APERTURES)
+    truth = states(200, seed=7, offset=0.1, angle=1e-4)
     truth[:, :2] -= truth[:, 6:]
-    truth[:, [2, 6, 7]] = 0
+    truth[:, 6:] = 0
     truth[:, 2] = np.random.default_rng(0).uniform(5.5, 6.3, 200)
-    truth[:, 3:6] *= 0.02
     solution = facets.solve(sensor, facets.readings(sensor, truth))
-    assert set(solution.status[~solution.ok]) <= {facets.Status.OUT_OF_RANGE}
+    assert set(solution.status[~solution.ok]) == {facets.Status.OUT_OF_RANGE}
     assert solution.ok.mean() > 0.85
     away = np.abs(solution.state - truth)[solution.ok]
     assert away[:, [0, 1, 2, 6, 7]].max() < 1e-9
     assert away[:, 3:6].max() < 1e-11
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("power", ["known", "unknown"])
-def test_poses_are_found_from_cut_light_on_a_coating(power):
-    sensor = replace(PAPER, apertures=Apertures(beam=0.7), light=COATED)
-    truth = np.zeros((20, 8))
-    box = [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3]
-    truth[:, :6] = np.random.default_rng(6).uniform(-1, 1, (20, 6)) * box
-    solution = facets.solve(sensor, facets.readings(sensor, truth), beam="known", power=power)
-    assert solution.ok.all()
-    assert np.abs(solution.state - truth)[:, :3].max() < 1e-9
-
-
 def test_margins_to_the_rim_and_footprints_to_the_aperture():
-    sensor = replace(PAPER, apertures=Apertures(rim=2.0))
-    margin = facets.margins(sensor, np.zeros(8))
-    assert margin[:, 4] == pytest.approx(2.0 - 0.425)  # the 1/e^2 circle about the apex
+    rimmed, narrow = (
+        replace(PAPER, apertures=each) for each in (Apertures(rim=2.0), Apertures(beam=0.5))
+    )
+    margin = facets.margins(rimmed, np.zeros(8))[:, 4]
+    assert margin == pytest.approx(2.0 - 0.425)  # the 1/e^2 circle about the apex
     assert np.isinf(facets.margins(PAPER, np.zeros(8))[:, 4]).all()
-    narrow = replace(PAPER, apertures=Apertures(beam=0.5))
     assert facets.footprints(narrow, np.zeros(8))[:, 4] == pytest.approx(0.2125)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"beam": 0}, {"gap": -1}, {"rim": 0.1, "tip": 0.2}, {"tip": float("nan")}]
-)
+@pytest.mark.parametrize("wrong", [{"beam": 0}, {"rim": 0.1, "tip": 0.2}, {"tip": float("nan")}])
 def test_impossible_apertures_are_refused(wrong):
     with pytest.raises(InputError, match="allowed"):
         Apertures(**wrong)
@@ -265,4 +231,4 @@ def test_a_calibration_of_cut_light_with_effects_is_refused():
     sensor = replace(PAPER, apertures=CUTS["gap"], light=COATED)
     for function in (facets.parameter_jacobian, effect_jacobian):
         with pytest.raises(InputError, match="leave one of the two out"):
-            function(sensor, states(1, 1))
+            function(sensor, np.zeros((1, 8)))

@@ -4,15 +4,13 @@ import hashlib
 import json
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bench_oracle import Bench, by_rays
-from hypothesis import given, settings
-from hypothesis.strategies import floats, integers, lists
-from sensors import ALL, ASYMMETRY, DEPTHS, PROFILE, SENSORS, states
+from executions import COATED
+from sensors import ALL, ASYMMETRY, DEPTHS, PROFILE, SENSORS, box
 
 import facets
 from facets import BenchLight, ConfigError, InputError
@@ -21,13 +19,14 @@ from facets.model import (
     axes_of,
     effect_jacobian,
     effects,
-    light_effects,
+    parameters,
     replace_effects,
+    sensor_with,
     shape_derivatives,
     shape_of,
 )
 
-PAPER = facets.Sensor()
+PAPER, BENCH = facets.Sensor(), facets.load("bench-light").sensor
 FOLDER = Path(__file__).parent / "references"
 REFERENCES = json.loads((FOLDER / "diffraction.json").read_text())
 sys.path.insert(0, str(FOLDER))
@@ -36,14 +35,6 @@ import make_diffraction  # noqa: E402
 
 def lit(sensor=PAPER, **light):
     return replace(sensor, light=BenchLight(**light))
-
-
-def box(count: int, seed: int) -> np.ndarray:
-    """States of the mirror in the paper's box, the beam at rest."""
-    rng = np.random.default_rng(seed)
-    some = np.zeros((count, 8))
-    some[:, :6] = rng.uniform(-1, 1, (count, 6)) * [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3]
-    return some
 
 
 def apart(sensor, bench, some) -> tuple[float, float]:
@@ -60,38 +51,34 @@ ASTIGMATIC = {"curvature_xx": 1 / 2100, "curvature_yy": -1 / 4000, "curvature_xy
 ROLLED = Bench(depths=(DEPTHS[:2], DEPTHS[2:4], DEPTHS[4:]), width=0.1)
 
 
+def curved(radius: float) -> tuple:
+    """Light and rays of a spherical wavefront, which agree to 1e-5 um: its second-order term alone
+    is some 1e-3 um."""
+    light = {"curvature_xx": 1 / radius, "curvature_yy": 1 / radius}
+    return light, Bench(np.eye(2) / radius), 1e-5, 1e-12
+
+
 @pytest.mark.parametrize(
-    ("light", "bench", "place_um", "power"),
+    ("name", "light", "bench", "place_um", "power"),
     [
         # edges are straight to astigmatic light near the apex only
-        (ASTIGMATIC, Bench(np.array([[1 / 2100, 3e-5], [3e-5, -1 / 4000]])), 0.05, 2e-4),
-        ({"strips": WIDTHS}, Bench(strips=WIDTHS), 0.05, 1e-5),
+        ("paper", ASTIGMATIC, Bench(np.array([[1 / 2100, 3e-5], [3e-5, -1 / 4000]])), 0.05, 2e-4),
+        ("paper", {"strips": WIDTHS}, Bench(strips=WIDTHS), 0.05, 1e-5),
         # a tenth of a wave over 0.1 mm moves spots by some 60 um
-        ({"rolloff": DEPTHS, "rolloff_width": 0.1}, ROLLED, 0.6, 1e-12),
-        ({"tip": np.pi * 0.025**2}, Bench(tip=0.025), 0.02, 1e-4),
+        ("paper", {"rolloff": DEPTHS, "rolloff_width": 0.1}, ROLLED, 0.6, 1e-12),
+        ("paper", {"tip": np.pi * 0.025**2}, Bench(tip=0.025), 0.02, 1e-4),
+        ("paper", *curved(-1000.0)),
+        ("paper", *curved(500.0)),
+        ("skewed0", *curved(2100.0)),
     ],
-    ids=["astigmatic", "strips", "roll-off", "tip"],
 )
-def test_each_effect_is_that_of_rays(light, bench, place_um, power):
-    some = box(3, 3)
-    moved = np.abs(facets.readings(lit(**light), some) - facets.readings(PAPER, some))
+def test_each_effect_is_that_of_rays(name, light, bench, place_um, power):
+    sensor, some = SENSORS[name], box(3, 3)
+    moved = np.abs(facets.readings(lit(sensor, **light), some) - facets.readings(sensor, some))
     assert 1e3 * moved.max() > 10 * place_um
-    place, share = apart(lit(**light), bench, some)
+    place, share = apart(lit(sensor, **light), bench, some)
     assert place < place_um
     assert share < power
-
-
-@pytest.mark.parametrize(
-    ("name", "radius"),
-    [("paper", 2100.0), ("paper", -1000.0), ("paper", 500.0), ("skewed0", 2100.0)],
-)
-def test_a_curved_wavefront_is_that_of_rays(name, radius):
-    """To 1e-5 um, where the second-order term alone is some 1e-3 um."""
-    sensor = lit(SENSORS[name], curvature_xx=1 / radius, curvature_yy=1 / radius)
-    some = box(3, 1) if name == "paper" else states(2, seed=3)
-    place, power = apart(sensor, Bench(np.eye(2) / radius), some)
-    assert place < 1e-5
-    assert power < 1e-12
 
 
 def test_what_is_left_of_strips_is_of_second_order_in_their_width():
@@ -140,16 +127,15 @@ def test_the_field_is_known_better_than_it_is_compared():
     """Its readings come again, and with half as many nodes again: to 1e-5 um. An angular spectrum
     by FFT, which is not paraxial, gives the same as far as its grid is fine."""
     case = REFERENCES["cases"][6]
-    for nodes, close in (((48, 48), 1e-9), ((72, 72), 1e-8)):
-        again = make_diffraction.read(case, case["window"], nodes)
+    for nodes, close in ((48, 1e-9), (72, 1e-8)):
+        again = make_diffraction.read(case, case["window"], (nodes, nodes))
         np.testing.assert_allclose(again, case["reading"], atol=close)
-    for cells, place, power in ((5120, 0.3e-3, 2e-5), (8192, 0.1e-3, 1e-5)):
-        found = [each for each in REFERENCES["by_fft"] if each["cells"] == cells]
-        assert len(found) == 23
-        for each in found:
-            away = np.abs(np.subtract(each["found"], each["reading"]))
-            assert away[:2].max() < place
-            assert away[2] < power
+    assert len(REFERENCES["by_fft"]) == 46
+    for each in REFERENCES["by_fft"]:
+        *place, power = np.abs(np.subtract(each["found"], each["reading"]))
+        is_fine = each["cells"] == 8192
+        assert max(place) < (0.1e-3 if is_fine else 0.3e-3)
+        assert power < (1e-5 if is_fine else 2e-5)
 
 
 def test_the_reference_was_made_by_its_script():
@@ -162,68 +148,66 @@ def test_the_reference_was_made_by_its_script():
 def test_poses_from_a_propagated_fields_readings(case):
     """Within a tenth of a reading's own uncertainty, to 1.6 mm from the detectors' edge; 4 to 20
     times it without diffraction in the model."""
-    reading = np.array(case["reading"])
-    reading[2::3] *= 0.3
-    truth = np.array([*case["pose"], 0, 0, 0])
-    sensor = lit(wavelength=REFERENCES["wavelength"])
-    for known, worst in ((sensor, 0.1), (PAPER, None)):
-        solution = facets.solve(known, reading, beam="known")
-        over = np.abs(solution.state[:6] - truth) / solution.uncertainty[:6]
-        assert (over.max() < worst) if worst else (over.max() > 4)
+    reading = np.array(case["reading"]) * ([1, 1, 0.3] * 3)
+
+    def misfit(sensor):
+        solution = facets.solve(sensor, reading, beam="known")
+        return (np.abs(solution.state[:3] - case["pose"]) / solution.uncertainty[:3]).max()
+
+    assert misfit(lit(wavelength=REFERENCES["wavelength"])) < 0.1
+    assert misfit(PAPER) > 4
 
 
-signed = partial(floats, allow_nan=False, allow_infinity=False)
-
-
-@settings(max_examples=25, deadline=None, derandomize=True)
-@given(
-    curvature=signed(-1e-3, 1e-3),
-    depths=lists(signed(-7e-5, 7e-5), min_size=6, max_size=6),
-    width=floats(0.03, 0.1),
-    strips=lists(floats(0, 0.02), min_size=3, max_size=3),
-    powers=lists(floats(0, 1), min_size=3, max_size=3),
-    places=lists(signed(-6, 6), min_size=6, max_size=6),
-    seed=integers(0, 1000),
-)
 @pytest.mark.slow
-def test_effects_together_are_those_of_rays(
-    curvature, depths, width, strips, powers, places, seed
-):  # fmt: skip
+def test_effects_together_are_those_of_rays():
     """Strips, roll-off, a curved wavefront and other light, up to ten times the signal, at once."""
-    other = np.column_stack([powers, np.reshape(places, (3, 2))])
-    bench = Bench(
-        np.eye(2) * curvature, tuple(strips), (depths[:2], depths[2:4], depths[4:]), width
-    )
-    sensor = lit(
-        curvature_xx=curvature, curvature_yy=curvature, rolloff=tuple(depths), rolloff_width=width,
-        strips=tuple(strips), background=tuple(map(tuple, other.tolist())),
-    )  # fmt: skip
-    (state,) = box(1, seed)
-    spots = by_rays(sensor, state, bench).reshape(3, 3)
-    whole = spots[:, 2:] + other[:, :1]
-    exact = (spots[:, :2] * spots[:, 2:] + other[:, 1:] * other[:, :1]) / whole
-    ours = facets.readings(sensor, state).reshape(3, 3)
-    assert np.abs(ours[:, :2] - exact).max() < 1e-3
-    assert (np.abs(ours[:, 2] - whole[:, 0]) < 2e-5 * spots[:, 2]).all()
+    rng = np.random.default_rng(1)
+    for state in box(20, 2):
+        strips, width = tuple(rng.uniform(0, 0.02, 3)), rng.uniform(0.03, 0.1)
+        curvature, depths = rng.uniform(-1e-3, 1e-3), rng.uniform(-7e-5, 7e-5, 6)
+        other = np.column_stack([rng.uniform(0, 1, 3), rng.uniform(-6, 6, (3, 2))])
+        bench = Bench(np.eye(2) * curvature, strips, tuple(depths.reshape(3, 2)), width)
+        sensor = lit(
+            curvature_xx=curvature, curvature_yy=curvature, rolloff=tuple(depths),
+            rolloff_width=width, strips=strips, background=tuple(map(tuple, other)),
+        )  # fmt: skip
+        spots = by_rays(sensor, state, bench).reshape(3, 3)
+        whole = spots[:, 2:] + other[:, :1]
+        exact = (spots[:, :2] * spots[:, 2:] + other[:, 1:] * other[:, :1]) / whole
+        ours = facets.readings(sensor, state).reshape(3, 3)
+        assert np.abs(ours[:, :2] - exact).max() < 1e-3
+        assert (np.abs(ours[:, 2:] - whole) < 2e-5 * spots[:, 2:]).all()
+
+
+CUT = {"apertures": facets.Apertures(beam=0.7), "light": COATED}
 
 
 @pytest.mark.parametrize("power", ["known", "unknown"])
 @pytest.mark.parametrize(
-    ("light", "close"),
+    ("parts", "close"),
     [
-        (ALL, 1e-9),
-        (BenchLight(profile=PROFILE, asymmetry=ASYMMETRY), 1e-9),
-        (BenchLight(background=((1.0, 3, -2),) * 3), 1e-8),
+        ({"light": ALL}, 1e-9),
+        ({"light": BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)}, 1e-9),
+        ({"light": BenchLight(background=((1.0, 3, -2),) * 3)}, 1e-8),
+        pytest.param(CUT, 1e-9, marks=pytest.mark.slow),
     ],
-    ids=["all effects", "profile", "brighter other light"],
+    ids=["all effects", "profile", "brighter other light", "cut and coated"],
 )
-def test_poses_are_found_under_the_light_of_a_bench(light, close, power):
-    sensor, truth = replace(PAPER, light=light), box(20, 13)
+def test_poses_are_found_under_the_light_of_a_bench(parts, close, power):
+    sensor, truth = replace(PAPER, **parts), box(20, 13)
     solution = facets.solve(sensor, facets.readings(sensor, truth), beam="known", power=power)
     assert solution.ok.all()
     away = np.abs(solution.state - truth)
     assert away[:, :3].max() < close
     assert away[:, 3:6].max() < close / (100 if close < 1e-8 else 1)
+
+
+def test_background_is_weighed_against_the_unknown_power():
+    """Where the laser has grown dimmer, other light pulls a spot the more."""
+    sensor, truth = lit(background=((5e-3, 3, 2),) * 3), box(20, 12)
+    dim = replace(sensor, beam=replace(sensor.beam, power=0.2))
+    solution = facets.solve(sensor, facets.readings(dim, truth), beam="known", power="unknown")
+    assert np.abs(solution.state - truth)[:, :3].max() < 1e-9
 
 
 @pytest.mark.parametrize("light", [{"strips": (1.0,) * 3}, {"tip": 10.0}, {"wavelength": 1.0}])
@@ -236,21 +220,14 @@ def test_more_lost_than_there_is_reads_nothing(light):
 
 def test_a_spot_that_diffraction_all_but_takes_reads_nothing():
     """At its detector's edge such a spot would be told more than a millimetre inside, where it fits
-    another pose within the noise."""
-    sensor = facets.load("bench-light").sensor
-    inside, at_edge = facets.readings(
-        sensor, [[0.45, 0, height, 0, 0, 0, 0, 0] for height in (5.0, 6.7)]
-    )
+    another pose within the noise. A start there counts as zero."""
+    some = [[0.45, 0, height, 0, 0, 0, 0, 0] for height in (5.0, 6.7)]
+    inside, at_edge = facets.readings(BENCH, some)
     assert np.isfinite(inside).all()
     assert np.isnan(at_edge).tolist() == [True] * 3 + [False] * 6
-
-
-def test_a_start_without_a_reading_counts_as_zero():
-    sensor = facets.load("bench-light").sensor
-    blind = [0.45, 0, 6.7, 0, 0, 0, 0, 0]
-    for shape in ((), (3,)):
-        reading = facets.readings(sensor, np.zeros((*shape, 8)))
-        assert facets.solve(sensor, reading, start=blind).ok.all()
+    readings = facets.readings(BENCH, np.zeros((3, 8)))
+    for reading in (readings, readings[0]):
+        assert facets.solve(BENCH, reading, start=some[1]).ok.all()
 
 
 def test_a_configuration_of_wide_strips_is_refused(tmp_path):
@@ -268,14 +245,12 @@ def test_a_configuration_of_wide_strips_is_refused(tmp_path):
 
 
 def test_light_that_is_off_changes_no_bit_and_almost_none_rounds_otherwise():
-    some, off = box(100, 6), replace(PAPER, light=BenchLight())
+    some, off = box(100, 6), lit()
     for function in (facets.readings, facets.jacobian, facets.parameter_jacobian):
         assert (function(off, some) == function(PAPER, some)).all()
     for sensor in SENSORS.values():
-        faint, some = lit(sensor, background=((1e-300, 0, 0),) * 3), states(20, seed=7)
-        np.testing.assert_allclose(
-            facets.readings(faint, some), facets.readings(sensor, some), rtol=1e-13, atol=3e-12
-        )
+        faint, exact = lit(sensor, background=((1e-300, 0, 0),) * 3), facets.readings(sensor, some)
+        np.testing.assert_allclose(facets.readings(faint, some), exact, rtol=1e-13, atol=3e-12)
 
 
 def test_derivatives_by_effects_hold_where_all_are_off():
@@ -296,34 +271,34 @@ def test_derivatives_by_effects_hold_where_all_are_off():
         )
 
 
-def test_effects_have_names_and_come_back():
+def test_parameters_and_effects_have_names_and_come_back():
     assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 36
-    sensor = replace(PAPER, light=ALL)
-    assert replace_effects(sensor, effects(sensor)) == sensor
-    assert replace_effects(PAPER, effects(PAPER)) == PAPER
-    assert not PAPER.light.on
-    assert light_effects(sensor).numbers["wavelength"] == (632.8e-6,)
+    assert EFFECTS[27::4] == ("profile.xxxx", "profile.yyyy", "asymmetry.yyy")
+    for sensor in (*SENSORS.values(), replace(SENSORS["skewed1"], light=ALL)):
+        assert replace_effects(sensor, effects(sensor)) == sensor
+        assert sensor_with(sensor, parameters(sensor)) == sensor
     with pytest.raises(InputError, match="needed: 36"):
         replace_effects(sensor, [0.0])
 
 
 def test_the_beam_as_a_covariance():
     """Its derivatives are right for a round beam, where an angle has none."""
+    some = box(3, 10)
     for beam in (
         PAPER.beam,
         replace(PAPER.beam, diameter_x=0.9, rotation=0.7, tilt_x=2e-3),
         replace(PAPER.beam, diameter_y=0.9, rotation=2.7),
     ):
-        sensor = replace(PAPER, beam=beam, light=ALL)
         shape = np.array(shape_of(beam.diameter_x, beam.diameter_y, beam.rotation))
-        for each in (sensor, replace(sensor, light=BenchLight())):
-            some, exact = box(3, 10), with_shape(each, shape)
-            assert exact.beam.diameter_x == pytest.approx(beam.diameter_x)
-            assert exact.beam.rotation == pytest.approx(beam.rotation)
-            closed = shape_derivatives(each, some, facets.parameter_jacobian(each, some))
+        for light in (ALL, BenchLight()):
+            sensor = replace(PAPER, beam=beam, light=light)
+            exact = with_shape(sensor, shape).beam
+            assert exact.diameter_x == pytest.approx(beam.diameter_x)
+            assert exact.rotation == pytest.approx(beam.rotation)
+            closed = shape_derivatives(sensor, some, facets.parameter_jacobian(sensor, some))
             for n, step in enumerate(1e-7 * np.eye(3)):
-                ahead = facets.readings(with_shape(each, shape + step), some)
-                slope = (ahead - facets.readings(each, some)) / 1e-7
+                ahead = facets.readings(with_shape(sensor, shape + step), some)
+                slope = (ahead - facets.readings(sensor, some)) / 1e-7
                 np.testing.assert_allclose(closed[..., n], slope, rtol=1e-3, atol=1e-3)
     with pytest.raises(InputError, match="no beam has a cross-section"):
         axes_of(np.array([0.04, 0.04, 0.05]))
@@ -333,15 +308,6 @@ def with_shape(sensor, shape):
     diameter_x, diameter_y, rotation = axes_of(shape, sensor.beam.rotation)
     beam = replace(sensor.beam, diameter_x=diameter_x, diameter_y=diameter_y, rotation=rotation)
     return replace(sensor, beam=beam)
-
-
-def test_background_is_weighed_against_the_unknown_power():
-    """Where the laser has grown dimmer, other light pulls a spot the more."""
-    sensor = lit(background=((5e-3, 3, 2),) * 3)
-    dim = replace(sensor, beam=replace(sensor.beam, power=0.2))
-    truth = box(20, 12)
-    solution = facets.solve(sensor, facets.readings(dim, truth), beam="known", power="unknown")
-    assert np.abs(solution.state - truth)[:, :3].max() < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -355,34 +321,28 @@ def test_impossible_light_is_refused(wrong):
         BenchLight(**wrong)
 
 
-def test_states_without_light_read_nan_and_say_nothing(capfd):
-    """Also where a facet has so little that a division by its power fails in compiled code."""
-    sensor = facets.load("bench-light").sensor
-    far = np.random.default_rng(0).standard_normal((200, 8)) * [2, 2, 5, 0.3, 0.3, 0.3, 2, 2]
-    found, slopes = facets.readings(sensor, far), facets.jacobian(sensor, far)
-    assert "Exception" not in capfd.readouterr().err
-    dark = np.isnan(found).any(axis=1)
-    assert 40 < dark.sum() < 200
-    assert np.isnan(slopes[dark]).any(axis=(1, 2)).all()
-    assert np.isfinite(slopes[~dark]).all()
+FAR = np.random.default_rng(0).standard_normal((200, 8)) * [2, 2, 5, 0.3, 0.3, 0.3, 2, 2]
 
 
-@pytest.mark.parametrize("diameters", [(0.3, 0.3), (0.3, 0.03), (0.004, 0.005)])
-def test_derivatives_are_known_where_readings_are(diameters):
-    """Also of a beam so narrow that the light along the edges underflows; a facet that has all of
-    it reads as a mirror does."""
-    sensor = facets.load("bench-light").sensor
-    sensor = replace(
-        sensor, beam=replace(sensor.beam, diameter_x=diameters[0], diameter_y=diameters[1])
-    )
-    rng, sigma = np.random.default_rng(0), diameters[0] / 4
+@pytest.mark.parametrize("diameters", [(0.85, 0.85), (0.3, 0.3), (0.3, 0.03), (0.004, 0.005)])
+def test_derivatives_are_known_where_readings_are(diameters, capfd):
+    """Also of a beam so narrow that the light along the edges underflows, and where a division by a
+    facet's power fails in compiled code, which says nothing; a facet that has all of the light
+    reads as a mirror does."""
+    beam = replace(BENCH.beam, diameter_x=diameters[0], diameter_y=diameters[1])
+    sensor, sigma = replace(BENCH, beam=beam), diameters[0] / 4
+    rng = np.random.default_rng(0)
     near = np.concatenate([rng.normal(0, a * sigma, (100, 2)) for a in (1, 10, 30, 100, 300)])
     poses = np.column_stack([near, rng.normal(0, 3e-3, (500, 6)) * [100, 1, 1, 1, 0, 0]])
-    found, slopes = facets.readings(sensor, poses), facets.jacobian(sensor, poses)
-    np.testing.assert_array_equal(np.isfinite(slopes).all(axis=-1), np.isfinite(found))
-    assert np.isfinite(found).any(axis=1).mean() > 0.9
-    step = 1e-6 * np.eye(8)[4]
-    change = facets.readings(sensor, poses + step) - facets.readings(sensor, poses - step)
-    whole = np.repeat(np.abs(found[:, 2::3] - 0.3) < 0.01, 3, axis=1)
+    some = np.concatenate([poses, FAR])
+    reading, slopes = facets.readings(sensor, some), facets.jacobian(sensor, some)
+    assert "Exception" not in capfd.readouterr().err
+    known = np.isfinite(reading)
+    np.testing.assert_array_equal(np.isfinite(slopes).all(axis=-1), known)
+    assert 0 < known.all(axis=1).sum() < 700
+    turn = 1e-6 * np.eye(8)[4]
+    change = facets.readings(sensor, poses + turn) - facets.readings(sensor, poses - turn)
+    whole = np.repeat(np.abs(reading[:500, 2::3] - 0.3) < 0.01, 3, axis=1)
     assert whole.sum() > 100
-    np.testing.assert_allclose(change[whole], 2e-6 * slopes[..., 4][whole], rtol=1e-5, atol=1e-8)
+    expected = 2e-6 * slopes[:500, :, 4]
+    np.testing.assert_allclose(change[whole], expected[whole], rtol=1e-5, atol=1e-8)
