@@ -4,6 +4,10 @@
 PYTHON ?= python3
 BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
+# Python keeps byte code, also where a container's settings say that it should not: every process of the
+# tests would compile all that it imports anew.
+export PYTHONDONTWRITEBYTECODE :=
+
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
