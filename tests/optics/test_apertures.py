@@ -7,7 +7,7 @@ import numpy as np
 import oracle
 import pytest
 from executions import APERTURES, COATED, floats, rows
-from sensors import SENSORS, states
+from sensors import SENSORS, box, states
 
 import facets
 from facets import Apertures, BenchLight, ConfigError, InputError
@@ -92,12 +92,6 @@ def test_readings_of_cut_light_on_a_coating_beside_other_light(cut):
             np.testing.assert_allclose(ours[lit], exact[lit], atol=1e-11, rtol=1e-11)
 
 
-def test_the_oracle_itself_finds_the_uncut_readings():
-    for state in states(3, seed=2):
-        strips = oracle.by_strips(PAPER, state)
-        assert strips == pytest.approx(oracle.by_quadrature(PAPER, state), abs=1e-12)
-
-
 def assert_convergence(sensors, some, slopes, move, units):
     """Derivatives are what central differences converge to as the square of the step: with a tenth
     of the step they are off by a hundredth. move: readings with all that is varied moved by this.
@@ -157,13 +151,12 @@ def test_derivatives_by_parameters():
 )
 def test_where_nothing_is_cut_the_results_are_the_same_bit_for_bit(cut):
     """As those of the code for one pose at a time; blocks round otherwise."""
-    some, sensor = states(300, seed=1, offset=0.1, angle=3e-3), replace(PAPER, apertures=cut)
-    some[:, :3] -= np.column_stack([some[:, 6:], some[:, 2]])
-    some[:, 6:] = 0
+    some, sensor = box(100, 1), replace(PAPER, apertures=cut)
+    some[:, 2] = 0
     for task in ("readings", "jacobian"):
         np.testing.assert_array_equal(getattr(facets, task)(sensor, some), rows(task, PAPER, some))
-    slopes = facets.parameter_jacobian(sensor, some[:50])
-    np.testing.assert_array_equal(slopes, facets.parameter_jacobian(PAPER, some[:50]))
+    slopes = facets.parameter_jacobian(sensor, some)
+    np.testing.assert_array_equal(slopes, facets.parameter_jacobian(PAPER, some))
 
 
 def test_poses_are_found_from_cut_light():

@@ -67,27 +67,15 @@ def curved(radius: float) -> tuple:
         # a tenth of a wave over 0.1 mm moves spots by some 60 um
         ("paper", {"rolloff": DEPTHS, "rolloff_width": 0.1}, ROLLED, 0.6, 1e-12),
         ("paper", {"tip": np.pi * 0.025**2}, Bench(tip=0.025), 0.02, 1e-4),
-        ("paper", *curved(-1000.0)),
         ("paper", *curved(500.0)),
         ("skewed0", *curved(2100.0)),
     ],
 )
 def test_each_effect_is_that_of_rays(name, light, bench, place_um, power):
     sensor, some = SENSORS[name], box(3, 3)
-    moved = np.abs(facets.readings(lit(sensor, **light), some) - facets.readings(sensor, some))
-    assert 1e3 * moved.max() > 10 * place_um
     place, share = apart(lit(sensor, **light), bench, some)
     assert place < place_um
     assert share < power
-
-
-def test_what_is_left_of_strips_is_of_second_order_in_their_width():
-    whole, tenth = (
-        apart(lit(strips=widths), Bench(strips=widths), box(2, 3))
-        for widths in (WIDTHS, tuple(width / 10 for width in WIDTHS))
-    )
-    assert tenth[0] < whole[0] / 50
-    assert tenth[1] < whole[1] / 50
 
 
 def beneath(case, **light):
