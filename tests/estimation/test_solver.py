@@ -9,7 +9,7 @@ import pytest
 
 import facets
 from facets import InputError, Prior, Status
-from facets.estimation import estimates
+from facets.estimation import blocks, estimates
 
 SENSOR = facets.Sensor()
 LIT = facets.load("bench-light").sensor
@@ -35,19 +35,18 @@ def readings(states: np.ndarray) -> np.ndarray:
     return facets.readings(SENSOR, states)
 
 
-def worst_error(solution: facets.Solution, states: np.ndarray) -> tuple[float, float]:
+def check_exact(solution: facets.Solution, states: np.ndarray) -> None:
+    """Readings carry 1e-13 mm of rounding; a free beam amplifies it to some 1e-12 mm in x, y."""
     assert solution.ok.all()
     error = np.abs(solution.state - states).max(axis=0)
-    return error[[0, 1, 2, 6, 7]].max(), error[3:6].max()
+    assert error.max() < 1e-10
+    assert error[3:6].max() < 1e-12
 
 
 @pytest.mark.installed
 def test_exact_readings_of_100000_states_solve_from_zero():
-    """Readings carry 1e-13 mm of rounding; a free beam amplifies it to some 1e-12 mm in x, y."""
     states = states_in_range(100_000, seed=1)
-    length, angle = worst_error(facets.solve(SENSOR, facets.readings(SENSOR, states)), states)
-    assert length < 1e-10
-    assert angle < 1e-12
+    check_exact(facets.solve(SENSOR, facets.readings(SENSOR, states)), states)
 
 
 @pytest.mark.parametrize(
@@ -62,40 +61,41 @@ def test_exact_readings_of_100000_states_solve_from_zero():
     ids=str,
 )
 def test_every_way_finds_the_exact_state(states, readings, options):
-    length, angle = worst_error(facets.solve(SENSOR, readings, **options), states)
-    assert length < 1e-10
-    assert angle < 1e-12
+    check_exact(facets.solve(SENSOR, readings, **options), states)
+
+
+def test_a_known_beam_is_taken_as_known(states, readings):
+    solution = facets.solve(SENSOR, readings, beam=Prior(states[:, 6:], 0.0))
+    check_exact(solution, states)
+    assert (solution.state[:, 6:] == states[:, 6:]).all()
+    assert (solution.covariance[:, 6:] == 0).all()
+
+
+def plain_steps(state: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """Twenty steps without any damping, by NumPy: the last state, and the costs on the way."""
+    costs, noise = [], facets.standard_deviations(SENSOR, reading)
+    while len(costs) < 20 and np.isfinite(costs).all():
+        rest = (reading - facets.readings(SENSOR, state)) / noise
+        slopes = facets.jacobian(SENSOR, state) / noise[:, None]
+        costs.append(np.sum(rest**2))
+        if np.isfinite(costs[-1]):
+            state = state + np.linalg.lstsq(slopes, rest, rcond=None)[0]
+    return state, costs
 
 
 def test_the_papers_method_goes_on_through_a_rise_and_arrives_where_plain_steps_do():
-    """Twenty steps without any damping, by NumPy."""
     rng = np.random.default_rng(2)
     size = np.array([0.1, 0.1, 1, 4e-3, 4e-3, 5e-3, 0.05, 0.05])
     truth = rng.uniform(-1, 1, (60, 8)) * size
     starts = truth + 3 * rng.uniform(-1, 1, (60, 8)) * size * [0.5, 0.5, *[1] * 6]
     rises = 0
     for true, start, reading in zip(truth, starts, facets.readings(SENSOR, truth), strict=True):
-        state, costs, noise = start, [0.0], facets.standard_deviations(SENSOR, reading)
-        while np.isfinite(costs[-1]) and len(costs) < 20:
-            rest = (reading - facets.readings(SENSOR, state)) / noise
-            slopes = facets.jacobian(SENSOR, state) / noise[:, None]
-            costs.append(np.sum(rest**2))
-            if np.isfinite(costs[-1]):
-                state = state + np.linalg.lstsq(slopes, rest, rcond=None)[0]
-        arrives = bool(np.isfinite(costs[-1]) and np.abs(state - true).max() < 1e-6)
+        state, costs = plain_steps(start, reading)
+        arrives = bool(np.isfinite(costs).all() and np.abs(state - true).max() < 1e-6)
         solution = facets.solve(SENSOR, reading, method="paper", start=start)
         assert bool(solution.converged) == arrives
-        rises += arrives and bool((np.diff(costs[1:]) > 1).any())
+        rises += arrives and (np.diff(costs) > 1).any()
     assert rises
-
-
-def test_a_known_beam_is_taken_as_known(states, readings):
-    solution = facets.solve(SENSOR, readings, beam=Prior(states[:, 6:], 0.0))
-    length, angle = worst_error(solution, states)
-    assert length < 1e-11
-    assert angle < 1e-12
-    assert (solution.state[:, 6:] == states[:, 6:]).all()
-    assert (solution.covariance[:, 6:] == 0).all()
 
 
 def test_readings_of_any_shape_and_none_at_all_give_solutions_of_theirs(readings):
@@ -123,15 +123,16 @@ def test_readings_of_any_shape_and_none_at_all_give_solutions_of_theirs(readings
     ],
 )
 def test_a_bad_detector_gives_a_status_and_never_a_number(place, value, status):
-    """Six readings cannot tell eight unknowns."""
+    """Six readings cannot tell eight unknowns: no step is made."""
     reading = facets.readings(SENSOR, np.zeros(8))
     reading[place] = value
-    solution = facets.solve(SENSOR, reading)
-    assert solution.status == status
-    assert not solution.ok
-    for numbers in (solution.state, solution.covariance, solution.power, solution.residual):
-        assert np.isnan(numbers).all()
-    assert list(solution.used) == [k != place // 3 for k in range(3)]
+    for solution in (facets.solve(SENSOR, reading), facets.Solver(SENSOR).solve(reading)):
+        assert solution.status == status
+        assert not solution.ok
+        assert solution.iterations == 0
+        for numbers in (solution.state, solution.covariance, solution.power, solution.residual):
+            assert np.isnan(numbers).all()
+        assert list(solution.used) == [k != place // 3 for k in range(3)]
 
 
 @pytest.mark.parametrize(
@@ -150,21 +151,19 @@ def test_a_pose_that_nothing_checks_is_given_on_request_only(way, spoilt, start)
     rows = np.tile(facets.readings(SENSOR, STATE), (5, 1))
     if spoilt is not None:
         rows[:, spoilt] = np.nan
-
-    def solve(**accept) -> list[facets.Solution]:
-        batch = facets.solve(SENSOR, rows, start=start, **way, **accept)
-        return [batch, facets.Solver(SENSOR, start=start, **way, **accept).solve(rows[0])]
-
-    for solution in solve():
-        assert (solution.status == Status.UNCHECKED).all()
-        assert not solution.ok.any()
-        assert np.isnan(solution.state).all()
-        assert np.isnan(solution.covariance).all()
-    for solution in solve(accept_unchecked=True):
-        assert solution.ok.all()
-        assert (solution.checks == 0).all()
-        assert np.abs(solution.state - STATE).max() < 1e-9
-        assert np.isfinite(solution.uncertainty).all()
+    for accepts in (False, True):
+        options = {"start": start, "accept_unchecked": accepts, **way}
+        single = facets.Solver(SENSOR, **options).solve(rows[0])
+        for solution in (facets.solve(SENSOR, rows, **options), single):
+            assert (solution.ok == accepts).all()
+            if accepts:
+                assert (solution.checks == 0).all()
+                assert np.abs(solution.state - STATE).max() < 1e-9
+                assert np.isfinite(solution.uncertainty).all()
+            else:
+                assert (solution.status == Status.UNCHECKED).all()
+                assert np.isnan(solution.state).all()
+                assert np.isnan(solution.covariance).all()
 
 
 def test_a_spoilt_number_that_others_check_is_a_misfit_and_not_ok():
@@ -177,17 +176,6 @@ def test_a_spoilt_number_that_others_check_is_a_misfit_and_not_ok():
     assert solution.ok.tolist() == [False] * 9 + [True]
     single = facets.Solver(SENSOR, beam="known").solve(rows[0])
     assert (single.converged, single.misfit, single.ok) == (True, True, False)
-
-
-def test_poses_scatter_by_their_uncertainties():
-    """20,000 draws: 1 %, 4 sigma."""
-    reading = facets.readings(SENSOR, STATE)
-    noise = SENSOR.noise
-    sigma = np.full(9, noise.power)
-    sigma[0::3] = sigma[1::3] = noise.position * noise.at_power / reading[2::3]
-    draws = reading + sigma * np.random.default_rng(2).standard_normal((20_000, 9))
-    spread = facets.solve(SENSOR, draws, covariance=False).state.std(axis=0)
-    np.testing.assert_allclose(spread, facets.solve(SENSOR, reading).uncertainty, rtol=0.02)
 
 
 @pytest.mark.parametrize("sigma", [np.inf, 0.005, 1e-4, 1e-7, 0.0])
@@ -208,7 +196,6 @@ def test_noisy_readings_converge_whatever_is_known_of_the_beam(states, readings,
     ("options", "words"),
     [
         ({"beam": "fixed"}, "beam is 'fixed'"),
-        ({"beam": None}, "beam is"),
         ({"beam": [0.0, 0.0]}, "beam is"),
         ({"power": "some"}, "power is 'some'"),
         ({"power": 0.0}, "power is"),
@@ -231,18 +218,14 @@ def test_bad_arguments_are_named(options, words):
 
 
 def test_bad_priors_and_shapes_are_named():
-    with pytest.raises(InputError, match="sigma is -1"):
-        Prior((0, 0), -1)
-    with pytest.raises(InputError, match="mean is"):
-        Prior((np.nan, 0), 1)
+    for prior, words in ((((0, 0), -1), "sigma is -1"), (((np.nan, 0), 1), "mean is")):
+        with pytest.raises(InputError, match=words):
+            Prior(*prior)
     with pytest.raises(InputError, match=r"needed: \(\.\.\., 9\)"):
         facets.solve(SENSOR, np.zeros(8))
-
-
-@pytest.mark.parametrize("reading", [[0] * 8, [[0] * 9]], ids=str)
-def test_a_prepared_solver_takes_one_reading(reading):
-    with pytest.raises(InputError, match="needed"):
-        facets.Solver(SENSOR).solve(reading)
+    for reading in (np.zeros(8), np.zeros((1, 9))):
+        with pytest.raises(InputError, match="needed"):
+            facets.Solver(SENSOR).solve(reading)
 
 
 def test_a_copy_of_a_prepared_solver_has_memory_of_its_own(readings):
@@ -258,20 +241,17 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
     """Its fields are made when they are asked for; nobody need know."""
     solver = facets.Solver(SENSOR, start="previous")
     single, plain = solver.solve(readings[0]), facets.solve(SENSOR, readings[:1])
-    kept = {
-        field.name: None if value is None else np.copy(value[0])
-        for field in fields(facets.Solution)
-        for value in [getattr(plain, field.name)]
-    }
     solver.solve(readings[1])  # in the memory that the first one was found in
     other = solver.solve(readings[0])
     other.state[:] *= 1e3  # as somebody does who wants micrometres: nothing follows from it
     assert solver.solve(readings[0]).iterations <= 2
-    assert replace(single, power=2 * single.power).power == 2 * kept["power"]
     for each in (single, copy.copy(single), pickle.loads(pickle.dumps(single))):
         assert isinstance(each, facets.Solution)
-        for name, value in kept.items():
-            np.testing.assert_array_equal(getattr(each, name), value)
+        for field in fields(facets.Solution):
+            expected = getattr(plain, field.name)
+            if expected is not None:
+                np.testing.assert_array_equal(getattr(each, field.name), expected[0])
+    assert replace(single, power=2 * single.power).power == 2 * plain.power[0]
     assert repr(single).startswith("Solution(state=array(")
     with pytest.raises(AttributeError, match="pose"):
         single.pose  # noqa: B018
@@ -297,43 +277,37 @@ def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
     assert sum(int(each.iterations) for each in solutions) < cold.sum()
 
 
-@pytest.mark.slow
-def test_a_warm_solver_finds_whatever_is_found_from_zero():
-    """Under the light of a bench, too, where what stalls is tried again without approximations."""
-    sensor, rng = LIT, np.random.default_rng(1)
-    path = rng.normal(size=(150, 8)) * [0.3, 0.3, 1.5, 3e-3, 3e-3, 3e-3, 0.2, 0.2]
-    readings = facets.readings(sensor, path) + rng.normal(size=(150, 9)) * ([5e-3, 5e-3, 1e-4] * 3)
-    readings[::3] += rng.normal(size=(50, 9)) * ([0.3, 0.3, 5e-3] * 3)
-    solver = facets.Solver(sensor, start="previous")
-    warm = np.array([bool(solver.solve(reading).ok) for reading in readings])
-    cold = facets.solve(sensor, readings).ok
-    assert 30 < cold.sum() < 120
-    assert warm[cold].all()
-
-
 @pytest.mark.parametrize(
     "sensor", [SENSOR, pytest.param(LIT, marks=pytest.mark.slow)], ids=["ideal", "lit"]
 )
 def test_most_readings_stay_in_their_blocks(sensor, monkeypatch):
     """What blocks leave takes five times as long."""
-    rng, single = np.random.default_rng(3), estimates.one_by_one
+    rng, counts = np.random.default_rng(3), []
     states = rng.uniform(-1, 1, (200, 8)) * [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3, 0, 0]
     readings = facets.add_noise(sensor, facets.readings(sensor, states), rng)
-    counts = []
 
-    def count_and_solve(model, sensor, readings, *rest) -> None:
+    def count(model, sensor, readings, *_) -> None:
         counts.append(len(readings.values))
-        single(model, sensor, readings, *rest)
 
-    monkeypatch.setattr(estimates, "one_by_one", count_and_solve)
-    assert facets.solve(sensor, readings).converged.all()
+    monkeypatch.setattr(estimates, "one_by_one", count)
+    facets.solve(sensor, readings)
     assert sum(counts) < 40
 
 
-def test_threads_do_not_change_bits(readings):
-    answers = [facets.solve(SENSOR, readings[:1050], threads=count) for count in (1, 2)]
-    for name in ("state", "covariance"):
-        np.testing.assert_array_equal(*(getattr(answer, name) for answer in answers))
+def test_threads_do_not_change_bits_and_what_fails_in_one_is_raised(readings, monkeypatch):
+    one, two = (facets.solve(SENSOR, readings, threads=count) for count in (1, 2))
+    np.testing.assert_array_equal(one.state, two.state)
+    np.testing.assert_array_equal(one.covariance, two.covariance)
+    plain = blocks.estimate
+
+    def fail_in_the_second(code, numbers, some, *rest):
+        if some.values[0, 0] == readings[1000, 0]:
+            raise MemoryError
+        return plain(code, numbers, some, *rest)
+
+    monkeypatch.setattr(blocks, "estimate", fail_in_the_second)
+    with pytest.raises(MemoryError):
+        facets.solve(SENSOR, readings, threads=2)
 
 
 def test_an_estimate_far_from_the_beam_ends_early_and_says_how():
@@ -343,11 +317,11 @@ def test_an_estimate_far_from_the_beam_ends_early_and_says_how():
     around = rng.uniform(0, 2 * np.pi, 300)
     states[:, 0], states[:, 1] = np.cos(around), np.sin(around)
     states[:, 2:6] = rng.uniform(-1, 1, (300, 4)) * [2, 8e-3, 8e-3, 15e-3]
-    readings = facets.add_noise(SENSOR, facets.readings(SENSOR, states), np.random.default_rng(2))
+    readings = facets.add_noise(SENSOR, facets.readings(SENSOR, states), rng)
     solution = facets.solve(SENSOR, readings, beam="known", max_steps=500, accept_unchecked=True)
     assert solution.ok.sum() > 50
     assert (solution.status != Status.MAX_STEPS).all()
     assert solution.iterations.max() < 100
-    assert np.isnan(solution.state[solution.status == Status.STALLED]).all()
-    assert Status.STALLED.label == "stalled"
-    assert int(Status.STALLED) == 6
+    stalled = solution.status == Status.STALLED
+    assert stalled.any()
+    assert np.isnan(solution.state[stalled]).all()
