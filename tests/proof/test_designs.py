@@ -2,63 +2,48 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.cli.design_space import proof_margins
-from facets.cli.optimize import prove
 
 import facets
-from facets.proof.designs import certify_design, proof_margin
+from facets import proof
+from facets.characterization import least_share, range_box
+from facets.proof import certify
+
+CONFIG = facets.load("paper")
 
 
-def small_range(config):
-    """Detectors on which a spot has little way to go: a small box."""
-    psds = tuple(replace(psd, size_y=3.0, size_z=3.0) for psd in config.sensor.psds)
-    return replace(config, sensor=replace(config.sensor, psds=psds))
-
-
-def without_range(config):
-    psds = tuple(replace(psd, size_y=0.1, size_z=0.1) for psd in config.sensor.psds)
-    return replace(config, sensor=replace(config.sensor, psds=psds))
-
-
-@pytest.mark.slow
-def test_a_design_is_proved_and_told():
-    config = small_range(facets.load("paper"))
-    found = certify_design(config.sensor, config.range)
-    assert found.unique
-    assert proof_margin(config.sensor, config.range) == found.margin
-    told = prove(config, 400)
-    assert told.startswith("proved: no two states within the ranges of the axes and with at least")
-    assert "10.8 % of the light on each detector (32.4 µW of a laser of 0.3 mW or less)" in told
+def test_a_design_without_a_range_or_a_proof_has_no_margin():
+    psds = tuple(replace(psd, size_y=0.1, size_z=0.1) for psd in CONFIG.sensor.psds)
+    small = replace(CONFIG.sensor, psds=psds)
+    assert "leaves the PSD" in proof.designs.certify_design(small, CONFIG.range)
+    curved = replace(CONFIG.sensor, light=facets.BenchLight(curvature_xx=1e-6))
+    assert not proof.designs.certify_design(curved, CONFIG.range).unique
+    for sensor in (small, curved):
+        assert np.isnan(proof.designs.proof_margin(sensor, CONFIG.range))
 
 
 @pytest.mark.slow
-def test_a_design_that_is_not_proved_is_told():
-    config = facets.load("singular")
-    assert not certify_design(config.sensor, config.range, work=10).unique
-    assert np.isnan(proof_margin(config.sensor, config.range, work=10))
-    out = prove(config, 10)
-    assert out.startswith("not proved")
-    assert "facets jacobian --certify" in out
-
-
-def test_a_design_without_a_range_is_told():
-    config = without_range(facets.load("paper"))
-    assert "leaves the PSD" in certify_design(config.sensor, config.range)
-    assert np.isnan(proof_margin(config.sensor, config.range))
-    assert "leaves the PSD" in prove(config, 10)
-
-
-@pytest.mark.slow
-def test_the_front_has_a_margin_of_each_design(capsys):
-    config = small_range(facets.load("paper"))
-    space = SimpleNamespace(sensor=config.sensor, rules=config.range, names=["radius_mm"])
-    table = {"radius_mm": np.array([250.0, 200.0])}
-    margins = proof_margins(space, table, 400)
-    assert margins[0] == pytest.approx(proof_margin(config.sensor, config.range), rel=1e-6)
-    assert (margins > 0).all()
-    assert "of the front's 2 designs, 2 are proved" in capsys.readouterr().out
+def test_the_front_has_a_margin_of_each_design(run_in_process, tmp_path):
+    """On small detectors a spot has little way to go: the boxes are small."""
+    (tmp_path / "small.yaml").write_text(
+        "extends: paper\nsensor: {psd: {size_mm: 3}}\n"
+        "optimize: {variables: {radius_mm: [200, 250]}}\n"
+    )
+    status, text, errors = run_in_process(
+        "explore", "small.yaml", "--designs", "2", "--sampling", "grid", "--no-table", "-d", "out",
+        "--objective", "head_mm", "--objective", "u_roll_urad", "--certify", "400",
+        "--table", "csv",
+    )  # fmt: skip
+    assert status == 0, errors
+    assert "of the front's 2 designs, 2 are proved" in text
+    lines = (tmp_path / "out" / "front.csv").read_text().splitlines()
+    rows = {float(row["radius_mm"]): float(row["proof_margin"])
+            for row in csv.DictReader(line for line in lines if line[0] != "#")}  # fmt: skip
+    config = facets.load(tmp_path / "small.yaml")
+    box, share = range_box(config.sensor, config.range), least_share(config.sensor, config.range)
+    assert rows[250] == pytest.approx(certify(config.sensor, box, share).margin, rel=1e-6)
+    assert rows[200] > 0

@@ -10,14 +10,17 @@ from facets.experiments import certificate_pieces, certificate_schema, check_cer
 from flint import arb
 
 import facets
+from facets import proof
 from facets.characterization import box_of_poses
 from facets.model import parameters, sensor_with
-from facets.proof import certify, edges_over_rotations, middles, reach, write_certificate
+from facets.proof import certify, edges_over_rotations, middles, write_certificate
 from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
 from facets.proof.spot_jacobian import centred_jacobian, interval_geometry, spot_jacobian
 from facets.scalars import intervals
 
 HALF = np.array([5, 5, 5, 0.012, 0.012, 0.02])
+#: Wider in four axes, and without the others.
+WIDE = np.array([7.5, 7.5, 7.5, 0.018, 0, 0])
 SHARE = 0.15
 
 
@@ -28,79 +31,50 @@ def between(part):
 
 
 @pytest.fixture(scope="module")
-def certificate(tmp_path_factory):
+def content(tmp_path_factory):
     path = tmp_path_factory.mktemp("middles") / "certificate.json"
     sensor = between(0.85)
-    proof = certify(sensor, box_of_poses(-HALF, HALF), SHARE)
-    assert proof.unique
-    assert proof.regular
-    assert proof.at_least > 0
-    assert proof.middles is not None
-    write_certificate(path, sensor, proof, {"config": "on the way"})
-    return path
+    certificate = certify(sensor, box_of_poses(-WIDE, WIDE), SHARE)
+    assert certificate.unique
+    assert certificate.regular
+    assert certificate.middles is not None
+    write_certificate(path, sensor, certificate, {"config": "on the way"})
+    return json.loads(path.read_text())
 
 
-@pytest.mark.slow
-def test_it_is_checked_again(certificate):
-    checked = check_certificate.check(certificate)
-    assert 0.1 < checked.margin < 1
+def check(content, folder):
+    path = folder / "certificate.json"
+    path.write_text(json.dumps(content))
+    return check_certificate.check(path)
+
+
+def test_it_is_checked_again_and_its_bound_holds(content, tmp_path):
+    checked = check(content, tmp_path)
+    assert content["margin"] / 2 < checked.margin < 1
     assert checked.determinant > 0
-
-
-def test_the_bound_of_its_determinant_holds(certificate):
     sensor, rng = between(0.85), np.random.default_rng(1)
-    pose = rng.uniform(-HALF, HALF, (3000, 6))
+    pose = rng.uniform(-WIDE, WIDE, (3000, 6))
     states = np.concatenate([pose, pose[:, :2] - rng.uniform(-0.3, 0.3, (3000, 2))], axis=1)
     lit = facets.readings(sensor, states)[:, 2::3].min(axis=1) >= SHARE * sensor.beam.power
     matrices = facets.jacobian(sensor, states[lit])
     least = np.abs(np.linalg.det(np.delete(matrices, 8, axis=1))).min()
-    assert json.loads(certificate.read_text())["least_determinant"] <= least
-
-
-def put(*where):
-    *keys, name, value = where
-
-    def spoil(content):
-        for key in keys:
-            content = content[key]
-        content[name] = value
-
-    return spoil
-
-
-NO_SLOPES = put("middles", "slopes", [[[0.0] * 6] * 6] * 6)
-SPOILS = {
-    "a value of infinity": (put("middles", "value", 0, 0, float("inf")), "no number"),
-    "a value too large": (put("middles", "value", 0, 0, 1e301), "too large"),
-    "five slopes": (put("middles", "slopes", [[[0.0] * 6] * 6] * 5), "5 entries"),
-    "a key too many": (put("middles", "rest", 0.0), "nothing is known"),
-    "a list": (put("middles", []), "needed: object or null"),
-}
-#: Those that only show where pieces of the box are computed.
-COMPUTED = {
-    "without the affine part": (put("middles", None), "least piece|singular"),
-    "slopes of zero": (NO_SLOPES, "singular"),
-    "a larger determinant of a piece": (put("pieces", 0, "at_least", 1e12), "larger"),
-    "a larger determinant": (put("least_determinant", 1e20), "larger determinant"),
-}
+    assert max(checked.determinant, content["least_determinant"]) <= least
 
 
 @pytest.mark.parametrize(
-    ("spoil", "reason"),
+    ("changes", "reason"),
     [
-        *SPOILS.values(),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in COMPUTED.values()),
+        ({"middles": None}, "least piece|singular"),
+        ({"slopes": [[[0.0] * 6] * 6] * 6}, "singular"),
+        ({"least_determinant": 1e20}, "larger determinant"),
     ],
-    ids=[*SPOILS, *COMPUTED],
 )
-def test_what_is_spoilt_is_refused_with_a_reason(certificate, tmp_path, spoil, reason, monkeypatch):
+def test_what_is_forged_is_refused_with_a_reason(content, tmp_path, changes, reason, monkeypatch):
     monkeypatch.setattr(certificate_pieces, "MOST", 30)
-    content = json.loads(certificate.read_text())
-    spoil(content)
-    path = tmp_path / "spoilt.json"
-    path.write_text(json.dumps(content))
+    if "slopes" in changes:
+        changes = {"middles": content["middles"] | changes}
     with pytest.raises(certificate_schema.Refused, match=reason):
-        check_certificate.check(path)
+        check(content | changes, tmp_path)
 
 
 @pytest.mark.slow
@@ -110,10 +84,10 @@ def test_nothing_is_proved_past_the_singular_sensor():
 
 @pytest.mark.slow
 def test_where_a_box_is_not_proved_a_smaller_one_is():
-    factor, proof = reach.find_core(between(0.93), box_of_poses(-HALF, HALF), SHARE, work=50)
+    factor, core = proof.reach.find_core(between(0.93), box_of_poses(-HALF, HALF), SHARE, work=50)
     assert 0 < factor < 1
-    assert proof.unique
-    np.testing.assert_allclose(proof.box.high[:6], factor * HALF)
+    assert core.unique
+    np.testing.assert_allclose(core.box.high[:6], factor * HALF)
 
 
 @pytest.fixture(scope="module")
@@ -138,9 +112,8 @@ def test_jacobians_of_a_piece_lie_in_what_its_slopes_make_of_the_middle(light):
 
 def test_the_affine_part_may_be_anything(light):
     """It proves the less the further it is off, and nothing that is not so."""
-    box = box_of_poses(-HALF / 2, HALF / 2)
     over = centred_jacobian(*light, -HALF / 2, HALF / 2)
-    affine = middles.affine_part(*light, box)
+    affine = middles.affine_part(*light, box_of_poses(-HALF / 2, HALF / 2))
     sizes = []
     for part in (affine, affine._replace(slopes=-affine.slopes)):
         rest = middles.affine_remainder(part, over)
