@@ -1,4 +1,4 @@
-"""Samples of a virtual detector board, made without a port or a clock."""
+"""Samples of a virtual detector board, and rows of a page, made without a port or a clock."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 import facets
 from facets.detectors import readings_to_counts
-from facets.live import ELECTRODES, Samples
+from facets.live import ELECTRODES, SAMPLE, Samples
 
 BENCH = facets.load("bench")
 
@@ -28,3 +28,21 @@ def yawing(count, samples_per_radian=100):
     states = np.zeros((count, 8))
     states[:, 5] = 1e-3 * np.sin(np.arange(count) / samples_per_radian)
     return states
+
+
+def page_rows(count, first=0, rate_hz=1_000.0):
+    """Rows (count,) of samples with light and with poses that tell the sample's number."""
+    rows = np.zeros(count, SAMPLE)
+    for name in SAMPLE.names[6:]:
+        rows[name] = 0.1 if name.startswith("power") else 0.001
+    rows["seq"] = first + np.arange(count)
+    rows["host_s"] = 1_000.0 + rows["seq"] / rate_hz
+    rows["utc_s"] = 1.7e9 + rows["seq"] / rate_hz
+    rows["tx_mm"] = rows["seq"] * 1e-3
+    return rows
+
+
+def give(page, rows):
+    """Hand samples over to a page at once, as the loop has it done when it comes round."""
+    page.send(rows.tobytes())
+    page.flush()
