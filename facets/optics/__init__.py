@@ -6,7 +6,6 @@ __getattr__ = load_on_use(
         "central": "CENTRAL_SQUARED side_central",
         "effects": "LightEffects",
         "forward": "OPEN build_geometry dark_scene",
-        "gradient": "linearise",
         "parameters": "BEAM FACET PARAMETERS PSD",
         "tail_quadrature": "AWAY_SIGMAS tail_integrals",
         "vectors": "rotation",

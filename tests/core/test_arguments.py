@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 import facets
-from facets.core import LABELS, Thermal, as_floats
+from facets.core import LABELS, as_floats
 
 CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor
@@ -54,10 +54,8 @@ def test_what_is_missing_is_no_number(function, sound):
         masked.astype(object),
         list(masked),
         [None, *values[1:]],
-        [pd.NA, *values[1:]],
-        np.array([None, *values[1:]]),
+        np.array([pd.NA, *values[1:]]),
         table.loc[0],
-        pd.Series([pd.NA, *values[1:]]),
     ):
         np.testing.assert_array_equal(function(missing), expected)
     if function not in (OF_READINGS["Solver"], OF_STATES["start"]):
@@ -69,17 +67,12 @@ def test_what_is_missing_is_no_number(function, sound):
     ("given", "fault"),
     [
         (None, "is None"),
-        ("1", "'1'"),
         (CONFIG, "is a Config"),
         (["1"] * 8, "has text in it: '1'"),
-        (np.array(["1"] * 8), "has text in it"),
         ([1j] * 8, "has complex numbers in it: 1j"),
-        (np.zeros(8, complex), "has complex numbers in it"),
         (np.ma.array(np.zeros(8, complex), mask=True), "has complex numbers in it"),
         ([True] * 8, "has truth values in it"),
-        (np.zeros(8, "M8[s]"), "has values of the type datetime64"),
         ([[0.0] * 8, [0.0]], "has rows of different lengths"),
-        ([{}] * 8, "has the dict {} in it"),
         (iter([0.0] * 8), "has the list_iterator"),
         ([10**400] * 8, "has a number in it that is too large"),
         (np.zeros(5), "has shape (5,)"),
@@ -131,54 +124,29 @@ def test_numbers_of_other_types_are_numbers():
     assert as_floats(REST, "state") is REST
 
 
-RNG = np.random.default_rng(1)
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: facets.readings(CONFIG, REST), "sensor is a Config; .*; pass config.sensor"),
         (lambda: facets.readings(REST, SENSOR), "sensor is the ndarray .* allowed: a Sensor"),
-        (lambda: facets.solve("paper", READING), r"pass facets.load\('paper'\).sensor"),
         (lambda: facets.Solver(facets.Sensor), r"the class Sensor.*as Sensor\(\) makes it"),
         (lambda: facets.simulate(SENSOR), "config is a Sensor; allowed: a Config"),
-        (lambda: facets.simulate("paper"), r"pass facets.load\('paper'\)"),
         (lambda: facets.simulate(CONFIG, "yaw-sweep"), "motions is .* a sequence, each text"),
-        (lambda: facets.simulate(CONFIG, seed=-1), "seed is -1; allowed: 0 or more"),
-        (lambda: facets.optimize(SENSOR, CONFIG), "layout is a Config.*pass config.layout"),
         (lambda: facets.axis_ranges(SENSOR, CONFIG, [0] * 6), "rules is .*pass config.range"),
         (lambda: facets.axis_ranges(SENSOR, CONFIG.range, [REST[:6]]), "start has shape"),
         (lambda: facets.trace(SENSOR, CONFIG.range, ("tz", "up")), "two different names of tx"),
-        (lambda: facets.trace(SENSOR, CONFIG.range, "tz"), "axes is .* a sequence of 2, each text"),
         (lambda: facets.uncertainties(SENSOR, REST, ("", 0.0)), "an Estimator or a Know"),
-        (lambda: facets.uncertainties(SENSOR, REST, FREE._replace(beam=np.nan)), "beam is nan"),
-        (lambda: facets.load(None), "name_or_path is None; allowed: text or a Path"),
-        (lambda: facets.readings(SENSOR, REST, threads="2"), "threads is the str '2'"),
         (lambda: facets.solve(SENSOR, READING, threads=True), "threads is the bool True"),
-        (lambda: facets.solve(SENSOR, READING, threads=-1), "threads is -1"),
         (lambda: facets.readings(SENSOR, REST, "exakt"), 'irradiance is \'exakt\'.*"exact"'),
         (lambda: facets.margins(SENSOR, REST, whole="no"), "whole is .* allowed: True or False"),
-        (lambda: facets.solve(SENSOR, READING, start=None), 'start is None; allowed: "zero"'),
-        (lambda: facets.solve(SENSOR, READING, start=0.0), "start has shape"),
         (lambda: facets.solve(SENSOR, READING, beam=[0, 0]), 'beam is .*"known" or a Prior'),
-        (lambda: facets.solve(SENSOR, READING, max_steps=2.5), "max_steps is the float 2.5"),
-        (lambda: facets.Solver(SENSOR, max_steps="x"), "max_steps is the str 'x'"),
-        (lambda: facets.Solver(SENSOR, covariance=None), "covariance is None; allowed: True or"),
         (lambda: facets.Solver(SENSOR, beam=facets.Prior((0, 0), (1, 1, 1))), "too many sigmas"),
         (lambda: facets.Prior((0, 0), np.nan), "sigma is nan; allowed: 0 or more"),
-        (lambda: facets.Prior((0, "0"), 1), "a prior's mean has text in it"),
         (lambda: facets.add_noise(SENSOR, READING, 1), r"rng is the int 1; .*default_rng\(1\)"),
         (lambda: facets.Beam(power="0.3"), "power is the str '0.3'; allowed: a number"),
-        (lambda: facets.Beam(power=1j), "power is the complex 1j; allowed: a number"),
         (lambda: facets.Electronics(adc_bits=16.5), "adc_bits is .* allowed: a whole number"),
         (lambda: facets.Sensor(psds=facets.Psd()), "psds is a Psd; .*sequence of 3, each a Psd"),
-        (lambda: facets.Sensor(psds=(facets.Psd(),)), "a sequence of 3, each a Psd"),
-        (lambda: facets.Sensor(psds=np.array(1.0)), "a sequence of 3, each a Psd"),
-        (lambda: facets.Electronics(kind="quad"), "kind is 'quad'; allowed: \"duo-lateral\""),
         (lambda: facets.Rules(coarsest=(1.0,)), "coarsest has 1 numbers; allowed: 6"),
-        (lambda: Thermal(293.15), "temperature is 293.15; allowed: -60 to 150 degC"),
-        (lambda: facets.transform(facets.solve(SENSOR, READING), temperature=[293.15],
-                                  zero=facets.zero_pose(SENSOR, REST)), "to 150 degC"),
         (lambda: facets.zero_pose(SENSOR, REST, temperature=293.15), "allowed: -60 to 150 degC"),
     ],
 )  # fmt: skip
@@ -203,7 +171,5 @@ def test_every_public_function_checks_its_arguments():
 def test_what_was_allowed_before_is_not_allowed_of_another_type():
     for _ in range(3):
         assert facets.solve(SENSOR, READING, beam="known", threads=1).ok
-    with pytest.raises(facets.InputError, match="beam"):
-        facets.solve(SENSOR, READING, beam="knwon", threads=1)
     with pytest.raises(facets.InputError, match="threads"):
         facets.solve(SENSOR, READING, beam="known", threads=1.0)
