@@ -46,14 +46,6 @@ LONG = (
 )
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """All processes of a run have their commands forked by the same one."""
-    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
-        from nursery import start_nursery
-
-        start_nursery()
-
-
 def pytest_xdist_auto_num_workers() -> int:
     """Three processes for two cores, since a test waits for ports and programs, too."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()

@@ -24,9 +24,6 @@ def test_samples_searches_and_proves(tmp_path):
     )
     assert {path.name for path in (tmp_path / "out").iterdir()} == set(names.split())
     assert json.loads((tmp_path / "out" / "certificate.json").read_text())["unique"]
-    again = command("jacobian", "fig4", "-d", "out", cwd=tmp_path)
-    assert again.returncode == 2
-    assert "--force" in again.stderr
 
 
 @pytest.mark.slow
@@ -60,20 +57,9 @@ def test_every_larger_box_that_is_tried_is_proved_for_every_sensor_within_tolera
         assert check_certificate.check(tmp_path / "out" / name).margin > 0
 
 
-def test_a_bad_box_is_an_error(tmp_path):
-    result = command("jacobian", "paper", "--box", "x=1", cwd=tmp_path)
-    assert result.returncode == 2
-    assert result.stderr.startswith("error: --box has 'x=1'")
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_of_a_box_that_is_mostly_dark_no_sign_is_claimed(tmp_path):
     done = command("jacobian", "paper", "--box", "tx_mm=2000", "--states", "2000", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "both signs" not in done.stdout
     assert "nothing can be said of the whole box: " in done.stdout
-    for box in ("tx_mm=1e6", "roll_mrad=-4000:0", "yaw_mrad=nan"):
-        done = command("jacobian", "paper", "--box", box, cwd=tmp_path)
-        assert done.returncode == 2
-        assert "allowed: up to" in done.stderr

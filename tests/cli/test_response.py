@@ -58,6 +58,8 @@ def record(folder):
 
 def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path):
     config = record(tmp_path / "rec")
+    _, _, refusal = run("response", "rec", "--input", "force_kn")
+    assert "rec: has no auxiliary channel with the column force_kn; it has: force_n" in refusal
     status, out, err = run("response", "rec", "--input", "force_n", "--point", "0,0,100",
                            "--resolution-hz", "1", "--uff", "body.uff")  # fmt: skip
     assert (status, err) == (0, "")
@@ -80,6 +82,23 @@ def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path)
     assert np.abs(h1.iloc[0]) > 20 * lowest
 
 
+def check_late_channel(run, tmp_path):
+    """A channel that is sampled after the motion would turn the phase, and is corrected."""
+    (tmp_path / "late.yaml").write_text(MINE.replace("unit: N", "unit: N, delay_us: 2000"))
+    table = pd.read_csv("sim/poses.csv", comment="#")
+    table["force_n"] = np.roll(table["force_n"], -2)
+    table.to_csv("late.csv", index=False)
+    results = []
+    for source, config in (("late.csv", "late.yaml"), ("sim/poses.csv", "mine.yaml")):
+        words = ("--config", config, "--input", "force_n", "--resolution-hz", "1", "-d", config[:4])
+        assert run("response", source, *words)[0] == 0
+        results.append(pd.read_csv(f"{config[:4]}/response.csv", comment="#"))
+    late, right = results
+    lines = right["frequency_hz"].between(20, 90)
+    for name in ("h1_tz_real_um", "h1_tz_imag_um"):
+        assert late[name][lines].to_numpy() == pytest.approx(right[name][lines].to_numpy(), abs=2.0)
+
+
 @pytest.mark.slow
 def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
     assert run("simulate", "mine.yaml", "--motion", "shaken", "-d", "sim")[0] == 0
@@ -99,6 +118,7 @@ def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
     ):
         status, _, err = run(*words, *more)
         assert (status, text in err) == (2, True), err
+    check_late_channel(run, tmp_path)
     status, _, err = run("response", "sim/poses.csv", "--input", "force_n")
     assert (status, "a table needs --config CONFIG" in err) == (2, True)
     table = pd.read_csv("sim/poses.csv", comment="#").drop(columns="time_s")
@@ -124,29 +144,3 @@ def test_a_body_that_does_not_answer_is_a_finding(run, tmp_path):
     drawn = (tmp_path / "results" / "still-response" / "response.svg").read_text()
     assert "the sensor's noise alone (95 %)" in drawn
     assert "low pass of the electronics" in drawn
-
-
-def test_a_recording_without_the_channel_is_refused(run, tmp_path):
-    config = record(tmp_path / "rec")
-    assert config.acquire.channels[0].column == "force_n"
-    status, _, err = run("response", "rec", "--input", "force_kn")
-    assert status == 2
-    assert "rec: has no auxiliary channel with the column force_kn; it has: force_n" in err
-
-
-@pytest.mark.slow
-def test_a_late_channel_is_corrected(run, tmp_path):
-    """A channel that is sampled after the motion would turn the phase."""
-    assert run("simulate", "mine.yaml", "--motion", "shaken", "-d", "sim")[0] == 0
-    late = MINE.replace("unit: N", "unit: N, delay_us: 2000")
-    (tmp_path / "late.yaml").write_text(late)
-    table = pd.read_csv("sim/poses.csv", comment="#")
-    table["force_n"] = np.roll(table["force_n"], -2)
-    table.to_csv("late.csv", index=False)
-    words = ("--input", "force_n", "--resolution-hz", "1", "-d")
-    assert run("response", "late.csv", "--config", "late.yaml", *words, "a")[0] == 0
-    assert run("response", "sim/poses.csv", "--config", "mine.yaml", *words, "b")[0] == 0
-    a, b = (pd.read_csv(f"{name}/response.csv", comment="#") for name in ("a", "b"))
-    lines = b["frequency_hz"].between(20, 90)
-    for name in ("h1_tz_real_um", "h1_tz_imag_um"):
-        assert a[name][lines].to_numpy() == pytest.approx(b[name][lines].to_numpy(), abs=2.0)

@@ -47,9 +47,7 @@ def test_explore_leaves_no_workers(tmp_path, number):
     assert not [file for file in tmp_path.rglob(".*") if file.is_file()]
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("number", STATUS)
 def test_solve_leaves_no_hidden_file(tmp_path, number):
     sensor = facets.load("paper").sensor
     row = ",".join(f"{x!r}" for x in facets.readings(sensor, np.zeros(8)).tolist())
@@ -64,7 +62,6 @@ def test_solve_leaves_no_hidden_file(tmp_path, number):
     assert "interrupted" in program.stderr
 
 
-@pytest.mark.slow
 def test_an_interrupted_optimize_gives_no_verdict(tmp_path):
     """Wherever it is: casadi swallows what a handler raises while IPOPT computes."""
     (tmp_path / "long.yaml").write_text("extends: layout\noptimize: {starts: 1000}\n")
@@ -83,25 +80,6 @@ def test_an_interrupted_optimize_gives_no_verdict(tmp_path):
     assert "no layout" not in program.stdout + program.stderr
     assert "interrupted" in program.stderr
     assert not (tmp_path / "best.yaml").exists()
-
-
-def test_a_solver_that_swallows_a_signal_does_not_keep_it(monkeypatch):
-    from facets.design.interruption import run_solver
-
-    def solver(answer):
-        try:
-            os.kill(os.getpid(), signal.SIGINT)
-            for _ in range(1_000_000):
-                pass
-        except KeyboardInterrupt:
-            return "swallowed"
-        return answer
-
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        run_solver(solver, answer=1)
-    assert signal.getsignal(signal.SIGINT) is before
-    assert run_solver(lambda answer: answer, answer=1) == 1
 
 
 def test_nohup_is_respected():

@@ -6,7 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from nursery import Forked, nursery
+from nursery import Forked
 
 #: The program in a fresh interpreter, for tests of its start.
 PROGRAM = [sys.executable, "-c", "from facets.cli import program; program()"]
@@ -14,7 +14,7 @@ PROGRAM = [sys.executable, "-c", "from facets.cli import program; program()"]
 
 def start(*words: str, cwd: Path, out: int, err: int) -> Forked:
     """Start `facets WORDS` in `cwd` with its output sent to two open files."""
-    return nursery().start(list(words), cwd, dict(os.environ), out, err)
+    return Forked(list(words), cwd, dict(os.environ), out, err)
 
 
 def command(
@@ -28,7 +28,7 @@ def command(
     """
     whole = {name: text for name, text in os.environ.items() if name != "COLUMNS"} | (env or {})
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
-        process = nursery().start(list(words), cwd, whole, out.fileno(), err.fileno(), limit)
+        process = Forked(list(words), cwd, whole, out.fileno(), err.fileno(), limit)
         try:
             status = process.wait(600)
         finally:

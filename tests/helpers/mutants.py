@@ -99,7 +99,8 @@ def call(copy: Path, program: str, *arguments: str | Path) -> None:
         [Path(sys.executable).parent / program, *arguments],
         cwd=copy,
         check=True,
-        env={**environ, "PYTHONPATH": str(copy)},
+        # byte code of one change could pass for the next, if both come within a second
+        env={**environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"},
     )
 
 
