@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from facets.experiments import kills
+from programs import GUARD
 
 import facets
 from facets import InputError
@@ -77,26 +78,26 @@ def pieces(count, each=25):
     return [Block(data[n * size : (n + 1) * size], 1.0 + 0.0025 * n, None) for n in range(count)]
 
 
-def events_of(folder):
-    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+def record(folder, count, disk):
+    """A recording of blocks with their poses and an event each; it is closed."""
+    recording, pipeline = Recording(folder, META, CONFIG.resolved, disk=disk), Pipeline(CONFIG)
+    for block in pieces(count):
+        recording.add_block(block)
+        recording.add_poses(pipeline.feed(block.data, block.arrival))
+        recording.flush()
+        recording.add_event("something")
+    recording.close()
+    return recording
 
 
 @pytest.mark.parametrize("room", [100, 1_650, 5_000, 20_011, 31_999])
 def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
-    disk = Full(room + len(META))
-    recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk)
-    pipeline = Pipeline(CONFIG)
-    for block in pieces(40):
-        recording.add_block(block)
-        recording.add_poses(pipeline.feed(block.data, block.arrival))
-        recording.flush()
-    recording.close()
+    recording = record(tmp_path / "r", 40, Full(room + len(META)))
     assert "No space left" in recording.messages()[0]
     damage = Damage()
-    kept = list(blocks(tmp_path / "r", damage))
+    size = sum(len(block.data) for block in blocks(tmp_path / "r", damage))
     assert damage in (Damage(), Damage(unproven=25 * SIZE))  # the last block, whose row is refused
-    size = sum(len(block.data) for block in kept)
-    assert size + recording.lost == sum(len(block.data) for block in pieces(40))
+    assert size + recording.lost == 1_000 * SIZE
     again = {int(seq) for poses in replay(tmp_path / "r", Pipeline(CONFIG)) for seq in poses.seq}
     assert len(again) == size // SIZE
     old = recorded_poses(tmp_path / "r")
@@ -105,39 +106,30 @@ def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
 
 @pytest.mark.parametrize("only", ["poses.arrows", "index.bin", "events.jsonl"])
 def test_a_file_that_is_refused_costs_no_received_byte(tmp_path, only):
-    recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=Full(150, only=only))
-    pipeline = Pipeline(CONFIG)
-    for block in pieces(20):
-        recording.add_block(block)
-        recording.add_poses(pipeline.feed(block.data, block.arrival))
-        recording.flush()
-        recording.add_event("something")
-    recording.close()
+    recording = record(tmp_path / "r", 20, Full(150, only=only))
     (message,) = recording.messages()
     assert f"{only}: cannot be written to: No space left" in message
     assert "bytes" not in message
     assert ("500 poses are not recorded" in message) == (only == "poses.arrows")
     kept = b"".join(block.data for block in blocks(tmp_path / "r"))
-    assert kept == b"".join(block.data for block in pieces(20))
+    assert kept == kills.stream(500)
 
 
 def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
     monkeypatch.setattr("facets.live.recording.writer.RETRY_INTERVAL_S", 0.0)
-    disk = Full(10_000)
+    disk, lost = Full(10_000), 0
     with Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk) as recording:
-        some = pieces(40)
-        for block in some[:20]:
+        for n, block in enumerate(pieces(40)):
+            if n == 20:
+                lost, disk.free = recording.lost, 10**9
             recording.add_block(block)
-        assert recording.lost
-        lost, disk.free = recording.lost, 10**9
-        for block in some[20:]:
-            recording.add_block(block)
-        assert recording.lost == lost
+    assert recording.lost == lost > 0
     pipeline = Pipeline(CONFIG)
     count = sum(len(poses) for poses in replay(tmp_path / "r", pipeline))
     assert count == 1_000 - lost // SIZE
     assert pipeline.sequence.lost == lost // SIZE
-    (event,) = (row for row in events_of(tmp_path / "r") if row["event"] == "recording again")
+    events = map(json.loads, (tmp_path / "r" / "events.jsonl").read_text().splitlines())
+    (event,) = (row for row in events if row["event"] == "recording again")
     assert event["lost_bytes"] == lost
 
 
@@ -164,27 +156,8 @@ def test_a_recording_that_is_deleted_during_its_run_is_told(tmp_path):
     assert "bytes.bin: cannot be synced: it was deleted" in recording.messages()[0]
 
 
-def test_what_is_written_is_synced_beside_the_writing(tmp_path):
-    """Waits for the event: a sync of each file and of the folder."""
-    seen, all_seen = set(), threading.Event()
-
-    class Watched(Disk):
-        def sync(self, handle):
-            super().sync(handle)
-            if threading.current_thread().name == "sync":
-                seen.add(handle)
-                if len(seen) == 4:
-                    all_seen.set()
-
-    with Recording(tmp_path / "r", META, CONFIG.resolved, sync=0.01, disk=Watched()) as recording:
-        recording.add_block(pieces(1)[0])
-        assert all_seen.wait(60)
-        assert seen == set(recording.files.values())
-    assert not recording.syncer.is_alive()
-
-
-def test_the_folder_is_synced_before_the_first_byte(tmp_path):
-    done = []
+def test_the_folder_is_synced_before_the_first_byte_and_files_beside_the_writing(tmp_path):
+    done, synced, are_all_synced = [], set(), threading.Event()
 
     class Watched(Disk):
         def sync_folder(self, folder):
@@ -195,9 +168,19 @@ def test_the_folder_is_synced_before_the_first_byte(tmp_path):
             done.append(None)
             return super().append(handle, data)
 
-    recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=Watched())
-    assert done[-2:] == [tmp_path / "r", tmp_path]
-    recording.close()
+        def sync(self, handle):
+            super().sync(handle)
+            if threading.current_thread().name == "sync":
+                synced.add(handle)
+                if len(synced) == 4:
+                    are_all_synced.set()
+
+    with Recording(tmp_path / "r", META, CONFIG.resolved, sync=0.01, disk=Watched()) as recording:
+        assert done[-2:] == [tmp_path / "r", tmp_path]
+        recording.add_block(pieces(1)[0])
+        assert are_all_synced.wait(GUARD)
+        assert synced == set(recording.files.values())
+    assert not recording.syncer.is_alive()
 
 
 def test_a_recording_needs_a_new_folder(tmp_path):
@@ -234,22 +217,19 @@ class Port:
 
 
 class Stage:
-    """A tracker whose stage fails, or whose end does."""
+    """A tracker whose end may fail."""
 
     encoder = None
     begun = float("inf")
-    note = ""
-    is_resumable = True
+    error = note = ""
     ended = False
     envelope = SimpleNamespace(latched="", heartbeat=None)
 
-    def __init__(self, error="", at_exit=None):
-        self.error, self.at_exit = error, at_exit
+    def __init__(self, at_exit=None):
+        self.at_exit = at_exit
 
-    def feed(self, times, powers, apexes, beams, permit, late, doubt):
-        assert powers.shape == (len(times), 3)
-        assert apexes.shape == beams.shape == (len(times), 2)
-        assert permit is False
+    def feed(self, *_):
+        pass
 
     def resume(self, by):
         pass
@@ -318,18 +298,6 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
     assert not reader.is_alive()
     assert not disk.handles
     assert (tmp_path / "r" / "bytes.bin").read_bytes() == port.given
-
-
-def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
-    tracker = Stage(error="the stage does not answer")
-    live, _, reader = begin(tmp_path / "r", tmp_path, tracker)
-    said = []
-    acquire(live, reader, Ending(), lambda now: said.append(now.messages()))
-    assert len(recorded_poses(tmp_path / "r")["seq"]) == 125
-    assert any(
-        "the stage is stopped, the recording goes on" in text for part in said for text in part
-    )
-    assert "does not answer" in live.stage_stop
 
 
 def test_a_full_disk_does_not_end_the_stream(tmp_path):
