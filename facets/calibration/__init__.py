@@ -30,6 +30,7 @@ else:
                 "CHANGES ChangePriors LEAST_CHANCE StopReadings average_stop renew_zero "
                 "stop_readings"
             ),
+            "samples": "add_converter_steps",
             "table": (
                 "REFERENCE choice choose_groups gather_samples read recording_time velocities"
             ),

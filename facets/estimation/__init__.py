@@ -17,7 +17,7 @@ else:
             "dwells": "dwell_means stands stands_of_axis",
             "misfit": "Misfit",
             "plan": "make_plan",
-            "series": "beam_at nearest solve_series",
+            "series": "solve_series",
             "table": (
                 "StatusCounts add_temperature_uncertainty exact_readings labels object_columns "
                 "pose_columns shift_per_kelvin solve_readings solve_table"

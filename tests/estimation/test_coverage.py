@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 
 import facets
-from facets.characterization import estimators, resolution
+from facets import Rules
+from facets.characterization import estimators, resolution_columns, resolve
 from facets.core import READING_COLUMNS
 from facets.estimation import coverage_factor, effective_degrees_of_freedom, region_factor
 from facets.files import write_table
-
-
-def read_csv(path):
-    import pandas as pd
-
-    return pd.read_csv(path, comment="#")
-
 
 KNOWN = facets.Calibration(("psd_a.height",), ((1e-4,),), 5.0)
 SENSOR = replace(facets.load("paper").sensor, calibration=KNOWN)
@@ -44,30 +38,26 @@ def test_coverage_factors_are_those_of_the_printed_tables():
             coverage_factor(probability)
 
 
-@pytest.mark.parametrize("freedom", [5.0, None])
-def test_a_short_calibration_needs_a_larger_factor_and_one_of_unknown_length_the_normal(freedom):
-    sensor = replace(SENSOR, calibration=replace(KNOWN, degrees_of_freedom=freedom))
+@pytest.mark.parametrize(
+    "known", [KNOWN, replace(KNOWN, degrees_of_freedom=None), None], ids=["5", "unknown", "none"]
+)
+def test_a_short_calibration_needs_a_larger_factor(known):
+    """Where its freedom is unknown, and without a calibration, the factor is the normal one."""
+    sensor = replace(SENSOR, calibration=known)
     readings = facets.readings(sensor, np.zeros((2, 8)))
     readings[1] = np.nan
     solution = facets.solve(sensor, readings, beam="known")
-    part = solution.calibration_uncertainty[0, :6] ** 2 / solution.uncertainty[0, :6] ** 2
-    expected = 5 / part**2 if freedom else np.full(6, np.nan)
+    expected = np.full(6, np.nan if known else np.inf)
+    if known == KNOWN:
+        part = solution.calibration_uncertainty[0, :6] ** 2 / solution.uncertainty[0, :6] ** 2
+        expected = 5 / part**2
     assert solution.degrees_of_freedom[0, :6] == pytest.approx(expected, nan_ok=True)
-    factor = solution.coverage_factor(0.95)
+    factor, expanded = solution.coverage_factor(0.95), solution.expanded_uncertainty(0.95)
     assert factor[0, :6] == pytest.approx(coverage_factor(0.95, expected))
-    expanded = solution.expanded_uncertainty(0.95)
     assert expanded[0] == pytest.approx(factor[0] * solution.uncertainty[0])
-    assert np.isnan(factor[1]).all()
-    assert np.isnan(expanded[1]).all()
+    assert np.isnan([factor[1], expanded[1]]).all()
     single = facets.solve(sensor, readings[0], beam="known")
     assert single.expanded_uncertainty(0.95) == pytest.approx(expanded[0])
-
-
-def test_the_factor_is_normal_without_a_calibration():
-    bare = replace(SENSOR, calibration=None)
-    solution = facets.solve(bare, facets.readings(bare, np.zeros(8)), beam="known")
-    assert solution.degrees_of_freedom[2] == np.inf
-    assert solution.coverage_factor(0.95)[2] == pytest.approx(1.95996, abs=1e-5)
 
 
 def test_intervals_of_short_calibrations_hold():
@@ -99,32 +89,31 @@ def bench(tmp_path):
 
 @pytest.mark.parametrize("is_known", [True, False])
 def test_solve_writes_expanded_uncertainties(bench, run_in_process, is_known):
+    import pandas as pd
+
     if not is_known:
         bench.write_text(bench.read_text("utf-8").replace(", degrees_of_freedom: 5", ""), "utf-8")
     words = ["solve", "mine.yaml", "r.csv", "-o", "poses.csv", "--beam", "known", "--coverage"]
-    _, out, _ = run_in_process(*words, "0.99")
-    said = " ".join(out.split())
+    said = " ".join(run_in_process(*words, "0.99")[1].split())
     assert "coverage probability 99 %" in said
     assert ("degrees of freedom of the calibration: 5." in said) == is_known
     assert ("unknown; coverage factors are those of the normal" in said) != is_known
     poses = bench.with_name("poses.csv")
     assert "# coverage_probability: 0.99" in poses.read_text("utf-8")
-    row = read_csv(poses).iloc[0]
+    row = pd.read_csv(poses, comment="#").iloc[0]
     assert row.expanded_tz_mm == pytest.approx(row.k_tz * row.u_tz_mm)
     assert np.isnan(row.degrees_of_freedom_tz) != is_known
     assert row.k_tz == pytest.approx(coverage_factor(0.99, row.degrees_of_freedom_tz), rel=1e-6)
     assert run_in_process(*words, "95")[0] == 2
 
 
-def test_resolution_writes_expanded_uncertainties(bench, run_in_process, monkeypatch):
-    (known,) = (each for each in estimators(0.005) if each.name == "beam known")
-    monkeypatch.setattr(resolution, "estimators", lambda _: [known])
-    _, out, _ = run_in_process("resolution", bench.name, "-d", "out", "--coverage", "0.95")
-    assert "expanded uncertainty, 95 %, at rest" in out
-    row = read_csv(bench.with_name("out") / "resolution.csv").set_index("axis").loc["tz"]
+def test_resolution_has_expanded_uncertainties():
+    """The command of them is one of `tests/helpers/chains.py`."""
+    known = estimators(0.005)[-1:]
+    columns = resolution_columns(resolve(SENSOR, Rules(), known), 0.95)
+    row = {name: values[2] for name, values in columns.items()}
     exact = facets.solve(SENSOR, facets.readings(SENSOR, np.zeros(8)), beam="known")
-    assert row.degrees_of_freedom_at_rest == pytest.approx(exact.degrees_of_freedom[2], rel=1e-6)
-    assert row.expanded_at_rest == pytest.approx(
-        1e3 * exact.expanded_uncertainty(0.95)[2], rel=1e-6
-    )
-    assert row.expanded_worst == pytest.approx(row.k_worst * row.u_worst)
+    assert row["degrees_of_freedom_at_rest"] == pytest.approx(exact.degrees_of_freedom[2], rel=1e-6)
+    expanded = 1e3 * exact.expanded_uncertainty(0.95)[2]
+    assert row["expanded_at_rest"] == pytest.approx(expanded, rel=1e-6)
+    assert row["expanded_worst"] == pytest.approx(row["k_worst"] * row["u_worst"])

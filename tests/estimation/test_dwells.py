@@ -10,8 +10,7 @@ import pytest
 
 import facets
 from facets import InputError, standard_deviations
-from facets.calibration import Data, gather_samples
-from facets.calibration.samples import add_converter_steps
+from facets.calibration import Data, add_converter_steps, gather_samples
 from facets.core import READING_COLUMNS, Steps
 from facets.estimation import dwell_means, stands, stands_of_axis
 from facets.simulation import reading_table, reference_table
@@ -21,26 +20,23 @@ SIGMA = np.array([1e-3, 2e-3])
 
 def test_stands_are_found_and_the_way_between_is_not():
     """The third has too few rows."""
-    rng, counts = np.random.default_rng(1), (40, 200, 31, 500)
-    places, rows = rng.uniform(-1, 1, (4, 2)), []
-    for place, after, count in zip(places, np.roll(places, -1, axis=0), counts, strict=True):
-        rows += [np.tile(place, (count, 1)), np.linspace(place, after, 302)[1:-1]]
+    rng, counts = np.random.default_rng(1), (40, 200, 25, 500)
+    places, rows = rng.uniform(-1, 1, (5, 2)), []
+    for n, count in enumerate(counts):
+        rows += [np.tile(places[n], (count, 1)), np.linspace(places[n], places[n + 1], 302)[1:-1]]
     pose = np.concatenate(rows[:-1])
     pose += 0.3 * SIGMA * rng.standard_normal(pose.shape)
     parts = stands(pose, SIGMA)
-    assert len(parts) == 3
     for part, n in zip(parts, (0, 1, 3), strict=True):
         assert 0.85 * counts[n] <= part.stop - part.start <= counts[n]
         assert (np.abs(pose[part] - places[n]) < 3 * SIGMA).all()
 
 
 def test_rows_without_a_pose_and_a_new_seat_end_a_stand():
-    pose = np.zeros((300, 2))
+    pose, seat = np.zeros((300, 2)), np.repeat([0.0, 0.0, 120.0], 100)
     pose[100] = np.nan
-    seat = np.where(np.arange(300) < 200, 0.0, 120.0)
-    assert [(part.start // 100, part.stop // 100) for part in stands(pose, SIGMA, seat)] == [
-        (0, 0), (1, 1), (2, 2),
-    ]  # fmt: skip
+    starts = [part.start for part in stands(pose, SIGMA, seat)]
+    assert [round(start, -2) for start in starts] == [0, 100, 200]
     assert stands(np.full((50, 2), np.nan), SIGMA) == []
 
 
@@ -83,48 +79,38 @@ def test_rows_that_jump_and_stands_that_are_spoilt_change_little():
 @pytest.mark.parametrize("bandwidth", [200.0, 5000.0])
 def test_a_converter_s_steps_stay_in_a_mean(bandwidth):
     """The r.m.s. error of means of 400 readings over 150 states, beside what is stated."""
-    bench = facets.load("bench").sensor
+    bench, rows = facets.load("bench").sensor, 400
     electronics = replace(bench.electronics, adc_bits=13, bandwidth=bandwidth)
-    sensor = replace(bench, electronics=electronics)
-    rng, rows = np.random.default_rng(5), 400
-    states = np.zeros((150, 8))
-    states[:, :6] = rng.uniform(-1, 1, (150, 6)) * [0.02, 0.02, 1.0, 3e-3, 3e-3, 3e-3]
+    sensor, rng = replace(bench, electronics=electronics), np.random.default_rng(5)
+    states = rng.uniform(-1, 1, (150, 8)) * [0.02, 0.02, 1.0, 3e-3, 3e-3, 3e-3, 0, 0]
     exact = facets.readings(sensor, states)
     means = np.mean([facets.add_noise(sensor, exact, rng) for _ in range(rows)], axis=0)
     white = standard_deviations(sensor, exact) / np.sqrt(rows)
     data = Data(means, states[:, :6], np.ones(6), np.zeros((150, 2)), noise=white,
                 rows=np.full(150, float(rows)))  # fmt: skip
-    over = (means - exact) / add_converter_steps(sensor, data).noise
-    assert np.sqrt((over**2).mean()) == pytest.approx(1, abs=0.15)
-    assert np.sqrt((((means - exact) / white) ** 2).mean()) > 3
-
-
-def table_of_steps(steps):
-    """Simulated readings beside an exact reference, which stands still a hundred rows a step."""
-    start, stop = np.array([-1, 1])[:, None] * [0.1, 0.1, 0.5, 5e-3, -5e-3, 5e-3, 0, 0]
-    motion = Steps(tuple(start), tuple(stop), steps, 100, 1000.0)
-    config = replace(facets.load("paper"), motions={"steps": motion})
-    segments = facets.simulate(config, seed=5)
-    columns = reading_table(segments) | reference_table(segments, [0] * 6, 5)
-    del columns["motion"]
-    return config, segments[0].truth[::100], columns
+    for noise, low, high in ((add_converter_steps(sensor, data).noise, 0.85, 1.15), (white, 3, 99)):
+        assert low < np.sqrt((((means - exact) / noise) ** 2).mean()) < high
 
 
 def test_a_table_of_stands_becomes_a_sample_each():
-    config, states, columns = table_of_steps(12)
-    data = gather_samples(Path("t.csv"), columns, replace(config.calibrate, dwells=True))
+    """Simulated readings beside an exact reference, which stands still a hundred rows a step."""
+    start, stop = np.array([-1, 1])[:, None] * [0.1, 0.1, 0.5, 5e-3, -5e-3, 5e-3, 0, 0]
+    motion = Steps(tuple(start), tuple(stop), 12, 100, 1000.0)
+    config = replace(facets.load("paper"), motions={"steps": motion})
+    segments, choice = facets.simulate(config, seed=5), replace(config.calibrate, dwells=True)
+    columns = reading_table(segments) | reference_table(segments, [0] * 6, 5)
+    del columns["motion"]
+    data = gather_samples(Path("t.csv"), columns, choice)
+    states = segments[0].truth[::100]
     np.testing.assert_allclose(data.pose, states[:, :6], atol=1e-9)
     assert data.velocity is None
     over = (data.raw - facets.readings(config.sensor, states)) / data.noise
     assert np.sqrt((over**2).mean()) == pytest.approx(1, abs=0.3)
     single = standard_deviations(config.sensor, data.raw)
     np.testing.assert_allclose(data.noise / single, 1 / np.sqrt(90), rtol=0.4)
-
-
-def test_a_reference_that_does_not_stand_still_is_told():
-    config, _, columns = table_of_steps(8)
+    few = {name: values[:800] for name, values in columns.items()}
     with pytest.raises(InputError, match=r"stands still 8 times.*Leave out --dwells"):
-        gather_samples(Path("t.csv"), columns, replace(config.calibrate, dwells=True))
+        gather_samples(Path("t.csv"), few, choice)
 
 
 def test_an_axis_stands_still_where_its_noisy_coordinate_does():
@@ -134,9 +120,8 @@ def test_an_axis_stands_still_where_its_noisy_coordinate_does():
     place = np.repeat([0.0, 2.0, 4.0, 2.0], 500) + rng.standard_normal(2000)
     place[rng.integers(0, 2000, 40)] = np.nan
     parts = stands_of_axis(place, 300)
-    assert len(parts) == 4
-    for k, part in enumerate(parts):
-        assert 500 * k <= part.start < part.stop <= 500 * (k + 1)
-        assert part.stop - part.start > 380
+    assert [part.start // 500 for part in parts] == [(part.stop - 1) // 500 for part in parts]
+    assert [part.start // 500 for part in parts] == [0, 1, 2, 3]
+    assert min(part.stop - part.start for part in parts) > 380
     assert len(stands_of_axis(rng.standard_normal(2000), 300)) == 1
     assert stands_of_axis(np.full(100, np.nan), 30) == []

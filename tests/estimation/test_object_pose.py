@@ -101,15 +101,17 @@ def test_a_zero_of_one_sample_is_exact_for_that_sample():
     near = START + 0.02 * (STATE - START)
     solution = facets.solve(sensor, facets.readings(sensor, np.stack([START, near])), **KNOWN)
     zero = facets.zero_pose(sensor, solution.state[:1], **KNOWN)
-    found = facets.transform(solution, HEAD, zero, members=[True, False])
-    np.testing.assert_allclose(found.pose[0], 0, atol=1e-15)
-    np.testing.assert_allclose(found.covariance[0], 0, atol=1e-14)
+    poses = facets.transform(solution, HEAD, zero, members=[True, False])
+    np.testing.assert_allclose(poses.pose[0], 0, atol=1e-15)
+    np.testing.assert_allclose(poses.covariance[0], 0, atol=1e-14)
     # The calibration errs by nearly the same at both poses, unless it may be another one.
     apart = replace(zero, same_calibration=False)
-    parts = [facets.transform(solution, HEAD, z).calibration_uncertainty[1] for z in (zero, apart)]
-    own = facets.transform(solution, HEAD).calibration_uncertainty[1]
-    assert (20 * parts[0] < own).all()
-    assert (parts[1] > own).all()
+    same, whole, other = (
+        facets.transform(solution, HEAD, start).calibration_uncertainty[1]
+        for start in (zero, None, apart)
+    )
+    assert (20 * same < whole).all()
+    assert (other > whole).all()
 
 
 def test_poses_without_a_solution_stay_nan_and_bare_states_have_no_covariance():
@@ -118,19 +120,18 @@ def test_poses_without_a_solution_stay_nan_and_bare_states_have_no_covariance():
     readings[1, 2] = np.nan
     solution = facets.solve(sensor, readings)
     for zero in (None, START, START[:6], facets.zero_pose(sensor, START)):
-        found = facets.transform(solution, HEAD, zero)
-        assert found.pose.shape == (2, 3, 6)
-        assert found.status is solution.status
-        assert found.is_displacement == (zero is not None)
-        for numbers in (found.pose, found.uncertainty):
+        poses = facets.transform(solution, HEAD, zero)
+        assert poses.status is solution.status
+        assert poses.is_displacement == (zero is not None)
+        for numbers in (poses.pose, poses.uncertainty):
+            assert numbers.shape == (2, 3, 6)
             assert np.isnan(numbers[1, 2]).all()
             assert np.isfinite(numbers[0]).all()
-    expected = facets.transform(solution, HEAD)
-    bare = facets.transform(solution.state, HEAD)
+    expected, bare = (facets.transform(each, HEAD) for each in (solution, solution.state))
     np.testing.assert_array_equal(bare.pose, expected.pose)
-    np.testing.assert_allclose(facets.transform(STATE[:6], HEAD).pose, bare.pose[0, 0], rtol=1e-12)
     with pytest.raises(facets.InputError, match="no covariance"):
         bare.uncertainty  # noqa: B018
+    np.testing.assert_allclose(facets.transform(STATE[:6], HEAD).pose, bare.pose[0, 0], rtol=1e-12)
     single = facets.transform(facets.solve(sensor, readings[0, 0]), HEAD)
     np.testing.assert_allclose(single.uncertainty, expected.uncertainty[0, 0], rtol=1e-6)
 
@@ -138,11 +139,13 @@ def test_poses_without_a_solution_stay_nan_and_bare_states_have_no_covariance():
 def test_zeros_that_cannot_be():
     sensor = calibrated()
     solution = facets.solve(sensor, facets.readings(sensor, STATE), **KNOWN)
+    zero, other = (facets.zero_pose(each, START) for each in (sensor, facets.load("paper").sensor))
     with pytest.raises(facets.InputError, match="no solved pose"):
         facets.zero_pose(sensor, np.full((3, 8), np.nan))
-    with pytest.raises(facets.InputError, match="different sensors"):
-        facets.transform(solution, HEAD, facets.zero_pose(facets.load("paper").sensor, START))
-    with pytest.raises(facets.InputError, match="zero has shape"):
-        facets.transform(solution, HEAD, np.zeros((2, 8)))
-    with pytest.raises(facets.InputError, match="members has 3 values"):
-        facets.transform(solution, HEAD, facets.zero_pose(sensor, START), members=[1, 0, 0])
+    for words, start, more in (
+        ("different sensors", other, {}),
+        ("zero has shape", np.zeros((2, 8)), {}),
+        ("members has 3 values", zero, {"members": [1, 0, 0]}),
+    ):
+        with pytest.raises(facets.InputError, match=words):
+            facets.transform(solution, HEAD, start, **more)

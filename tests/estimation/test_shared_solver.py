@@ -13,8 +13,8 @@ from facets.estimation import prepared
 
 SENSOR = facets.Sensor()
 WITH_ELECTRONICS = replace(SENSOR, electronics=facets.Electronics())
-#: Eight paths of 150 states.
-PATHS = np.random.default_rng(8).uniform(-1, 1, (8, 150, 8)) * [
+#: Eight paths of 80 states.
+PATHS = np.random.default_rng(8).uniform(-1, 1, (8, 80, 8)) * [
     0.1, 0.1, 3, 5e-3, 5e-3, 5e-3, 0, 0,
 ]  # fmt: skip
 
@@ -67,10 +67,10 @@ def test_threads_may_ask_for_single_readings_of_one_sensor(eager_threads):
     readings, slopes = facets.readings(SENSOR, PATHS), facets.jacobian(SENSOR, PATHS)
 
     def there_and_back(k: int) -> None:
-        for n, state in enumerate(PATHS[k]):
-            np.testing.assert_array_equal(facets.readings(SENSOR, state), readings[k, n])
-            np.testing.assert_array_equal(facets.jacobian(SENSOR, state), slopes[k, n])
-            np.testing.assert_allclose(facets.solve(SENSOR, readings[k, n]).state, state, atol=1e-8)
+        for state, reading, slope in zip(PATHS[k], readings[k], slopes[k], strict=True):
+            np.testing.assert_array_equal(facets.readings(SENSOR, state), reading)
+            np.testing.assert_array_equal(facets.jacobian(SENSOR, state), slope)
+            np.testing.assert_allclose(facets.solve(SENSOR, reading).state, state, atol=1e-8)
 
     eager_threads(there_and_back)
 

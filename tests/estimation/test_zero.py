@@ -46,17 +46,16 @@ def solve(readings: Path, name: str, request: ZeroRequest | None, rows: int, **m
     return pd.read_csv(path, comment="#"), count
 
 
-@pytest.mark.parametrize("rows", [1000, 30, 1])
+@pytest.mark.parametrize("rows", [1000, 7])
 def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
-    found, count = solve(readings, "poses.csv", ZeroRequest(seconds=0.1), rows)
-    assert count.zero is not None
+    poses, count = solve(readings, "poses.csv", ZeroRequest(seconds=0.1), rows)
     assert count.zero.samples == 99
-    mean = found[list(STATE_COLUMNS)][:100].drop(index=7).mean().to_numpy() * STATE_UNITS
+    mean = poses[list(STATE_COLUMNS)][:100].drop(index=7).mean().to_numpy() * STATE_UNITS
     np.testing.assert_allclose(count.zero.state, mean, atol=1e-12)
     assert "first 0.1 s, 99 samples" in read_head(readings.with_name("poses.csv"))["zero"]
-    moved = found.displacement_tx_mm[199] - 50 * np.sin(1e-3)
-    assert abs(moved) < 4 * found.u_displacement_tx_mm[199]
-    size = found.u_displacement_tz_mm / found.u_tz_mm
+    moved = poses.displacement_tx_mm[199] - 50 * np.sin(1e-3)
+    assert abs(moved) < 4 * poses.u_displacement_tx_mm[199]
+    size = poses.u_displacement_tz_mm / poses.u_tz_mm
     assert size[7] > 1 > size[8]  # the spoilt row is no sample of the zero
     same, _ = solve(readings, "row.csv", ZeroRequest(row=150), rows)
     assert (same.filter(regex="^displacement_").iloc[149].abs() < 1e-12).all()
@@ -74,11 +73,11 @@ def test_a_saved_pose_is_a_zero(readings):
     zero = zero_of_table(path, other, CONFIG.solve)
     assert not zero.same_calibration
     assert "independent" in zero_findings(zero)[1]
-    path.write_text(",".join(STATE_COLUMNS[:6]) + "\n0,0,0.1,0,0,0\n")
+    head = ",".join(STATE_COLUMNS[:6])
+    path.write_text(f"{head}\n0,0,0.1,0,0,0\n")
     zero = zero_of_table(path, CONFIG, CONFIG.solve)
-    np.testing.assert_array_equal(zero.state, [0, 0, 0.1, 0, 0, 0, 0, 0])
-    assert zero_findings(zero) == []
-    path.write_text(",".join(STATE_COLUMNS[:6]) + "\n90,0,0.1,0,0,0\n")
+    assert (zero.state.tolist(), zero_findings(zero)) == ([0, 0, 0.1, 0, 0, 0, 0, 0], [])
+    path.write_text(f"{head}\n90,0,0.1,0,0,0\n")
     with pytest.raises(facets.InputError, match=r"saved.csv: at the mean pose .* no light"):
         zero_of_table(path, CONFIG, CONFIG.solve)
 
@@ -86,24 +85,25 @@ def test_a_saved_pose_is_a_zero(readings):
 def test_few_samples_of_a_mirror_that_moves_are_told():
     """Samples at rest scatter by chance alone, the more the fewer they are."""
     for count in (2, 3, 10, 29):
-        states = facets.solve(CONFIG.sensor, noisy(np.zeros((200, count, 8)))).state
-        zeros = [facets.zero_pose(CONFIG.sensor, some) for some in states]
-        assert sum(bool(zero_findings(zero)) for zero in zeros) <= 1
+        states = facets.solve(CONFIG.sensor, noisy(np.zeros((100, count, 8)))).state
         states[0, :, 3] += np.linspace(0, 1e-4, count)
-        assert "mirror moved" in zero_findings(facets.zero_pose(CONFIG.sensor, states[0]))[0]
+        findings = [zero_findings(facets.zero_pose(CONFIG.sensor, some)) for some in states]
+        assert "mirror moved" in findings[0][0]
+        assert sum(map(bool, findings[1:])) <= 1
 
 
 def test_zeros_that_the_table_does_not_have(readings):
-    with pytest.raises(facets.InputError, match="row 201, but the table has 200 rows"):
-        solve(readings, "no.csv", ZeroRequest(row=201), 30)
-    with pytest.raises(facets.InputError, match="no solved pose that fits"):
-        solve(readings, "no.csv", ZeroRequest(row=8), 30)
-    assert not readings.with_name("no.csv").exists()
     bare = readings.with_name("bare.csv")
     lines = readings.read_text().splitlines()
     bare.write_text("\n".join(line.partition(",")[2] for line in lines))
-    with pytest.raises(facets.InputError, match="no column time_s; use --zero row:N"):
-        solve(bare, "no.csv", ZeroRequest(seconds=1.0), 30)
+    for path, request, words in (
+        (readings, ZeroRequest(row=201), "row 201, but the table has 200 rows"),
+        (readings, ZeroRequest(row=8), "no solved pose that fits"),
+        (bare, ZeroRequest(seconds=1.0), "no column time_s; use --zero row:N"),
+    ):
+        with pytest.raises(facets.InputError, match=words):
+            solve(path, "no.csv", request, 30)
+    assert not readings.with_name("no.csv").exists()
 
 
 def test_columns_hold_the_whole_covariance():
@@ -114,6 +114,6 @@ def test_columns_hold_the_whole_covariance():
     np.testing.assert_allclose(columns["cov_pitch_yaw_mrad2"], 1e6 * solution.covariance[:, 4, 5])
     np.testing.assert_allclose(columns["cov_tx_tx_mm2"], solution.covariance[:, 0, 0])
     assert sum(name.startswith("cov_object_") for name in columns) == 21
-    units = [unit_of_column(name) for name in columns if name.startswith("cov_")]
-    assert set(units) == {"mm^2", "mm mrad", "mrad^2"}
+    units = {unit_of_column(name) for name in columns if name.startswith("cov_")}
+    assert units == {"mm^2", "mm mrad", "mrad^2"}
     assert object_columns(solution, None) == {}

@@ -63,7 +63,7 @@ CHAINS = {
         """,
     "range": """
         range-map paper --axes tx,ty -d 'a range'
-        resolution paper -d 'a resolution'
+        resolution paper --coverage 0.95 -d 'a resolution'
         tolerances layout --heads 10 -d 'a yield'
         """,
     "jacobian": "jacobian paper -d 'a jacobian'",

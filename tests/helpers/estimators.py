@@ -123,9 +123,7 @@ def solve_batch(question: Question) -> Answer:
 
 def solve_prepared(question: Question) -> Answer:
     """One reading after the other, as a loop does."""
-    options = question.options
-    del options["start"]
-    solver = facets.Solver(question.sensor, **options)
+    solver = facets.Solver(question.sensor, **question.options)
     return join([answer_of(solver.solve(reading)) for reading in question.readings])
 
 
