@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,17 +13,33 @@ from reader import Reader
 
 import facets
 
-#: Commands of the guides that another test runs, with another folder for their results.
-ELSEWHERE = {
+#: Commands of the guides that another test runs; the guides show nothing of what they print.
+ELSEWHERE = (
     "facets range-map paper --axes tx,ty --folder results/paper-range",  # of the README
     "facets resolution paper --folder results/paper-resolution",  # of its page
-    "facets render paper -o results/paper.png",  # tests/pictures
+    "facets render paper -o results/paper.png",  # of the README, with another sensor
+    "facets jacobian head.yaml --certify",  # tests/cli/test_jacobian.py, with another sensor
+    "facets jacobian fig4-copy.yaml --states 20000",
+    "facets resolution fig4-copy.yaml",
+    "facets jacobian paper --certify --folder results/proof",  # tests/proof
+    "python -m facets.experiments.check_certificate results/proof/certificate.json",
     "facets reproduce all --quick --folder results/paper-report",  # tests/experiments
+)
+#: What is typed in place of what would take long.
+SHORTER = {
+    "-o results/rig.png": "-o results/rig.png --width 320 --height 240",
+    "--designs 1000": "--designs 20",
+    "--rate 250": "--rate 100",
+    "--samples 3300": "--samples 1320",
+    "--samples 24000": "--samples 8000",
+    "--trials 20000": "--trials 2000",
+    "--seconds 8": "--seconds 4",
 }
 #: Pages of commands whose examples need nobody at a second terminal, in an order in which each
 #: finds what an earlier one has written: those of the README's commands, and others.
 OF_THE_README = ("simulate", "solve", "range-map")
 LONG = (
+    "resolution",
     "optimize",
     "render",
     "tolerances",
@@ -35,44 +52,52 @@ LONG = (
 )
 
 
+def shorten(step):
+    for long, short in SHORTER.items():
+        step = replace(step, block=step.block.replace(long, short))
+    return step
+
+
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory):
     """Who has followed the README, but for its Python, which `test_documentation.py` runs."""
     reader = Reader(tmp_path_factory.mktemp("reader"))
     for step in steps(ROOT / "README.md"):
         if step.language != "python":
-            reader.follow(step)
+            reader.follow(shorten(step))
     return reader
 
 
-def show(reader, *pages):
-    """Run the examples of commands' pages; each line that they show has to be printed."""
-    for page in pages:
-        for step in steps(DOCS / "commands" / f"{page}.md"):
-            if step.language == "yaml":
-                reader.follow(step)
-            if step.language != "console":
-                continue
-            reader.printed = []
-            lines = step.block.splitlines()
-            for line in lines:
-                if line.startswith("$ "):
-                    reader.type(line[2:])
-            reader.compare(line for line in lines if not line.startswith("$ "))
+def show(reader, page, most=None):
+    """Run the first examples of a command's page; each line that they show has to be printed."""
+    examples = steps(DOCS / f"commands/{page}.md")
+    for step in [step for step in examples if step.language in ("yaml", "console")][:most]:
+        if step.language == "yaml":
+            reader.follow(step)
+            continue
+        reader.printed = []
+        lines = step.block.splitlines()
+        for line in lines:
+            if line.startswith("$ "):
+                reader.type(line[2:])
+        reader.compare(line for line in lines if not line.startswith("$ "))
 
 
 def test_the_readme_and_the_pages_of_its_commands_show_what_is_printed(reader):
-    show(reader, *OF_THE_README)
+    for page in OF_THE_README:
+        show(reader, page)
 
 
 @pytest.mark.slow
 def test_the_page_of_resolution_shows_what_is_printed(reader):
-    show(reader, "resolution")
+    """But for a million trials, which are a study."""
+    show(reader, "resolution", most=1)
 
 
 @pytest.mark.study
 def test_the_pages_of_long_commands_show_what_is_printed(reader):
-    show(reader, *LONG)
+    for page in LONG:
+        show(reader, page)
 
 
 @pytest.mark.slow
@@ -90,7 +115,7 @@ def follow(page, folder):
     reader.outputs = {line: [] for line in ELSEWHERE}
     try:
         for step in steps(page):
-            reader.follow(step)
+            reader.follow(shorten(step))
         assert reader.bench is None, f"{page}: nothing says when to stop the first terminal"
     finally:
         reader.end()

@@ -17,103 +17,103 @@ from facets.pictures import (
     Picture,
     Stand,
     ease_camera,
-    glow,
     motion_factor,
     range_solid,
     round_down,
     stays_on_detectors,
+    sub_beam,
+    surface,
 )
 
 PAPER = facets.Sensor()
 TILTED = np.array([0.08, 0.05, 0, 8e-3, 6e-3, 10e-3, 0, 0])
+BESIDE = np.array([40.0, 0, 0, 0, 0, 0, 0, 0])
 REST = np.zeros(8)
 SIZE = (240, 180)
 
 
-@pytest.fixture(scope="module", params=["dark", "light"])
-def view(request):
-    """The view of the rig in a theme."""
-    with Picture(PAPER, TILTED, "rig", SIZE, request.param) as picture:
-        yield picture.view
+@pytest.fixture(scope="module")
+def picture():
+    """A picture of the parts, from which tests take a camera and depths."""
+    with Picture(PAPER, TILTED, "rig", SIZE, sharpness=1) as picture:
+        yield picture
 
 
-def with_hue(hue):
-    """A colour's red, green and blue."""
-    return np.array([int(hue[n : n + 2], 16) for n in (1, 3, 5)])
+@pytest.fixture(scope="module")
+def shot(picture):
+    return picture.view.studio.take(picture.view.camera(), 1)
 
 
-def nearest_hue(change, theme):
-    """Which detector's hue a change of colour is nearest to."""
-    hues = np.array([with_hue(hue) for hue in theme.hues])
-    ways = hues - hues.mean(axis=1, keepdims=True)
+def light_in(view):
+    """How much of a picture's colours is the light of the sub-beams, by pixel."""
+    lit = view.image()
+    view.dark = (0, 1, 2)
+    change = 255 * (lit - view.image())
+    view.dark = ()
+    return change
+
+
+def nearest_hue(change, hues):
+    """Which hue a change of colour is nearest to."""
+    colours = np.array([[int(hue[n : n + 2], 16) for n in (1, 3, 5)] for hue in hues])
+    ways = colours - colours.mean(axis=1, keepdims=True)
     return int((ways @ (change - change.mean()) / np.linalg.norm(ways, axis=1)).argmax())
 
 
 @pytest.mark.slow
-def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(view):
-    lit, camera = view.image(), view.camera()
-    view.dark = (0, 1, 2)
-    change = 255 * (lit - view.image())
-    view.dark = ()
-    for k in range(3):
-        middle, _ = glow.centroid(view.stand, k)
-        start = np.ravel(view.stand.facet_points(k, middle)).astype(float)
-        end = np.ravel(view.stand.detector_points(k, middle)).astype(float)
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(theme):
+    with Picture(PAPER, TILTED, "rig", SIZE, theme) as picture:
+        view = picture.view
+        change, camera, stand = light_in(view), view.camera(), view.stand
+    for k, (psi, zeta, _) in enumerate(facets.readings(PAPER, TILTED).reshape(3, 3)):
+        _, along, upward = np.array(stand.geometry.axes[k])
+        spot = stand.geometry.centres[k] + psi * along + zeta * upward
         sample = np.zeros(3)
         for share in np.linspace(0.35, 0.75, 9):
-            x, y = camera.project(start + share * (end - start))[:2].astype(int)
+            x, y = camera.project(TILTED[:3] + share * (spot - TILTED[:3]))[:2].astype(int)
             block = change[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3)
             sample += block[np.abs(block).sum(axis=1).argmax()]
         assert np.abs(sample).max() > 100, f"no light along sub-beam {'ABC'[k]}"
-        assert nearest_hue(sample, view.theme) == k
+        assert nearest_hue(sample, view.theme.hues) == k
     assert not change[20, 20].any()  # and none where there is none
 
 
-@pytest.mark.slow
-def test_parts_are_where_the_camera_sees_their_points(view):
-    """The silhouette is that of the parts: each point is on it, and its box is the picture's."""
-    camera = view.camera()
-    shot = view.studio.take(camera)
-    points = np.concatenate([part.solid.points for part in view.parts if part.assembly == "frame"])
-    seen = np.clip(camera.project(points)[:, :2], 0, np.subtract(SIZE, 1)).astype(int)
-    hit = [np.isfinite(shot.depth[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3]).any()
-           for x, y in seen]  # fmt: skip
-    assert np.mean(hit) > 0.999
-    everything = camera.project(np.concatenate([part.solid.points for part in view.parts]))[:, :2]
+def test_a_detector_without_light_has_no_sub_beam(picture, shot):
+    stand = Stand.from_state(PAPER, BESIDE)
+    lit = [bool(sub_beam(stand, shot, k).any()) for k in range(3)]
+    assert lit == (facets.readings(PAPER, BESIDE)[2::3] > 1e-6).tolist()
+    assert lit.count(True) < 3
+
+
+def test_parts_are_where_the_camera_sees_their_points(picture, shot):
+    """The box around the parts is the picture's, and the column's top is as deep as drawn."""
+    parts = picture.view.parts
+    everything = shot.camera.project(np.concatenate([part.solid.points for part in parts]))[:, :2]
     drawn = np.argwhere(np.isfinite(shot.depth))[:, ::-1]
     assert np.abs(drawn.min(axis=0) - everything.min(axis=0)).max() < 4
     assert np.abs(drawn.max(axis=0) - everything.max(axis=0)).max() < 4
-    column = next(part for part in view.parts if part.name == "column").solid.points
-    x, y, depth = camera.project([*column.mean(axis=0)[:2], column[:, 2].max()])
+    column = next(part for part in parts if part.name == "column").solid.points
+    x, y, depth = shot.camera.project([*column.mean(axis=0)[:2], column[:, 2].max()])
     assert abs(shot.depth[int(y), int(x)] - depth) < 12
 
 
-def test_a_camera_fits_a_picture_and_its_rays_go_through_what_it_shows():
-    with Picture(PAPER, REST, "rig", (400, 300), sharpness=1) as picture:
-        points = np.concatenate([part.solid.points for part in picture.view.parts])
-        fitted = picture.view.camera()
-    seen = fitted.project(points)[:, :2] / (400, 300)
+def test_a_camera_fits_a_picture_and_its_rays_go_through_what_it_shows(picture, shot):
+    points = np.concatenate([part.solid.points for part in picture.view.parts])
+    seen = shot.camera.project(points)[:, :2] / SIZE
     low, high = seen.min(axis=0), seen.max(axis=0)
     assert (low > 0.04).all()
     assert (high < (0.96, 0.89)).all()
     assert ((high - low) / (0.9, 0.83)).max() > 0.97
-    for camera in (fitted, replace(fitted, angle=0.0)):
+    for camera in (shot.camera, replace(shot.camera, angle=0.0)):
         seen = camera.project(points)
         origin, ray = camera.rays(seen[:, 0], seen[:, 1])
         np.testing.assert_allclose(origin + seen[:, 2:] * ray, points, atol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def shot():
-    """A picture of the parts, whose camera and depths tests replace."""
-    with Picture(PAPER, TILTED, "rig", SIZE, sharpness=1) as picture:
-        return picture.view.studio.take(picture.view.camera(), 1)
-
-
-@pytest.mark.parametrize("name", ["paper", "skewed0"])
-def test_spots_shine_on_the_detectors_where_readings_say(name, shot):
-    """Each face, square on: the centroid of what is brighter than without the light."""
-    sensor, side = SENSORS[name], 500
+def test_spots_shine_on_the_detectors_where_readings_say(shot):
+    """Each face, square on: the centroid of the light on it."""
+    sensor, side = SENSORS["skewed0"], 500
     state = states(1, seed=5, offset=0.1, angle=0.004)[0]
     state[:3], state[6:] = state[:3] - [*state[6:], state[2] - 0.6], 0  # near rest
     reading = facets.readings(sensor, state)
@@ -126,7 +126,7 @@ def test_spots_shine_on_the_detectors_where_readings_say(name, shot):
             size=(side, side), shift=(0.0, 0.0),
         )  # fmt: skip
         face = replace(shot, camera=camera, depth=np.full((side, side), camera.distance))
-        light = glow.surface(stand, face, k)
+        light = surface(stand, face, k)
         y, x = np.indices(light.shape) + 0.5
         across, up = camera.aside(x.ravel(), y.ravel())
         weight = light.ravel() / light.sum()
@@ -143,33 +143,32 @@ def test_the_light_of_a_close_beam_is_its_integral_along_the_camera_s_ray(shot):
         shot.camera, place=tuple(apex + np.array([5, -6, 4])), focus=tuple(apex), angle=0.3,
         size=(40, 40), shift=(0.0, 0.0),
     )  # fmt: skip
-    light = glow.sub_beam(stand, replace(shot, camera=camera, depth=np.full((40, 40), np.inf)), 0)
+    light = sub_beam(stand, replace(shot, camera=camera, depth=np.full((40, 40), np.inf)), 0)
     rows, columns = np.nonzero(light > 1e-3)
     assert len(rows) > 100
+    direction, normals = np.array(stand.geometry.direction), np.array(stand.at.normals)
+    centre, facing = np.array(stand.geometry.centres[0]), np.array(stand.geometry.axes[0][0])
     for n in np.linspace(0, len(rows) - 1, 12).astype(int):
         origin, ray = camera.rays(columns[n : n + 1] + 0.5, rows[n : n + 1] + 0.5)
         places = origin + np.linspace(0, 2 * camera.distance, 40001)[:, None] * ray
-        normal = np.array(stand.at.normals[0])
-        centre, facing = np.array(stand.geometry.centres[0]), np.array(stand.geometry.axes[0][0])
-        before = ((places - apex) @ normal > 0) & ((places - centre) @ facing < 0)
-        folded = places - 2 * ((places - apex) @ normal)[:, None] * normal
-        cross = glow.sigma_coordinates(stand, folded)
-        shining = np.exp(-(cross**2).sum(axis=1) / 2) * glow.is_in_wedge(stand, 0, cross) * before
-        expected = shining.sum() * np.hypot(*(cross[1] - cross[0])) / np.sqrt(2 * np.pi)
+        height = (places - apex) @ normals[0]
+        folded = places - 2 * height[:, None] * normals[0]
+        # light falls on the facet whose plane it comes to last, from outside of the mirror
+        ways = (folded - apex) @ normals.T / -(normals @ direction)
+        shines = (ways.argmax(axis=1) == 0) & (height > 0) & ((places - centre) @ facing < 0)
+        cross = (folded - np.array(stand.at.place)) @ np.array(stand.geometry.whitening).T
+        expected = np.exp(-(cross**2).sum(axis=1) / 2)[shines].sum()
+        expected *= np.hypot(*(cross[1] - cross[0])) / np.sqrt(2 * np.pi)
         assert abs(light[rows[n], columns[n]] - expected) < 2e-3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("inclination", [38, 41, 50])
+@pytest.mark.parametrize("inclination", [38, 41])
 def test_facets_are_not_black_at_any_inclination(inclination):
     """They were at 38, 40, 41 and 43 degrees, where the normals of the drawn facets were lost."""
     slope = np.radians(inclination)
-    sensor = replace(
-        PAPER,
-        facets=tuple(replace(facet, inclination=slope) for facet in PAPER.facets),
-        psds=tuple(replace(psd, height=250 / np.tan(2 * slope)) for psd in PAPER.psds),
-    )
-    with Picture(sensor, REST, "mirror", (120, 90), "light") as picture:
+    inclined = tuple(replace(facet, inclination=slope) for facet in PAPER.facets)
+    with Picture(replace(PAPER, facets=inclined), REST, "mirror", (120, 90), "light") as picture:
         camera, parts = picture.view.camera(), picture.view.parts
         colour = picture.view.studio.take(camera).colour
     for k in (0, 2):  # those that face the camera
@@ -180,50 +179,36 @@ def test_facets_are_not_black_at_any_inclination(inclination):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "view"),
-    [("paper", "cutaway"), ("fig4", "both"), ("fig4", "exploded"), ("skewed", "both"),
-     ("skewed", "detector"), ("skewed", "cutaway"), ("skewed", "exploded")],
-)  # fmt: skip
+    [("paper", "cutaway"), ("fig4", "exploded"), ("skewed", "both"), ("skewed", "detector")],
+)
 def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
-    with Picture(facets.load(name).sensor, REST, view, (200, 150), sharpness=1) as picture:
+    with Picture(facets.load(name).sensor, BESIDE, view, (200, 150), sharpness=1) as picture:
+        picture.image()  # also where no light falls
+        picture.move(REST)
         image = picture.image()
         shot = picture.view.studio.take(picture.view.camera(), 1)
     assert image.std() > 8
     assert 0.03 < shot.is_covered.mean() < 0.85
 
 
-@pytest.mark.slow
-def test_a_dark_detector_is_said_to_be():
-    """Moved off the beam: sub-beams without light are not drawn, and nothing fails."""
-    away = np.array([40.0, 0, 0, 0, 0, 0, 0, 0])
-    with Picture(PAPER, away, "both", SIZE) as picture:
-        assert picture.image().shape == (180, 240, 3)
-    stand = Stand.from_state(PAPER, away)
-    assert [glow.centroid(stand, k)[1] > 1e-6 for k in range(3)].count(True) < 3
+def volume(solid):
+    """The volume inside a surface, by the divergence theorem."""
+    corners = (solid.points[face] for face in solid.faces)
+    fans = [(p[[0, n, n + 1]]) for p in corners for n in range(1, len(p) - 1)]
+    return np.linalg.det(fans).sum() / 6
 
 
 def test_parts_are_closed_and_face_outward_and_facets_lie_in_the_planes_of_the_model():
-    """Volumes by the divergence theorem are positive: else light falls on a part's inside."""
-    sensor = SENSORS["skewed1"]
-    with Picture(sensor, REST, "rig", SIZE, sharpness=1) as picture:
+    """Volumes are positive: else light falls on a part's inside."""
+    with Picture(SENSORS["skewed1"], REST, "rig", SIZE, sharpness=1) as picture:
         stand, parts = picture.view.rest, picture.view.parts
-    volumes = [(part.name, volume(part.solid)) for part in parts]
-    mirror = [size for name, size in volumes if "facet" in name or name == "mirror body"]
-    assert len(mirror) == 4
-    assert sum(mirror) > 0
-    for name, size in volumes:
-        assert size > 0 or size in mirror, name
-    for k, letter in enumerate("abc"):
-        (facet,) = (part.solid for part in parts if part.name == f"facet {letter}")
-        assert np.abs(facet.points @ np.array(stand.at.normals[k], float)).max() < 1e-9
-
-
-def volume(solid):
-    total = 0.0
-    for face in solid.faces:
-        points = solid.points[face]
-        for n in range(1, len(face) - 1):
-            total += np.linalg.det(points[[0, n, n + 1]]) / 6
-    return total
+    # the mirror's facets and its body, of which none is closed alone, come first
+    volumes = [volume(part.solid) for part in parts]
+    assert sum(volumes[:4]) > 0
+    assert min(volumes[4:]) > 0
+    for facet, normal in zip(parts[:3], stand.at.normals, strict=True):
+        assert facet.name.startswith("facet")
+        assert np.abs(facet.solid.points @ np.array(normal, float)).max() < 1e-9
 
 
 @pytest.mark.slow
@@ -231,23 +216,22 @@ def test_the_range_solid_ends_where_ranges_do():
     config = facets.load("paper")
     solid = range_solid.range_solid(config.sensor, config.range)
     z = facets.axis_ranges(config.sensor, config.range, np.zeros(6))[2]
-    top = solid.points[0]  # the first of the pole's points
-    assert abs(top[2] - z.high) < 1e-2
-    assert abs(solid.points[-1, 2] - z.low) < 1e-2
+    # the first and last points are those of the poles
+    assert solid.points[[0, -1], 2] == pytest.approx([z.high, z.low], abs=1e-2)
     assert {"PSD", "light"} & {facets.CAUSES[n].split()[-1] for n in set(solid.causes) if n < 4}
 
 
 def sheet_of(sensor):
-    """The sheet with the labels of a picture of the rig."""
+    """The sheet with the labels of a picture of the rig, which is left without its parts."""
     sheets = []
     with Picture(sensor, REST, "rig", (900, 675), sharpness=1) as picture:
-        annotate = picture.view.annotate
-        picture.view.annotate = lambda *more: (sheets.append(more[0]), annotate(*more))
+        view, annotate = picture.view, picture.view.annotate
+        view.annotate = lambda *more: (sheets.append(more[0]), annotate(*more))
+        view.expose = lambda _: np.zeros((675, 900, 3))
         picture.image()
     return sheets[0]
 
 
-@pytest.mark.slow
 def test_equal_radii_have_one_dimension_unequal_ones_three_and_labels_do_not_overlap():
     other = replace(PAPER, psds=(replace(PAPER.psds[0], radius=200.0), *PAPER.psds[1:]))
     sheet, alike = sheet_of(other), sheet_of(PAPER)
@@ -267,17 +251,16 @@ def test_a_film_s_camera_moves_with_ease_and_ends_where_it_began(shot):
     places = np.array([ease_camera(camera, share).place for share in np.linspace(0, 1, 61)])
     np.testing.assert_allclose(places[0], places[-1], atol=1e-9)
     steps = np.diff(places, axis=0)
+    steps = np.concatenate([steps, steps[:1]])  # a film is repeated
     longest = np.linalg.norm(steps, axis=1).max()
-    np.testing.assert_allclose(steps[0], steps[-1], atol=0.06 * longest)
     assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.2 * longest
 
 
 def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
     motion = np.zeros((20, 8))
     motion[:, 5] = np.linspace(-1e-3, 1e-3, 20)
-    factor = motion_factor(PAPER, motion)
-    assert factor == 20  # 250 mm x 20 mrad is 5 mm of 6.5
-    assert stays_on_detectors(PAPER, factor * motion)
+    assert motion_factor(PAPER, motion) == 20  # 250 mm x 20 mrad is 5 mm of 6.5
+    assert stays_on_detectors(PAPER, 20 * motion)
     assert not stays_on_detectors(PAPER, 50 * motion)
     assert motion_factor(PAPER, 100 * motion) == 1
     assert [round_down(x) for x in (1, 1.99, 2, 7, 0.5, 1000)] == [1, 1, 2, 5, 0.5, 1000]
