@@ -233,6 +233,8 @@ class Run:
                 closing.callback(self.live.tracker.close)
             if self.publications is not None:
                 closing.callback(self.publications.close)
+            if hasattr(self, "reader"):  # opened last
+                closing.callback(self.reader.close_port)
 
     def acquire(self, show: Show = lambda _: None) -> None:
         """Run to the end of the stream, the time or the samples, or to ^C; then close all parts.

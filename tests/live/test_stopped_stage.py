@@ -8,34 +8,28 @@ import pty
 import signal
 import subprocess
 import termios
-import threading
 import time
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from commands import PROGRAM, command
+from commands import PROGRAM
 from programs import Program, await_true, count_lines
+from streams import samples_of
 
 import facets
-from facets.detectors import readings_to_counts
-from facets.live.run.doubts import Trust
-from facets.live.run.keys import watch_keys
-from facets.live.virtual.board import HEARTBEAT_PATIENCE_S, HeartbeatWatch
-from facets.tracking import heartbeat_frame
+from facets.live import Live, Pipeline, pack
 
+CONFIG = facets.load("bench")
 PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
+#: A mirror that never leaves the light of a stage that stands still.
 CALM = """extends: bench
 stage: {stale_ms: 500, permit: "file:permit", heartbeat: board}
 motions:
-  circle: {kind: sine, amplitude: {tx_mm: 4, ty_mm: 4}, phase_deg: {tx_mm: 90}, samples: 4000,
+  circle: {kind: sine, amplitude: {tx_mm: 0.2, ty_mm: 0.2}, phase_deg: {tx_mm: 90}, samples: 400,
     rate_hz: 100}
 """
-
-
-def moves(folder):
-    return count_lines(folder / "rec" / "events.jsonl", '"move"')
 
 
 @pytest.mark.slow
@@ -43,6 +37,7 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
     """The permit is taken away and given back, then SIGUSR1 comes, then the run is killed."""
     (tmp_path / "calm.yaml").write_text(CALM)
     (tmp_path / "permit").write_text("1")
+    path = tmp_path / "rec" / "events.jsonl"
     with Program("emulate", "calm.yaml", "--folder", "bench", "--motion", "circle",
                  "--rate", "1000", cwd=tmp_path) as bench:  # fmt: skip
         bench.await_output("running")
@@ -50,24 +45,25 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
                      "--max-loss=1", cwd=tmp_path) as run:  # fmt: skip
 
             def go_on():
-                time.sleep(0.5)  # refused before the stage stands
+                time.sleep(0.2)  # refused before the stage stands
                 run.process.send_signal(signal.SIGUSR1)
 
-            def await_moves(count):
-                run.await_true(lambda: go_on() or moves(tmp_path) > count, f"{count} moves")
+            def await_moves():
+                goal = count_lines(path, '"move"') + 20
+                run.await_true(lambda: go_on() or count_lines(path, '"move"') > goal, "20 moves")
 
             # on a busy machine the loop may stall, and the stage be stopped, before the permit goes
-            run.await_true(lambda: (tmp_path / "rec" / "events.jsonl").exists(), "a recording")
             run.await_true(lambda: "stage " in run.stdout, "a line")
-            await_moves(20)
+            await_moves()
             (tmp_path / "permit").write_text("0")
             no_permit = "the external permit is not given"
             run.await_true(lambda: go_on() or no_permit in run.stdout, no_permit)
             (tmp_path / "permit").write_text("1")
-            await_moves(moves(tmp_path) + 20)
+            await_moves()
             run.process.send_signal(signal.SIGKILL)
             run.end(None)
-        events = [json.loads(x) for x in (tmp_path / "rec/events.jsonl").read_text().splitlines()]
+        events = [json.loads(line) for line in path.read_text().splitlines()]
+        time.sleep(0.3)  # the board waits for a heartbeat for 0.1 s
         bench.end()
     names = [event["event"] for event in events]
     after = names[names.index("stop") :]
@@ -77,98 +73,73 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
 
 
 @pytest.mark.slow
-def test_a_stage_must_be_checked_before_it_follows(tmp_path):
-    (tmp_path / "mine.yaml").write_text(
-        "extends: bench\nstage: {port: bench/stage, step_um: 0.2}\nacquire: {port: bench/board}\n"
-    )
-    result = command("acquire", "mine.yaml", "--track", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "--check-stage" in result.stderr
-    assert "is not the stage that is configured now" in result.stderr
+def test_a_stage_must_be_checked_before_it_follows(tmp_path, run_in_process):
+    """`run_chain` follows a stage by the configuration that its check has written."""
+    (tmp_path / "mine.yaml").write_text("extends: bench\nstage: {step_um: 0.2}\n")
+    status, _, errors = run_in_process("acquire", "mine.yaml", "--track", *PORTS)
+    assert status == 2
+    assert "--check-stage" in errors
+    assert "is not the stage that is configured now" in errors
     assert not (tmp_path / "recordings").exists()
     with Program("emulate", "bench", "--motion", "rest", "--rate", "1000", cwd=tmp_path) as bench:
         bench.await_output("running")
-        check = ("acquire", "bench", "--check-stage", *PORTS, "--plain", "--max-loss", "1")
-        result = command(*check, "--write", "good.yaml", "-d", "a", cwd=tmp_path)
-        assert result.returncode == 0, result.stdout + result.stderr
-        assert "The stage is wired as the configuration says." in result.stdout
-        wrong = ("acquire", "mine.yaml", "--check-stage", "--plain", "--max-loss", "1")
-        result = command(*wrong, "--write", "bad.yaml", "-d", "b", cwd=tmp_path)
-    assert result.returncode == 1, result.stdout + result.stderr
-    assert "correct stage.step_um" in result.stderr
-    assert "checked: 20" in (tmp_path / "good.yaml").read_text()
+        status, output, errors = run_in_process(
+            "acquire", "mine.yaml", "--check-stage", *PORTS, "--plain", "--max-loss", "1",
+            "--write", "bad.yaml",
+        )  # fmt: skip
+    assert status == 1, output + errors
+    assert "correct stage.step_um" in errors
     assert not (tmp_path / "bad.yaml").exists()
 
 
-def test_bad_uses_of_the_check_are_refused(tmp_path):
+def test_bad_uses_of_the_check_are_refused(tmp_path, run_in_process):
     (tmp_path / "old.yaml").write_text("extends: bench\n")
     (tmp_path / "text.yaml").write_text(
         "extends: bench\nacquire: {format: text}\nstage: {permit: board}\n"
     )
     (tmp_path / "file.yaml").write_text("extends: bench\nstage: {heartbeat: board}\n")
     (tmp_path / "board.bin").write_bytes(b"")
-    here = ("--port", "file:board.bin", "--stage-port", "bench/stage")
     for words, text in (
-        (("bench", "--track", "--check-stage"), "check it first"),
-        (("bench", "--write", "new.yaml"), "--write needs --check-stage"),
-        (("bench", "--check-stage", "--write", "new.txt"), "ends in .yaml"),
-        (("bench", "--check-stage", "--write", "old.yaml"), "old.yaml"),
-        (("bench", "--track", "--stage-port", "/dev/ttyUSB0"), "which is not the stage"),
-        (("text.yaml", "--track"), "no flag for it"),
-        (("file.yaml", "--track"), "nothing can be sent to file:board.bin"),
+        ("bench --track --check-stage", "check it first"),
+        ("bench --write new.yaml", "--write needs --check-stage"),
+        ("bench --check-stage --write new.txt", "ends in .yaml"),
+        ("bench --check-stage --write old.yaml", "old.yaml"),
+        ("bench --track --stage-port /dev/ttyUSB0", "which is not the stage"),
+        ("text.yaml --track", "no flag for it"),
+        ("file.yaml --track", "nothing can be sent to file:board.bin"),
     ):
-        result = command("acquire", *words, *(() if "/dev/ttyUSB0" in words else here[2:]),
-                         *here[:2], cwd=tmp_path)  # fmt: skip
-        assert result.returncode == 2, words
-        assert text in result.stderr, result.stderr
-        assert "Traceback" not in result.stderr
+        status, _, errors = run_in_process("acquire", *words.split(), "--port", "file:board.bin")
+        assert status == 2, words
+        assert text in errors
+        assert "Traceback" not in errors
     assert not (tmp_path / "recordings").exists()
-
-
-def test_a_heartbeat_is_heard_among_noise_and_one_that_hangs_is_none():
-    watch, now = HeartbeatWatch(), 5.0
-    assert not watch.is_alive(now)
-    for count in range(1, 6):
-        now += 0.02
-        data = b"\xa5\x00\xa5" + heartbeat_frame(count, True)
-        watch.feed(data[:7], now)
-        watch.feed(data[7:] + b"\xa5\x5a", now)
-        assert watch.is_alive(now)
-    spoilt = bytearray(heartbeat_frame(9, True))
-    spoilt[5] ^= 1
-    for _ in range(10):
-        now += 0.02
-        watch.feed(heartbeat_frame(5, True) + bytes(spoilt), now)
-    assert now - 5.1 > HEARTBEAT_PATIENCE_S
-    assert not watch.is_alive(now)
-    watch.feed(heartbeat_frame(6, True), now)
-    assert watch.is_alive(now)
-    watch.feed(heartbeat_frame(7, False), now)
-    assert not watch.is_alive(now)
 
 
 @pytest.mark.parametrize("bits", [16, 9])
 def test_a_frozen_converter_is_told_from_a_mirror_that_stands_still(bits):
-    """Counts at 1 kHz with noise, which the coarse converter hardly sees; then the same ones."""
-    config = facets.load("bench")
-    electronics = replace(config.electronics, adc_bits=bits)
-    trust = Trust(replace(config, electronics=electronics))
-    exact = np.repeat(facets.readings(config.sensor, np.zeros((1, 8))), 2000, axis=0)
-    counts = readings_to_counts(config.sensor, electronics, exact, np.random.default_rng(1))
-    time = 1000 * np.arange(2000)
-    for part in range(0, 2000, 20):
-        trust.add_counts(counts[part : part + 20], time[part : part + 20])
-        assert not trust.doubt
-    frozen = np.repeat(counts[-1:], 20, axis=0)
-    for n in range(4):
-        trust.add_counts(frozen, time[-1] + 1000 + 1000 * np.arange(20 * n, 20 * n + 20))
-        assert bool(trust.doubt) == (bits == 16 and n > 1)
-    trust.add_counts(frozen + 1, time[-1] + 100_000 + 1000 * np.arange(20))
-    assert not trust.doubt
+    """Counts at 1 kHz with noise, which the coarse converter hardly sees; then the same ones; then
+    others. With a stage and without one, a message says so while it lasts."""
+    electronics = replace(CONFIG.electronics, adc_bits=bits)
+    readings = facets.readings(CONFIG.sensor, np.zeros((2_100, 8)))
+    samples = samples_of(readings, np.random.default_rng(1), electronics=electronics)
+    samples.time[:] *= 10
+    samples.counts[2_000:] = samples.counts[1_999]
+    samples.counts[2_080:] += 1
+    stage = SimpleNamespace(error="", note="", envelope=SimpleNamespace(latched=""))
+    pipeline = Pipeline(replace(CONFIG, electronics=electronics))
+    live = Live(pipeline, begin=np.inf)  # no run, which could be silent
+    for first in range(0, 2_100, 20):
+        pipeline.take(pack(samples.where(slice(first, first + 20))), 1e-3 * first)
+        is_frozen = bits == 16 and 2_040 <= first < 2_080
+        assert pipeline.trust.doubt == "the readings do not change" * is_frozen
+        for live.tracker in (None, stage):
+            assert live.messages() == [
+                "the readings do not change, not even by noise: check the converter and light"
+            ] * is_frozen  # fmt: skip
 
 
 def test_poses_that_mostly_misfit_are_doubted_after_a_while():
-    trust, all_three = Trust(facets.load("bench")), np.full(3, True)
+    trust, all_three = Pipeline(CONFIG).trust, np.full(3, True)
     for n in range(200):  # at 100 Hz, and one second in the middle that does not fit
         beyond = np.array([n % 3 == 0, 50 <= n < 150, 50 <= n < 150])
         poses = SimpleNamespace(converged=all_three, checks=np.ones(3), misfit=beyond)
@@ -203,11 +174,3 @@ def test_a_key_calls_its_action_and_the_terminal_is_as_it_was(tmp_path):
     assert termios.tcgetattr(other)[3] == before[3]
     os.close(end)
     os.close(other)
-
-
-def test_no_key_is_read_where_the_input_is_no_terminal(monkeypatch, tmp_path):
-    with (tmp_path / "empty").open("w+") as file:
-        monkeypatch.setattr("sys.stdin", file)
-        threads = threading.active_count()
-        with watch_keys({"r": lambda: None}):
-            assert threading.active_count() == threads
