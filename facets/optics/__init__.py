@@ -3,7 +3,6 @@ from ..core.faces import load_on_use
 __getattr__ = load_on_use(
     __name__,
     {
-        "central": "CENTRAL_SQUARED side_central",
         "effects": "LightEffects",
         "forward": "OPEN build_geometry dark_scene",
         "parameters": "BEAM FACET PARAMETERS PSD",

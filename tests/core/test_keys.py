@@ -37,7 +37,6 @@ CHECK = model_of(BLOCK)
 
 def test_the_defaults_of_fields_are_those_of_their_keys_in_the_units_of_the_code():
     assert Lamp() == BLOCK.read({}) == Lamp(0.5, 1.0, 2.0, (0.0, 0.0), inf, False, "red")
-    assert BLOCK.meaning == "A lamp."
 
 
 def test_a_checked_file_gives_the_object_and_only_changed_keys_are_written():

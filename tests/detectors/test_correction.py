@@ -26,13 +26,13 @@ def sensor() -> facets.Sensor:
 def test_a_correction_is_a_polynomial_of_the_place_in_half_sizes(sensor):
     fixed = correct(sensor, RAW)
     for k, psd in enumerate(sensor.psds):
-        y, z = RAW[0, 3 * k] / (psd.size_y / 2), RAW[0, 3 * k + 1] / (psd.size_z / 2)
+        psi, zeta, power = RAW[0, 3 * k : 3 * k + 3]
+        y, z, correction = 2 * psi / psd.size_y, 2 * zeta / psd.size_z, psd.correction
         terms = np.array([y, z, y * y, y * z, z * z, y**3, y * y * z, y * z * z, z**3])
-        power = RAW[0, 3 * k + 2]
         expected = [
-            RAW[0, 3 * k] + terms @ psd.correction.y,
-            RAW[0, 3 * k + 1] + terms @ psd.correction.z,
-            power * (1 + psd.correction.power) + psd.correction.dark,
+            psi + terms @ correction.y,
+            zeta + terms @ correction.z,
+            power * (1 + correction.power) + correction.dark,
         ]
         assert fixed[0, 3 * k : 3 * k + 3] == pytest.approx(expected, rel=1e-13)
     assert invert_correction(sensor, fixed) == pytest.approx(RAW, abs=1e-12)

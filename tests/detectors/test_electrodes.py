@@ -1,9 +1,9 @@
-"""Electrodes' currents: the potential on a tetra-lateral detector, and from currents to places."""
+"""Electrodes' currents: the potential on a tetra-lateral detector."""
 
 import numpy as np
 import pytest
 
-from facets.detectors import electrodes, fractions
+from facets.detectors import fractions
 
 
 def series(towards: float, along: float, aspect: float) -> float:
@@ -25,14 +25,3 @@ def test_a_tetra_laterals_currents_are_those_of_a_conducting_sheet(aspect):
         assert shares == pytest.approx([series(*side) for side in sides], rel=1e-11, abs=1e-13)
     at_rim = fractions("tetra-lateral", np.array(0.999), np.array(-0.999), aspect)
     assert at_rim.sum() == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("kind", electrodes.KINDS)
-def test_currents_lead_back_to_the_place(kind):
-    y, z = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 500))
-    for aspect in (1.0, 0.6):
-        shares = fractions(kind, y, z, aspect)
-        assert (shares > 0).all()
-        assert electrodes.total(kind, shares) == pytest.approx(np.ones(500), abs=1e-11)
-        places = electrodes.places(kind, shares, aspect)
-        assert places == pytest.approx(np.stack([y, z], axis=-1), abs=1e-9)

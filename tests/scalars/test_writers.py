@@ -89,18 +89,14 @@ def test_each_lane_computes_as_floats_do():
         )
 
 
-def test_what_is_known_before_a_branch_or_as_a_divisor_is_computed_once():
+def test_what_is_known_before_a_branch_is_computed_once():
     writer, asked, _ = new_function(machine.MachineWriter)
     x, y = (writer.load(asked, n) for n in range(2))
     before = x * y
     chosen = writer.choose((x > 0) & (x > 0), lambda: y * x + 1, lambda: y * x - 1)
     assert chosen + before is not None
-    assert str(writer.builder.module).count("fmul") == 1
-    assert str(writer.builder.module).count("fcmp") == 1
-    writer, asked, _ = new_function(lane_writer)
-    x, y = writer.load_rows(asked, 2, 2)
-    assert x / y + x * x / y + 1 / y + x / 3 + x / 4 is not None
-    assert str(writer.builder.module).count("fdiv") == 1
+    code = str(writer.builder.module)
+    assert code.count("fmul") == code.count("fcmp") == 1
 
 
 def test_what_one_branch_computes_is_computed_anew_in_the_other_and_after():
