@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from power_cut import Log, image
+from streams import samples_of, yawing
 
 import facets
 from facets import InputError
-from facets.detectors import readings_to_counts
 from facets.files import run_record
 from facets.live import (
-    ELECTRODES,
     Block,
     Damage,
     Pipeline,
     Recording,
-    Samples,
     encode,
     join_columns,
     meta_of,
@@ -38,7 +35,6 @@ def config_of(form):
     return replace(CONFIG, acquire=replace(CONFIG.acquire, format=form))
 
 
-@lru_cache
 def recorded(form):
     """A run: the log of what its recording did, how much of that came before the first byte, its
     poses, and after which operation each block was sure to be on the disk."""
@@ -82,19 +78,10 @@ def recorded(form):
 
 
 def make_blocks(form):
-    rng = np.random.default_rng(1)
-    count = BLOCKS * EACH
-    state = np.zeros((count, 8))
-    state[:, 5] = 1e-3 * np.sin(np.arange(count) / 40)
-    counts = readings_to_counts(
-        CONFIG.sensor, CONFIG.electronics, facets.readings(CONFIG.sensor, state), rng
-    )
-    number = np.arange(count, dtype=np.uint32)
-    kind = np.full(count, ELECTRODES, np.uint8)
-    sent = Samples(kind, 0 * kind, number, 100 * number, counts)
-    blocks = []
+    readings = facets.readings(CONFIG.sensor, yawing(BLOCKS * EACH, samples_per_radian=40))
+    sent, blocks = samples_of(readings, np.random.default_rng(1)), []
     for n in range(BLOCKS):
-        data = encode(form, sent.where((number >= n * EACH) & (number < (n + 1) * EACH)))
+        data = encode(form, sent.where(slice(n * EACH, (n + 1) * EACH)))
         arrival = 50.0 + 1e-4 * EACH * (n + 1)
         blocks.append(Block(data, arrival, Encoder(arrival, np.array([1e-4, 0.0]), np.zeros(2))))
     return blocks
@@ -104,7 +91,6 @@ def make_blocks(form):
     ("form", "cuts"),
     [
         ("frames", 30),
-        pytest.param("cobs", 60, marks=pytest.mark.slow),
         pytest.param("text", 60, marks=pytest.mark.slow),
     ],
 )
@@ -179,17 +165,3 @@ def check_losses_are_told(poses, pipeline, damage):
         assert pipeline.sequence.restarts == 0
         if missing:
             assert damage.words
-
-
-def test_the_whole_recording_comes_back_whole(tmp_path):
-    log, _, whole, _ = recorded("frames")
-    for name, data in image(log, len(log.done), np.random.default_rng(1)).items():
-        (tmp_path / name).write_bytes(data)
-    assert meta_of(tmp_path)["config"] == "bench"
-    damage = Damage()
-    again = columns_of_replay(tmp_path, Pipeline(CONFIG), damage)
-    assert damage == Damage()
-    assert all(np.array_equal(again[name], whole[name], equal_nan=True) for name in whole)
-    kept = recorded_poses(tmp_path)
-    assert kept.keys() == whole.keys()
-    assert all(np.array_equal(kept[name], whole[name], equal_nan=True) for name in whole)
