@@ -17,10 +17,9 @@ else:
         __name__,
         {
             "bundle_adjustment": (
-                "Data OWN_COUNT OWN_UNITS add_power_polynomials eliminate_own_unknowns "
+                "Data OWN_COUNT OWN_UNITS eliminate_own_unknowns "
                 "linear own_sigma predict_readings states_of"
             ),
-            "effect_search": "explain_scatter first_state search",
             "fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
             "identifiability": (
                 "choose_poses information mean_reduction pose_information weak_directions"

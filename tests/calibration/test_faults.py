@@ -12,13 +12,12 @@ from rig_samples import (
     NOMINAL,
     accepted_effects,
     judge,
+    sample_in_time,
     sample_rig,
     settings,
     words_of,
 )
 from scipy.spatial.transform import Rotation
-
-from facets.calibration import velocities
 
 COUNT = 100
 
@@ -94,28 +93,23 @@ def test_a_fault_of_the_table_is_named_and_not_trusted(samples, spoil, words):
     assert words in words_of(judged)
 
 
-def sample_in_time(late, count=150):
-    """A motion in time, sampled at 1 kHz, the reference late by some seconds."""
-    rng = np.random.default_rng(2)
-    rig = rigs.draw_rig(NOMINAL, rng)
-    time = np.arange(count) / 1000
-    phase, cycles = rng.uniform(0, 6, 6), np.array([1.3, 2.1, 1.7, 2.9, 3.3, 2.3])
-
-    def pose(at):
-        return 0.9 * rigs.BOX * np.sin(2 * np.pi * 4 * cycles * at[:, None] + phase)
-
-    empty = rigs.Data(np.zeros((count, 9)), pose(time), rigs.REFERENCE, np.zeros((count, 2)))
-    data = rigs.read(rig, empty, rng)
-    said = pose(time - late) + rigs.REFERENCE * rng.standard_normal((count, 6))
-    return data._replace(pose=said, velocity=velocities(time, said))
-
-
 def test_a_late_reference_is_found():
     judged = judge(sample_in_time(3e-4), settings(delay="auto"))
     assert accepted_effects(judged) == {"delay"}
     names = judged.found.choice.names
     delay = judged.found.values[names.index("reference.delay")]
     assert delay == pytest.approx(3e-4, abs=2e-5)
+
+
+def test_channels_read_in_turn_are_found():
+    delays, asked = (0.0, 4e-5, 1e-4), settings(channel_skew="auto")
+    data = sample_in_time(delays=delays)
+    judged = judge(data, asked)
+    assert judged.is_trusted
+    assert accepted_effects(judged) == {"channel_skew"}
+    assert judged.sensor.light.delays == pytest.approx(delays, abs=1e-5)
+    (row,) = judge(data.part(slice(0, 30))._replace(velocity=None), asked).search.rows
+    assert (row.key, row.accepted, row.why) == ("channel_skew", False, "no time_s of a motion")
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from facets.experiments import rigs
-from rig_samples import CONFIG
+from rig_samples import CONFIG, move
 
 from facets import InputError
 from facets.calibration import REFERENCE, join_tables, recording_time
@@ -13,11 +13,11 @@ from facets.core import READING_COLUMNS, STATE_UNITS
 from facets.files import tables
 
 LATE = 0.0123
+TIME = np.arange(600) / 500
 
 
 def pose(at):
-    cycles, phase = np.array([1.3, 2.1, 1.7, 2.9, 3.3, 2.3]), np.arange(6)
-    return 0.8 * rigs.BOX * np.sin(2 * np.pi * cycles * at[:, None] + phase)
+    return move(at / 4)
 
 
 @pytest.fixture(scope="module")
@@ -26,16 +26,15 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("join")
     rng = np.random.default_rng(1)
     rig = rigs.draw_rig(CONFIG.sensor, rng)
-    time = np.arange(600) / 500
-    empty = rigs.Data(np.zeros((600, 9)), pose(time), rigs.REFERENCE, np.zeros((600, 2)))
+    empty = rigs.Data(np.zeros((600, 9)), pose(TIME), rigs.REFERENCE, np.zeros((600, 2)))
     raw = rigs.read(rig, empty, rng).raw
     columns = dict(zip(READING_COLUMNS, raw.T, strict=True))
     for name in ("time_s", "host_s", "clock"):
-        tables.write_table(folder / f"{name}.csv", {name: time, **columns}, {})
+        tables.write_table(folder / f"{name}.csv", {name: TIME, **columns}, {})
     clock = np.arange(-0.2, 1.5, 1 / 97)
     columns = dict(zip(REFERENCE, (pose(clock - LATE) / STATE_UNITS[:6]).T, strict=True))
-    tables.write_table(folder / "ref.csv", {"time_s": clock, **columns}, {})
-    tables.write_table(folder / "later.csv", {"time_s": clock + 100, **columns}, {})
+    for name, start in (("ref", 0), ("later", 100)):
+        tables.write_table(folder / f"{name}.csv", {"time_s": clock + start, **columns}, {})
     return folder
 
 
@@ -48,9 +47,8 @@ def test_the_offset_of_the_clocks_is_found(folder):
     joined = join(folder, "time_s")
     assert joined.offset == pytest.approx(LATE, abs=5e-4)
     assert joined.likeness > 0.98
-    at = np.arange(600) / 500
-    speed = np.gradient(pose(at), at, axis=0)
-    off = joined.data.pose - pose(at)
+    speed = np.gradient(pose(TIME), TIME, axis=0)
+    off = joined.data.pose - pose(TIME)
     delay = (off * speed).sum() / (speed**2).sum()
     assert np.abs(off - delay * speed).max(axis=0) == pytest.approx(0, abs=2e-3)
     np.testing.assert_allclose(joined.data.velocity[5:-5], speed[5:-5], atol=0.02 * speed.max())

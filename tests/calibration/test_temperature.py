@@ -2,40 +2,35 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.cli import main
 from facets.experiments import bench_rays, rigs
+from rig_samples import CONFIG, IDEAL_RAYS, NOMINAL, accepted_effects, judge, settings, words_of
 
 import facets
 from facets.calibration import (
+    REFERENCE,
     StopReadings,
     average_stop,
     choice,
-    choose_groups,
+    fit,
     gather_samples,
     renew_zero,
 )
-from facets.calibration.fit import fit
-from facets.calibration.verdict import verdict
 from facets.config import sensor_keys
-from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS, InputError, Solve
+from facets.core import READING_COLUMNS, STATE_UNITS, InputError, Solve
 from facets.detectors import TEMPERATURE, add_noise, standard_deviations
 from facets.estimation import shift_per_kelvin, solve_readings
 from facets.files import tables
 
-SETTINGS = facets.load("paper")
-NOMINAL = SETTINGS.sensor
-IDEAL = bench_rays.RayBench(
-    np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
-    np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
-)  # fmt: skip
 #: Of the posts and of the beam's position, mm/K.
 POST, BEAM = 2.3e-3, np.array([4e-4, -3e-4])
 KNOWN = Solve(beam="known", power="unknown")
+BEFORE = {"psd_place_mm": 0.2, "power_percent": 2.0}
+DRIFTS = ("time_drift", "temperature_drift", "temperature_lag")
+ASKED = replace(settings(**dict.fromkeys(DRIFTS, "auto")), power_per_sample=False, before=BEFORE)
 
 
 def read(pose, temperature):
@@ -45,42 +40,41 @@ def read(pose, temperature):
         rows, warmer = temperature == value, value - 20
         psds = [replace(psd, height=psd.height + POST * warmer) for psd in NOMINAL.psds]
         state = np.column_stack([pose[rows], np.tile(BEAM * warmer, (rows.sum(), 1))])
-        exact[rows] = bench_rays.spots(replace(NOMINAL, psds=tuple(psds)), IDEAL, state)
+        exact[rows] = bench_rays.spots(replace(NOMINAL, psds=tuple(psds)), IDEAL_RAYS, state)
     return exact
 
 
-def sample(seed, head, more):
+def sample(seed, head, **more):
     """Samples of a head at temperatures, with further columns."""
     rng = np.random.default_rng(seed)
     pose = rng.uniform(-1, 1, (len(head), 6)) * rigs.BOX
     columns = dict(zip(READING_COLUMNS, add_noise(NOMINAL, read(pose, head), rng).T, strict=True))
     said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
-    for n, name in enumerate(STATE_COLUMNS[:6]):
-        columns[f"ref_{name}"] = said[:, n] / STATE_UNITS[n]
-    return gather_samples("t.csv", columns | more, SETTINGS.calibrate)
+    columns |= dict(zip(REFERENCE, (said / STATE_UNITS[:6]).T, strict=True))
+    return gather_samples("t.csv", columns | more, CONFIG.calibrate)
+
+
+def errors_of_coefficients(sensor):
+    """By how much a calibrated sensor's coefficients are off, and their standard uncertainties."""
+    known, thermal = sensor.calibration, sensor.thermal
+    u = np.sqrt(np.diag(known.covariance))[[known.names.index(name) for name in TEMPERATURE]]
+    truth = np.array([*BEAM, *[0.0, -POST] * 3])
+    return np.array([*thermal.beam, *thermal.places]) - truth, u
 
 
 @pytest.fixture(scope="module")
 def calibrated():
-    return calibrate(1)
-
-
-def calibrate(seed):
-    """The sensor after a calibration over 3 K, with other noise for each seed."""
+    """The sensor after a calibration over 3 K."""
     temperature = 20 + np.round(1.5 * np.sin(np.linspace(0, 11, 300)), 1)
-    data = sample(seed, temperature, {"temperature_c": temperature})
-    before = {"psd_place_mm": 0.2, "power_percent": 2.0}
-    asked = replace(SETTINGS.calibrate, power_per_sample=False, before=before)
-    wanted = choice(NOMINAL, asked).add_unknowns(dict.fromkeys(TEMPERATURE, 0.01))
-    return fit(NOMINAL, data, wanted).sensor
+    data = sample(1, temperature, temperature_c=temperature)
+    chosen = choice(NOMINAL, ASKED).add_unknowns(dict.fromkeys(TEMPERATURE, 0.01))
+    return fit.fit(NOMINAL, data, chosen).sensor
 
 
 def test_the_coefficients_are_those_of_the_rig(calibrated):
-    thermal, known = calibrated.thermal, calibrated.calibration
-    assert thermal.reference == pytest.approx(20.0, abs=0.2)
-    u = np.sqrt(np.diag(known.covariance))[[known.names.index(name) for name in TEMPERATURE]]
-    truth = [*BEAM, *([0.0, -POST] * 3)]
-    assert np.abs((np.array([*thermal.beam, *thermal.places]) - truth) / u).max() < 4
+    assert calibrated.thermal.reference == pytest.approx(20.0, abs=0.2)
+    off, u = errors_of_coefficients(calibrated)
+    assert (np.abs(off) < 4 * u).all()
     assert (u < 3e-4).all()
 
 
@@ -91,66 +85,53 @@ def test_a_temperature_that_leads_the_head():
     head = np.full(200, air[0])
     for n in range(1, 200):
         head[n] = head[n - 1] + (air[n] - head[n - 1]) * (1 - np.exp(-time[1]))
-    data = sample(3, head.round(2), {"temperature_c": air, "time_s": time})
-    effects = dict.fromkeys(SETTINGS.calibrate.effects, "off")
-    effects |= dict.fromkeys(("time_drift", "temperature_drift", "temperature_lag"), "auto")
-    before = {"psd_place_mm": 0.2, "power_percent": 2.0}
-    asked = replace(SETTINGS.calibrate, power_per_sample=False, before=before, effects=effects)
-    found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
-    assert found.is_trusted
-    assert {row.key for row in found.search.rows if row.accepted} == {"temperature_lag"}
-    assert "follow temperature_c late" in " ".join(one.words for one in found.findings)
-    known = found.sensor.calibration
-    u = np.sqrt(np.diag(known.covariance))[[known.names.index(name) for name in TEMPERATURE]]
-    off = np.array([*found.sensor.thermal.beam, *found.sensor.thermal.places])
-    off -= [*BEAM, *([0.0, -POST] * 3)]
+    judged = judge(sample(3, head.round(2), temperature_c=air, time_s=time), ASKED)
+    assert judged.is_trusted
+    assert accepted_effects(judged) == {"temperature_lag"}
+    assert "follow temperature_c late" in words_of(judged)
+    off, u = errors_of_coefficients(judged.sensor)
     assert (np.abs(off) < 3 * u).all()
     assert u[:2].max() < 1e-4
 
 
 def test_poses_at_another_temperature(calibrated):
+    """A row without a temperature has no pose."""
     rng = np.random.default_rng(2)
     pose = rng.uniform(-1, 1, (400, 6)) * rigs.BOX
     temperature = np.full(400, 22.5)
     raw = add_noise(NOMINAL, read(pose, temperature), rng)
-    with_it, without = (
-        solve_readings(calibrated, KNOWN, raw, None, one) for one in (temperature, None)
+    temperature[-1] = np.nan
+    corrected, ignored = (
+        solve_readings(calibrated, KNOWN, raw, None, each) for each in (temperature, None)
     )
-    held = [
-        (np.abs((found.state[:, :6] - pose) / found.uncertainty[:, :6]) < 1.96).mean(axis=0)
-        for found in (with_it, without)
-    ]
-    assert (held[0] > 0.8).all()  # the calibration's own part is the same in all poses
-    assert held[0].mean() > 0.9
-    assert (held[1][:2] < 0.05).all()  # 1 um of the beam
-    assert held[1][2] < 0.6  # 6 um of the posts
-    assert (with_it.uncertainty >= without.uncertainty * (1 - 1e-9)).all()
+    assert corrected.converged.tolist() == [True] * 399 + [False]
+    held, held_without = (
+        (np.abs((each.state[:, :6] - pose) / each.uncertainty[:, :6]) < 1.96).mean(axis=0)
+        for each in (corrected, ignored)
+    )
+    assert (held > 0.8).all()  # the calibration's own part is the same in all poses
+    assert held.mean() > 0.9
+    assert (held_without[:2] < 0.05).all()  # 1 um of the beam
+    assert held_without[2] < 0.6  # 6 um of the posts
+    assert (corrected.uncertainty >= ignored.uncertainty * (1 - 1e-9))[:-1].all()
     shift = shift_per_kelvin(calibrated, KNOWN)
-    off = (without.state - with_it.state)[:, :6].mean(axis=0)
+    off = np.nanmean((ignored.state - corrected.state)[:, :6], axis=0)
     assert off[2] == pytest.approx(2.5 * shift[2], rel=0.2)
     assert shift[2] == pytest.approx(-POST, rel=0.1)
 
 
-def test_rows_without_a_temperature_have_no_pose(calibrated):
-    raw, temperature = read(np.zeros((2, 6)), np.full(2, 20.0)), np.array([20.0, np.nan])
-    for options in (KNOWN, Solve(beam="free")):
-        found = solve_readings(calibrated, options, raw, None, temperature)
-        assert found.converged.tolist() == [True, False]
-
-
 def test_a_new_zero_at_another_temperature_is_none(calibrated):
     """The stops differ by 2 K, which the coefficients explain, and the beam by 1 um besides."""
-    pose = np.zeros((1, 6))
     stops = []
     for celsius in (20.0, 22.0):
-        exact = read(pose, np.array([celsius]))
+        exact = read(np.zeros((1, 6)), np.array([celsius]))
         sigma = standard_deviations(NOMINAL, exact) / 141
         warmer = np.array([celsius - calibrated.thermal.reference])
         stops.append(StopReadings(exact, sigma**2, warmer))
     same = renew_zero(calibrated, *stops)
     assert same.is_explained
     assert (np.abs(same.change) < 3 * same.uncertainty).all()
-    ignored = renew_zero(calibrated, *(replace(one, warmer=None) for one in stops))
+    ignored = renew_zero(calibrated, *(replace(stop, warmer=None) for stop in stops))
     assert np.abs(ignored.change[6:]).min() > 3e-3  # the posts
     assert np.abs(same.beam).max() < 3e-4 < np.abs(ignored.beam).max()
 
@@ -161,36 +142,28 @@ def test_a_stop_of_a_recording_needs_its_temperature(calibrated):
     columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
     with pytest.raises(InputError, match="rec: there is no temperature_c"):
         average_stop(calibrated, columns, "rec")
-    unknown = {"temperature_c": np.full(500, np.nan)}
+    columns["temperature_c"] = np.full(500, np.nan)
     with pytest.raises(InputError, match="rec: temperature_c has no value"):
-        average_stop(calibrated, columns | unknown, "rec")
-    stop = average_stop(calibrated, columns | {"temperature_c": np.full(500, 22.0)}, "rec")
+        average_stop(calibrated, columns, "rec")
+    columns["temperature_c"] = np.full(500, 22.0)
+    stop = average_stop(calibrated, columns, "rec")
     assert stop.warmer == pytest.approx([22.0 - calibrated.thermal.reference])
 
 
-def test_a_partial_calibration_refuses_coefficients(calibrated):
-    with pytest.raises(InputError, match=r"sensor\.temperature"):
-        choose_groups(calibrated, SETTINGS.calibrate, ["gains"])
-
-
-def test_the_command_says_what_a_missing_column_costs(calibrated, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    keys = sensor_keys.write_sensor(SETTINGS.resolved["sensor"], calibrated)["temperature"]
+def test_the_command_says_what_a_missing_column_costs(calibrated, tmp_path, run_in_process):
+    keys = sensor_keys.write_sensor(CONFIG.resolved["sensor"], calibrated)["temperature"]
     text = f"extends: paper\nsolve: {{beam: known}}\nsensor: {{temperature: {keys}}}\n"
     (tmp_path / "warm.yaml").write_text(text)
     thermal = facets.load("warm.yaml").sensor.thermal
     assert thermal.places == pytest.approx(calibrated.thermal.places, rel=1e-14)
-    pose, temperature = np.zeros((20, 6)), np.full(20, 22.0)
-    columns = dict(zip(READING_COLUMNS, read(pose, temperature).T, strict=True))
-    tables.write_table(tmp_path / "without.csv", columns, {})
-    tables.write_table(tmp_path / "with.csv", columns | {"temperature_c": temperature}, {})
-    for name in ("with", "without"):
-        words = ("solve", "warm.yaml", f"{name}.csv", "-o", f"{name}-poses.csv")
-        monkeypatch.setattr(sys, "argv", ["facets", *words])
-        with pytest.raises(SystemExit):
-            main()
-        out = " ".join(capsys.readouterr().out.split())
-        assert ("no column temperature_c" in out) == (name == "without")
-        chunk = next(tables.read_chunks(tmp_path / f"{name}-poses.csv", ("tz_mm",), (), 100))
-        assert (abs(chunk.columns["tz_mm"].mean()) > 3e-3) == (name == "without")
+    temperature = np.full(20, 22.0)
+    readings = read(np.zeros((20, 6)), temperature)
+    columns = dict(zip(READING_COLUMNS, readings.T, strict=True))
+    for more in ({"temperature_c": temperature}, {}):
+        tables.write_table(tmp_path / "rows.csv", columns | more, {})
+        _, out, _ = run_in_process("solve", "warm.yaml", "rows.csv", "-o", "poses.csv", "--force")
+        out = " ".join(out.split())
+        assert ("no column temperature_c" in out) == (not more)
+        chunk = next(tables.read_chunks(tmp_path / "poses.csv", ("tz_mm",), (), 100))
+        assert (abs(chunk.columns["tz_mm"].mean()) > 3e-3) == (not more)
     assert "um and" in out

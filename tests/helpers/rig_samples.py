@@ -9,8 +9,10 @@ import numpy as np
 from facets.experiments import bench_rays, rigs
 
 import facets
-from facets.calibration import Data, choice, states_of, verdict
+from facets.calibration import REFERENCE, Data, choice, states_of, velocities, verdict
+from facets.core import READING_COLUMNS, STATE_UNITS
 from facets.detectors import add_noise, invert_correction
+from facets.files import tables
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor
@@ -70,6 +72,34 @@ def sample_rig(
     said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
     data = data._replace(raw=invert_correction(sensor, raw), pose=said, beam=still)
     return rig, data, state
+
+
+def move(at: np.ndarray) -> np.ndarray:
+    """Return the poses (n, 6) of a motion at times in seconds."""
+    cycles, phase = np.array([5.2, 8.4, 6.8, 11.6, 13.2, 9.2]), np.arange(6)
+    return 0.9 * rigs.BOX * np.sin(2 * np.pi * cycles * at[:, None] + phase)
+
+
+def sample_in_time(late: float = 0.0, delays=(0.0, 0.0, 0.0), count: int = 150) -> Data:
+    """Samples at 1 kHz.  late: by how much the reference is.  delays: after which each detector is
+    read where the mirror then is; all in seconds."""
+    rng, time = np.random.default_rng(2), np.arange(count) / 1000
+    rig, zero = rigs.draw_rig(NOMINAL, rng), np.zeros((count, 9))
+    exact = zero.copy()
+    for k, delay in enumerate(delays):
+        there = Data(zero, move(time + delay), rigs.REFERENCE, zero[:, :2])
+        reading = facets.readings(rig.sensor, states_of(there, zero, rig.values))
+        exact[:, 3 * k : 3 * k + 3] = reading[:, 3 * k : 3 * k + 3]
+    said = move(time - late) + rigs.REFERENCE * rng.standard_normal((count, 6))
+    raw = invert_correction(rig.sensor, add_noise(rig.sensor, exact, rng))
+    return Data(raw, said, rigs.REFERENCE, zero[:, :2], velocity=velocities(time, said))
+
+
+def write_samples(path, data: Data) -> None:
+    """Write the table that `facets calibrate` takes."""
+    columns = dict(zip(READING_COLUMNS, data.raw.T, strict=True))
+    columns |= dict(zip(REFERENCE, (data.pose / STATE_UNITS[:6]).T, strict=True))
+    tables.write_table(path, columns, {})
 
 
 def judge(data: Data, asked=None, sensor: facets.Sensor = NOMINAL) -> verdict.Verdict:
