@@ -22,11 +22,10 @@ run: .venv/installed
 test: .venv/developed
 	$(MAKE) --no-print-directory -j2 quick checked-sources
 
-# Everything, two at a time: installing waits for the disk, and the types use one core.
+# Everything, the rest one after the other beside the tests, which use more than one core and also wait.
 check: .venv/developed
-	$(MAKE) --no-print-directory -j2 unit checked-sources
-	$(MAKE) --no-print-directory -j2 installed lowest
-	$(MAKE) --no-print-directory -j2 portable locked run reproduce docs QUICK=--quick
+	$(MAKE) --no-print-directory -j2 QUICK=--quick \
+	  unit checked-sources installed lowest portable locked run reproduce docs
 
 .PHONY: checked-sources
 checked-sources: lint types layers
