@@ -9,6 +9,7 @@ import pytest
 from sensors import SENSORS
 
 import facets
+from facets.core import Steps
 from facets.tracking import Law, Seen, StageModel, margin_of, slope_of_error, tracking_error
 
 PAPER = SENSORS["paper"]
@@ -59,22 +60,18 @@ def test_eq_13_leaves_the_residual_that_the_paper_bounds():
 
 
 @pytest.mark.parametrize("law", ["proportional", "pi", "feedforward"])
-def test_a_standing_mirror_is_met(law):
-    assert follow(replace(STAGE, law=law), lambda now: (0.1, -0.05))[-1] < 1e-4
-
-
-def test_proportional_control_lags_as_told():
-    speed = 0.2 * margin_of(PROPORTIONAL, PULL_MM).speed
-    lag = speed / (PROPORTIONAL.gain * PROPORTIONAL.rate)
-    assert follow(PROPORTIONAL, steady(speed))[-1] == pytest.approx(lag, rel=0.1)
-
-
-@pytest.mark.parametrize("law", ["pi", "feedforward"])
-def test_feedforward_and_integral_follow_faster(law):
-    speed = 2 * margin_of(PROPORTIONAL, PULL_MM).speed
-    offsets = follow(replace(PROPORTIONAL, law=law, integral=0.05), steady(speed))
-    assert offsets.max() < 0.5
-    assert offsets[-1] < 0.05
+def test_a_standing_mirror_is_met_and_a_moving_one_followed(law):
+    """Proportional control lags as told; the others follow faster."""
+    settings, still = replace(PROPORTIONAL, law=law, integral=0.05), lambda now: (0.1, -0.05)
+    assert follow(settings, still)[-1] < 1e-4
+    speed = margin_of(PROPORTIONAL, PULL_MM).speed
+    if law == "proportional":
+        lag = 0.2 * speed / (PROPORTIONAL.gain * PROPORTIONAL.rate)
+        assert follow(settings, steady(0.2 * speed))[-1] == pytest.approx(lag, rel=0.1)
+    else:
+        offsets = follow(settings, steady(2 * speed))
+        assert offsets.max() < 0.5
+        assert offsets[-1] < 0.05
 
 
 def test_a_gain_past_the_margin_is_unstable():
@@ -97,3 +94,13 @@ def test_commands_stay_within_their_limits_which_are_counted():
     law.command(Seen(0, 0, powers((5.0 + 5e-5, 0), beam), None, beam))
     assert law.limited == 1
     assert not law.summed.any()
+
+
+@pytest.mark.parametrize(
+    ("apex", "beam"), [((0.2, -0.1), (0.2, -0.1)), ((9.0, 0.0), (0.0, 0.0))], ids=["lit", "dark"]
+)
+def test_a_simulated_stage_follows_the_mirror_and_stands_still_without_light(apex, beam):
+    jump = Steps((0.0,) * 8, (*apex, *(0.0,) * 6), 2, 200, 1000.0)
+    config = replace(facets.load("bench"), motions={"jump": jump})
+    (segment,) = facets.simulate(config, noise=False, track=True)
+    np.testing.assert_allclose(segment.truth[-1, 6:], beam, atol=1e-3)

@@ -151,15 +151,14 @@ def test_a_driver_that_can_not_hold_native_limits_is_refused_them(mine):
         Envelope("mine:1", replace(OTHER, native_limits=(1, 1)), print, mine.clock)
 
 
-def test_a_kinesis_stage_needs_its_package_and_its_numbers(monkeypatch):
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [("1,2", "needs pylablib"), ("x", "serial numbers"), ("1,2,3", "serial numbers")],
+)
+def test_a_kinesis_stage_needs_its_package_and_its_numbers(monkeypatch, numbers, words):
     monkeypatch.setitem(sys.modules, "pylablib", None)
-    for name, words in (
-        ("kinesis:27000001,27000002", "needs pylablib"),
-        ("kinesis:x", "serial numbers"),
-        ("kinesis:1,2,3", "serial numbers"),
-    ):
-        with pytest.raises(StageError, match=words):
-            open_driver(name, OTHER, lambda: 0.0)
+    with pytest.raises(StageError, match=words):
+        open_driver(f"kinesis:{numbers}", OTHER, lambda: 0.0)
 
 
 class Faulty(Mine):
@@ -168,10 +167,9 @@ class Faulty(Mine):
     fault = ""
 
     def place(self):
-        found = super().place()
-        return {"nan": found * np.nan, "list": found.tolist(), "three": np.zeros(3)}.get(
-            self.fault, found
-        )
+        place = super().place()
+        wrong = {"nan": place * np.nan, "list": place.tolist(), "three": np.zeros(3)}
+        return wrong.get(self.fault, place)
 
     def cry(self):
         if self.fault != "deaf":
@@ -180,8 +178,7 @@ class Faulty(Mine):
     def move(self, place):
         if self.fault == "fast":
             self.model.place = np.array(place)
-        if self.fault == "open":
-            self.closed = False
+        self.closed &= self.fault != "open"
         super().move(place + 0.1 if self.fault == "past" else place)
 
 
@@ -190,7 +187,6 @@ class Faulty(Mine):
     [
         ("nan", r"place\(\) gives"),
         ("list", "gives no array"),
-        ("three", "has the shape"),
         ("deaf", r"cry\(\) did not stop|still moves after cry"),
         ("fast", "faster than max_speed"),
         ("past", "stands at|past its goal"),

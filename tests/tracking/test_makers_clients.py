@@ -59,7 +59,7 @@ def test_zaber_motion_drives_the_virtual_stage(tmp_path):
 
 @pytest.mark.slow
 def test_pipython_drives_the_virtual_stage(tmp_path):
-    from pipython.pidevice.gcscommands import GCSCommands
+    from pipython.pidevice.gcs2.gcs2commands import GCS2Commands
     from pipython.pidevice.gcsmessages import GCSMessages
     from pipython.pidevice.interfaces.piserial import PISerial
 
@@ -68,7 +68,7 @@ def test_pipython_drives_the_virtual_stage(tmp_path):
         served(PiController(model), tmp_path / "port") as name,
         PISerial(name, 115200) as line,
     ):
-        stage = GCSCommands(GCSMessages(line))
+        stage = GCS2Commands(GCSMessages(line))
         stage.VEL(["1", "2"], [10.0, 10.0])
         stage.MOV(["1", "2"], [1.0, 0.5])
         while not (model.is_settled and model.place[0] > 0.9):

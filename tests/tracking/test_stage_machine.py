@@ -124,19 +124,18 @@ def try_sequences(machine, count, **more):
 
 
 @pytest.mark.parametrize(
-    "count", [1500] if IS_STUDY else [40, pytest.param(120, marks=pytest.mark.slow)]
+    "count", [1000] if IS_STUDY else [30, pytest.param(100, marks=pytest.mark.slow)]
 )
 def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
     tally = Tally()
     try_sequences(type("Machine", (StageMachine,), {"tally": tally}), count)
     counts, shares = tally.counts, tally.shares
     print(json.dumps({"counts": counts, "shares": shares}, indent=1, sort_keys=True))
-    assert counts["move"] > counts["sequences"]
+    assert counts["move"] > 5 * counts["sequences"]
     assert shares["speed"] > 0.9  # the stage was driven to what is allowed, not spared
     assert shares["excursion"] < 1
     if IS_STUDY:
         names = [f"fault: {kind}" for kind in KINDS]
-        names += [f"found out: {kind}" for kind in CONTROLLER]
         names += ["found again", "resumes by a person", "resumes by auto"]
         names += ["resumes after the line was closed"]
         assert min(counts[name] for name in names) > 0
