@@ -206,20 +206,26 @@ def forty_digits(task: str, sensor: facets.Sensor, states: Any) -> Any:
     results = []
     with many_digits():
         given, light = precise(parameters(sensor)), precise(effects(sensor))
-        for state in map(precise, states):
+        for state in states:
+            at = precise(state)
             by_task = {
-                "readings": lambda at=state: precise_readings(sensor, given, light, at),
-                "jacobian": lambda at=state: differences(
+                "readings": lambda at=at: precise_readings(sensor, given, light, at),
+                "jacobian": lambda at=at: differences(
                     at, lambda moved: precise_readings(sensor, given, light, moved)
                 ),
-                "parameter_jacobian": lambda at=state: differences(
+                "parameter_jacobian": lambda at=at: differences(
                     given, lambda moved: precise_readings(sensor, moved, light, at)
                 ),
-                "effect_jacobian": lambda at=state: differences(
+                "effect_jacobian": lambda at=at: differences(
                     light, lambda moved: precise_readings(sensor, given, moved, at)
                 ),
             }
-            results.append(by_task[task]().astype(float))
+            try:
+                result = by_task[task]().astype(float)
+            except ZeroDivisionError:  # of a facet with no light at all, which floats leave out
+                (result,) = floats(task, sensor, state[None])
+                assert np.isnan(result).any()
+            results.append(result)
     return np.array(results)
 
 
@@ -292,13 +298,14 @@ EXECUTIONS = [
               examples=2, rows=40, program="node"),
     Execution("intervals", intervals, {"readings": 100}, ("ideal",), encloses=True,
               states=("near", "turned", "far")),
+    # Powers of spoilt states are below what 40 digits hold.
     Execution("40 digits", forty_digits, {"readings": 4}, ("ideal",), examples=8, rows=3,
-              states=BRIGHT),
+              states=("near", "turned", "far")),
     Execution("40 digits of a bench", forty_digits, {"readings": 8}, BENCH, examples=6, rows=3,
               states=BRIGHT),
     Execution("differences at 40 digits", forty_digits,
               {"jacobian": 1e2, "parameter_jacobian": 1e4}, ("ideal",), examples=2, rows=1,
               states=BRIGHT),
     Execution("differences at 40 digits of a bench", forty_digits, BENCH_SLOPES, BENCH, BENCH,
-              examples=3, rows=1, states=BRIGHT),
+              examples=2, rows=1, states=BRIGHT),
 ]  # fmt: skip

@@ -12,55 +12,47 @@ import numpy as np
 import pytest
 
 import facets
-from facets.model import blocks, code_folder, packed_vectors
+from facets.model import blocks, packed_vectors
 
-READ = "import facets; print(facets.readings(facets.Sensor(), [0] * 8)[2])"
+READ = "import facets; print(facets.__file__, facets.readings(facets.Sensor(), [0] * 8).tolist())"
+SOLVE = """
+sensor = facets.Sensor()
+solution = facets.solve(sensor, facets.readings(sensor, [0, 0, 0.1] + [0] * 5))
+print(bool(solution.ok), "numba" in sys.modules)
+"""
 
 
-def run(code: str, cache: Path, **environment: str) -> subprocess.CompletedProcess:
+def run(code: str, **environment: object) -> subprocess.CompletedProcess:
     return subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(cache), **environment},
+        [sys.executable, "-c", f"import sys\n{code}"],
+        env={**os.environ, **{name: str(value) for name, value in environment.items()}},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
 
 
 @pytest.mark.slow
-def test_the_first_use_says_that_it_compiles_and_the_second_does_not(tmp_path):
-    solve = f"{READ}; s = facets.Sensor(); facets.solve(s, facets.readings(s, [0] * 8))"
-    first, second = run(solve, tmp_path), run(solve, tmp_path)
-    assert first.stderr.count("compiling") == 1
-    assert second.stderr == ""
-    assert first.stdout == second.stdout
-
-
-@pytest.mark.slow
-def test_another_checkout_of_the_same_text_compiles_nothing_but_another_processor_does(tmp_path):
-    """The folder of machine code is named after the text, not after where it lies."""
+def test_only_a_first_use_compiles_for_a_processor_wherever_the_text_lies(tmp_path):
+    """And says so; the folder of machine code is named after the text. Numba's settings stay."""
     package, cache = Path(facets.__file__).parent, tmp_path / "cache"
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(package, tmp_path / "elsewhere" / "facets", ignore=ignored)
-    first = run(READ, cache)
-    where = f"import sys; sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n"
-    other = run(f"{where}{READ}\nprint(facets.__file__)", cache)
-    assert str(tmp_path) in other.stdout
-    assert other.stdout.startswith(first.stdout)
+    settings = "import numba, facets.model.jit; print(numba.config.CACHE_DIR)"
+    first = run(f"{READ}{SOLVE}{settings}", NUMBA_CACHE_DIR=cache)
+    assert first.stderr.count("compiling") == 1
+    other = run(
+        f"sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n{READ}{SOLVE}", NUMBA_CACHE_DIR=cache
+    )
     assert other.stderr == ""
+    (file, *results), (other_file, *same) = first.stdout.split(), other.stdout.split()
+    assert (Path(file).parent, Path(other_file).parent.parent) == (package, tmp_path / "elsewhere")
+    assert results == [*same, str(cache)]
     plain = "x86-64" if platform.machine() in ("x86_64", "AMD64") else "generic"
-    assert "compiling" in run(READ, cache, NUMBA_CPU_NAME=plain).stderr
+    assert "compiling" in run(READ, NUMBA_CACHE_DIR=cache, NUMBA_CPU_NAME=plain).stderr
 
 
-def test_plain_readings_and_poses_are_had_without_numba_whose_settings_are_left_alone(tmp_path):
+def test_plain_readings_and_poses_are_had_without_numba():
     """Importing it would take longer than all else that a short command does."""
-    code = """
-import sys, facets
-sensor = facets.Sensor()
-readings = facets.readings(sensor, [0, 0, 0.1] + [0] * 5)
-print(bool(facets.solve(sensor, readings).ok), 'numba' in sys.modules)
-import numba, facets.model.jit
-print(numba.config.CACHE_DIR)
-"""
-    assert run(code, tmp_path).stdout.split() == ["True", "False", str(tmp_path)]
+    assert run(f"import facets{SOLVE}").stdout == "True False\n"
 
 
 #: Reads a pose by newly loaded code of two lanes; `load` compiles it if it is not stored.
@@ -93,7 +85,7 @@ for spoilt in (code[:1000], b"", code[:-1] + bytes([code[-1] ^ 1])):
 assert [path.suffix for path in kept.parent.iterdir()] == [".o"]
 print("done")
 """
-    assert run(LOAD + spoil, tmp_path).stdout == "done\n"
+    assert run(LOAD + spoil, NUMBA_CACHE_DIR=tmp_path).stdout == "done\n"
 
 
 def test_a_disk_that_is_full_or_cannot_be_written_keeps_nothing_and_does_no_harm(tmp_path):
@@ -101,23 +93,28 @@ def test_a_disk_that_is_full_or_cannot_be_written_keeps_nothing_and_does_no_harm
     (tmp_path / "file").write_text("")
     full = "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)); load(); "
     elsewhere = f"import os; os.environ['NUMBA_CACHE_DIR'] = {str(tmp_path / 'file' / 'cache')!r}\n"
-    assert run(f"{LOAD}{full}{elsewhere}load(); print('done')", tmp_path).stdout == "done\n"
+    assert (
+        run(f"{LOAD}{full}{elsewhere}load(); print('done')", NUMBA_CACHE_DIR=tmp_path).stdout
+        == "done\n"
+    )
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
 
 
 def test_changed_text_is_compiled_anew(tmp_path, monkeypatch):
-    """The folder's name follows every file that compiled code calls into."""
-    assert {file.stem for file in code_folder.text_of(())} >= {"wedge", "forward", "dispatch"}
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    (tmp_path / "text").mkdir()
-    (tmp_path / "beside.py").write_text("")
-    monkeypatch.setattr(code_folder, "TEXT", (*code_folder.TEXT, tmp_path / "text"))
-    for part in (tmp_path / "text" / "part.py", tmp_path / "beside.py"):
-        folders = []
-        for text in ("x = 1", "x = 2", "x = 1"):
-            part.write_text(text)
-            folders.append(code_folder.code_folder("", tmp_path / "beside.py")[0])
-        assert folders[0] == folders[2] != folders[1]
+    """That of every file that compiled code calls into or is made by."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    changed, made, read = [], [], Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path.name in changed))
+
+    def recipe():
+        made.extend(changed)
+        return lambda builder, arguments, width: None
+
+    for name in ("", "wedge.py", "dispatch.py", "block_code.py", "beside.py", ""):
+        changed[:] = [name]
+        (tmp_path / "beside.py").touch()
+        blocks.lane_code("nothing", 2, 2, recipe, tmp_path / "beside.py")
+    assert made == ["", "wedge.py", "dispatch.py", "block_code.py", "beside.py"]
 
 
 def test_a_copy_of_a_sensor_from_another_process_is_packed_again():

@@ -8,7 +8,7 @@ import pytest
 from llvmlite import ir
 
 from facets import InputError
-from facets.model import blocks, cores, once, part_of, run_side_by_side, share
+from facets.model import blocks, cores, once, run_side_by_side, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (10_001, 3), (4000, 0)])
@@ -20,11 +20,6 @@ def test_every_row_is_done_once(rows, threads):
 
     share(run, rows, threads)
     assert (done == 1).all()
-
-
-def test_what_all_share_is_not_split():
-    shared = np.zeros((1, 3))
-    assert part_of(shared, slice(0, 2), 10) is shared
 
 
 def test_bad_numbers_of_threads_are_named():

@@ -260,6 +260,7 @@ def test_derivatives_by_effects_hold_where_all_are_off():
 
 
 def test_parameters_and_effects_have_names_and_come_back():
+    assert len(facets.PARAMETERS) == len(set(facets.PARAMETERS)) == 30
     assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 36
     assert EFFECTS[27::4] == ("profile.xxxx", "profile.yyyy", "asymmetry.yyy")
     for sensor in (*SENSORS.values(), replace(SENSORS["skewed1"], light=ALL)):
