@@ -10,6 +10,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets import Apertures, BenchLight, Imperfections, InputError
+from facets.core import Sweep
 from facets.simulation import imperfect_readings, ray_readings
 
 PAPER = facets.Sensor()
@@ -28,12 +29,6 @@ def test_perfect_optics_by_rays_are_the_closed_form(name):
     np.testing.assert_allclose(ray_readings(sensor, some), facets.readings(sensor, some), atol=1e-9)
 
 
-def test_what_is_off_costs_nothing():
-    np.testing.assert_array_equal(
-        imperfect_readings(PAPER, AWAY[None]), facets.readings(PAPER, AWAY[None])
-    )
-
-
 def test_a_dome_enlarges_them_as_a_mirror_of_its_radius():
     """R = D^2 / 8 sag; along the plane of incidence at 45 degrees its power is 2 sqrt 2 / R."""
     sag, over = 1e-4, 5.0
@@ -44,13 +39,29 @@ def test_a_dome_enlarges_them_as_a_mirror_of_its_radius():
     assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 * 2 * np.sqrt(2) / radius, rel=2e-3)
 
 
-def test_simulations_have_it_and_the_solver_does_not():
+def test_simulations_have_them_and_the_solver_does_not():
     ideal = facets.load("paper")
     short = replace(ideal.motions["multi-axis"], samples=40)
-    config = replace(ideal, motions={"multi-axis": short},
+    config = replace(ideal, motions={"short": short},
                      sensor=flawed(index=(1.37, 7.62), polarization=0.3))  # fmt: skip
     (segment,) = facets.simulate(config, noise=False)
     assert np.abs(segment.error[:, 0]).max() > 1e-3  # 6 % of the power apart is microns in x
+
+
+def test_each_detector_is_read_late_by_its_own_delay():
+    """The bench's converters read along a motion along z, at 1 mm/s."""
+    ideal = facets.load("paper")
+    delays = (0.0, 2e-3, 5e-3)
+    sweep = Sweep((0.0,) * 8, (0.0, 0.0, 0.1, *(0.0,) * 5), 101, 1000.0)
+    config = replace(ideal, motions={"sweep": sweep},
+                     sensor=replace(PAPER, light=BenchLight(delays=delays)))  # fmt: skip
+    (segment,) = facets.simulate(config, noise=False)
+    for k, delay in enumerate(delays):
+        late = segment.truth.copy()
+        late[:, 2] += delay
+        part = np.s_[10:-10, 3 * k : 3 * k + 3]
+        expected = facets.readings(PAPER, late)[part]
+        np.testing.assert_allclose(segment.readings[part], expected, atol=1e-9)
 
 
 def test_apertures_do_not_go_with_it():
@@ -94,9 +105,10 @@ def test_rays_and_the_model_agree(flaws, place, power):
     np.testing.assert_allclose(ray_readings(lit, some), rays, atol=1e-12)
 
 
-def test_imperfections_come_on_top_of_the_light():
+def test_imperfections_come_on_top_of_the_light_and_cost_nothing_where_there_are_none():
     both = replace(flawed(tip=1e-3), light=BenchLight(tip=1e-3, background=((1e-3, 1, 0),) * 3))
-    one = flawed(tip=2e-3, background=((1e-3, 1, 0),) * 3)
-    np.testing.assert_allclose(
-        imperfect_readings(both, AWAY[None]), imperfect_readings(one, AWAY[None]), rtol=1e-14
-    )
+    sums = flawed(tip=2e-3, background=((1e-3, 1, 0),) * 3)
+    ours, theirs = (imperfect_readings(sensor, AWAY[None]) for sensor in (both, sums))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-14)
+    exact = facets.readings(PAPER, AWAY[None])
+    np.testing.assert_array_equal(imperfect_readings(PAPER, AWAY[None]), exact)

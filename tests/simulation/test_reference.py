@@ -10,9 +10,8 @@ SIGMA = (1e-4, 1e-4, np.inf, 1e-6, 1e-6, 1e-6)
 
 def test_an_error_stays_while_the_mirror_stands_still():
     poses = np.repeat([[0.0] * 6, [0.1] * 6, [0.0] * 6], 4, axis=0)
-    error = reference_poses(poses, SIGMA, np.random.default_rng(1)) - poses
-    measured = error[:, [0, 1, 3, 4, 5]]
-    stands = measured.reshape(3, 4, 5)
+    error = np.delete(reference_poses(poses, SIGMA, np.random.default_rng(1)) - poses, 2, axis=1)
+    stands = error.reshape(3, 4, 5)
     assert np.ptp(stands, axis=1).max() < 1e-15
     assert (np.diff(stands[:, 0], axis=0) != 0).all()
 
