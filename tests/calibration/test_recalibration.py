@@ -12,7 +12,6 @@ from rig_samples import CONFIG, NOMINAL
 import facets
 from facets.calibration import (
     GAINS,
-    Data,
     choice,
     choose_groups,
     eliminate_own_unknowns,
@@ -33,19 +32,12 @@ ASKED = replace(
 ALL = choice(NOMINAL, ASKED)
 
 
-def draw_rig(seed: int) -> tuple[rigs.Rig, Data, Data]:
-    """A rig that ALL describes, and two motions."""
-    rng = np.random.default_rng(seed)
+@pytest.fixture(scope="module")
+def rig():
+    """A rig that ALL describes."""
     values = values_of(NOMINAL)
-    values[ALL.places] += 0.3 * ALL.sigma * rng.standard_normal(len(ALL.names))
-    rig = rigs.Rig(rigs.assign_values(NOMINAL, values), values)
-    return rig, rigs.sample_motion(rig, 80, rng)[0], rigs.sample_motion(rig, 40, rng)[0]
-
-
-def normal_equations(data):
-    zero = np.zeros((len(data.raw), 9))
-    slopes = linear(NOMINAL, data, zero, values_of(NOMINAL), ALL)
-    return eliminate_own_unknowns(slopes, np.ones((len(zero), 9)), zero, own_sigma(data, ALL))
+    values[ALL.places] += 0.3 * ALL.sigma * np.random.default_rng(3).standard_normal(len(ALL.names))
+    return rigs.Rig(rigs.assign_values(NOMINAL, values), values)
 
 
 def calibrated(covariance, names=ALL.names):
@@ -53,17 +45,21 @@ def calibrated(covariance, names=ALL.names):
     return replace(NOMINAL, calibration=known)
 
 
-def test_two_linear_calibrations_are_one_of_both_data():
-    _, *both = draw_rig(1)
-    first, second = map(normal_equations, both)
+def test_two_linear_calibrations_are_one_of_both_data(rig):
+    def normal_equations(count):
+        data, _ = rigs.sample_motion(rig, count, np.random.default_rng(count))
+        zero = np.zeros((count, 9))
+        slopes = linear(NOMINAL, data, zero, values_of(NOMINAL), ALL)
+        return eliminate_own_unknowns(slopes, np.ones((count, 9)), zero, own_sigma(data, ALL))
+
+    first, second = normal_equations(80), normal_equations(40)
     prior = prior_information(ALL)
     covariance = np.linalg.inv(prior + first.matrix)
-    values = covariance @ first.side
     changed = choose_groups(calibrated(covariance), ASKED, ["gains"])
     assert changed.names == ALL.names
     known = prior_information(changed)
     later = np.linalg.inv(known + second.matrix)
-    updated = later @ (known @ values + second.side)
+    updated = later @ (known @ covariance @ first.side + second.side)
 
     # at once: all parameters as they were, and by how much the gains changed
     places = [ALL.names.index(name) for name in GAINS]
@@ -74,20 +70,20 @@ def test_two_linear_calibrations_are_one_of_both_data():
     matrix[range(size, size + 3), range(size, size + 3)] += 1 / ALL.sigma[places] ** 2
     side = now.T @ second.side
     side[:size] += first.side
-    whole = np.linalg.inv(matrix)
+    whole = now @ np.linalg.inv(matrix)
     scale = np.sqrt(np.diag(later))
-    assert updated / scale == pytest.approx(now @ whole @ side / scale, abs=1e-4)  # rounding
-    correlation = later / np.outer(scale, scale)
-    assert correlation == pytest.approx(now @ whole @ now.T / np.outer(scale, scale), abs=1e-7)
+    assert updated / scale == pytest.approx(whole @ side / scale, abs=1e-4)  # rounding
+    units = np.outer(scale, scale)
+    assert later / units == pytest.approx(whole @ now.T / units, abs=1e-7)
 
 
-def test_a_changed_gain_is_found_and_the_rest_stays_known():
-    rig, first, _ = draw_rig(3)
-    before = fit.fit(NOMINAL, first, ALL)
-    psd = rig.sensor.psds[1]
-    brighter = replace(psd, correction=replace(psd.correction, power=psd.correction.power + 0.01))
-    changed = replace(rig.sensor, psds=(rig.sensor.psds[0], brighter, rig.sensor.psds[2]))
-    few = rigs.sample_motion(rigs.Rig(changed, rig.values), 12, np.random.default_rng(4))[0]
+def test_a_changed_gain_is_found_and_the_rest_stays_known(rig):
+    before = fit.fit(NOMINAL, rigs.sample_motion(rig, 80, np.random.default_rng(3))[0], ALL)
+    psds = list(rig.sensor.psds)
+    correction = psds[1].correction
+    psds[1] = replace(psds[1], correction=replace(correction, power=correction.power + 0.01))
+    changed = rigs.Rig(replace(rig.sensor, psds=tuple(psds)), rig.values)
+    few, _ = rigs.sample_motion(changed, 12, np.random.default_rng(4))
     groups = ["gains", "beam"]
     after = fit.fit(before.sensor, few, choose_groups(before.sensor, ASKED, groups))
     alone = fit.fit(before.sensor, few, ALL)
