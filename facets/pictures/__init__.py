@@ -32,7 +32,6 @@ else:
         {
             "calibration": "residual_picture",
             "exploration": "front_picture pareto_picture",
-            "film": "ease_camera",
             "glow": "sub_beam surface",
             "layout": "layout_picture",
             "magnification": "motion_factor round_down stays_on_detectors",
@@ -45,5 +44,6 @@ else:
             "singularity": "survey_picture",
             "spots": "light_on plan_picture spots_picture",
             "style": "lay_out",
+            "views": "face_camera",
         },
     )

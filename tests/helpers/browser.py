@@ -153,6 +153,24 @@ class Browser:
             time.sleep(0.05)
         return value
 
+    def put(self, name: str, value: Any) -> None:
+        """Move a slider, choose, or type into a field with an identity."""
+        self.ask(
+            f"(() => {{ const field = document.getElementById('{name}');"
+            f" field.value = {json.dumps(value)}; field.dispatchEvent(new Event('input')); }})()"
+        )
+
+    def text_of(self, name: str) -> str:
+        """The text of an element with an identity."""
+        return self.ask(f"document.getElementById('{name}').textContent")
+
+    def box_of(self, selector: str) -> tuple[float, float, float, float]:
+        """The middle, the width and the height of an element, pixels."""
+        return self.ask(
+            f"(() => {{ const r = document.querySelector('{selector}').getBoundingClientRect();"
+            " return [r.left + r.width / 2, r.top + r.height / 2, r.width, r.height]; })()"
+        )
+
     def find_barriers(self) -> list[Any]:
         """Rules of WCAG 2.1, levels A and AA, that the page breaks, and where, by axe-core."""
         source = pytest.importorskip("axe_playwright_python").__path__[0]

@@ -113,6 +113,9 @@ def test_the_flat_pictures_are_as_they_were(page):
     """In parts of a dozen pixels, so that fonts and edges do not count."""
     reference = np.array([list(bytes.fromhex("".join(rows))) for rows in REFERENCE])
     page.resize(1440, 900)
+    assert not page.ask(
+        "document.getElementById('flat').hidden"
+    )  # which says that there is no WebGL
     pictures = np.array(page.ask(FLAT))
     shown = [np.round(picture).astype(np.uint8).tobytes().hex() for picture in pictures]
     assert np.abs(pictures - reference).max() < 20, shown

@@ -31,33 +31,24 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def page(flat):
-    return flat
+def await_text(flat, name, words):
+    flat.await_true(f"document.getElementById('{name}').textContent.includes({json.dumps(words)})")
 
 
-def text(page, name):
-    return page.ask(f"document.getElementById('{name}').textContent")
-
-
-def await_text(page, name, words):
-    page.await_true(f"document.getElementById('{name}').textContent.includes({json.dumps(words)})")
-
-
-def distance(page, state):
+def distance(flat, state):
     """The largest difference of the page's state from another, mm and rad."""
-    return np.abs(np.array(page.ask("page.state()")) - state).max()
+    return np.abs(np.array(flat.ask("page.state()")) - state).max()
 
 
-def choose(page, path):
+def choose(flat, path):
     """Choose a file by the page's button, as a person does."""
-    root = page.send("DOM.getDocument")["root"]["nodeId"]
-    node = page.send("DOM.querySelector", nodeId=root, selector="#file")["nodeId"]
-    page.send("DOM.setFileInputFiles", nodeId=node, files=[str(path)])
+    root = flat.send("DOM.getDocument")["root"]["nodeId"]
+    node = flat.send("DOM.querySelector", nodeId=root, selector="#file")["nodeId"]
+    flat.send("DOM.setFileInputFiles", nodeId=node, files=[str(path)])
 
 
-def drop(page, name, content):
-    page.ask(
+def drop(flat, name, content):
+    flat.ask(
         "(() => { const data = new DataTransfer();"
         f" data.items.add(new File([{json.dumps(content)}], {json.dumps(name)}));"
         " const more = {dataTransfer: data, bubbles: true, cancelable: true};"
@@ -67,46 +58,37 @@ def drop(page, name, content):
     )
 
 
-def put(page, name, value):
-    page.ask(
-        f"(() => {{ const one = document.getElementById('{name}'); one.value = {json.dumps(value)};"
-        " one.dispatchEvent(new Event('input')); })()"
-    )
-
-
-def test_a_table_of_poses_is_played_to_its_end(page, folder):
-    choose(page, folder / "poses.csv")
-    await_text(page, "row", "row 1 of 40")
-    assert "0.000 s" in text(page, "row")
-    put(page, "at", 7)
-    assert distance(page, TRUE[7]) < 1e-6
-    put(page, "at", 5)
-    assert "no pose: non finite; the mirror is drawn where it was" in text(page, "row")
-    put(page, "at", 0)
-    page.ask(
+def test_a_table_of_poses_is_played_to_its_end(flat, folder):
+    choose(flat, folder / "poses.csv")
+    await_text(flat, "row", "row 1 of 40")
+    assert "0.000 s" in flat.text_of("row")
+    flat.put("at", 7)
+    assert distance(flat, TRUE[7]) < 1e-6
+    flat.put("at", 5)
+    assert "no pose: non finite; the mirror is drawn where it was" in flat.text_of("row")
+    flat.put("at", 0)
+    flat.ask(
         "document.getElementById('speed').value = '10'; document.getElementById('run').click()"
     )
-    await_text(page, "row", "row 40 of 40")
-    assert page.ask("document.getElementById('run').textContent") == "Play"
-    page.ask("document.getElementById('shut').click()")
-    assert page.ask("document.getElementById('player').hidden")
+    await_text(flat, "row", "row 40 of 40")
+    assert flat.ask("document.getElementById('run').textContent") == "Play"
+    flat.ask("document.getElementById('shut').click()")
+    assert flat.ask("document.getElementById('player').hidden")
 
 
-def test_a_dropped_table_of_readings_is_solved_row_by_row(page, folder):
-    drop(page, "readings.csv", (folder / "readings.csv").read_text("utf-8"))
-    await_text(page, "row", "row 1 of 40")
-    assert "made with the configuration bench; this page shows paper" in text(page, "news")
+def test_a_dropped_table_of_readings_is_solved_row_by_row(flat, folder):
+    drop(flat, "readings.csv", (folder / "readings.csv").read_text("utf-8"))
+    await_text(flat, "row", "row 1 of 40")
+    assert "made with the configuration bench; this page shows paper" in flat.text_of("news")
     for n in (3, 17):
-        put(page, "at", n)
+        flat.put("at", n)
         wanted = facets.solve(PAPER, facets.readings(PAPER, TRUE[n : n + 1])).state[0]
-        assert distance(page, wanted) < 1e-9
-        assert "solved from its readings" in text(page, "row")
-    put(page, "at", 5)
-    assert "no pose: " in text(page, "row")
-    cells = page.ask(
-        "[...document.querySelectorAll('[data-reading]')].map((one) => one.textContent)"
-    )
-    assert set(cells) == {"lost"}
+        assert distance(flat, wanted) < 1e-9
+        assert "solved from its readings" in flat.text_of("row")
+    flat.put("at", 5)
+    assert "no pose: " in flat.text_of("row")
+    cells = "[...document.querySelectorAll('[data-reading]')].map((one) => one.textContent)"
+    assert set(flat.ask(cells)) == {"lost"}
 
 
 BAD = {
@@ -124,67 +106,62 @@ BAD = {
 }
 
 
-def test_a_file_that_cannot_be_read_says_why_and_nothing_is_lost(page, folder):
-    drop(page, "poses.csv", (folder / "poses.csv").read_text("utf-8"))
-    await_text(page, "row", "poses.csv: row 1")
-    put(page, "at", 9)
-    before = page.ask("page.state()"), text(page, "row")
+def test_a_file_that_cannot_be_read_says_why_and_nothing_is_lost(flat, folder):
+    drop(flat, "poses.csv", (folder / "poses.csv").read_text("utf-8"))
+    await_text(flat, "row", "poses.csv: row 1")
+    flat.put("at", 9)
+    before = flat.ask("page.state()"), flat.text_of("row")
     for content, words in BAD.items():
-        drop(page, "bad.csv", content)
-        await_text(page, "news", words)
-        assert text(page, "news").startswith("bad.csv: ")
-        assert text(page, "news").endswith("What was shown is kept.")
-        assert (page.ask("page.state()"), text(page, "row")) == before
-    page.ask("page.take([new File([new Uint8Array([255, 254, 0, 65])], 'b.bin')])")
-    assert "not text in UTF-8" in text(page, "news")
+        drop(flat, "bad.csv", content)
+        await_text(flat, "news", words)
+        assert flat.text_of("news").startswith("bad.csv: ")
+        assert flat.text_of("news").endswith("What was shown is kept.")
+        assert (flat.ask("page.state()"), flat.text_of("row")) == before
+    flat.ask("page.take([new File([new Uint8Array([255, 254, 0, 65])], 'b.bin')])")
+    assert "not text in UTF-8" in flat.text_of("news")
 
 
-def test_a_known_beam_is_where_the_table_of_readings_says(page):
+def test_a_known_beam_is_where_the_table_of_readings_says(flat):
     state = np.array([0.05, -0.02, 0.1, 0.002, -0.001, 0.003, 0.04, -0.03])
     values = ",".join(map(repr, facets.readings(PAPER, state).tolist()))
     names = ",".join((*READING_COLUMNS, *STATE_COLUMNS[6:]))
-    put(page, "estimate-beam", "known")
-    drop(page, "beam.csv", f"{names}\n{values},0.04,-0.03\n{values},,\n")
-    await_text(page, "row", "beam.csv: row 1")
-    assert distance(page, state) < 1e-9
-    put(page, "at", 1)
-    assert "no pose: the table does not say where the known beam was" in text(page, "row")
-    drop(page, "guess.csv", f"{names},u_bx_mm\n{values},0.04,-0.03,0.001\n")
-    await_text(page, "row", "guess.csv: row 1")
-    assert "the table does not say where the known beam was" in text(page, "row")
-    page.ask("PAGE.offset = [0.01, 0.02]")  # of a configuration's solve.beam_offset_um
-    drop(page, "beam.csv", f"{names}\n{values},0.03,-0.05\n")
-    await_text(page, "row", "beam.csv: row 1")
-    assert distance(page, state) < 1e-9
-    page.ask("PAGE.offset = [0, 0]")
-    put(page, "estimate-beam", "free")
+    flat.put("estimate-beam", "known")
+    drop(flat, "beam.csv", f"{names}\n{values},0.04,-0.03\n{values},,\n")
+    await_text(flat, "row", "beam.csv: row 1")
+    assert distance(flat, state) < 1e-9
+    flat.put("at", 1)
+    assert "no pose: the table does not say where the known beam was" in flat.text_of("row")
+    drop(flat, "guess.csv", f"{names},u_bx_mm\n{values},0.04,-0.03,0.001\n")
+    await_text(flat, "row", "guess.csv: row 1")
+    assert "the table does not say where the known beam was" in flat.text_of("row")
+    flat.ask("PAGE.offset = [0.01, 0.02]")  # of a configuration's solve.beam_offset_um
+    drop(flat, "beam.csv", f"{names}\n{values},0.03,-0.05\n")
+    await_text(flat, "row", "beam.csv: row 1")
+    assert distance(flat, state) < 1e-9
+    flat.ask("PAGE.offset = [0, 0]")
+    flat.put("estimate-beam", "free")
 
 
-def test_readings_that_are_typed_are_solved(page):
+def test_readings_that_are_typed_are_solved(flat):
     state = np.array([0.05, -0.02, 0.1, 0.002, -0.001, 0.003, 0, 0])
     values = facets.readings(PAPER, state)
-    put(page, "own-text", " ".join(map(repr, values.tolist())))
-    assert "Solved in " in text(page, "own-said")
+    flat.put("own-text", " ".join(map(repr, values.tolist())))
+    assert "Solved in " in flat.text_of("own-said")
     solution = facets.solve(PAPER, values[None])
-    assert distance(page, solution.state[0]) < 1e-9
-    assert text(page, "source") == "your own"
-    put(page, "estimate-beam", "known")  # the knowledge of the page's other solved pose, too
-    put(page, "own-text", " ".join(map(repr, (values + 1e-3).tolist())))
-    solution = facets.solve(PAPER, values[None] + 1e-3, beam="known")
-    assert distance(page, solution.state[0]) < 1e-9
-    put(page, "estimate-beam", "free")
-    before = page.ask("page.state()")
+    assert distance(flat, solution.state[0]) < 1e-9
+    assert flat.text_of("source") == "your own"
+    before = flat.ask("page.state()")
     for typed, words in (
         ("1 2 3", "3 of 9 numbers"),
         ("1 2 3 4 5 6 7 8 9 10", "10 of 9 numbers"),
         ("1 2 x", "“x” is not a number"),
         ("0 0 0 0 0 0 0 0 0", "No pose: "),
     ):
-        put(page, "own-text", typed)
-        assert words in text(page, "own-said")
-        assert page.ask("page.state()") == before
+        flat.put("own-text", typed)
+        assert words in flat.text_of("own-said")
+        assert flat.ask("page.state()") == before
     lines = [",".join(READING_COLUMNS), ",".join(map(repr, values.tolist()))]
-    put(page, "own-text", "\n".join(lines))
-    assert "pasted table: row 1 of 1" in text(page, "row")
-    shown = np.array(page.ask("page.state()"))
+    flat.put("own-text", "\n".join(lines))
+    assert "pasted table: row 1 of 1" in flat.text_of("row")
+    shown = np.array(flat.ask("page.state()"))
     assert np.allclose(shown / STATE_UNITS, state / STATE_UNITS, atol=1e-8)
