@@ -9,50 +9,65 @@ import pytest
 from programs import Program
 
 import facets
+from facets import firmware
 from facets.core import AuxiliaryChannel
 from facets.firmware import FirmwareLibrary
-from facets.firmware.export import export
-from facets.firmware.source import Provenance
-from facets.live import POSE, SIZE, SOLVED, Faults, FixedFrames, Pipeline, board_solution
-from facets.live.virtual.board import Board, Count, HeartbeatWatch
-from facets.live.virtual.faults import Schedule
+from facets.live import (
+    POSE,
+    SIZE,
+    SOLVED,
+    Bench,
+    Faults,
+    FixedFrames,
+    Pipeline,
+    board_solution,
+)
 from facets.tracking import heartbeat_frame
 
 CONFIG = facets.load("bench")
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler")
 
 
-def compiled(folder, sensor):
-    for path, text in export(sensor, Provenance("test", "0", "test")).items():
+def compile_c(folder, *arguments):
+    subprocess.run(["gcc", "-O1", "-Wall", "-Werror", *arguments, "-lm"], cwd=folder, check=True)
+
+
+def compile_library(folder, sensor):
+    about = firmware.source.Provenance("test", "0", "test")
+    for path, text in firmware.export.export(sensor, about).items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text)
-    command = ["gcc", "-O1", "-shared", "-fPIC", "facets.c", "facets_frame.c", "-o", "l.so", "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
+    compile_c(folder, "-shared", "-fPIC", "facets.c", "facets_frame.c", "-o", "l.so")
     return folder / "l.so"
 
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
-    return compiled(tmp_path_factory.mktemp("firmware"), CONFIG.sensor)
+    return compile_library(tmp_path_factory.mktemp("firmware"), CONFIG.sensor)
 
 
-def sent(tmp_path, library, count=600, restart_at=None, config=CONFIG):
-    """What a virtual board with a solver of its own sends: bytes."""
-    schedule = Schedule(Faults(), np.random.default_rng(1))
-    board = Board(config, 10_000, schedule, Count(), tmp_path / "p", FirmwareLibrary(library))
-    seq = np.arange(count)
-    states = np.zeros((count, 8))
+@pytest.fixture
+def board(tmp_path, library):
+    """Makes virtual boards that solve by a library."""
+    benches = []
+
+    def make(path=library, config=CONFIG):
+        solver = FirmwareLibrary(path)
+        benches.append(Bench(config, "wobble", 1e4, Faults(), 1, tmp_path / "bench", solver))
+        benches[-1].begin = 0.0
+        benches[-1].board.switch_on(0.0)
+        return benches[-1].board
+
+    yield make
+    for bench in benches:
+        bench.end()
+
+
+def send(board, count=600, first=0):
+    """The bytes that a board sends of a yawing mirror."""
+    seq, states = np.arange(first, first + count), np.zeros((count, 8))
     states[:, 5] = 1e-3 * np.sin(seq / 50)
-    board.switch_on(0.0)
-    if restart_at is None:
-        data = board.encode(board.sample(states, seq, 1e-4 * seq, 0.0))
-    else:
-        first, rest = slice(0, restart_at), slice(restart_at, count)
-        data = board.encode(board.sample(states[first], seq[first], 1e-4 * seq[first], 0.0))
-        board.born, board.born_at = restart_at, 1e-4 * restart_at
-        data += board.encode(board.sample(states[rest], seq[rest], 1e-4 * seq[rest], 0.0))
-    board.close()
-    return data
+    return board.encode(board.sample(states, seq, 1e-4 * seq, 0.0))
 
 
 def fed(data, config=CONFIG, block=777):
@@ -62,39 +77,45 @@ def fed(data, config=CONFIG, block=777):
     return pipeline
 
 
-def test_the_boards_poses_are_those_solved_here(tmp_path, library):
+def test_the_boards_poses_are_those_solved_here(board):
     """Frames hold single precision: their rounding is far under the noise."""
-    pipeline = fed(sent(tmp_path, library))
-    board = pipeline.board
-    assert pipeline.tally.samples == board.came == board.compared == 600
-    assert board.statuses == board.apart == 0
-    assert 0 < board.worst < 0.01
-    assert "600 compared" in board.sentence()
-    assert board.trouble() == ""
+    pipeline = fed(send(board()))
+    poses = pipeline.board
+    assert pipeline.tally.samples == poses.came == poses.compared == 600
+    assert poses.statuses == poses.apart == 0
+    assert 0 < poses.worst < 0.01
+    assert "600 compared" in poses.sentence()
+    assert poses.trouble() == ""
 
 
-def test_poses_of_a_board_with_channels_are_compared_too(tmp_path, library):
+def test_poses_of_a_board_with_channels_are_compared_too(board):
     channels = (AuxiliaryChannel("force", "N"), AuxiliaryChannel("current", "mA"))
     config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=channels))
-    pipeline = fed(sent(tmp_path, library, 100, config=config), config)
+    pipeline = fed(send(board(config=config), 100), config)
     assert pipeline.board.came == pipeline.board.compared == pipeline.tally.samples == 100
     assert pipeline.board.alike
 
 
-def test_a_board_with_the_code_of_another_sensor_is_told(tmp_path):
+def test_a_board_with_the_code_of_another_sensor_is_told(tmp_path, board, run_in_process):
     """A detector 0.05 mm further out than the board knows."""
     first, *others = CONFIG.sensor.psds
     psds = (replace(first, radius=first.radius + 0.05), *others)
-    other = compiled(tmp_path, replace(CONFIG.sensor, psds=psds))
-    board = fed(sent(tmp_path, other)).board
-    assert not board.alike
-    assert "another sensor" in board.trouble()
+    other = compile_library(tmp_path, replace(CONFIG.sensor, psds=psds))
+    (tmp_path / "board.bin").write_bytes(send(board(other)))
+    status, _, errors = run_in_process(
+        "acquire", "bench", "--port", "file:board.bin", "--no-record", "--plain", "--compare-board"
+    )
+    assert status == 1
+    assert "another sensor" in errors
 
 
-def test_after_a_restart_samples_are_not_compared_with_others(tmp_path, library):
-    board = fed(sent(tmp_path, library, 600, restart_at=300)).board
-    assert board.statuses == board.apart == 0
-    assert 500 < board.compared <= 600
+def test_after_a_restart_samples_are_not_compared_with_others(board):
+    made = board()
+    data = send(made, 300)
+    made.born, made.born_at = 300, 0.03
+    poses = fed(data + send(made, 300, first=300)).board
+    assert poses.statuses == poses.apart == 0
+    assert 500 < poses.compared <= 600
 
 
 @pytest.mark.parametrize("channels", [0, 2])
@@ -124,10 +145,8 @@ def test_the_exported_frames_are_read(tmp_path, library, channels):
         }
         """
     )
-    folder = library.parent
-    files = [str(program), str(folder / "facets_frame.c"), f"-DFACETS_CHANNELS={channels}"]
-    command = ["gcc", "-Wall", "-Werror", "-I", str(folder), *files, "-o", "f"]
-    subprocess.run(command, cwd=tmp_path, check=True)
+    compile_c(library.parent, program, "-I.", "facets_frame.c", f"-DFACETS_CHANNELS={channels}",
+              "-o", tmp_path / "f")  # fmt: skip
     data = subprocess.run([tmp_path / "f"], capture_output=True, check=True).stdout
     parser = FixedFrames(channels)
     samples = parser.feed(data)
@@ -139,14 +158,14 @@ def test_the_exported_frames_are_read(tmp_path, library, channels):
     assert samples.counts[0].tolist() == [1, -2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2147483647]
     expected = np.array([[1.25, -3e30], [np.nan, np.nan]], np.float32)[:, :channels]
     np.testing.assert_array_equal(samples.channels, expected)
-    one = board_solution(samples.where(samples.kind == POSE))[0]
+    pose = board_solution(samples.where(samples.kind == POSE))[0]
     assert SOLVED.itemsize == 48
-    assert one["state"].tolist() == [0.5 * n for n in range(8)]
-    assert (one["power"], one["residual"]) == (0.25, 1.5)
-    assert (one["status"], one["used"], one["steps"], one["microseconds"]) == (3, 5, 7, 65000)
+    assert pose["state"].tolist() == [0.5 * n for n in range(8)]
+    assert (pose["power"], pose["residual"]) == (0.25, 1.5)
+    assert (pose["status"], pose["used"], pose["steps"], pose["microseconds"]) == (3, 5, 7, 65000)
 
 
-def test_the_exported_heartbeat_is_that_of_the_virtual_board(tmp_path, library):
+def test_the_exported_heartbeat_is_that_of_the_virtual_board(tmp_path, library, board):
     """Byte by byte, among noise, spoilt and repeated frames; also where the clock wraps."""
     program = tmp_path / "beats.c"
     program.write_text(
@@ -164,19 +183,15 @@ def test_the_exported_heartbeat_is_that_of_the_virtual_board(tmp_path, library):
         }
         """
     )
-    folder = library.parent
-    command = ["gcc", "-I", str(folder), str(program), str(folder / "facets_frame.c"), "-o", "b"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    rng, count, data = np.random.default_rng(3), 2**32 - 20, []
+    compile_c(library.parent, program, "-I.", "facets_frame.c", "-o", tmp_path / "b")
+    rng, count, watch = np.random.default_rng(3), 2**32 - 20, board().watch
+    now, lines, expected = 2**32 - 1_000_000, [], ""
     for _ in range(300):
         count += int(rng.choice([0, 1, 1, 1]))
         frame = bytearray(heartbeat_frame(count, bool(rng.random() < 0.9)))
         if rng.random() < 0.1:
             frame[rng.integers(12)] ^= 4
-        data.append((bytes(frame), int(rng.choice([20_000, 20_000, 150_000]))))
-    now, lines, expected, watch = 2**32 - 1_000_000, [], "", HeartbeatWatch()
-    for frame, passed in data:
-        now += passed
+        now += int(rng.choice([20_000, 20_000, 150_000]))
         for byte in frame:
             watch.feed(bytes([byte]), 1e-6 * now)
             lines.append(f"{now % 2**32} {byte}")
@@ -189,15 +204,13 @@ def test_the_exported_heartbeat_is_that_of_the_virtual_board(tmp_path, library):
 
 
 @pytest.mark.slow
-def test_acquire_compares(tmp_path, library):
+def test_acquire_compares(tmp_path, library, run_in_process):
     words = ("--motion", "wobble", "--rate", "1000", "--firmware", str(library))
     with Program("emulate", "bench", *words, cwd=tmp_path) as bench:
         bench.await_output("running")
-        with Program(
-            "acquire", "bench", "--port", "bench/board", "--samples", "2000", "--compare-board",
-            "--max-loss", "1", cwd=tmp_path,
-        ) as run:  # fmt: skip
-            status = run.end(None)
-            said = run.stdout + run.stderr
-    assert status == 0, said
-    assert "the board solved" in said
+        status, output, errors = run_in_process(
+            "acquire", "bench", "--port", "bench/board", "--samples", "1000", "--plain",
+            "--compare-board", "--max-loss", "1",
+        )  # fmt: skip
+    assert status == 0, errors
+    assert "the board solved" in output

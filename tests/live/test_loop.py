@@ -46,18 +46,16 @@ class Board:
     port = error = None
 
     def __init__(self, clock, count, interval_s=2e-3):
-        self.clock, self.queue = clock, self
+        self.clock, self.queue, size = clock, self, EACH * SIZE
         data = kills.stream(count * EACH)
-        size = EACH * SIZE
         self.blocks = [
             Block(data[n * size : (n + 1) * size], clock.now + interval_s * (n + 1), None)
             for n in range(count)
         ]
 
     def get(self, timeout):
-        if not self.blocks:
-            raise Empty
-        self.clock.now = max(self.clock.now, self.blocks[0].arrival)
+        if self.blocks:
+            self.clock.now = max(self.clock.now, self.blocks[0].arrival)
         return self.get_nowait()
 
     def get_nowait(self):
@@ -146,14 +144,16 @@ def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_u
 
 def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     """Twice too slow for ever: all is accounted for, half is skipped, the newest is not old."""
-    live, events, poses, _ = run(monkeypatch, [0.3], 200, interval_s=0.15)
+    monkeypatch.setattr("facets.live.run.loop.GIVE_UP_AFTER_S", 0.5)
+    monkeypatch.setattr("facets.live.run.loop.FINISH_S", 0.05)
+    live, events, poses, _ = run(monkeypatch, [4e-3], 1_000)
     assert events == ["behind", "caught up", "end"]
-    assert (poses["seq"] == np.arange(200 * EACH)).all()
+    assert (poses["seq"] == np.arange(1_000 * EACH)).all()
     skipped = poses["status"] == SKIPPED
     assert 0.35 < skipped.mean() < 0.55
     assert skipped.sum() == live.pipeline.tally.skipped_count
     assert np.isnan(poses["tx_mm"][skipped]).all()
-    assert live.latency_p99() < NEWEST_FIRST_AFTER_S + 2 * 0.3
+    assert live.latency_p99() < NEWEST_FIRST_AFTER_S + 0.02
 
 
 def test_a_comparison_knows_what_it_can_not_compare():
@@ -171,33 +171,25 @@ def test_a_comparison_knows_what_it_can_not_compare():
     part["tx_mm"][100] = np.nan
     assert compare(part, whole).worst == np.inf
     assert compare({}, whole).is_same
+    for before, now in ((Status.NON_FINITE, FULL), (TWO_DETECTORS, Status.UNCHECKED)):
+        whole["status"][:5], part["status"][:5] = now, before  # as older recordings have it
+        assert compare(part, whole).different == 1
+        part["status"][5] = before
+        assert compare(part, whole).different == 2
+        part["status"][5] = 0
 
 
-@pytest.mark.parametrize(
-    ("before", "now"), [(Status.NON_FINITE, FULL), (TWO_DETECTORS, Status.UNCHECKED)]
-)
-def test_a_status_of_another_name_in_older_recordings_is_the_same(before, now):
-    old, new = solve_in_turn(2), solve_in_turn(2)
-    old["status"][:5], new["status"][:5] = before, now
-    assert compare(old, new).is_same
-    new["status"][9] = now
-    assert compare(old, new).different == 1
-
-
-def test_poses_of_a_calibrated_rig_have_the_parts_of_their_uncertainty():
-    """Also where samples were skipped; a recording of before, without the parts, compares."""
+def test_skipped_samples_of_a_calibrated_rig_have_the_parts_of_an_uncertainty():
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     pipeline = Pipeline(replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known)))
     (batch,) = pipeline.take(kills.stream(40), 1_000.0)
     columns = pose_columns(join_poses([pipeline.solve(batch), pipeline.skip(batch)]))
-    whole = columns["u_noise_tz_mm"] ** 2 + columns["u_calibration_tz_mm"] ** 2
-    np.testing.assert_allclose(whole[:40], columns["u_tz_mm"][:40] ** 2, rtol=1e-3)
-    assert (columns["u_calibration_tz_mm"][:40] > 1e-4).all()
-    assert np.isnan(whole[40:]).all()
+    for name in ("u_noise_tz_mm", "u_calibration_tz_mm"):
+        assert (columns[name][:40] > 1e-5).all()
+        assert np.isnan(columns[name][40:]).all()
     columns = {name: column[:40] for name, column in columns.items()}
     before = {name: column for name, column in columns.items() if "u_noise" not in name}
-    before["tx_mm"] = before["tx_mm"] + columns["u_tx_mm"]
-    assert compare(before, columns).worst == pytest.approx(1)
+    assert compare(before, columns).is_same  # a recording of before
 
 
 def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
@@ -212,20 +204,10 @@ def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
     assert live.pipeline.tally.samples == 10 * EACH
 
 
-@pytest.mark.parametrize("accept", [True, False])
-def test_two_detectors_give_no_pose_that_nothing_checks(accept, tmp_path):
-    """The key is that of older files."""
-    path = tmp_path / "rig.yaml"
-    text = "extends: bench\nsolve: {beam: known}\n"
-    path.write_text(text + "acquire: {detectors: 2}\n" if accept else text)
-    pipeline = Pipeline(facets.load(path))
-    (batch,) = pipeline.take(kills.stream(40), 1.0)
-    batch.readings[10:30, 3:6] = np.nan
-    solution = pipeline.solve(batch).solution
-    assert (solution.converged == np.isfinite(solution.state).all(axis=1)).all()
-    assert (solution.converged == np.isfinite(solution.covariance).all(axis=(1, 2))).all()
-    expected = {"converged": 40} if accept else {"converged": 20, "unchecked": 20}
-    assert pipeline.tally.statuses == expected
+def test_older_files_accept_poses_from_two_detectors(tmp_path):
+    (tmp_path / "rig.yaml").write_text("extends: bench\nacquire: {detectors: 2}\n")
+    assert not CONFIG.solve.accept_unchecked
+    assert facets.load(tmp_path / "rig.yaml").solve.accept_unchecked
 
 
 @pytest.mark.parametrize("offset", [0.0, 5.0])
@@ -236,43 +218,36 @@ def test_poses_of_another_geometry_are_not_believed_without_a_word(offset):
     )
     options = replace(CONFIG.solve, beam="known")
     pipeline = Pipeline(replace(CONFIG, sensor=replace(CONFIG.sensor, psds=psds), solve=options))
-    pipeline.feed(kills.stream(100), 1_000.0)
+    for block in Board(Clock(), 5).blocks:
+        pipeline.feed(block.data, block.arrival)
     misfit = pipeline.tally.misfit
     assert misfit.judged == 100
-    assert misfit.is_mostly_flagged == ("residual beyond chance" in misfit.sentence) == (offset > 0)
-    assert bool(misfit.sentence) == (offset > 0)
+    assert (misfit.flagged > 90) == bool(misfit.sentence) == (offset > 0)
+    assert misfit.sentence.startswith(f"{misfit.flagged} of 100 poses" if offset else "")
     assert Live(pipeline).messages() == (
         ["most poses have a residual beyond chance: do not trust them"] if offset else []
     )
 
 
 @pytest.mark.parametrize(
-    ("light", "words"),
-    [(np.nan, "are saturated"), (0.0, "light is lost on detector B"), (None, "")],
+    ("light", "flag", "words"),
+    [(np.nan, 1, "are saturated"), (0.0, 0, "light is lost on detector B")],
 )
-def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts(light, words):
+def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts(light, flag, words):
     """Every other sample: with two converters at their end, or with a dark detector B."""
     pipeline = Pipeline(CONFIG)
     (batch,) = pipeline.take(kills.stream(40), 1.0)
-    if light is not None:
-        batch.readings[::2, 3:6] = light
-    if words == "are saturated":
-        batch.readings[::2, 6:9] = np.nan
-        batch.flags[::2] |= 1
+    batch.readings[::2, 3 : 9 if flag else 6] = light
+    batch.flags[::2] |= flag
     status = pipeline.solve(batch).solution.status
-    saturated = 20 if words == "are saturated" else 0
-    assert (status[::2] == FULL).sum() == pipeline.tally.statuses["saturated"] == saturated
-    live, fine = Live(pipeline), np.zeros(5_000, bool)
-
-    def look(readings, flags, beyond):
-        pipeline.doubts.add(readings, flags, beyond, fine)
-        return live.messages()
-
-    rows = np.arange(5_000) % 40
-    assert [words in text for text in look(batch.readings[rows], batch.flags[rows], fine)] == (
-        [True] if words else []
-    )
-    light, no_flags = np.ones((5_000, 9)), np.zeros(5_000, np.uint8)
-    assert look(light, no_flags, fine) == []  # and no longer than it lasts
-    (text,) = look(light, no_flags, rows < 4)
+    assert (status[::2] == FULL).sum() == pipeline.tally.statuses["saturated"] == 20 * flag
+    rows, fine = np.arange(5_000) % 40, np.zeros(5_000, bool)
+    look, live = pipeline.doubts.add, Live(pipeline)
+    look(batch.readings[rows], batch.flags[rows], fine, fine)
+    (text,) = live.messages()
+    assert words in text
+    look(np.ones((5_000, 9)), np.zeros(5_000, np.uint8), fine, fine)
+    assert live.messages() == []  # and no longer than it lasts
+    look(np.ones((5_000, 9)), np.zeros(5_000, np.uint8), rows < 4, fine)
+    (text,) = live.messages()
     assert "10 % of the newest poses have a residual beyond chance" in text
