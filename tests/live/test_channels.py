@@ -1,11 +1,11 @@
-"""Auxiliary channels from the board to the pose table; see test_frames.py for their bytes."""
+"""Auxiliary channels from the board to the pose table; see test_frames.py for their bytes, and
+test_publication.py for subscribers."""
 
 from __future__ import annotations
 
 import json
 import threading
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,13 +20,9 @@ from facets.live import (
     Faults,
     Pipeline,
     Playback,
-    Publications,
     Run,
-    Subscription,
     encode,
-    join_poses,
     recorded_poses,
-    rows_of,
 )
 
 FORCE = AuxiliaryChannel("force", "N", scale=0.01, offset=0.5)
@@ -35,33 +31,40 @@ THERMAL = Thermal(20.0, beam=(2e-3, -1e-3), places=(0.0, -2e-3, 1e-3, -2e-3, 0.0
 READINGS = facets.readings(BENCH.sensor, yawing(600))
 
 
-def configure(*channels, form="frames", thermal=None, **options):
+def configure(*channels, thermal=None, **options):
     """The bench with channels, a sensor that follows the temperature, and options of `solve`."""
     sensor = replace(BENCH.sensor, thermal=thermal) if thermal else BENCH.sensor
-    acquire = replace(BENCH.acquire, channels=channels, format=form)
+    acquire = replace(BENCH.acquire, channels=channels)
     return replace(BENCH, acquire=acquire, sensor=sensor, solve=replace(BENCH.solve, **options))
 
 
-def draw_values(count=600):
-    """Numbers of two channels, of which some have no value."""
-    values = np.random.default_rng(3).normal(size=(count, 2)).astype(np.float32)
-    values[4::7, 0], values[5::9, 1] = np.nan, np.inf
-    return values
+def frames(count):
+    """Frames with numbers of so many channels, of which some have no value; and these."""
+    values = np.random.default_rng(3).normal(size=(600, count)).astype(np.float32)
+    values[4::7, :1], values[5::9, 1:] = np.nan, np.inf
+    return encode("frames", samples_of(READINGS, channels=values)), values
 
 
-@pytest.mark.parametrize("form", ["frames", "cobs", "text"])
-def test_channels_stand_beside_poses_and_never_change_them(form):
-    values = draw_values()
-    data = encode(form, samples_of(READINGS, channels=values))
-    pipeline, cuts = Pipeline(configure(FORCE, HEAT, form=form)), [0, 1000, 1001, 30_000, len(data)]
-    parts = [pipeline.feed(data[a:b], 1e-4 * b) for a, b in pairwise(cuts)]
-    poses = join_poses([part for part in parts if part is not None])
+def test_channels_stand_beside_poses_and_never_change_them():
+    data, values = frames(2)
+    pipeline = Pipeline(configure(FORCE, HEAT))
+    poses, bare = pipeline.feed(data, 1.0), Pipeline(BENCH).feed(frames(0)[0], 1.0)
     values = np.where(np.isfinite(values), values, np.nan).astype(float)
     np.testing.assert_array_equal(poses.channels["force_n"], 0.5 + 0.01 * values[:, 0])
     np.testing.assert_allclose(poses.channels["temperature_c"], values[:, 1], rtol=1e-7)
-    bare = Pipeline(BENCH).feed(encode("frames", samples_of(READINGS)), 1.0)
     np.testing.assert_array_equal(poses.solution.state, bare.solution.state)
     np.testing.assert_array_equal(poses.solution.status, bare.solution.status)
+    # frames of another kind in the middle end nothing
+    assert pipeline.feed(frames(0)[0], 2.0) is None
+    assert pipeline.parser.corrupt
+
+
+@pytest.mark.parametrize(("sent", "named"), [(2, 0), (2, 1), (0, 2)])
+def test_a_configuration_with_other_channels_ends_with_what_to_do(sent, named):
+    pipeline = Pipeline(configure(*(FORCE, HEAT)[:named]))
+    words = f"has {sent} auxiliary .* names {named}: .* replay"
+    with pytest.raises(facets.InputError, match=words):
+        pipeline.feed(frames(sent)[0], 1.0)
 
 
 def warm_stream(temperature):
@@ -82,11 +85,10 @@ def test_a_sensor_that_follows_the_temperature_takes_it_from_its_channel(beam):
     temperature, or one in kelvin, have no pose; they are counted and named."""
     temperature = np.concatenate([np.full(20, np.nan), np.linspace(17.0, 24.0, 400)])
     temperature[9] = 293.15
-    config = configure(FORCE, HEAT, thermal=THERMAL, beam=beam)
-    pipeline, data = Pipeline(config), warm_stream(temperature)
-    assert pipeline.temperature_sentence() == ""
-    board, compared = pipeline.board, []
-    board.came, board.compare = 1, lambda _, solution: compared.append(solution.state)
+    config, data = configure(FORCE, HEAT, thermal=THERMAL, beam=beam), warm_stream(temperature)
+    pipeline, cold_states = Pipeline(config), []
+    pipeline.board.came = 1
+    pipeline.board.compare = lambda _, solution: cold_states.append(solution.state)
     solution = pipeline.feed(data, 1.0).solution
     known = np.arange(420) >= 20
     np.testing.assert_array_equal(solution.converged, known)
@@ -94,19 +96,16 @@ def test_a_sensor_that_follows_the_temperature_takes_it_from_its_channel(beam):
     (text,) = pipeline.doubts.sentences()
     assert text.startswith("5 % of the newest samples have no value of temperature_c")
     sigma = solution.uncertainty[known, :6].mean(axis=0)
-
-    def slopes(states):
-        warmer = temperature[known] - THERMAL.reference
-        return np.polyfit(warmer, states[known, :6], 1)[0] / sigma
-
-    assert np.abs(solution.state[known, :6] / sigma).max() < 4  # the converters' steps
-    assert np.abs(slopes(solution.state)).max() < 0.1
-    cold = Pipeline(configure(FORCE, HEAT, beam=beam)).feed(data, 1.0).solution
+    poses = solution.state[known, :6] / sigma
+    assert np.abs(poses).max() < 4  # the converters' steps
+    assert np.abs(np.polyfit(temperature[known], poses, 1)[0]).max() < 0.1
+    cold = Pipeline(configure(FORCE, HEAT, beam=beam)).feed(data, 1.0).solution.state
+    slope = np.polyfit(temperature[known], cold[known, :6] / sigma, 1)[0]
     shift = shift_per_kelvin(config.sensor, config.solve) / sigma
-    assert slopes(cold.state) == pytest.approx(shift, rel=0.01, abs=0.1)
+    assert slope == pytest.approx(shift, rel=0.01, abs=0.1)
     assert np.abs(shift).max() > 1
     # the code of a board does not follow the temperature
-    np.testing.assert_array_equal(np.concatenate(compared), cold.state)
+    np.testing.assert_array_equal(np.concatenate(cold_states), cold)
 
 
 def test_a_run_without_a_temperature_that_the_sensor_follows_says_what_it_costs():
@@ -115,45 +114,29 @@ def test_a_run_without_a_temperature_that_the_sensor_follows_says_what_it_costs(
     assert text.startswith("acquire.channels names no channel temperature_c, though")
     shift = np.abs(shift_per_kelvin(config.sensor, config.solve))
     assert f"up to {1e3 * shift[:3].max():.2g} um and" in text
-    assert Pipeline(BENCH).temperature_sentence() == ""
+    for config in (BENCH, configure(HEAT, thermal=THERMAL)):
+        assert Pipeline(config).temperature_sentence() == ""
 
 
-@pytest.mark.parametrize(("sent", "named"), [(2, 0), (2, 1), (0, 2)])
-def test_a_configuration_with_other_channels_ends_with_what_to_do(sent, named):
-    data = encode("frames", samples_of(READINGS, channels=draw_values()[:, :sent]))
-    pipeline = Pipeline(configure(*(FORCE, HEAT)[:named]))
-    with pytest.raises(
-        facets.InputError, match=f"has {sent} auxiliary .* names {named}: .* replay"
-    ):
-        pipeline.feed(data, 1.0)
-
-
-def test_frames_of_another_kind_in_the_middle_end_nothing():
-    pipeline = Pipeline(configure(FORCE, HEAT))
-    assert len(pipeline.feed(encode("frames", samples_of(READINGS, channels=draw_values())), 1.0))
-    assert pipeline.feed(encode("frames", samples_of(READINGS)), 2.0) is None
-    assert pipeline.parser.corrupt
-
-
-def test_published_rows_have_the_channels_with_their_units():
-    config = configure(FORCE, HEAT)
-    poses = Pipeline(config).feed(
-        encode("frames", samples_of(READINGS, channels=draw_values())), 1.0
+def test_a_zero_is_measured_at_its_temperature():
+    """The mirror stands still while everything warms up: its displacement stays 0."""
+    config = configure(FORCE, HEAT, thermal=THERMAL, beam="known")
+    covariance = Calibration(TEMPERATURE, tuple(map(tuple, (1e-8 * np.eye(8)).tolist())))
+    sensor = replace(config.sensor, calibration=covariance)
+    pipeline = Pipeline(replace(config, sensor=sensor), zero=ZeroRequest(seconds=0.02))
+    columns = pipeline.feed(warm_stream(np.repeat([22.0, 24.0], 250)), 1.0).object
+    assert 5 < pipeline.object_poses.zero.samples < 251
+    late, u, part = (
+        np.array([columns[f"{prefix}displacement_{name}"][-100:] for name in STATE_COLUMNS[:6]])
+        for prefix in ("", "u_", "u_calibration_")
     )
-    with (
-        Publications(["zmq://127.0.0.1:0"], config, True, utc_offset=5.0) as publications,
-        Subscription(publications.places()[0]) as subscription,
-    ):
-        publications.add_poses(poses)
-        rows = next(iter(subscription))
-    assert rows.tobytes() == rows_of(poses, 5.0)[: len(rows)].tobytes()
-    for column, unit, channel in zip(
-        ("force_n", "temperature_c"), ("N", "degC"), subscription.about["channels"], strict=True
-    ):
-        np.testing.assert_array_equal(rows[column], poses.channels[column][: len(rows)])
-        assert subscription.about["units"][column] == channel["unit"] == unit
-    assert channel["delay_us"] == pytest.approx(250.0)
-    np.testing.assert_array_equal(rows["residual"], poses.solution.residual[: len(rows)])
+    assert np.abs(late / u).max() < 4
+    # the coefficients' errors shift the zero by 2 K and the last sample by 4 K: by 2 K their step
+    solution = facets.solve(sensor, facets.readings(sensor, np.zeros((1, 8))), beam="known")
+    expected = add_temperature_uncertainty(
+        sensor, config.solve, config.solve.knowledge(sensor), solution, np.array([24.0])
+    ).calibration_uncertainty[0, :6]
+    assert part[:, -1] == pytest.approx(expected / np.array(STATE_UNITS[:6]) / 2, rel=0.02)
 
 
 @pytest.fixture
@@ -184,7 +167,7 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path, make_b
     thread.start()
     try:
         port = str(tmp_path / "bench" / "board")
-        Run.from_config(config, port, folder=tmp_path / "rec", samples=500).acquire()
+        Run.from_config(config, port, folder=tmp_path / "rec", samples=300).acquire()
     finally:
         bench.last = np.inf
         thread.join()
@@ -204,40 +187,18 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path, make_b
     playback = Playback(tmp_path / "rec")
     list(playback.write(tmp_path / "poses.mcap", playback.poses(), None))
     with (tmp_path / "poses.mcap").open("rb") as file:
-        messages = list(reader.make_reader(file).iter_messages(topics=["/facets/sample"]))
-    schema = json.loads(messages[0][0].data)["properties"]["channels"]["properties"]
-    assert schema["force_n"]["description"] == "N"
-    force = [json.loads(message.data)["channels"]["force_n"] for _, _, message in messages]
-    np.testing.assert_allclose(force, live["force_n"], rtol=1e-8)
+        schema, _, message = next(reader.make_reader(file).iter_messages(["/facets/sample"]))
+    names = json.loads(schema.data)["properties"]["channels"]["properties"]
+    assert names["force_n"]["description"] == "N"
+    force = json.loads(message.data)["channels"]["force_n"]
+    assert force == pytest.approx(live["force_n"][0], rel=1e-8)
 
 
-def test_the_virtual_bench_is_as_warm_as_its_readings(make_bench):
+def test_the_virtual_bench_is_as_warm_as_its_readings_and_refuses_signals_without_a_channel(
+    make_bench,
+):
     bench = make_bench(configure(FORCE, HEAT, thermal=THERMAL))
     raw = bench.board.sample_channels(np.arange(3.0), np.zeros((3, 8)))
     np.testing.assert_array_equal(HEAT.values(raw[:, 1]), THERMAL.reference)
-
-
-def test_a_signal_without_a_channel_is_refused(make_bench):
     with pytest.raises(facets.InputError, match="names no channel torque"):
         make_bench(configure(FORCE), signals={"torque": lambda times, states: times})
-
-
-def test_a_zero_is_measured_at_its_temperature():
-    """The mirror stands still while everything warms up: its displacement stays 0."""
-    config = configure(FORCE, HEAT, thermal=THERMAL, beam="known")
-    covariance = Calibration(TEMPERATURE, tuple(map(tuple, (1e-8 * np.eye(8)).tolist())))
-    sensor = replace(config.sensor, calibration=covariance)
-    pipeline = Pipeline(replace(config, sensor=sensor), zero=ZeroRequest(seconds=0.02))
-    columns = pipeline.feed(warm_stream(np.repeat([22.0, 24.0], 250)), 1.0).object
-    assert 5 < pipeline.object_poses.zero.samples < 251
-    late, u, part = (
-        np.array([columns[f"{prefix}displacement_{name}"][-100:] for name in STATE_COLUMNS[:6]])
-        for prefix in ("", "u_", "u_calibration_")
-    )
-    assert np.abs(late / u).max() < 4
-    # the coefficients' errors shift the zero by 2 K and the last sample by 4 K: by 2 K their step
-    solution = facets.solve(sensor, facets.readings(sensor, np.zeros((1, 8))), beam="known")
-    expected = add_temperature_uncertainty(
-        sensor, config.solve, config.solve.knowledge(sensor), solution, np.array([24.0])
-    ).calibration_uncertainty[0, :6]
-    assert part[:, -1] == pytest.approx(expected / np.array(STATE_UNITS[:6]) / 2, rel=0.02)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from dataclasses import replace
 
 import makers
@@ -19,14 +20,17 @@ from facets.live import (
     Pipeline,
     PortError,
     PortInUse,
+    Samples,
     check_missing,
     check_source,
     open_port,
+    pack,
 )
-from facets.live.sources.ni_card import counts_of_volts, frames_of
 from facets.tracking import Heartbeat, StageError, close_line, open_permit
 
 CONFIG = facets.load("bench")
+ELECTRONICS = replace(CONFIG.electronics, adc_bits=16, adc_range=10.0)
+SENSOR = replace(CONFIG.sensor, electronics=ELECTRONICS)
 NAME = "ni:Dev1/ai0:11?rate=20000&bits=16&range=10"
 HEADS = "thorlabs:69000001,69000002,69000003?rate=1000"
 
@@ -37,63 +41,55 @@ def installed(monkeypatch):
     makers.install(monkeypatch)
 
 
-def electronics():
-    return replace(CONFIG.electronics, adc_bits=16, adc_range=10.0)
-
-
 def light(count):
-    """Readings of a mirror that yaws, and the counts of their electrodes."""
+    """The yaw of a mirror, rad, and the voltages of its electrodes (count, 12)."""
     state = np.zeros((count, 8))
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 20)
-    exact = facets.readings(CONFIG.sensor, state)
-    return state, readings_to_counts(CONFIG.sensor, electronics(), exact)
+    counts = readings_to_counts(SENSOR, ELECTRONICS, facets.readings(SENSOR, state))
+    return state[:, 5], counts, counts * (10 / 2**16)
 
 
 def test_a_card_is_a_port(installed):
-    _, counts = light(300)
-    expected = frames_of(counts, np.arange(300), 50.0 * np.arange(300), ELECTRODES)
+    _, counts, volts = light(300)
+    number = np.arange(300, dtype=np.uint32)
+    kind = np.full(300, ELECTRODES, np.uint8)
 
     def send(_):
         (task,) = makers.Task.open
         assert task.started
-        task.in_stream.volts = counts.T * (10 / 2**16)
+        assert task.ai_channels.limits == (-10, 10)
+        assert task.timing.buffer == 200_000
+        task.in_stream.volts = volts.T
 
+    expected = pack(Samples(kind, 0 * kind, number, 50 * number, counts))
     check_source(lambda: open_port(NAME, 0), send, expected)
     assert makers.Task.open == []
 
 
-def test_a_card_gives_the_poses_of_its_light(installed):
-    state, counts = light(300)
-    with open_port(NAME, 0) as port:
-        task = port.task
-        assert task.ai_channels.limits == (-10, 10)
-        assert task.timing.buffer == 200_000
-        assert port.read() == b""
-        task.in_stream.volts = counts.T * (10 / 2**16)
-        sensor = replace(CONFIG.sensor, electronics=electronics())
-        pipeline = Pipeline(replace(CONFIG, sensor=sensor))
-        found = pipeline.feed(port.read(), 1.0)
-        task.in_stream.volts = counts.T[:, :1] * (10 / 2**16)
-        more = pipeline.feed(port.read(), 1.1)
-        assert more.seq.tolist() == [300]
-        assert more.time[0] - found.time[0] == 300 * 50
-    np.testing.assert_allclose(found.solution.state[:, 5], state[:, 5], atol=2e-6)
-
-
-def test_voltages_after_the_twelfth_are_auxiliary_channels(installed):
-    _, counts = light(20)
-    force = np.linspace(-3, 3, 20)
+def test_a_card_gives_the_poses_of_its_light_and_voltages_after_the_twelfth_as_channels(installed):
+    yaw, _, volts = light(300)
+    force = np.linspace(-3, 3, 300)
     channel = AuxiliaryChannel("force", "N", scale=4.0)
-    config = replace(CONFIG, acquire=replace(CONFIG.acquire, channels=(channel,)))
+    acquire = replace(CONFIG.acquire, channels=(channel,))
+    pipeline = Pipeline(replace(CONFIG, sensor=SENSOR, acquire=acquire))
     with open_port(NAME.replace("0:11", "0:12"), 0) as port:
-        port.task.in_stream.volts = np.vstack([counts.T * (10 / 2**16), force])
-        found = Pipeline(config).feed(port.read(), 1.0)
-    np.testing.assert_allclose(found.channels["force_n"], 4 * force, rtol=1e-6)
+        stream = port.task.in_stream
+        stream.volts = np.vstack([volts.T, force])
+        poses = pipeline.feed(port.read(), 1.0)
+        stream.volts = np.vstack([volts.T, force])[:, :1]
+        more = pipeline.feed(port.read(), 1.1)
+    np.testing.assert_allclose(poses.solution.state[:, 5], yaw, atol=2e-6)
+    np.testing.assert_allclose(poses.channels["force_n"], 4 * force, rtol=1e-6)
+    assert more.seq.tolist() == [300]
+    assert more.time[0] - poses.time[0] == 300 * 50
 
 
-def test_too_much_light_is_told_as_saturation():
-    counts = counts_of_volts(np.array([9.0, 10.0, 12.0, -12.0]), 16, 10.0)
-    assert counts.tolist() == [58982, 65535, 65535, -65535]
+def test_too_much_light_is_told_as_saturation(installed):
+    with open_port(NAME, 0) as port:
+        assert port.read() == b""
+        port.task.in_stream.volts = np.repeat([[9.0, 10.0, 12.0, -12.0]], 12, axis=0)
+        counts = FixedFrames().feed(port.read()).counts
+    assert counts.T.tolist() == 12 * [[58982, 65535, 65535, -65535]]
 
 
 @pytest.mark.parametrize(
@@ -119,66 +115,34 @@ def test_what_can_not_be_opened_is_told(installed, name, kind, words):
 
 
 def test_a_card_that_goes_away_and_one_that_is_taken_are_told(installed, monkeypatch):
-    port = open_port(NAME, 0)
-    port.task.in_stream.error = makers.DaqError("samples were overwritten", -200279)
-    with pytest.raises(PortError, match="went away: samples were overwritten"):
-        port.read()
-    port.close()
+    with open_port(NAME, 0) as port:
+        port.task.in_stream.error = makers.DaqError("samples were overwritten", -200279)
+        with pytest.raises(PortError, match="went away: samples were overwritten"):
+            port.read()
 
-    def taken(_):
+    def refuse(_):
         raise makers.DaqError("the resource is reserved", -50103)
 
-    monkeypatch.setattr(makers.Task, "start", taken)
+    monkeypatch.setattr(makers.Task, "start", refuse)
     with pytest.raises(PortInUse, match="reserved"):
         open_port(NAME, 0)
 
 
-@pytest.mark.parametrize(("name", "package"), [(NAME, "nidaqmx"), (HEADS, "pylablib")])
-def test_a_package_that_is_not_installed_is_named(name, package, monkeypatch):
-    import sys
-
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(PortInUse, match=f"needs {package}"):
-        open_port(name, 0)
-
-
 def test_three_heads_give_the_pose_of_their_light(installed):
-    state, counts = light(40)
-    volts = counts_to_xy_sum(electronics(), counts)[-1].reshape(3, 4)[:, :3] * (10 / 2**16)
-    makers.KinesisQuadDetector.volts = dict(
-        zip(("69000001", "69000002", "69000003"), volts, strict=True)
-    )
+    yaw, counts, _ = light(40)
+    volts = counts_to_xy_sum(ELECTRONICS, counts)[-1].reshape(3, 4)[:, :3] * (10 / 2**16)
+    numbers = ("69000001", "69000002", "69000003")
+    makers.KinesisQuadDetector.volts = dict(zip(numbers, volts, strict=True))
     with open_port(HEADS, 0) as port:
         data = port.read() + port.read()
-        samples = FixedFrames().feed(data)
-        assert samples.kind.tolist() == [XY_SUM] * 2
-        assert samples.seq.tolist() == [0, 1]
-        sensor = replace(CONFIG.sensor, electronics=electronics())
-        found = Pipeline(replace(CONFIG, sensor=sensor)).feed(data, 1.0)
         makers.KinesisQuadDetector.volts = {}
         with pytest.raises(PortError, match="went away"):
             port.read()
-    np.testing.assert_allclose(found.solution.state[:, 5], state[-1, 5], atol=5e-6)
-
-
-def test_the_stand_ins_take_what_the_packages_take():
-    nidaqmx = pytest.importorskip("nidaqmx", reason="the maker's package is not installed")
-    from nidaqmx.stream_readers import AnalogMultiChannelReader
-
-    task = nidaqmx.task
-    pairs = [
-        (makers.Channels.add_ai_voltage_chan,
-         task.collections.AIChannelCollection.add_ai_voltage_chan),
-        (makers.Lines.add_di_chan, task.collections.DIChannelCollection.add_di_chan),
-        (makers.Lines.add_do_chan, task.collections.DOChannelCollection.add_do_chan),
-        (makers.Timing.cfg_samp_clk_timing, task.Timing.cfg_samp_clk_timing),
-        (makers.AnalogMultiChannelReader.read_many_sample,
-         AnalogMultiChannelReader.read_many_sample),
-    ]  # fmt: skip
-    for ours, theirs in pairs:
-        assert list(inspect.signature(ours).parameters) == list(
-            inspect.signature(theirs).parameters
-        )
+    samples = FixedFrames().feed(data)
+    assert samples.kind.tolist() == [XY_SUM] * 2
+    assert samples.seq.tolist() == [0, 1]
+    poses = Pipeline(replace(CONFIG, sensor=SENSOR)).feed(data, 1.0)
+    np.testing.assert_allclose(poses.solution.state[:, 5], yaw[-1], atol=5e-6)
 
 
 def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
@@ -199,17 +163,31 @@ def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
     assert makers.Task.open == []
 
 
-def test_a_card_that_is_not_there_is_told():
+def test_a_permit_by_a_card_whose_package_is_missing_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "nidaqmx", None)
     with pytest.raises(StageError, match="nidaqmx"):
         open_permit("ni:Dev1/port0/line0", 0.05)
 
 
-def test_the_stand_in_of_pylablib_takes_what_it_takes():
-    pylablib = pytest.importorskip("pylablib.devices.Thorlabs", reason="pylablib is not installed")
-    for ours, theirs in (
-        (makers.KinesisMotor, pylablib.KinesisMotor),
-        (makers.KinesisQuadDetector, pylablib.KinesisQuadDetector),
+def test_the_stand_ins_of_nidaqmx_take_what_it_takes():
+    nidaqmx = pytest.importorskip("nidaqmx", reason="the maker's package is not installed")
+    from nidaqmx.stream_readers import AnalogMultiChannelReader
+
+    task = nidaqmx.task
+    for ours, theirs, name in (
+        (makers.Channels, task.collections.AIChannelCollection, "add_ai_voltage_chan"),
+        (makers.Lines, task.collections.DIChannelCollection, "add_di_chan"),
+        (makers.Lines, task.collections.DOChannelCollection, "add_do_chan"),
+        (makers.Timing, task.Timing, "cfg_samp_clk_timing"),
+        (makers.AnalogMultiChannelReader, AnalogMultiChannelReader, "read_many_sample"),
     ):
+        parameters = [inspect.signature(getattr(kind, name)).parameters for kind in (ours, theirs)]
+        assert list(parameters[0]) == list(parameters[1])
+
+
+def test_the_stand_ins_of_pylablib_have_what_it_has():
+    pylablib = pytest.importorskip("pylablib.devices.Thorlabs", reason="pylablib is not installed")
+    for kind in (makers.KinesisMotor, makers.KinesisQuadDetector):
         for name in ("get_position", "move_to", "stop", "wait_for_stop", "get_readings"):
-            if hasattr(ours, name):
-                assert hasattr(theirs, name)
+            if hasattr(kind, name):
+                assert hasattr(getattr(pylablib, kind.__name__), name)
