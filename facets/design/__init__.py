@@ -35,7 +35,7 @@ else:
             "robust": "robust_layout",
             "rounding": "round_design step_of",
             "search": "optimize",
-            "sheets": "require_writable write_sheets",
+            "sheets": "write_sheets",
             "survey": "SKIPPED",
             "tolerancing": "draw_heads expand_margins sensitivities shares",
             "variables": "present_values sensor_of",

@@ -8,6 +8,7 @@ import pytest
 
 import facets
 from facets import optimize
+from facets.core import LaserPart, PsdPart
 
 CONFIG = facets.load("layout")
 MARKET = facets.load("market").layout
@@ -55,17 +56,28 @@ def test_the_best_of_a_large_catalogue_is_that_of_trying_all():
     assert whole.tried[0][1].objective == pytest.approx(result.objective, rel=1e-6)
 
 
-@pytest.mark.study
-def test_of_the_whole_market_few_are_looked_at():
-    layout = layout_of(list(MARKET.psds), list(MARKET.lasers), list(MARKET.amplifiers))
-    layout = replace(layout, aim="weighted", weights=WEIGHTS)
-    found = optimize(CONFIG.sensor, layout)
-    assert found.choices == 10_000
-    assert found.best.found
-    assert 0 < len(found.tried) < 100
-    best = found.tried[0][0]
-    assert best.price is not None
-    assert best.delivery is not None
+@pytest.mark.slow
+def test_a_choice_is_optimised_as_the_sensor_with_its_parts():
+    psds = {"small": PsdPart(8.0, 0.0016, 100.0), "large": PsdPart(20.0, 0.004, None)}
+    lasers = {"dim": LaserPart(0.3, 0.85, 50.0), "bright": LaserPart(1.0, 0.85, 500.0)}
+    layout = replace(CONFIG.layout, variables={"radius_mm": (100.0, 250.0)}, starts=1)
+    result = optimize(CONFIG.sensor, replace(layout, psds=psds, lasers=lasers))
+    prices = {(choice.psd, choice.laser): choice.price for choice, _ in result.tried}
+    assert len(prices) == 4
+    assert prices["small", "dim"] == 350
+    assert prices["large", "dim"] is None
+    choice, best = result.tried[0]
+    assert choice.laser == "bright"
+    part = psds[choice.psd]
+    sensor = replace(
+        CONFIG.sensor,
+        noise=replace(CONFIG.sensor.noise, position=part.position),
+        beam=replace(CONFIG.sensor.beam, power=1.0),
+        psds=tuple(replace(p, size_y=part.size, size_z=part.size) for p in CONFIG.sensor.psds),
+    )
+    alone = optimize(sensor, layout).best
+    assert alone.found
+    assert best.objective == pytest.approx(alone.objective)
 
 
 @pytest.mark.slow

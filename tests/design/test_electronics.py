@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 import facets
-from facets import InputError, Knowledge, optimize, uncertainties
-from facets.core import AmplifierPart, PsdPart
+from facets import Knowledge, optimize, uncertainties
 from facets.design import (
     Space,
     measure_design,
-    pareto_front,
     sensor_of,
     states_of,
 )
@@ -83,40 +81,11 @@ def test_the_light_on_the_mirror_stays_within_its_rim():
     assert -1e-6 < out.min() < 0.02
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ({"amplifiers": {"a": AmplifierPart(1e-5, 1.0)}}, "state the noise of"),
-        ({"psds": {"a": PsdPart(10.0, 0.001, 1.0)}}, "state the noise of"),
-        ({"psds": {str(n): PsdPart(10.0 + n, None, 1.0) for n in range(25)}}, "larger detector"),
-    ],
-)
-def test_parts_that_state_another_noise_are_an_error(more, words):
-    with pytest.raises(InputError, match=words):
-        optimize(with_electronics(), replace(CONFIG.layout, **more))
-
-
-def test_a_gain_without_electronics_is_an_error():
-    layout = replace(CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)})
-    with pytest.raises(InputError, match=r"needs sensor\.noise\.model"):
-        optimize(CONFIG.sensor, layout)
-
-
 def test_a_drawn_design_past_its_full_scale_is_left_out():
     layout = replace(CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)})
     space = Space(with_electronics(), CONFIG.range, layout, "sobol", 8, 1)
     assert measure_design(space, np.array([100.0]))[0] == 0
     assert measure_design(space, np.array([5000.0]))[0] == 8
-
-
-@pytest.mark.slow
-def test_a_front_with_electronics_has_the_float_models_measures():
-    layout = replace(CONFIG.layout, variables={"radius_mm": (100.0, 250.0)})
-    goals = ("head_mm", "u_roll_urad")
-    space = Space(with_electronics(), CONFIG.range, layout, "sobol", 8, 1, goals)
-    found = pareto_front(space, 5, 1)
-    assert len(found.designs) >= 4
-    assert found.left_out == 0  # points whose measures are not what was found
 
 
 def test_the_command_writes_the_gain(run_in_process, tmp_path):

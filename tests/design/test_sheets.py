@@ -6,8 +6,7 @@ import re
 
 import pytest
 
-from facets import InputError
-from facets.design import require_writable, write_sheets
+from facets.design import write_sheets
 
 TABLES = {
     "Before & after": (["quantity", "before"], [["u_tx_um", "3.88"], ["range_tx_mm", "0.359"]]),
@@ -38,14 +37,7 @@ def test_a_workbook_has_numbers_as_numbers(tmp_path):
 
 
 def test_other_kinds_are_refused(run_in_process, tmp_path):
-    with pytest.raises(InputError, match=r"\.tex or \.xlsx"):
-        require_writable(tmp_path / "t.docx")
-    status, _, _ = run_in_process("optimize", "layout", "--sheets", "t.docx")
+    status, _, errors = run_in_process("optimize", "layout", "--sheets", "t.docx")
     assert status == 2
+    assert ".tex or .xlsx" in errors
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_optimize_writes_its_tables(optimised):
-    assert (optimised.folder / "t.tex").read_text().count(r"\toprule") == 6
-    assert "t.tex" in optimised.printed

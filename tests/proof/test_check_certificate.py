@@ -278,18 +278,22 @@ def test_the_schema_is_one_and_the_certificate_fits_it(content):
 OFF = [0.003, 0.0085, 0.0085, 0.0, 1e-3, 1e-3, *[5e-4] * 6, *[0.1, 4e-4, 0.1, 2e-3, 2e-3, 2e-3] * 3]
 
 
-@pytest.mark.parametrize(("name", "tolerances"), [("paper", OFF), ("skewed1", None)])
-def test_the_checker_agrees_about_other_sensors(tmp_path, name, tolerances):
-    """All those within tolerances, and one without symmetry."""
+@pytest.mark.parametrize(
+    ("name", "box", "share", "tolerances"),
+    [("paper", BOX, 0.2, OFF), ("skewed1", parse_box("tx_mm=0.01"), 0.25, None)],
+)
+def test_the_checker_agrees_about_other_sensors(tmp_path, name, box, share, tolerances):
+    """All those within tolerances; and one without symmetry, where facets have little more light
+    than their share, so that bounds of the light are narrow."""
     sensor = SENSORS[name]
-    proof = certify(sensor, BOX, 0.2, tolerances=tolerances)
+    proof = certify(sensor, box, share, tolerances=tolerances)
     write_certificate(tmp_path / "a.json", sensor, proof, {"config": "none"})
     checked = check_certificate.check(tmp_path / "a.json")
-    assert 0.6 < (1 - proof.margin) / (1 - checked.margin) <= 1
+    assert 0.55 < (1 - proof.margin) / (1 - checked.margin) <= 1
     assert 0.95 < checked.determinant / proof.at_least <= 1.02
     assert any("configuration" in line for line in checked.not_verified)
     if tolerances:
-        assert proof.margin < certify(sensor, BOX, 0.2).margin
+        assert proof.margin < certify(sensor, box, share).margin
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ def test_the_front_has_a_margin_of_each_design(run_in_process, tmp_path):
         "optimize: {variables: {radius_mm: [200, 250]}}\n"
     )
     status, text, errors = run_in_process(
-        "explore", "small.yaml", "--designs", "2", "--sampling", "grid", "--no-table", "-d", "out",
+        "explore", "small.yaml", "--designs", "2", "--sampling", "grid", "-d", "out",
         "--objective", "head_mm", "--objective", "u_roll_urad", "--certify", "400",
         "--table", "csv",
     )  # fmt: skip
