@@ -35,46 +35,37 @@ def config_of(form):
     return replace(CONFIG, acquire=replace(CONFIG.acquire, format=form))
 
 
-def recorded(form):
+def record(form):
     """A run: the log of what its recording did, how much of that came before the first byte, its
-    poses, and after which operation each block was sure to be on the disk."""
-    config, log = config_of(form), Log()
+    poses, and pairs: after how many operations how many blocks were sure to be on the disk."""
+    config, log, queue = config_of(form), Log(), make_blocks(form)
     pipeline = Pipeline(config)
-    recording = Recording(
-        Path("nowhere"), run_record(config, None, 0.0, {}), config.resolved, disk=log
-    )
-    begun = len(log.done)
-    queue = make_blocks(form)
-    written, sure, poses = 0, [None] * BLOCKS, []
+    meta = run_record(config, None, 0.0, {})
+    recording = Recording(Path("nowhere"), meta, config.resolved, disk=log)
+    begun, poses, sure = len(log.done), [], []
 
     def write():
-        nonlocal written
-        recording.add_block(queue[written])
-        part = pipeline.feed(queue[written].data, queue[written].arrival, queue[written].encoder)
-        if part is not None:
-            poses.append(part)
-            recording.add_poses(part)
-        written += 1
+        block = queue.pop(0)
+        recording.add_block(block)
+        poses.append(pipeline.feed(block.data, block.arrival, block.encoder))
+        recording.add_poses(poses[-1])
 
     def on_sync(name):
-        if name == "bytes.bin" and written < BLOCKS:  # the reader goes on while the disk is busy
+        if name == "bytes.bin" and queue:  # the reader goes on while the disk is busy
             write()
 
     log.on_sync = on_sync
-    while written < BLOCKS:
-        for _ in range(min(5, BLOCKS - written)):
+    while queue:
+        for _ in range(min(5, len(queue))):
             write()
         recording.flush()
-        before = written
+        written = BLOCKS - len(queue)
         recording.add_event("synced")
         recording.sync()
-        end = max(n for n, (what, name, _) in enumerate(log.done) if (what, name) == (
-            "sync", "index.bin"))  # fmt: skip
-        for n in range(before):
-            sure[n] = end + 1 if sure[n] is None else sure[n]
+        names = [name if what == "sync" else "" for what, name, _ in log.done]
+        sure.append((len(names) - names[::-1].index("index.bin"), written))
     recording.close()
-    columns = join_columns([pose_columns(part) for part in poses])
-    return log, begun, columns, sure
+    return log, begun, join_columns([pose_columns(part) for part in poses]), sure
 
 
 def make_blocks(form):
@@ -95,7 +86,7 @@ def make_blocks(form):
     ],
 )
 def test_a_recording_survives_the_power_going_at_any_moment(form, cuts, tmp_path):
-    log, begun, whole, sure = recorded(form)
+    log, begun, whole, sure = record(form)
     config = config_of(form)
     rng = np.random.default_rng(7)
     meta = b"".join(data for _, name, data in log.done if name == "meta.yaml")
@@ -113,9 +104,8 @@ def test_a_recording_survives_the_power_going_at_any_moment(form, cuts, tmp_path
         damage, pipeline = Damage(), Pipeline(config)
         poses = columns_of_replay(folder, pipeline, damage)
         check_nothing_is_made_up(poses, whole)
-        check_what_was_synced_is_there(
-            poses, whole, [n for n in range(BLOCKS) if sure[n] <= moment]
-        )
+        synced = max((written for end, written in sure if end <= moment), default=0)
+        check_what_was_synced_is_there(poses, whole, synced * EACH)
         check_losses_are_told(poses, pipeline, damage)
         check_nothing_is_made_up(recorded_poses(folder), whole, to_the_last_bit=True)
         damaged += bool(damage.words)
@@ -147,13 +137,10 @@ def check_nothing_is_made_up(poses, whole, to_the_last_bit=False):
             assert np.array_equal(poses[name], whole[name][poses["seq"]], equal_nan=True), name
 
 
-def check_what_was_synced_is_there(poses, whole, blocks):
-    seq = np.concatenate([np.zeros(0, int), *[n * EACH + np.arange(EACH) for n in blocks]])
-    assert np.isin(seq, poses["seq"]).all()
-    place = np.searchsorted(poses["seq"], seq)
-    for name in whole:
-        if len(seq):
-            assert np.array_equal(poses[name][place], whole[name][seq], equal_nan=True), name
+def check_what_was_synced_is_there(poses, whole, count):
+    np.testing.assert_array_equal(poses["seq"][:count], np.arange(count))
+    for name in whole if count else ():
+        assert np.array_equal(poses[name][:count], whole[name][:count], equal_nan=True), name
 
 
 def check_losses_are_told(poses, pipeline, damage):

@@ -36,14 +36,13 @@ def follow(clock, device, marked, utc, lot=37):
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
-@pytest.mark.parametrize("drift", [0.0, 50e-6, -200e-6])
+@pytest.mark.parametrize("drift", [50e-6, -200e-6])
 def test_times_are_those_of_the_pulses_whatever_the_host_says(drift):
     """And known ever worse once no pulse comes."""
-    rng, count = np.random.default_rng(1), 90_000
-    true, device, marked = board(count, drift)
+    rng, clock = np.random.default_rng(1), PulseClock()
+    true, device, marked = board(90_000, drift)
     marked[80_500:] = False
-    clock = PulseClock()
-    times, sigma = follow(clock, device, marked, true + 0.1 + 0.02 * rng.standard_normal(count))
+    times, sigma = follow(clock, device, marked, true + 0.1 + 0.02 * rng.standard_normal(90_000))
     first = int(np.argmax(marked))
     assert np.isnan(times[:first]).all()
     error = (times - true)[first:]
