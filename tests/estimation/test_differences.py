@@ -77,21 +77,13 @@ def test_the_joint_covariance_of_two_states_is_that_of_rigs_and_of_their_step():
     np.testing.assert_allclose(step**2, np.diag(difference), rtol=1e-4, atol=1e-22)
 
 
-def test_a_step_to_the_same_pose_has_no_part_of_the_parameters():
-    sensor = calibrated()
-    noise = facets.solve(sensor, facets.readings(sensor, START), **KNOWN).noise_uncertainty
-    step = facets.difference_uncertainty(sensor, START, START, **KNOWN)
-    np.testing.assert_allclose(step, np.sqrt(2) * noise, rtol=1e-6)
-
-
 def test_the_model_errs_by_the_same_at_poses_that_are_near_each_other():
     """A misfit of an unknown cause counts twice in any step; the model's own error, in a long one
     only, and in none to the same pose."""
-    sizes = {}
+    ends, sizes = [START + part * (END - START) for part in (0, 0.01, 0.1, 1)], {}
     for name in (MISFIT[1], MODEL_ERROR[1]):
         sensor = replace(calibrated(), calibration=facets.Calibration((name,), ((1e-6,),)))
-        ways = [START + part * (END - START) for part in (0, 0.01, 0.1, 1)]
-        steps = facets.difference_uncertainty(sensor, START, np.stack(ways), 10**12, **KNOWN)
+        steps = facets.difference_uncertainty(sensor, START, np.stack(ends), 10**12, **KNOWN)
         sizes[name] = steps[:, 2] / facets.mean_uncertainty(sensor, START, 10**12, **KNOWN)[2]
     np.testing.assert_allclose(sizes[MISFIT[1]], np.sqrt(2), rtol=0.06)
     same, short, middle, long = sizes[MODEL_ERROR[1]]

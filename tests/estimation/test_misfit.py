@@ -119,17 +119,6 @@ def test_what_nothing_explains_is_unknown(options):
     assert "fit a beam" not in flags(BENCH, 1e3 * good, free)[1].sentence
 
 
-@pytest.mark.parametrize("batch", [1, 7, 500])
-def test_the_examples_are_the_same_however_a_run_is_cut(batch):
-    """Of 500 flagged readings 32, each the sixteenth: not more than 60, by halves."""
-    numbers, found = np.arange(500.0)[:, None], Misfit()
-    for first in range(0, 500, batch):
-        part = numbers[first : first + batch]
-        found.keep_examples(np.ones(len(part), bool), part, part)
-        found.flagged += len(part)
-    assert [int(reading[0]) for reading, _ in found.examples] == list(range(0, 500, 16))
-
-
 def test_limits_are_those_of_the_distribution_and_chance_flags_as_many_as_it_should():
     from scipy.stats import chi2
 

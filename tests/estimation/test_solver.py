@@ -104,9 +104,8 @@ def test_readings_of_any_shape_and_none_at_all_give_solutions_of_theirs(readings
     assert shaped.covariance.shape == (3, 4, 8, 8)
     known = replace(SENSOR, calibration=facets.Calibration(("psd_a.height",), ((1e-6,),)))
     nothing = facets.solve(known, np.empty((3, 0, 9)))
-    assert nothing.state.shape == nothing.uncertainty.shape == (3, 0, 8)
-    assert nothing.calibration_uncertainty.shape == (3, 0, 8)
-    assert nothing.ok.shape == (3, 0)
+    for numbers in (nothing.state, nothing.uncertainty, nothing.calibration_uncertainty):
+        assert numbers.shape == (3, 0, 8)
     without = facets.solve(known, np.empty((0, 9)), covariance=False)
     assert without.covariance is without.noise_covariance is None
 
@@ -230,11 +229,10 @@ def test_bad_priors_and_shapes_are_named():
 
 def test_a_copy_of_a_prepared_solver_has_memory_of_its_own(readings):
     solver = facets.Solver(SENSOR, beam="known")
-    expected = facets.solve(SENSOR, readings[:3], beam="known").state
+    expected = solver.solve(readings[0])
     for other in (copy.deepcopy(solver), pickle.loads(pickle.dumps(solver))):
-        for reading, state in zip(readings[:3], expected, strict=True):
-            solver.solve(readings[4])
-            np.testing.assert_array_equal(other.solve(reading).state, state)
+        solver.solve(readings[4])
+        np.testing.assert_array_equal(other.solve(readings[0]).state, expected.state)
 
 
 def test_a_solution_of_one_reading_is_a_solution(readings):
@@ -261,20 +259,6 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
     assert bare.covariance is None
     with pytest.raises(InputError, match="covariance"):
         bare.uncertainty  # noqa: B018
-
-
-def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
-    """Warm, it takes fewer steps; a reading far from the last one is solved from zero again."""
-    path = np.zeros((40, 8))
-    path[:, 0], path[:, 3], path[:, 5] = 0.08, 8e-3, np.linspace(0, 10e-3, 40)
-    path[-1, :2] = -0.1
-    readings = facets.readings(SENSOR, path)
-    solver = facets.Solver(SENSOR, start="previous")
-    solutions = [solver.solve(reading) for reading in readings]
-    assert all(each.ok for each in solutions)
-    assert np.abs(np.array([each.state for each in solutions]) - path).max() < 1e-10
-    cold = facets.solve(SENSOR, readings).iterations
-    assert sum(int(each.iterations) for each in solutions) < cold.sum()
 
 
 @pytest.mark.parametrize(
@@ -308,20 +292,3 @@ def test_threads_do_not_change_bits_and_what_fails_in_one_is_raised(readings, mo
     monkeypatch.setattr(blocks, "estimate", fail_in_the_second)
     with pytest.raises(MemoryError):
         facets.solve(SENSOR, readings, threads=2)
-
-
-def test_an_estimate_far_from_the_beam_ends_early_and_says_how():
-    """A millimetre off the beam two detectors see little: no estimate goes on to the last step."""
-    rng = np.random.default_rng(1)
-    states = np.zeros((300, 8))
-    around = rng.uniform(0, 2 * np.pi, 300)
-    states[:, 0], states[:, 1] = np.cos(around), np.sin(around)
-    states[:, 2:6] = rng.uniform(-1, 1, (300, 4)) * [2, 8e-3, 8e-3, 15e-3]
-    readings = facets.add_noise(SENSOR, facets.readings(SENSOR, states), rng)
-    solution = facets.solve(SENSOR, readings, beam="known", max_steps=500, accept_unchecked=True)
-    assert solution.ok.sum() > 50
-    assert (solution.status != Status.MAX_STEPS).all()
-    assert solution.iterations.max() < 100
-    stalled = solution.status == Status.STALLED
-    assert stalled.any()
-    assert np.isnan(solution.state[stalled]).all()

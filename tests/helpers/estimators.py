@@ -94,7 +94,8 @@ class Execution:
     How far its poses may be from those of `facets.solve`: sigmas: in standard uncertainties; 0 for
     equal bits.  spread: covariances, as a share of the uncertainties.  exists: whether this machine
     has what it needs.  screens: whether it has a status for each reading.  misfits: whether it also
-    gives the poses of readings that do not fit.  effort: how much longer it takes than others.
+    gives the poses of readings that do not fit.  effort: how much longer it takes than others: it
+    answers more questions of fewer readings.
     """
 
     solve: Callable[[Question], Answer]
@@ -159,33 +160,24 @@ def solve_rows(question: Question, as_text: bool = False) -> Answer:
 
 def solve_varied(question: Question) -> Answer:
     """With a sensor for each reading, of which every other one is another sensor."""
-    count, rng = len(question.readings), np.random.default_rng(1)
-    is_asked = np.arange(count) % 2 == 0
-    parts = [solve_beside_others(question, rows, rng) for rows in (is_asked, ~is_asked)]
-    return Answer(*(joined(is_asked, *values) for values in zip(*parts, strict=True)))
-
-
-def joined(rows: np.ndarray, one: Any, other: Any) -> Any:
-    """Some rows of one array, and the rest of another."""
-    return None if one is None else np.where(rows.reshape(-1, *[1] * (one.ndim - 1)), one, other)
-
-
-def solve_beside_others(question: Question, rows: np.ndarray, rng: np.random.Generator) -> Answer:
-    """By the sensor asked for some of the rows, and the rest by sensors that differ."""
-    sensor, wrong = question.sensor, ~rows[:, None]
-    values = parameters(sensor) + 1e-4 * wrong * rng.standard_normal((len(rows), 30))
-    light = None
-    if sensor.light.on:
-        light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((len(rows), 36)))
-    found = solve_each(
-        VariedSensors(sensor, values, light),
-        question.readings,
-        Knowledge(question.beam, question.power),
-        accept_unchecked=question.accept_unchecked,
-    )
-    return Answer(
-        found.states[:, :8], found.status, found.used, found.states[:, 8], found.residuals
-    )
+    count, rng, sensor = len(question.readings), np.random.default_rng(1), question.sensor
+    answers = []
+    for first in (0, 1):
+        wrong = (np.arange(count) % 2 != first)[:, None]
+        values = parameters(sensor) + 1e-4 * wrong * rng.standard_normal((count, 30))
+        light = None
+        if sensor.light.on:
+            light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 36)))
+        found = solve_each(
+            VariedSensors(sensor, values, light), question.readings,
+            Knowledge(question.beam, question.power), accept_unchecked=question.accept_unchecked,
+        )  # fmt: skip
+        states, power = found.states[:, :8], found.states[:, 8]
+        answers.append(Answer(states, found.status, found.used, power, found.residuals))
+    even, odd = answers
+    for whole, rest in zip(even[:5], odd[:5], strict=True):
+        whole[1::2] = rest[1::2]
+    return even
 
 
 def is_exported(question: Question) -> bool:
@@ -219,21 +211,17 @@ def library(sensor: facets.Sensor, precision: str) -> firmware.FirmwareLibrary:
 
 
 def solve_c(question: Question, precision: str) -> Answer:
-    sensor, means, sigmas = question.sensor, np.zeros(3), np.zeros(3)
-    means[2] = sensor.beam.power
-    if question.beam == "free":
-        sigmas[:2] = np.inf
-    elif isinstance(question.beam, Prior):
-        means[:2], sigmas[:2] = question.beam.mean, question.beam.sigma
-    if question.power == "unknown":
-        sigmas[2] = np.inf
-    elif isinstance(question.power, Prior):
-        means[2], sigmas[2] = question.power.mean, question.power.sigma
-    start = None
+    beam, power, start = question.beam, question.power, None
+    widths = {"known": 0.0, "free": np.inf, "unknown": np.inf}
+    if isinstance(beam, str):
+        beam = Prior((0.0, 0.0), widths[beam])
+    if isinstance(power, str):
+        power = Prior(question.sensor.beam.power, widths[power])
     if not isinstance(question.start, str):
-        start = np.column_stack([question.start, np.full(len(question.start), means[2])])
-    found = library(sensor, precision).solve(
-        question.readings, means=means, sigmas=sigmas, start=start,
+        start = np.column_stack([question.start, np.full(len(question.start), power.mean)])
+    found = library(question.sensor, precision).solve(
+        question.readings, means=np.array([*beam.mean, power.mean]),
+        sigmas=np.array([beam.sigma, beam.sigma, power.sigma]), start=start,
         accept_unchecked=question.accept_unchecked,
     )  # fmt: skip
     return Answer(

@@ -19,7 +19,6 @@ from streams import samples_of
 import facets
 from facets import live
 from facets.characterization import trials
-from facets.config import covariance
 from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from facets.detectors import TEMPERATURE, counts_to_readings
 from facets.estimation import exact_readings
@@ -56,8 +55,7 @@ class PathResult(NamedTuple):
 
 def write_config(folder: Path, follows_temperature: bool) -> facets.Config:
     sizes = np.diag(np.square(list(SIGMAS.values())))
-    known = facets.Calibration(tuple(SIGMAS), tuple(map(tuple, sizes.tolist())))
-    write_table(folder / "covariance.csv", covariance.columns(known), {})
+    write_table(folder / "covariance.csv", dict(zip(SIGMAS, sizes, strict=True)), {})
     path = folder / "mine.yaml"
     path.write_text(CONFIG.replace("THERMAL", FOLLOWS if follows_temperature else ""), "utf-8")
     return facets.load(path)
