@@ -29,9 +29,9 @@ def scale(rows, columns, factor):
 
 
 def exchange(rows, a, b):
-    rows = rows.copy()
-    rows[:, [a, b]] = rows[:, [b, a]]
-    return rows
+    order = np.arange(rows.shape[1])
+    order[[a, b]] = b, a
+    return rows[:, order]
 
 
 def replace_angles(turn, order="xyz"):
@@ -58,11 +58,8 @@ def spoilt_readings():
             words = f"the sign of {kind} of {detectors} is swapped"
             faults[words] = scale(RAW, columns_of(words), -1)
     for order in list(permutations("ABC"))[1:]:
-        spoilt = np.empty_like(RAW)  # the columns that are called A, B, C hold those of `order`
-        for name, letter in zip("ABC", order, strict=True):
-            at, to = (3 * "ABC".index(k) + np.arange(3) for k in (name, letter))
-            spoilt[:, to] = RAW[:, at]
-        faults[f"name the columns of the readings in the order {''.join(order)}"] = spoilt
+        words = f"name the columns of the readings in the order {''.join(order)}"
+        faults[words] = RAW.reshape(5, 3, 3)[:, np.argsort(order)].reshape(5, 9)
     for a, b in combinations(range(9), 2):
         if (a % 3 == 2) == (b % 3 == 2):
             faults[frozenset((a, b))] = exchange(RAW, a, b)
