@@ -19,65 +19,60 @@ from facets.live import Live, Pipeline
 from facets.live.run import view
 
 CONFIG = facets.load("bench")
+CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
+CALIBRATED = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=CALIBRATION))
 
 
-def live(light=1.0):
+def live(light=1.0, config=CONFIG):
     """A run whose newest sample has so much of its light."""
-    now = Live(Pipeline(CONFIG))
+    now = Live(Pipeline(config))
     now.newest = now.pipeline.feed(kills.stream(60), 1.0)
     now.newest.readings[:, 2::3] *= light
     return now
 
 
-def drawn(now, wide, high=40):
-    console = Console(width=wide, height=high, file=io.StringIO(), legacy_windows=False)
+def drawn(now, wide=80, high=40, **options):
+    console = Console(width=wide, height=high, file=io.StringIO(), legacy_windows=False, **options)
     console.print(view.Screen(now))
-    return console.file.getvalue().splitlines()
+    return console.file.getvalue()
 
 
 @pytest.mark.parametrize("wide", [30, 45, 80, 200])
 @pytest.mark.parametrize("high", [24, 60])
-def test_all_three_detectors_are_seen_on_any_terminal(wide, high):
-    lines = drawn(live(), wide, high)
-    assert max(map(len, lines)) <= wide
-    assert sum(line.count("●") for line in lines) == 3
-    assert any(all(f"{letter} " in line for letter in "ABC") for line in lines)
-    if wide >= 45:
-        assert sum(line.count("µW") for line in lines) == 3
-        assert len(lines) <= high
-
-
-def test_a_stopped_stage_is_said_before_all_else():
-    now, envelope = live(), SimpleNamespace(latched="the beam is lost")
-    now.note = "unplugged; waiting for it to come back"
-    now.tracker = SimpleNamespace(error="", note="", is_resumable=True, envelope=envelope)
-    first, second = now.messages()
-    assert first.startswith("the stage is stopped, the recording goes on: the beam is lost")
-    assert second == now.note
-
-
-def test_the_parts_of_an_uncertainty_are_seen_where_there_is_space():
-    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
-    config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
-    now = Live(Pipeline(config))
-    now.newest = now.pipeline.feed(kills.stream(60), 1.0)
-    values = view.values(now)
-    whole = values["u_noise_tz_um"] ** 2 + values["u_calibration_tz_um"] ** 2
-    assert whole == pytest.approx(values["u_tz_um"] ** 2, rel=1e-3)
-    for wide in (30, 62, 90, 120):
-        lines = drawn(now, wide)
+def test_all_three_detectors_are_seen_on_any_terminal_and_parts_where_there_is_space(wide, high):
+    for config in (CONFIG, CALIBRATED):
+        text = drawn(live(config=config), wide, high)
+        lines = text.splitlines()
         assert max(map(len, lines)) <= wide
-        assert ("calibration" in "".join(lines)) == (wide >= 90)
-        assert sum(line.count("●") for line in lines) == 3
-    assert "calibration" not in "".join(drawn(live(), 120))
+        assert text.count("●") == 3
+        assert any(all(f"{letter} " in line for letter in "ABC") for line in lines)
+        assert ("calibration" in text) == (config is CALIBRATED and wide >= 90)
+        if wide >= 45:
+            assert text.count("µW") == 3
+            assert len(lines) <= high
+        if wide >= 80:
+            assert any(line.lstrip("▌").startswith("tx") and "samples" in line for line in lines)
+    now = view.values(live(config=CALIBRATED))
+    whole = now["u_noise_tz_um"] ** 2 + now["u_calibration_tz_um"] ** 2
+    assert whole == pytest.approx(now["u_tz_um"] ** 2, rel=1e-3)
+
+
+@pytest.mark.parametrize(("error", "latched"), [("gone", ""), ("", "the beam is lost")])
+def test_a_stopped_stage_is_said_before_all_else(error, latched):
+    now, envelope = live(), SimpleNamespace(latched=latched)
+    now.note = "unplugged; waiting for it to come back"
+    now.tracker = SimpleNamespace(error=error, note="", is_resumable=True, envelope=envelope)
+    first, second = now.messages()
+    assert first.startswith(f"the stage is stopped, the recording goes on: {error or latched}")
+    assert second == now.note
 
 
 def test_no_light_is_called_so():
     for light in (0.0, np.nan):
-        text = "\n".join(drawn(live(light), 80))
+        text = drawn(live(light))
         assert "no light" in text
         assert "nan" not in text
-    assert "-" in "\n".join(drawn(Live(Pipeline(CONFIG)), 80))
+    assert "-" in drawn(Live(Pipeline(CONFIG)))
 
 
 def test_a_line_names_the_axes_and_shows_two_digits_of_the_noise():
@@ -95,7 +90,7 @@ def test_a_loop_that_is_behind_says_so_in_every_view():
     found = json.loads(view.json_line(now))
     assert words in found["note"]
     assert (found["behind_s"], found["late"], found["skipped"]) == (1.5, 7, 0)
-    assert words in "\n".join(drawn(now, 200))
+    assert words in drawn(now, 200)
     assert any("fell behind: 7 samples" in line for line in view.summary(now))
 
 
@@ -120,8 +115,8 @@ def test_the_last_pose_of_a_silent_board_is_not_the_present_one(clock):
     assert "no pose" in view.plain_line(now)
     assert "lost 0 (100 %)" in view.plain_line(now)
     assert "no sample has come for 9 s" in found["note"]
-    assert "no sample has come for 9 s" in "\n".join(drawn(now, 80))
-    assert "●" not in "\n".join(drawn(now, 80))
+    assert "no sample has come for 9 s" in drawn(now)
+    assert "●" not in drawn(now)
     assert any("100.0000 % lost" in line for line in view.summary(now))
     now.backlog = 10  # samples that wait are no silence
     assert not now.messages()
@@ -170,35 +165,18 @@ def test_fewer_samples_than_before_are_told(clock, steps):
     assert now.messages() == ["only 500 samples come per second; before, there were 1000"]
 
 
-def hues_in(now, wide=80):
-    """The hues that a screen with all of them shows, as "#RRGGBB"."""
-    console = Console(width=wide, height=24, file=io.StringIO(), force_terminal=True,
-                      color_system="truecolor", legacy_windows=False)  # fmt: skip
-    console.print(view.Screen(now))
-    codes = re.findall(r"38;2;(\d+);(\d+);(\d+)", console.file.getvalue())
-    return {"#" + "".join(f"{int(part):02X}" for part in code) for code in codes}
-
-
 @pytest.mark.parametrize(("ground", "hues"), [("15;0", DARK), ("", DARK), ("0;15", LIGHT)])
-def test_detectors_and_axes_have_their_hues(monkeypatch, ground, hues):
+def test_detectors_axes_and_faults_have_their_hues(monkeypatch, ground, hues):
     monkeypatch.setenv("COLORFGBG", ground)
     monkeypatch.delenv("NO_COLOR", raising=False)
-    found = hues_in(live())
-    assert {*hues.detectors.values(), *hues.axes.values()} <= found
-    assert hues.alarm not in found
 
+    def codes_in(now):
+        text = drawn(now, force_terminal=True, color_system="truecolor")
+        codes = re.findall(r"38;2;(\d+);(\d+);(\d+)", text)
+        return {"#" + "".join(f"{int(part):02X}" for part in code) for code in codes}
 
-def test_a_fault_stands_out(monkeypatch):
-    monkeypatch.setenv("COLORFGBG", "15;0")
-    monkeypatch.delenv("NO_COLOR", raising=False)
     now = live()
+    assert {*hues.detectors.values(), *hues.axes.values()} <= codes_in(now)
+    assert hues.alarm not in codes_in(now)
     now.late = 7
-    assert DARK.alarm in hues_in(now)
-    assert DARK.alarm in hues_in(now, 45)
-
-
-def test_at_eighty_columns_all_stands_within_a_small_terminal():
-    lines = drawn(live(), 80, 24)
-    assert len(lines) <= 24
-    assert any(line.lstrip("▌").startswith("tx") and "samples" in line for line in lines)
-    assert any("p99" in line for line in lines)
+    assert hues.alarm in codes_in(now)
