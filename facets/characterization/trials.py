@@ -191,7 +191,9 @@ def solve_part(
     values = sample_readings(sensor, exact, rng, rounded=False)
     means = np.tile([*state[6:], sensor.beam.power], (len(values), 1))
     if sensor.calibration is None:
-        known = draw_knowledge(knowledge, means, rng)
+        # The paper's method takes no priors: the beam's place is free there, and its power known.
+        is_paper = options.method == "paper"
+        known = knowledge if is_paper else draw_knowledge(knowledge, means, rng)
         found: Solution | Results = solve(
             sensor,
             values,

@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 import csv
-from functools import partial
 
 import numpy as np
 import pytest
-from commands import command
+from colours import flicker
 
 import facets
-from facets.characterization import configured_deviation
-from facets.core import THEMES, chosen_style
+from facets.characterization import noise_report
+from facets.core import READING_COLUMNS, STATE_COLUMNS, THEMES, chosen_style
 from facets.detectors import readings_to_counts
 from facets.live import Samples, pack
 
-RATE, COUNT = 1000, 1 << 14
+RATE, COUNT = 1000, 1 << 13
 CENTROID, POWER, MAINS = 5e-3, 1e-4, 2e-3  # mm, mW, mm
+TIME = np.arange(COUNT) / RATE
+REST = facets.readings(facets.load("bench").sensor, np.zeros(8))
+NOISE = np.tile([CENTROID, CENTROID, POWER], 3)
 
 
-def stream(rng):
-    """The bytes of a mirror at rest whose readings have white noise, and one of them mains."""
-    config = facets.load("bench")
-    exact = facets.readings(config.sensor, np.zeros(8))
-    sigma = np.tile([CENTROID, CENTROID, POWER], 3) * np.repeat([1, 1, 1], 3)
-    readings = exact + sigma * rng.standard_normal((COUNT, 9))
-    time = np.arange(COUNT) / RATE
-    readings[:, 4] += MAINS * np.sin(2 * np.pi * 50 * time)
-    readings[:, 0] += 1e-3 * time
+def stream(yaw=0.0):
+    """The bytes of a mirror whose readings have white noise, one of them a drift, one mains."""
+    config, states = facets.load("bench"), np.zeros((COUNT, 8))
+    states[:, 5] = yaw
+    readings = facets.readings(config.sensor, states)
+    readings += NOISE * np.random.default_rng(8).standard_normal((COUNT, 9))
+    readings[:, 4] += MAINS * np.sin(2 * np.pi * 50 * TIME)
+    readings[:, 0] += 1e-3 * TIME
     counts = readings_to_counts(config.sensor, config.electronics, readings)
     number = np.arange(COUNT, dtype=np.uint32)
     kind = np.ones(COUNT, np.uint8)
@@ -36,95 +37,102 @@ def stream(rng):
 
 
 @pytest.fixture
-def run(tmp_path):
-    """Runs a command in a folder of its own."""
-    return partial(command, cwd=tmp_path)
+def record(run_in_process, tmp_path):
+    """Records the bytes of a board and returns who runs commands on the recording."""
 
-
-@pytest.fixture
-def record(run, tmp_path):
-    """Records the bytes of a board."""
-
-    def record(data, folder):
+    def record(data):
         (tmp_path / "board.bin").write_bytes(data)
-        run("acquire", "bench", "--port", "file:board.bin", "-d", folder, "--plain")
+        run_in_process("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--plain")
+        return lambda *words: run_in_process("noise", "rec", *words)
 
     return record
 
 
 @pytest.mark.slow
-def test_known_noise_is_found_and_the_configuration_takes_it(run, record, tmp_path):
-    record(stream(np.random.default_rng(8)), "rec")
-    result = run("noise", "rec", "--folder", "noise", "--write", "noise.yaml")
-    assert result.returncode == 0, result.stderr
-    assert f"{COUNT - 3} samples, 16.38 s at 1000 Hz, 3 missing" in result.stdout
+def test_known_noise_is_found_and_the_configuration_takes_it(record, tmp_path):
+    run = record(stream())
+    status, out, _ = run("--folder", "noise", "--write", "noise.yaml")
+    assert status == 0
+    assert f"{COUNT - 3} samples, 8.191 s at 1000 Hz, 3 missing" in out
     lines = (tmp_path / "noise" / "noise.csv").read_text().splitlines()
     rows = {row["channel"]: row for row in csv.DictReader(x for x in lines if x[0] != "#")}
     assert len(rows) == 15
-    for name in ("psi_b_mm", "zeta_c_mm"):
-        assert float(rows[name]["sigma_white"]) == pytest.approx(1e3 * CENTROID, rel=0.05)
+    assert float(rows["zeta_c_mm"]["sigma_white"]) == pytest.approx(1e3 * CENTROID, rel=0.05)
     assert "mains 50 Hz" in rows["zeta_b_mm"]["lines"]
-    assert float(rows["psi_a_mm"]["drift_low"]) < 1.0 < float(rows["psi_a_mm"]["drift_high"])
-    assert float(rows["psi_b_mm"]["drift_low"]) < 0.0 < float(rows["psi_b_mm"]["drift_high"])
-    page = (tmp_path / "noise" / "noise.html").read_text()
+    for name, drift in (("psi_a_mm", 1.0), ("psi_b_mm", 0.0)):
+        assert float(rows[name]["drift_low"]) < drift < float(rows[name]["drift_high"])
+    page, hues = (tmp_path / "noise" / "noise.html").read_text(), THEMES[chosen_style()]
     assert page.count("<svg") == 3
-    assert "mains, 50 Hz" in page
-    hues = THEMES[chosen_style()]
-    for hue in (*hues.detectors.values(), hues.axes["tx"], hues.axes["yaw"]):
-        assert hue.lower() in page, hue
-    for words in ("detector A", "shift in x", "frequency, Hz", "averaging time, s"):
-        assert f">{words}</text>" in page
+    for words in ("mains, 50 Hz", ">detector A</text>", hues.detectors["a"].lower()):
+        assert words in page
     sensor = facets.load(tmp_path / "noise.yaml").sensor
     assert sensor.electronics is None
-    found = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
-    assert found[0] == pytest.approx(CENTROID, rel=0.1)
-    assert found[2] == pytest.approx(POWER, rel=0.1)
-    again = run("noise", "rec", "--folder", "noise")
-    assert again.returncode == 2
-    assert "use --force to replace it" in again.stderr
+    assert facets.standard_deviations(sensor, REST) == pytest.approx(NOISE, rel=0.1)
+    status, _, errors = run("--folder", "noise")
+    assert (status, "use --force to replace it" in errors) == (2, True)
 
 
 @pytest.mark.slow
-def test_a_recording_that_does_not_show_the_noise_is_refused_and_leaves_nothing(
-    run, record, tmp_path
-):
-    """One that is too short, and one of a moving mirror."""
-    record(stream(np.random.default_rng(8))[: 64 * 20], "short")
-    result = run("noise", "short")
-    assert result.returncode == 2
-    assert "too few for their noise" in result.stderr
-    config = facets.load("bench")
-    count = 4_000
-    state = np.zeros((count, 8))
-    state[:, 5] = 1e-3 * np.sin(np.arange(count) / 300)
-    counts = readings_to_counts(
-        config.sensor, config.electronics, facets.readings(config.sensor, state),
-        np.random.default_rng(1),
-    )  # fmt: skip
-    number = np.arange(count, dtype=np.uint32)
-    kind = np.ones(count, np.uint8)
-    record(pack(Samples(kind, 0 * kind, number, 100 * number, counts)), "rec")
-    result = run("noise", "rec", "--folder", "new/noise", "--write", "new/n.yaml")
-    assert result.returncode == 1
-    assert "All detectors change as when the mirror moves, mostly in yaw" in result.stdout
-    assert "Not written: new/noise/, new/n.yaml." in result.stdout
-    assert "position_um" not in result.stdout
+def test_a_recording_that_does_not_show_the_noise_is_refused_and_leaves_nothing(record, tmp_path):
+    """One of a moving mirror, and one that is too short."""
+    run = record(stream(yaw=1e-3 * np.sin(TIME / 0.3)))
+    status, out, _ = run("--folder", "new/noise", "--write", "new/n.yaml")
+    assert status == 1
+    assert "All detectors change as when the mirror moves, mostly in yaw" in out
+    assert "Not written: new/noise/, new/n.yaml." in out
     assert not (tmp_path / "new").exists()
-    result = run("noise", "rec", "--folder", "noise")
-    assert result.returncode == 1
-    assert "the noise of the bench cannot be estimated from this recording" in result.stdout
+    status, out, _ = run("--folder", "noise")
+    assert (status, "position_um" in out) == (1, False)
     page = (tmp_path / "noise" / "noise.html").read_text()
     assert "he noise of the bench cannot be estimated from this recording" in page
     assert "For the configuration" not in page
-    result = run("noise", "rec", "--write", "foo.txt")
-    assert result.returncode == 2
-    assert "foo.txt: a configuration's name ends in .yaml or .yml" in result.stderr
+    columns = {"seq": np.arange(20), "board_us": np.arange(20)}
+    with pytest.raises(facets.InputError, match="too few for their noise"):
+        noise_report.longest_section(columns, "it")
 
 
-def test_a_calibration_does_not_scatter_at_rest():
+@pytest.fixture(scope="module")
+def report():
+    """Of readings with flicker in zeta_a, a random walk in zeta_b, a gap in psi_a, else white."""
+    rng, count = np.random.default_rng(3), 4096
+    noise = NOISE * rng.standard_normal((count, 9))
+    noise[1000:1100, 0] = np.nan
+    noise[:, 1] = flicker(rng, CENTROID**2, count, RATE)
+    noise[:, 4] = CENTROID * np.cumsum(rng.standard_normal(count))
+    columns = dict(zip(READING_COLUMNS, (REST + noise).T, strict=True))
+    for name in STATE_COLUMNS[:6]:
+        columns |= {name: noise[:, 3], f"u_{name}": np.full(count, 2e-3)}
+    columns |= {"seq": np.arange(count), "board_us": 1000 * np.arange(count)}
+    columns |= {"flags": np.zeros(count, np.uint8), "u_noise_tz_mm": np.full(count, 1e-3)}
+    return noise_report.report_of(columns, facets.load("bench"), "it")
+
+
+def test_allan_deviations_and_their_intervals_are_those_of_another_program(report):
+    allantools = pytest.importorskip("allantools")
+    for name, alpha in (("psi_b_mm", 0), ("zeta_a_mm", -1), ("zeta_b_mm", -2)):
+        channel, some = report.channel(name), slice(2, 12)
+        found, times = channel.allan, channel.allan.tau[some]
+        _, expected, _, _ = allantools.oadev(
+            channel.signal, rate=RATE, data_type="freq", taus=times
+        )
+        np.testing.assert_allclose(found.deviation[some], expected, rtol=1e-9)
+        lengths = np.round(RATE * times).astype(int).tolist()
+        freedom = [allantools.edf_simple(len(channel.signal) + 1, m, alpha) for m in lengths]
+        ends = map(allantools.confidence_interval, expected, freedom, [0.95] * len(times))
+        assert np.stack([found.low[some], found.high[some]], axis=1) == pytest.approx(
+            np.array(list(ends)), rel=1e-6
+        )
+
+
+def test_allan_deviations_with_a_gap_hold_the_truth(report):
+    found = report.channel("psi_a_mm").allan
+    some = (found.tau >= 4e-3) & (found.tau <= 0.1)
+    true = 1e3 * CENTROID / np.sqrt(RATE * found.tau[some])
+    assert ((found.low[some] < true) & (true < found.high[some])).all()
+    assert (found.high[some] < 2 * true).all()
+
+
+def test_a_calibration_does_not_scatter_at_rest(report):
     """What is measured at rest stands beside the noise alone, where a table tells it apart."""
-    columns = {"u_tz_mm": np.full(5, 2e-3), "u_noise_tz_mm": np.full(5, 1e-3)}
-    config, rows = facets.load("paper"), slice(1, 4)
-    assert configured_deviation("tz_mm", columns, rows, config) == pytest.approx(1e-3)
-    del columns["u_noise_tz_mm"]
-    assert configured_deviation("tz_mm", columns, rows, config) == pytest.approx(2e-3)
+    assert report.channel("tz_mm").configured == pytest.approx(1.0)
+    assert report.channel("tx_mm").configured == pytest.approx(2.0)
