@@ -33,20 +33,17 @@ def test_a_crate_has_the_shape_of_ro_crate(folder):
     crate, by_id = entities(folder)
     assert crate["@context"][0] == f"{PROFILE}/context"
     assert len(by_id) == len(crate["@graph"])  # each entity once
-    head = by_id[NAME]
+    head, root = by_id.pop(NAME), by_id["./"]
     assert head["@type"] == "CreativeWork"
-    assert head["about"] == {"@id": "./"}
-    assert head["conformsTo"] == {"@id": PROFILE}
-    root = by_id["./"]
+    assert (head["about"], head["conformsTo"]) == ({"@id": "./"}, {"@id": PROFILE})
     assert root["@type"] == "Dataset"
-    for key in ("name", "description", "datePublished"):
-        assert root[key]
-    for entity in crate["@graph"]:  # flat: what is referred to is an entity of its own
+    assert all(root[key] for key in ("name", "description", "datePublished"))
+    for entity in by_id.values():  # flat: what is referred to is an entity of its own
         for value in entity.values():
-            for one in value if isinstance(value, list) else [value]:
-                if isinstance(one, dict) and entity is not head:
-                    assert list(one) == ["@id"]
-                    assert one["@id"] in by_id
+            for part in value if isinstance(value, list) else [value]:
+                if isinstance(part, dict):
+                    assert list(part) == ["@id"]
+                    assert part["@id"] in by_id
 
 
 def test_a_crate_names_the_files_and_the_units_of_columns(folder):

@@ -9,12 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from commands import command
 
 from facets import OutputError
-from facets.files import ResultSet, Whole, readable_path, remove_older, whole
+from facets.files import ResultSet, Whole, readable_path, remove_older
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -78,17 +76,21 @@ def failing(monkeypatch, name: str, step: int, error: BaseException) -> list[int
     return calls
 
 
-@pytest.mark.parametrize("error", [FULL, KeyboardInterrupt()], ids=["full disk", "interrupt"])
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [(FULL, "cannot be written: No space left"), (KeyboardInterrupt("^C"), "C")],
+    ids=["full disk", "interrupt"],
+)
 @pytest.mark.parametrize(("name", "step"), [(n, k + 1) for n, most in STEPS for k in range(most)])
-def test_after_a_failure_at_any_step_all_is_as_it_was(older, monkeypatch, name, step, error):
+def test_after_a_failure_at_any_step_all_is_as_it_was(older, monkeypatch, name, step, error, says):
     before = tree(older)
     calls = failing(monkeypatch, name, step, error)
-    if name == "os.link" and isinstance(error, OSError):  # a disk without them: copies
+    if name == "os.link" and error is FULL:  # a disk without them: copies
         write_three(older)
         assert (older / "here" / "old.csv").read_text() == "new here/old.csv"
         assert calls[0] >= step
         return
-    with pytest.raises(OutputError if isinstance(error, OSError) else KeyboardInterrupt):
+    with pytest.raises((OutputError, KeyboardInterrupt), match=says):
         write_three(older)
     monkeypatch.undo()
     assert calls[0] >= step
@@ -147,14 +149,6 @@ def test_the_next_writer_removes_the_hidden_file_of_a_killed_one(tmp_path):
     assert tree(tmp_path) == {"poses.csv": b"whole"}
 
 
-def test_a_full_disk_leaves_no_folder_behind(tmp_path):
-    result = command("simulate", "paper", "--motion", "yaw-sweep", "-d", "deep/out", cwd=tmp_path,
-                     limit=20_000)  # fmt: skip
-    assert result.returncode == 2
-    assert "cannot be written" in result.stderr
-    assert tree(tmp_path) == {}
-
-
 OPTIMUM = "extends: layout\noptimize: {starts: 1, variables: {radius_mm: [100, 260]}}\n"
 COMMANDS = [
     ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out"),
@@ -163,8 +157,7 @@ COMMANDS = [
     ("jacobian", "paper", "--states", "1000", "--no-search-worst", "--state-table", "csv",
      "--box", "tx_mm=0.01", "--certify", "--reach", "-d", "out"),
     ("tolerances", "layout", "--heads", "10", "-d", "out"),
-    ("optimize", "mine.yaml", "--report", "out/x.html", "--sheets", "out/x.tex", "--certify", "0",
-     "-o", "out/x.yaml"),
+    ("optimize", "mine.yaml", "--sheets", "out/x.tex", "--certify", "0", "-o", "out/x.yaml"),
     ("export-c", "paper", "-d", "out"),
     ("reproduce", "table1", "--quick", "-d", "out"),
 ]  # fmt: skip
@@ -190,28 +183,14 @@ def test_every_command_writes_all_its_results_in_one_set(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("more", [(), ("--front", "--points", "3", "--objective", "u_roll_urad",
-                                       "--objective", "range_roll_mrad")])  # fmt: skip
 def test_a_search_keeps_its_parts_alone_where_its_results_can_not_be_written(
-    tmp_path, run_in_process, monkeypatch, more
+    tmp_path, run_in_process, monkeypatch
 ):
     def publish(results):
         raise FULL
 
     (tmp_path / "mine.yaml").write_text(OPTIMUM)
     monkeypatch.setattr(ResultSet, "publish", publish)
-    words = ("explore", "mine.yaml", "--designs", "32", "-d", "out", "--report", "out/p.html")
-    assert run_in_process(*words, *more)[0] == 2
+    assert run_in_process("explore", "mine.yaml", "--designs", "32", "-d", "out")[0] == 2
     parts = {"out", "out/parts", "out/parts/0000000000.parquet", "out/search.txt"}
-    assert set(tree(tmp_path)) == {"mine.yaml"} | (set() if more else parts)
-
-
-@pytest.mark.parametrize("call", ["Whole", "ResultSet"])
-def test_a_set_that_fails_in_itself_is_said(tmp_path, monkeypatch, call):
-    failing(monkeypatch, "os.fsync", 1 if call == "Whole" else 2, FULL)
-    with (
-        pytest.raises(OutputError, match="cannot be written: No space left"),
-        ResultSet(),
-        whole.Whole(tmp_path / "a") as temporary,
-    ):
-        np.savetxt(temporary, np.zeros(3))
+    assert set(tree(tmp_path)) == {"mine.yaml"} | parts
