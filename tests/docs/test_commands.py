@@ -33,6 +33,8 @@ def test_each_command_in_a_block_is_parsed():
     assert len(typed) > 30
     for line in typed:
         assert parse(line).info_name, line
+    with pytest.raises(Exception, match="nonsense"):
+        parse("facets solve paper readings.csv -o poses.csv --nonsense")
 
 
 def test_each_command_in_a_sentence_exists_with_its_options():
@@ -44,11 +46,6 @@ def test_each_command_in_a_sentence_exists_with_its_options():
         command, _ = REFERENCE.command_of(" ".join(words[:depth]))
         options = {option for parameter in command.params for option in parameter.opts}
         assert {word for word in words[depth:] if word[0] == "-"} <= options | {"--help"}, span
-
-
-def test_a_wrong_option_is_not_parsed():
-    with pytest.raises(Exception, match="nonsense"):
-        parse("facets solve paper readings.csv -o poses.csv --nonsense")
 
 
 def test_modules_to_be_run_and_targets_to_be_made_exist():

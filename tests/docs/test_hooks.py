@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
 import griffe
@@ -106,9 +107,9 @@ def test_a_page_from_elsewhere_has_its_links_made_right():
 def test_a_link_out_of_a_folder_of_pages_is_right_in_the_site():
     text = "See [`this`](../../facets/live/sources/frames.py) and [that](../hooks/includes.py)."
     text = INCLUDES.on_page_markdown(text, page=page_at("decisions/x.md"))
-    for link in re.findall(r'href="([^"]+)"', text):
-        assert (ROOT / "docs" / "decisions" / link).resolve().exists(), link
-    assert text.count("<a href=") == 2
+    targets = re.findall(r'<a href="([^"]+)"', text)
+    assert len(targets) == 2
+    assert all((DOCS / "decisions" / target).resolve().exists() for target in targets)
 
 
 def test_nothing_is_loaded_from_elsewhere():
@@ -131,12 +132,9 @@ def test_a_public_name_is_explained_once():
 def test_a_field_that_a_key_gives_shows_its_default_in_the_units_of_the_code():
     extensions = griffe.load_extensions(hook("docstrings").Docstrings)
     module = griffe.load("facets.core.sensor", extensions=extensions, search_paths=[str(ROOT)])
-    noise, apertures = (
-        {field.name: str(field.default) for field in module[name].parameters}
-        for name in ("Noise", "Apertures")
-    )
+    noise = {field.name: str(field.default) for field in module["Noise"].parameters}
     assert noise == {"self": "None", "position": "0.0026", "at_power": "0.1", "power": "4e-05"}
-    assert {"inf", "False"} <= set(apertures.values())
+    assert "inf" in [str(field.default) for field in module["Apertures"].parameters]
 
 
 def test_a_docstring_shows_arguments_as_a_list_and_examples_as_code():
@@ -159,12 +157,10 @@ def test_the_front_page_begins_with_a_sensor_to_play_with_and_others_can_have_on
 
 
 def test_the_page_of_a_sensor_becomes_one_file_of_the_site():
-    class Files(list):
-        def documentation_pages(self):
-            return [SimpleNamespace(content_string="<!-- rig: paper -->\n<!-- rig: paper -->")]
-
-    config = SimpleNamespace(site_dir="site", use_directory_urls=False, plugins=SimpleNamespace())
-    config.plugins._current_plugin = "rig"
-    (file,) = RIG.on_files(Files(), config=config)
+    page = SimpleNamespace(content_string="<!-- rig: paper -->\n<!-- rig: paper -->")
+    files = MagicMock(documentation_pages=lambda: [page])
+    config = MagicMock(site_dir="site", use_directory_urls=False)
+    RIG.on_files(files, config=config)
+    (file,) = (call.args[0] for call in files.append.call_args_list)
     assert file.src_uri == "rigs/paper.html"
     assert "<title>paper: a three-facet-mirror sensor</title>" in file.content_string
