@@ -32,19 +32,18 @@ def test_parts_of_an_uncertainty_are_the_whole():
     reading = facets.readings(sensor, np.stack([START, END, START]))
     reading[2] = np.nan
     solution = facets.solve(sensor, reading, **KNOWN)
-    square = solution.noise_uncertainty**2 + solution.calibration_uncertainty**2
-    np.testing.assert_allclose(square, solution.uncertainty**2, rtol=1e-6)
+    noise, part = solution.noise_uncertainty, solution.calibration_uncertainty
+    np.testing.assert_allclose(np.hypot(noise, part), solution.uncertainty, rtol=1e-6)
+    assert np.isnan(part[2]).all()
     bare = facets.solve(replace(sensor, calibration=None), reading, **KNOWN)
-    np.testing.assert_allclose(solution.noise_uncertainty, bare.uncertainty, rtol=1e-6)
+    np.testing.assert_allclose(noise, bare.uncertainty, rtol=1e-6)
+    with pytest.raises(facets.InputError, match="no calibration covariance"):
+        bare.noise_uncertainty  # noqa: B018
     single = facets.solve(sensor, reading[0], **KNOWN)
     for name in ("noise_uncertainty", "calibration_covariance"):
         np.testing.assert_allclose(getattr(single, name), getattr(solution, name)[0], rtol=1e-6)
-    assert np.isnan(solution.calibration_uncertainty[2]).all()
     mean = facets.mean_uncertainty(sensor, solution.state[:2], 50, **KNOWN)
-    parts = solution.noise_uncertainty[:2] / np.sqrt(50), solution.calibration_uncertainty[:2]
-    np.testing.assert_allclose(mean, np.hypot(*parts), rtol=1e-6)
-    with pytest.raises(facets.InputError, match="no calibration covariance"):
-        bare.noise_uncertainty  # noqa: B018
+    np.testing.assert_allclose(mean, np.hypot(noise / np.sqrt(50), part)[:2], rtol=1e-6)
 
 
 def test_a_prior_stays_in_means_and_twice_in_steps():

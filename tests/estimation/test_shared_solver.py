@@ -43,11 +43,8 @@ def eager_threads():
         (SENSOR, {"start": "previous"}),
         (SENSOR, {"power": "unknown", "accept_unchecked": True}),
         (WITH_ELECTRONICS, {}),
-        pytest.param(
-            facets.load("bench-light").sensor, {"start": "previous"}, marks=pytest.mark.slow
-        ),
     ],
-    ids=["warm", "unknown power", "electronics", "bench light"],
+    ids=["warm", "unknown power", "electronics"],
 )
 def test_threads_may_share_a_solver(eager_threads, sensor, options):
     """Eight of them solve eight paths by one solver, and each gets what it would get alone."""

@@ -12,7 +12,6 @@ from facets import InputError, Prior, Status
 from facets.estimation import blocks, estimates
 
 SENSOR = facets.Sensor()
-LIT = facets.load("bench-light").sensor
 HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
 STATE = np.array([0.02, -0.03, 0.5, 1e-3, -2e-3, 3e-3, 0, 0])
 
@@ -71,31 +70,20 @@ def test_a_known_beam_is_taken_as_known(states, readings):
     assert (solution.covariance[:, 6:] == 0).all()
 
 
-def plain_steps(state: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, list[float]]:
-    """Twenty steps without any damping, by NumPy: the last state, and the costs on the way."""
-    costs, noise = [], facets.standard_deviations(SENSOR, reading)
-    while len(costs) < 20 and np.isfinite(costs).all():
-        rest = (reading - facets.readings(SENSOR, state)) / noise
-        slopes = facets.jacobian(SENSOR, state) / noise[:, None]
-        costs.append(np.sum(rest**2))
-        if np.isfinite(costs[-1]):
-            state = state + np.linalg.lstsq(slopes, rest, rcond=None)[0]
-    return state, costs
+def test_the_papers_method_goes_on_through_a_rise_as_plain_steps_do():
+    """Damped steps, which must not rise, take nearly twice as many."""
+    start, reading = np.array([0.25, 0, 0, 0.01, 0, 0, 0, 0]), facets.readings(SENSOR, np.zeros(8))
+    noise = facets.standard_deviations(SENSOR, reading)
 
+    def rest(state: np.ndarray) -> np.ndarray:
+        return (reading - facets.readings(SENSOR, state)) / noise
 
-def test_the_papers_method_goes_on_through_a_rise_and_arrives_where_plain_steps_do():
-    rng = np.random.default_rng(2)
-    size = np.array([0.1, 0.1, 1, 4e-3, 4e-3, 5e-3, 0.05, 0.05])
-    truth = rng.uniform(-1, 1, (60, 8)) * size
-    starts = truth + 3 * rng.uniform(-1, 1, (60, 8)) * size * [0.5, 0.5, *[1] * 6]
-    rises = 0
-    for true, start, reading in zip(truth, starts, facets.readings(SENSOR, truth), strict=True):
-        state, costs = plain_steps(start, reading)
-        arrives = bool(np.isfinite(costs).all() and np.abs(state - true).max() < 1e-6)
-        solution = facets.solve(SENSOR, reading, method="paper", start=start)
-        assert bool(solution.converged) == arrives
-        rises += arrives and (np.diff(costs) > 1).any()
-    assert rises
+    slopes = facets.jacobian(SENSOR, start) / noise[:, None]
+    step = np.linalg.lstsq(slopes, rest(start), rcond=None)[0]
+    assert np.sum(rest(start + step) ** 2) > np.sum(rest(start) ** 2)
+    plain = facets.solve(SENSOR, reading, method="paper", start=start)
+    check_exact(plain, np.zeros((1, 8)))
+    assert plain.iterations < facets.solve(SENSOR, reading, start=start).iterations
 
 
 def test_readings_of_any_shape_and_none_at_all_give_solutions_of_theirs(readings):
@@ -261,20 +249,17 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
         bare.uncertainty  # noqa: B018
 
 
-@pytest.mark.parametrize(
-    "sensor", [SENSOR, pytest.param(LIT, marks=pytest.mark.slow)], ids=["ideal", "lit"]
-)
-def test_most_readings_stay_in_their_blocks(sensor, monkeypatch):
+def test_most_readings_stay_in_their_blocks(monkeypatch):
     """What blocks leave takes five times as long."""
     rng, counts = np.random.default_rng(3), []
     states = rng.uniform(-1, 1, (200, 8)) * [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3, 0, 0]
-    readings = facets.add_noise(sensor, facets.readings(sensor, states), rng)
+    readings = facets.add_noise(SENSOR, facets.readings(SENSOR, states), rng)
 
     def count(model, sensor, readings, *_) -> None:
         counts.append(len(readings.values))
 
     monkeypatch.setattr(estimates, "one_by_one", count)
-    facets.solve(sensor, readings)
+    facets.solve(SENSOR, readings)
     assert sum(counts) < 40
 
 
