@@ -7,8 +7,9 @@ is certainly bad, so that the command must not end with 0; a random change can l
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,6 @@ from facets.config import to_yaml
 from facets.core import READING_COLUMNS
 from facets.files import run_record
 from facets.live import Block, Recording
-
-Rng = np.random.Generator
 
 
 @dataclass(frozen=True)
@@ -48,53 +47,52 @@ PIECES = (
 KEYS = ("power", "diameter_mm", "size_m", "extends", "motions", "kind", "ofset", "", "1", "null")
 
 
-def spoilt_config(rng: Rng, folder: Path) -> Case:
-    text = to_yaml(facets.load(str(rng.choice(["paper", "rig", "layout", "bench"]))))
+def spoilt_config(rng, folder):
+    text = to_yaml(facets.load(rng.choice(["paper", "rig", "layout", "bench"])))
     lines = text.splitlines()
     kind = rng.integers(8)
     numbered = [n for n, line in enumerate(lines) if ": " in line and any(map(str.isdigit, line))]
-    n = int(rng.choice(numbered))
+    n = rng.choice(numbered)
+    key = lines[n].partition(":")[0]
     certain = False
     if kind == 0:
-        key = lines[n].partition(":")[0]
         lines[n] = f"{key}: {rng.choice(VALUES)}"
     elif kind == 1:
-        place = int(rng.integers(len(text)))
-        lines = (text[:place] + str(rng.choice(PIECES)) + text[place:]).splitlines()
+        place = rng.integers(len(text))
+        lines = (text[:place] + rng.choice(PIECES) + text[place:]).splitlines()
     elif kind == 2:
         lines.insert(n, lines[n])
     elif kind == 3:
-        del lines[n : n + int(rng.integers(1, 40))]
+        del lines[n : n + rng.integers(1, 40)]
     elif kind == 4:
-        blank = lines[n][: len(lines[n]) - len(lines[n].lstrip())]
-        lines[n] = f"{blank}{rng.choice(KEYS)}:{lines[n].partition(':')[2]}"
+        lines[n] = lines[n].replace(key.strip(), rng.choice(KEYS), 1)
     elif kind == 5:
         raw = bytearray(text.encode())
         for place in rng.integers(len(raw), size=5):
-            raw[place] = int(rng.integers(256))
-        (folder / "c.yaml").write_bytes(bytes(raw))
+            raw[place] = rng.integers(256)
+        (folder / "c.yaml").write_bytes(raw)
     elif kind == 6:
-        multiply(folder / "c.yaml", int(rng.integers(5, 30)))
+        multiply(folder / "c.yaml", rng.integers(5, 30))
         certain = True
     else:
-        chain(folder, int(rng.integers(5, 120)))
+        chain(folder, rng.integers(5, 120))
     if kind < 5:
         (folder / "c.yaml").write_text("\n".join(lines), "utf-8")
-    word = ["config", str(rng.choice(["check", "show"])), "c.yaml"]
+    word = ["config", rng.choice(["check", "show"]), "c.yaml"]
     if rng.random() < 0.2:
         word = ["simulate", "c.yaml", "--motion", "nowhere", "-d", "out"]
         certain = True
     return Case(word, certain, f"configuration, way {kind}")
 
 
-def multiply(path: Path, depth: int) -> None:
+def multiply(path, depth):
     """Write aliases of aliases, which give 10^depth values in `depth` lines."""
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, depth)]
     path.write_text("\n".join(lines))
 
 
-def chain(folder: Path, depth: int) -> None:
+def chain(folder, depth):
     """Write files that each extend the previous one twice: 2^depth readings of the first."""
     (folder / "0.yaml").write_text("extends: paper\n")
     for n in range(1, depth):
@@ -105,7 +103,7 @@ def chain(folder: Path, depth: int) -> None:
 # --- tables -------------------------------------------------------------------------------------
 
 
-def readings(rows: int, seed: int) -> dict[str, np.ndarray]:
+def readings(rows, seed):
     rng = np.random.default_rng(seed)
     states = rng.uniform(-0.02, 0.02, (rows, 8)) * [1, 1, 1, 0.1, 0.1, 0.1, 1, 1]
     values = facets.readings(facets.Sensor(), states)
@@ -113,19 +111,18 @@ def readings(rows: int, seed: int) -> dict[str, np.ndarray]:
     return {"time_s": 1e-3 * np.arange(rows), **table}
 
 
-def csv_text(table: dict[str, np.ndarray], mark: str = ",") -> str:
+def csv_text(table, mark=","):
     rows = zip(*table.values(), strict=True)
-    cells = [mark.join(repr(float(value)) for value in row) for row in rows]
-    return "\n".join([mark.join(table), *cells]) + "\n"
+    return "\n".join(mark.join(map(str, row)) for row in (table, *rows)) + "\n"
 
 
 CELLS = ("", "nan", "inf", "-inf", "1e400", "abc", "--", "1,5", '"', "0x10", "1e", "\x00", " ", "٣")
 
 
-def spoilt_table(rng: Rng, folder: Path) -> Case:
-    table = readings(int(rng.integers(1, 30)), int(rng.integers(1000)))
-    path, kind, certain = folder / "t.csv", int(rng.integers(14)), True
-    name = str(rng.choice(list(READING_COLUMNS)))
+def spoilt_table(rng, folder):
+    table = readings(rng.integers(1, 30), rng.integers(1000))
+    path, kind, certain = folder / "t.csv", rng.integers(14), True
+    name = rng.choice(list(READING_COLUMNS))
     text = csv_text(table)
     if kind == 0:
         table.pop(name)
@@ -139,20 +136,15 @@ def spoilt_table(rng: Rng, folder: Path) -> Case:
     elif kind == 4:
         path.mkdir()
     elif kind == 5:
-        path.write_bytes(rng.bytes(int(rng.integers(5000))))
+        path.write_bytes(rng.bytes(rng.integers(5000)))
     elif kind == 6:
         as_parquet(rng, path, table, name)
     elif kind == 7:
         path = folder / "t.parquet"
         certain = as_parquet(rng, path, table, name)
     elif kind == 8:
-        lines = text.splitlines()
-        place = list(table).index("time_s")
-        for n in range(1, len(lines)):
-            cells = lines[n].split(",")
-            cells[place] = f"12:00:{n:02}"
-            lines[n] = ",".join(cells)
-        path.write_text("\n".join(lines))
+        clock = [f"12:00:{n:02}" for n in range(len(table["time_s"]))]
+        path.write_text(csv_text(table | {"time_s": clock}))
     elif kind == 9:
         path.write_text(f"{text.partition(chr(10))[0]},{name}\n")
     else:
@@ -160,36 +152,36 @@ def spoilt_table(rng: Rng, folder: Path) -> Case:
         path.write_text(spoilt_cells(rng, table, kind))
     words = ["solve", "paper", path.name, "-o", "out.csv"]
     if rng.random() < 0.3:
-        words += ["--beam", str(rng.choice(["known", "prior", "free"]))]
+        words += ["--beam", rng.choice(["known", "prior", "free"])]
     if rng.random() < 0.25:
         words = ["calibrate", "paper", path.name, "-o", "out.yaml"]
         certain = True  # without a reference
     return Case(words, certain, f"table, way {kind}")
 
 
-def spoilt_cells(rng: Rng, table: dict[str, np.ndarray], kind: int) -> str:
+def spoilt_cells(rng, table, kind):
     text = csv_text(table, "\t" if kind == 12 else ",")
     if kind in (10, 12):
         lines = text.splitlines()
-        for _ in range(int(rng.integers(1, 10))):
-            n = int(rng.integers(len(lines)))
+        for _ in range(rng.integers(1, 10)):
+            n = rng.integers(len(lines))
             cells = lines[n].split(",")
-            cells[int(rng.integers(len(cells)))] = str(rng.choice(CELLS))
+            cells[rng.integers(len(cells))] = rng.choice(CELLS)
             lines[n] = ",".join(cells)
         return "\n".join(lines)
     if kind == 11:
-        return text[: int(rng.integers(len(text)))]
-    place = int(rng.integers(len(text)))
+        return text[: rng.integers(len(text))]
+    place = rng.integers(len(text))
     return text[:place] + str(rng.choice(PIECES)) * int(rng.integers(1, 200)) + text[place:]
 
 
-def as_parquet(rng: Rng, path: Path, table: dict[str, np.ndarray], name: str) -> bool:
+def as_parquet(rng, path, table, name):
     """Write Parquet with a bad column or cut off; return whether it is certainly bad."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     columns = {key: pa.array(values) for key, values in table.items()}
-    kind = int(rng.integers(5))
+    kind = rng.integers(5)
     count = len(columns[name])
     if kind == 0:
         columns[name] = pa.array([[1.0, 2.0]] * count)
@@ -202,7 +194,7 @@ def as_parquet(rng: Rng, path: Path, table: dict[str, np.ndarray], name: str) ->
     pq.write_table(pa.table(columns), path)
     if kind == 4:
         raw = path.read_bytes()
-        path.write_bytes(raw[: int(rng.integers(len(raw)))])
+        path.write_bytes(raw[: rng.integers(len(raw))])
     return kind < 3 or kind == 4
 
 
@@ -326,7 +318,7 @@ acquire nowhere
 """.splitlines()
 
 
-def bad_arguments(rng: Rng, folder: Path, number: int) -> Case:
+def bad_arguments(rng, folder, number):
     (folder / "FILE").write_text("nothing\n")
     (folder / "DIR").mkdir()
     (folder / "DIR" / "thing").write_text("")
@@ -334,65 +326,60 @@ def bad_arguments(rng: Rng, folder: Path, number: int) -> Case:
     words = ARGUMENTS[number % len(ARGUMENTS)].split()
     words = ["" if word == "''" else word.replace("LONG", "n" * 300) for word in words]
     if rng.random() < 0.3 and len(words) > 1:  # and something that is wrong anywhere
-        words.append(str(rng.choice(["--no-such-option", "--help=1", "-Q", "--force=maybe"])))
+        words.append(rng.choice(["--no-such-option", "--help=1", "-Q", "--force=maybe"]))
     return Case(words, True, "arguments")
 
 
 # --- streams ------------------------------------------------------------------------------------
 
-_RECORDED: dict[str, Path] = {}
+
+@cache
+def make_recording():
+    """A recording of some samples."""
+    place = Path(tempfile.mkdtemp()) / "recording"
+    config = facets.load("bench")
+    recording = Recording(place, run_record(config, None, 0.0, {}), config.resolved)
+    data = kills.stream(60)
+    for n in range(0, len(data), 640):
+        recording.add_block(Block(data[n : n + 640], n * 1e-6, None))
+    recording.close()
+    return place
 
 
-def recorded(folder: Path) -> Path:
-    """Copy a recording of some samples, which is made once."""
-    if "folder" not in _RECORDED:
-        import tempfile
-
-        place = Path(tempfile.mkdtemp()) / "recording"
-        config = facets.load("bench")
-        data = kills.stream(60)
-        recording = Recording(place, run_record(config, None, 0.0, {}), config.resolved)
-        for n in range(0, len(data), 640):
-            recording.add_block(Block(data[n : n + 640], n * 1e-6, None))
-        recording.close()
-        _RECORDED["folder"] = place
-    shutil.copytree(_RECORDED["folder"], folder / "recording")
-    return folder / "recording"
+def recorded(folder):
+    """Copy a recording of some samples."""
+    return shutil.copytree(make_recording(), folder / "recording")
 
 
-def spoilt_stream(rng: Rng, folder: Path) -> Case:
+def spoilt_stream(rng, folder):
     recording = recorded(folder)
     files = sorted(file for file in recording.iterdir() if file.is_file())
     weights = np.array([6.0 if file.name == "bytes.bin" else 1.0 for file in files])
-    file = files[int(rng.choice(len(files), p=weights / weights.sum()))]
-    raw = bytearray(file.read_bytes())
-    kind = int(rng.integers(6))
+    file = files[rng.choice(len(files), p=weights / weights.sum())]
+    data, kind = file.read_bytes(), rng.integers(6)
+    place = rng.integers(len(data) + 1)
     if kind == 0:
         file.unlink()
     elif kind == 1:
-        file.write_bytes(bytes(raw[: int(rng.integers(len(raw) + 1))]))
+        file.write_bytes(data[:place])
     elif kind == 2:
-        file.write_bytes(rng.bytes(int(rng.integers(3000))))
-    elif kind == 3 and raw:
-        for place in rng.integers(len(raw), size=int(rng.integers(1, 40))):
-            raw[place] ^= 1 << int(rng.integers(8))
-        file.write_bytes(bytes(raw))
+        file.write_bytes(rng.bytes(rng.integers(3000)))
+    elif kind == 3 and data:
+        raw = bytearray(data)
+        for n in rng.integers(len(raw), size=rng.integers(1, 40)):
+            raw[n] ^= 1 << rng.integers(8)
+        file.write_bytes(raw)
     elif kind == 4:
-        place = int(rng.integers(len(raw) + 1))
-        file.write_bytes(
-            bytes(raw[:place]) + rng.bytes(int(rng.integers(100))) + bytes(raw[place:])
-        )
+        file.write_bytes(data[:place] + rng.bytes(rng.integers(100)) + data[place:])
     else:
-        place, length = int(rng.integers(len(raw) + 1)), int(rng.integers(200))
-        file.write_bytes(bytes(raw[:place] + raw[place + length :]))
+        file.write_bytes(data[:place] + data[place + rng.integers(200) :])
     words = ["replay", "recording", "-o", "out.csv", *([[], ["--recover"]][rng.integers(2)])]
     return Case(words, False, f"stream, {file.name}, way {kind}")
 
 
-def case(number: int, folder: Path) -> Case:
+def case(number, folder):
     """Return the case of a number, the same in every run, and write its files into the folder."""
     rng = np.random.default_rng([number, 14])
-    makers: list[Callable[[Rng, Path], Case]] = [spoilt_config, spoilt_table, spoilt_stream]
     if number % 4 == 3:
         return bad_arguments(rng, folder, number // 4)
-    return makers[number % 4](rng, folder)
+    return (spoilt_config, spoilt_table, spoilt_stream)[number % 4](rng, folder)
