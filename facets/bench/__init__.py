@@ -7,4 +7,4 @@ from ..core.faces import load_on_use
 if TYPE_CHECKING:
     from . import pictures as pictures
 else:
-    __getattr__ = load_on_use(__name__)
+    __getattr__ = load_on_use(__name__, {"clock": "Contender alternate"})

@@ -27,21 +27,19 @@ else:
         __name__,
         {
             "ambiguity": "find_ambiguous_pair find_pair_in_box find_singular_state",
-            "axis_disturbances": "find_disturbances",
             "axis_report": "evaluate_axis",
             "axis_visits": (
                 "Commands PoseSeries approach_directions find_visits match_stands "
                 "measured_directions read_commands read_series recorded_series"
             ),
-            "error_motions": "ErrorMotions Visits measure_error_motions",
+            "error_motions": "Visits measure_error_motions",
             "frequency_response": (
-                "count_averages estimate_response find_stretches low_pass noise_spectrum "
-                "response_table segment_starts"
+                "estimate_response find_stretches low_pass noise_spectrum response_table"
             ),
-            "noise_model": "fit_noise name_of slope_sigma",
-            "noise_report": "configured_deviation longest_section",
+            "noise_model": "fit_noise name_of",
+            "noise_report": "longest_section",
             "outlines": "Boundary map_inside",
-            "positioning": "QUANTITIES evaluate_positioning",
+            "positioning": "evaluate_positioning",
             "propagation": "coverage_intervals propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances find_exits scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
