@@ -48,15 +48,15 @@ def test_a_crate_has_the_shape_of_ro_crate(folder):
 
 def test_a_crate_names_the_files_and_the_units_of_columns(folder):
     _, by_id = entities(folder)
-    parts = [part["@id"] for part in by_id["./"]["hasPart"]]
-    assert parts == ["poses.csv", "all.parquet", "run.yaml"]
-    for name in parts:
-        data = (folder / name).read_bytes()
-        assert by_id[name]["@type"] == "File"
-        assert by_id[name]["contentSize"] == str(len(data))
-        assert by_id[name]["sha256"] == hashlib.sha256(data).hexdigest()
-    measured = [by_id[one["@id"]] for one in by_id["./"]["variableMeasured"]]
-    assert {(one["name"], one["unitText"], one["unitCode"]) for one in measured} == {
+    parts = [by_id[part["@id"]] for part in by_id["./"]["hasPart"]]
+    assert [part["@id"] for part in parts] == ["poses.csv", "all.parquet", "run.yaml"]
+    for part in parts:
+        data = (folder / part["@id"]).read_bytes()
+        assert part["@type"] == "File"
+        assert part["contentSize"] == str(len(data))
+        assert part["sha256"] == hashlib.sha256(data).hexdigest()
+    measured = [by_id[column["@id"]] for column in by_id["./"]["variableMeasured"]]
+    assert {(column["name"], column["unitText"], column["unitCode"]) for column in measured} == {
         ("tx_mm", "mm", "mm"),
         ("yaw_mrad", "mrad", "mrad"),
         ("u_tx_um", "um", "um"),
