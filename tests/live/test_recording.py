@@ -137,9 +137,8 @@ def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):
     disk = Full(10**9)
     recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk)
     disk.sync_error = OSError(errno.EIO, "Input/output error")
-    for block in pieces(4):
-        recording.add_block(block)
-        recording.sync()
+    recording.add_block(pieces(1)[0])
+    recording.sync()
     recording.close()
     assert "cannot be synced: Input/output error" in recording.messages()[0]
     assert recording.lost == 0
@@ -184,15 +183,17 @@ def test_the_folder_is_synced_before_the_first_byte_and_files_beside_the_writing
 
 
 def test_a_recording_needs_a_new_folder(tmp_path):
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "thing").touch()
-    for name, words in (("old", "not empty"), ("old/thing", "is a file")):
-        with pytest.raises(InputError, match=words):
-            Recording(tmp_path / name, "", CONFIG.resolved)
-    with pytest.raises(DiskError, match="cannot be written"):
-        Recording(tmp_path / "old" / "thing" / "deeper", "", CONFIG.resolved)
+    file = tmp_path / "thing"
+    file.touch()
+    for folder, kind, words in (
+        (tmp_path, InputError, "not empty"),
+        (file, InputError, "is a file"),
+        (file / "deeper", DiskError, "cannot be written"),
+    ):
+        with pytest.raises(kind, match=words):
+            Recording(folder, "", CONFIG.resolved)
     with pytest.raises(InputError, match="not a recording"):
-        list(blocks(tmp_path / "old"))
+        list(blocks(tmp_path))
 
 
 class Port:
@@ -219,14 +220,11 @@ class Port:
 class Stage:
     """A tracker whose end may fail."""
 
-    encoder = None
+    encoder = at_exit = None
     begun = float("inf")
     error = note = ""
     ended = False
     envelope = SimpleNamespace(latched="", heartbeat=None)
-
-    def __init__(self, at_exit=None):
-        self.at_exit = at_exit
 
     def feed(self, *_):
         pass
@@ -272,25 +270,25 @@ def test_the_reader_keeps_every_byte_in_however_large_blocks(tmp_path, monkeypat
     assert (reader.error is None) == (error is None)
 
 
-@pytest.mark.parametrize("where", ["tracker", "poses", "flush", "sync", "show"])
+@pytest.mark.parametrize("where", ["tracker", "add_poses", "flush", "sync", "show"])
 @pytest.mark.parametrize("kind", [RuntimeError, KeyboardInterrupt])
 def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, kind):
     """Whatever raises, the stage is stopped, the port closed, every file closed, all bytes kept."""
-    disk = Full(10**9)
-    tracker = Stage(at_exit=kind("no") if where == "tracker" else None)
+    disk, tracker = Full(10**9), Stage()
     live, recording, reader = begin(tmp_path / "r", tmp_path, tracker, disk)
     port = reader.port
 
     def fail(*_, **__):
         raise kind("no")
 
-    if where in ("poses", "flush", "sync"):
-        monkeypatch.setattr(recording, {"poses": "add_poses"}.get(where, where), fail)
-    show = fail if where == "show" else (lambda _: None)
+    if where == "tracker":
+        tracker.at_exit = kind("no")
+    elif where != "show":
+        monkeypatch.setattr(recording, where, fail)
     # an interruption while it runs ends a run as it should end
-    is_end = where in ("show", "poses") and kind is KeyboardInterrupt
+    is_end = where in ("show", "add_poses") and kind is KeyboardInterrupt
     with suppress(kind):
-        acquire(live, reader, Ending(), show)
+        acquire(live, reader, Ending(), fail if where == "show" else lambda _: None)
         assert is_end
         assert live.note == "interrupted"
     assert tracker.ended
