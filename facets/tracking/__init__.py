@@ -6,7 +6,7 @@ __getattr__ = load_on_use(
         "arrival": "Arrival MAX_PLACE_AGE_S excursion settling_time",
         "check": "SLACK_MM STEP_MM StageCheck checked_today stage_identity",
         "contract": "check_driver",
-        "control": "Law Seen margin_of slope_of_error tracking_error",
+        "control": "Law Seen margin_of pull_of slope_of_error tracking_error",
         "drivers": "open_driver",
         "encoder": "Encoder",
         "envelope": "AUTO_RESUME_AFTER_S Envelope stopping_time",

@@ -10,7 +10,15 @@ from sensors import SENSORS
 
 import facets
 from facets.core import Steps
-from facets.tracking import Law, Seen, StageModel, margin_of, slope_of_error, tracking_error
+from facets.tracking import (
+    Law,
+    Seen,
+    StageModel,
+    margin_of,
+    pull_of,
+    slope_of_error,
+    tracking_error,
+)
 
 PAPER = SENSORS["paper"]
 STAGE = replace(facets.load("bench").stage, low=(-100.0, -100.0), high=(100.0, 100.0))
@@ -47,6 +55,8 @@ def test_eq_14_is_zero_where_the_beam_meets_the_apex_and_has_the_slope_of_the_po
     slope = slope_of_error(PAPER)
     assert slope[0, 0] > 0
     assert slope == pytest.approx(slope[0, 0] * np.eye(2), abs=1e-6)
+    # it saturates where one facet has no light: at half of its largest value
+    assert pull_of(PAPER, 1.0) == pytest.approx(0.5 / slope[0, 0], rel=1e-3)
     off = np.linalg.solve(slope, tracking_error(powers((0, 0), (1e-3, -2e-3))))
     np.testing.assert_allclose(off, [1e-3, -2e-3], rtol=5e-3)
 
