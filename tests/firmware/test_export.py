@@ -1,6 +1,5 @@
 """The exported C beside its poses, which tests of estimation compare: counts, vectors, refusals."""
 
-import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +21,8 @@ SINGLE, DOUBLE = "-DFACETS_FLOAT", "-DFACETS_DOUBLE"
 GUARDS = ["-g", "-fsanitize=undefined,address", "-fno-sanitize-recover=all"]
 HELPERS = Path(__file__).parents[1] / "helpers"
 PAPER, BENCH = facets.Sensor(), facets.load("bench").sensor
+SINGULAR = facets.load("singular").sensor
+STEEP = [replace(facet, inclination=1.3) for facet in PAPER.facets[1:]]
 ABOUT = firmware.source.Provenance("test", "0" * 8, "facets export-c test")
 needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 needs_arm = pytest.mark.skipif(
@@ -91,14 +92,11 @@ def test_a_beam_that_has_followed_is_known_where_it_is(folder, precision):
     """Millimetres off: a reading then tells x and y to 2 nm, single precision's step being 0.2."""
     rng, code = np.random.default_rng(9), library(folder, precision)
     for place in rng.uniform(-4, 4, (10, 2)):
-        state = np.zeros(8)
-        state[:2] = state[6:] = place
-        state[:2] += rng.uniform(-0.05, 0.05, 2)
+        start = np.array([*place, 0, 0, 0, 0, *place])
+        state = start + np.pad(rng.uniform(-0.05, 0.05, 2), (0, 6))
         reading = facets.add_noise(BENCH, facets.readings(BENCH, state)[None], rng)
-        start = np.append(state, BENCH.beam.power)
-        start[:2] = place
-        solution = code.solve(reading, "known", start)
-        known = facets.solve(BENCH, reading, beam=facets.Prior(state[6:], 0.0), start=start[:8])
+        solution = code.solve(reading, "known", np.append(start, BENCH.beam.power))
+        known = facets.solve(BENCH, reading, beam=facets.Prior(place, 0.0), start=start)
         assert solution.status == known.status == 0
         off = np.abs(solution.state - known.state)[0, :6]
         assert (off < (1e-4 if precision == DOUBLE else 0.3) * known.uncertainty[0, :6]).all()
@@ -198,11 +196,6 @@ def test_a_controller_finds_the_same_poses(folder, core):
         print(core, done.stdout)
 
 
-def with_inclinations(*inclinations: float) -> dict[str, tuple]:
-    pairs = zip(PAPER.facets, inclinations, strict=True)
-    return {"facets": tuple(replace(facet, inclination=slope) for facet, slope in pairs)}
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
     [
@@ -211,25 +204,10 @@ def with_inclinations(*inclinations: float) -> dict[str, tuple]:
         ({"light": BenchLight(delays=(0.0, 1e-5, 0.0))}, "delays"),
         ({"electronics": facets.Electronics(kind="tetra-lateral")}, "tetra-lateral"),
         ({"psds": tuple(replace(psd, height=20.0) for psd in PAPER.psds)}, "misses"),
-        (with_inclinations(0.1, 1.3, 1.3), "opening"),
-        (
-            {name: getattr(facets.load("singular").sensor, name) for name in ("facets", "psds")},
-            "two",
-        ),
+        ({"facets": (replace(PAPER.facets[0], inclination=0.1), *STEEP)}, "opening"),
+        ({"facets": SINGULAR.facets, "psds": SINGULAR.psds}, "two"),
     ],
 )
 def test_what_the_c_would_not_give_is_refused(change, word):
     with pytest.raises(InputError, match=word):
         firmware.export.export(replace(PAPER, **change), ABOUT)
-
-
-def test_every_file_of_the_package_is_written_or_part_of_one_that_is():
-    """They are named one by one; Python's compiled files beside them are none of them."""
-    package = Path(firmware.__file__).parent
-    held = {
-        path.relative_to(package / "c").as_posix()
-        for path in (package / "c").rglob("*")
-        if path.is_file() and path.parent.name != "__pycache__"
-    }
-    parts = re.findall(r'template\("([^"]+)"\)', (package / "source.py").read_text("utf-8"))
-    assert held == {*firmware.export.FILES, *parts}
