@@ -128,7 +128,6 @@ def test_numbers_of_other_types_are_numbers():
     [
         (lambda: facets.readings(CONFIG, REST), "sensor is a Config; .*; pass config.sensor"),
         (lambda: facets.readings(REST, SENSOR), "sensor is the ndarray .* allowed: a Sensor"),
-        (lambda: facets.Solver(facets.Sensor), r"the class Sensor.*as Sensor\(\) makes it"),
         (lambda: facets.simulate(SENSOR), "config is a Sensor; allowed: a Config"),
         (lambda: facets.simulate(CONFIG, "yaw-sweep"), "motions is .* a sequence, each text"),
         (lambda: facets.axis_ranges(SENSOR, CONFIG, [0] * 6), "rules is .*pass config.range"),
@@ -136,6 +135,7 @@ def test_numbers_of_other_types_are_numbers():
         (lambda: facets.trace(SENSOR, CONFIG.range, ("tz", "up")), "two different names of tx"),
         (lambda: facets.uncertainties(SENSOR, REST, ("", 0.0)), "an Estimator or a Know"),
         (lambda: facets.solve(SENSOR, READING, threads=True), "threads is the bool True"),
+        (lambda: facets.solve(SENSOR, READING, threads=-1), "threads is -1"),
         (lambda: facets.readings(SENSOR, REST, "exakt"), 'irradiance is \'exakt\'.*"exact"'),
         (lambda: facets.margins(SENSOR, REST, whole="no"), "whole is .* allowed: True or False"),
         (lambda: facets.solve(SENSOR, READING, beam=[0, 0]), 'beam is .*"known" or a Prior'),

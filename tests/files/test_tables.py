@@ -115,17 +115,14 @@ def test_values_in_another_unit_are_missing_and_a_column_of_them_is_refused(tmp_
         read(path, ("temperature_c",))
 
 
-@pytest.mark.parametrize(
-    ("column", "says"), [([[1.0]], "column a holds list"), (["1"], "column a holds string")]
-)
-def test_a_parquet_column_that_holds_no_numbers_is_named(tmp_path, column, says):
+def test_a_parquet_column_that_holds_no_numbers_is_named(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    path = tmp_path / "t.parquet"
-    pq.write_table(pa.table({"a": column, "b": [1.0]}), path)
-    with pytest.raises(InputError, match=says):
-        read(path)
+    for column, says in (([[1.0]], "column a holds list"), (["1"], "column a holds string")):
+        pq.write_table(pa.table({"a": column, "b": [1.0]}), tmp_path / "t.parquet")
+        with pytest.raises(InputError, match=says):
+            read(tmp_path / "t.parquet")
 
 
 def test_other_bad_files_are_named(tmp_path, write):
@@ -184,15 +181,15 @@ def test_a_table_says_how_it_was_made_and_parquet_the_units(tmp_path):
     import pyarrow.parquet as pq
 
     about = {"command": "facets\nsolve", "seed": "3"}
-    columns = {"tx_mm": [1.0], "u_yaw_mrad": [2.0], "status": np.array(["a"])}
+    columns = {"v_tx_mm_s": [1.0], "u_yaw_urad": [2.0], "status": np.array(["a"])}
     for name in ("t.csv", "t.parquet"):
         tables.write_table(tmp_path / name, columns, about)
     text = (tmp_path / "t.csv").read_text()
-    assert text.startswith("# command: facets solve\n# seed: 3\ntx_mm,u_yaw_mrad,status\n1,2,")
+    assert text.startswith("# command: facets solve\n# seed: 3\nv_tx_mm_s,u_yaw_urad,status\n1,2,")
     schema = pq.read_schema(tmp_path / "t.parquet")
     assert schema.metadata[b"seed"] == b"3"
     units = [schema.field(name).metadata for name in columns]
-    assert units == [{b"unit": b"mm"}, {b"unit": b"mrad"}, None]
+    assert units == [{b"unit": b"mm/s"}, {b"unit": b"urad"}, None]
 
 
 def test_a_place_that_can_not_be_written_is_refused_before_the_work(tmp_path, write):
@@ -209,8 +206,6 @@ def test_a_place_that_can_not_be_written_is_refused_before_the_work(tmp_path, wr
         tables.refuse_to_overwrite([path], force=False)
     tables.refuse_to_overwrite([path], force=True)
     tables.refuse_to_overwrite([tmp_path / "a" / "b" / "t.csv"], force=False)
-    with pytest.raises(OutputError, match="cannot be written"):
-        tables.write_table(path / "t.csv", {"a": [1.0]}, {})
     assert sorted(tmp_path.iterdir()) == [tmp_path / "folder", path]
 
 
@@ -260,8 +255,3 @@ def test_columns_of_all_kinds_are_written_without_pandas(tmp_path, monkeypatch):
     monkeypatch.setattr(pa, "array", None)
     tables.write_table(tmp_path / "t.parquet", columns, {})
     assert pq.read_table(tmp_path / "t.parquet").equals(plain)
-
-
-def test_the_end_of_a_columns_name_is_its_unit():
-    columns = ("time_s", "v_tx_mm_s", "u_yaw_urad", "status", "s")
-    assert [tables.unit_of_column(name) for name in columns] == ["s", "mm/s", "urad", "", ""]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from llvmlite import ir
 
-from facets import InputError
-from facets.model import blocks, cores, once, run_side_by_side, share
+from facets.model import blocks, once, run_side_by_side, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (10_001, 3), (4000, 0)])
@@ -20,12 +19,6 @@ def test_every_row_is_done_once(rows, threads):
 
     share(run, rows, threads)
     assert (done == 1).all()
-
-
-def test_bad_numbers_of_threads_are_named():
-    assert cores() >= 1
-    with pytest.raises(InputError, match="threads is -1"):
-        share(print, 10, -1)
 
 
 def test_what_two_threads_ask_for_is_made_once_and_other_things_meanwhile():
