@@ -75,8 +75,8 @@ def test_the_optimum_is_that_of_the_object():
 def test_a_beam_that_follows_keeps_its_place_on_the_mirror():
     states = np.array(states_of(LAYOUT, 1.0))
     assert mirror_states(states, None, False) is states
-    following = mirror_states(states[:5], TIP, True)
-    np.testing.assert_allclose(following[:, 6:] - following[:, :2], states[:5, 6:] - states[:5, :2])
+    following = mirror_states(states, TIP, True)
+    np.testing.assert_allclose(following[:, 6:] - following[:, :2], states[:, 6:] - states[:, :2])
 
 
 def test_errors_of_heads_are_those_of_the_object():
@@ -98,22 +98,16 @@ def test_errors_of_heads_are_those_of_the_object():
     np.testing.assert_allclose(heads.errors[0, 0, :3], largest, rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_measures_of_designs_and_fronts_are_those_of_the_object():
+def test_measures_of_designs_are_those_of_the_object():
     settings = replace(CONFIG, object=TIP, layout=LAYOUT)
-    objectives = ("head_mm", "u_pitch_urad", "range_pitch_mrad")
-    space = space_of(settings, objectives, "sobol", 8, 1)
+    space = space_of(settings, ("head_mm", "u_pitch_urad", "range_pitch_mrad"), "sobol", 8, 1)
     rows = designs(space)
     why, many, _ = measure_designs(space, rows)
-    good = np.flatnonzero(why == 0)
-    assert len(good) > 1
-    place = MEASURES.index("range_pitch_mrad")
-    for n in good[:2]:
-        _, one = measure_design(space, rows[n])
-        np.testing.assert_allclose(many[n], one, rtol=1e-3)
-        sensor = sensor_of(CONFIG.sensor, space.names, rows[n])
-        rest = fine(sensor, np.zeros((1, 8)))[0]
-        np.testing.assert_allclose(one[7:13], rest, rtol=1e-4)
-        rules = replace(CONFIG.range, object=TIP)
-        ends = facets.axis_ranges(sensor, rules, np.zeros(6))
-        assert one[place] == pytest.approx(1e3 * ends[4].symmetric, rel=1e-3)
+    good = np.flatnonzero(why == 0)[0]
+    _, values = measure_design(space, rows[good])
+    np.testing.assert_allclose(many[good], values, rtol=1e-3)
+    sensor = sensor_of(CONFIG.sensor, space.names, rows[good])
+    np.testing.assert_allclose(values[7:13], fine(sensor, np.zeros((1, 8)))[0], rtol=1e-4)
+    ends = facets.axis_ranges(sensor, replace(CONFIG.range, object=TIP), np.zeros(6))
+    pitch = values[MEASURES.index("range_pitch_mrad")]
+    assert pitch == pytest.approx(1e3 * ends[4].symmetric, rel=1e-3)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from facets.cli.optimize import prove
 
 import facets
 from facets import proof
@@ -16,14 +17,22 @@ from facets.proof import certify
 CONFIG = facets.load("paper")
 
 
-def test_a_design_without_a_range_or_a_proof_has_no_margin():
+def test_of_a_design_without_a_range_or_a_proof_nothing_is_claimed():
     psds = tuple(replace(psd, size_y=0.1, size_z=0.1) for psd in CONFIG.sensor.psds)
     small = replace(CONFIG.sensor, psds=psds)
-    assert "leaves the PSD" in proof.designs.certify_design(small, CONFIG.range)
     curved = replace(CONFIG.sensor, light=facets.BenchLight(curvature_xx=1e-6))
-    assert not proof.designs.certify_design(curved, CONFIG.range).unique
-    for sensor in (small, curved):
+    for sensor, reason in ((small, "leaves the PSD"), (curved, "sensor.light is not")):
         assert np.isnan(proof.designs.proof_margin(sensor, CONFIG.range))
+        text = prove(replace(CONFIG, sensor=sensor), 400)
+        assert text.startswith("not proved that readings determine states: ")
+        assert reason in text
+
+
+@pytest.mark.slow
+def test_a_design_that_is_not_proved_in_the_work_allowed_is_told():
+    text = prove(facets.load("singular"), 10)
+    assert text.startswith("not proved that readings determine states within the ranges")
+    assert "facets jacobian --certify" in text
 
 
 @pytest.mark.slow
