@@ -17,7 +17,7 @@ else:
             ),
             "beam_shape": "axes_of shape_derivatives shape_of",
             "many": "evaluate vectors_of",
-            "threads": "cores once part_of run_side_by_side share",
+            "threads": "once run_side_by_side share",
             "varied": "VariedSensors",
         },
     )

@@ -28,7 +28,7 @@ def test_readings_come_back_within_a_step(kind):
     """From detectors that are not square."""
     electronics = facets.Electronics(kind=kind, adc_bits=20)
     sensor = replace(PAPER, psds=tuple(replace(psd, size_z=9.0) for psd in PAPER.psds))
-    exact = facets.readings(sensor, states(80, seed=2, angle=0.002))
+    exact = facets.readings(sensor, states(400, seed=2, angle=0.003))
     exact = exact[(np.abs(exact[:, PLACES]) < 4).all(axis=1)]
     assert len(exact) > 20
     counts = readings_to_counts(sensor, electronics, exact)

@@ -10,7 +10,7 @@ from executions import APERTURES, COATED, floats, rows
 from sensors import SENSORS, box, states
 
 import facets
-from facets import Apertures, BenchLight, ConfigError, InputError
+from facets import Apertures, BenchLight, InputError
 from facets.model import effect_jacobian, parameters, sensor_with
 
 CUTS = {
@@ -194,7 +194,6 @@ def test_impossible_apertures_are_refused(wrong):
     ("light", "remedy"),
     [
         ({"strips": (0.01, 0.01, 0.01)}, r"light\.strips.*apertures\.gap"),
-        ({"tip": 1e-3}, r"light\.tip.*apertures\.tip"),
         ({"wavelength": 6e-4}, r"light\.wavelength.*diffract"),
         ({"curvature_yy": 1e-4}, r"light\.curvature_yy.*collimated"),
         ({"rolloff": (1e-5,) * 6}, r"light\.rolloff.*edge"),
@@ -204,20 +203,6 @@ def test_impossible_apertures_are_refused(wrong):
 def test_effects_at_edges_that_are_cut_are_refused(light, remedy):
     with pytest.raises(InputError, match=remedy):
         replace(PAPER, light=BenchLight(**light), apertures=Apertures(gap=0.01))
-
-
-def test_a_configuration_is_told_where(tmp_path):
-    file = tmp_path / "both.yaml"
-    file.write_text(
-        "extends: paper\nsensor:\n  apertures: {gap_um: 10}\n  light:\n    index: [1.37, 7.62]\n"
-        "    wavelength_nm: 632.8\n    strips_um: [1, 2, 3]\n"
-    )
-    with pytest.raises(ConfigError) as error:
-        facets.load(file)
-    message = str(error.value)
-    assert ":6: sensor.light.wavelength_nm cannot be combined with sensor.apertures" in message
-    assert f"{file}:7: sensor.light.strips_um" in message
-    assert "apertures.gap_um alone" in message
 
 
 def test_a_calibration_of_cut_light_with_effects_is_refused():

@@ -302,8 +302,7 @@ def with_shape(sensor, shape):
 @pytest.mark.parametrize(
     "wrong",
     [{"wavelength": -1}, {"strips": (0, 0)}, {"background": ((0, 0),) * 3}, {"index": (0, 1)},
-     {"index": (1, 0)}, {"rolloff": (0.0,) * 5}, {"curvature_xx": float("nan")},
-     {"rolloff_width": -1.0}],
+     {"rolloff": (0.0,) * 5}, {"curvature_xx": float("nan")}],
 )  # fmt: skip
 def test_impossible_light_is_refused(wrong):
     with pytest.raises(InputError, match="allowed"):
