@@ -21,6 +21,7 @@ else:
                 "linear own_sigma predict_readings states_of"
             ),
             "fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
+            "laser": "fit_steady_laser",
             "identifiability": (
                 "choose_poses information mean_reduction pose_information weak_directions"
             ),

@@ -13,6 +13,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 import facets
+from facets import InputError
 from facets.calibration import (
     ALL,
     LOWER_BOUNDS_MM,
@@ -26,6 +27,7 @@ from facets.calibration import (
     choice,
     eliminate_own_unknowns,
     fit,
+    fit_steady_laser,
     linear,
     predict_readings,
     states_of,
@@ -258,3 +260,10 @@ def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
         free, place = fit.fit(NOMINAL, data, choice(NOMINAL, CONFIG.calibrate)), "apex.x"
         sigma, loose = (each.uncertainty[each.choice.names.index(place)] for each in (steady, free))
         assert sigma < 0.5 * loose
+
+
+def test_a_mean_power_below_zero_is_refused(data):
+    free = fit.fit(NOMINAL, data, choice(NOMINAL, CONFIG.calibrate), most=1)
+    dark = replace(free, open=free.open - 2.0 * (np.arange(9) == 6))
+    with pytest.raises(InputError, match="the laser's mean power at -"):
+        fit_steady_laser(NOMINAL, data._replace(slow=np.zeros((40, 5))), dark, None)
