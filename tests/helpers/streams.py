@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import facets
@@ -9,6 +11,9 @@ from facets.detectors import readings_to_counts
 from facets.live import ELECTRODES, SAMPLE, Samples
 
 BENCH = facets.load("bench")
+CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
+#: The bench with a calibrated sensor, whose uncertainties have parts.
+CALIBRATED = replace(BENCH, sensor=replace(BENCH.sensor, calibration=CALIBRATION))
 
 
 def samples_of(readings, rng=None, channels=None, electronics=BENCH.electronics):

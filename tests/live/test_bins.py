@@ -7,19 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from streams import BENCH
+from streams import CALIBRATED
 
-from facets import Calibration, MeasuredObject
+from facets import MeasuredObject
 from facets.core import READING_COLUMNS, STATE_COLUMNS, AuxiliaryChannel
 from facets.live import row_content, sample_dtype
 from facets.live.web.hub import Hub
 
 CONTENT = row_content(
     replace(
-        BENCH,
-        sensor=replace(BENCH.sensor, calibration=Calibration(("psd_a.height",), ((1e-6,),))),
+        CALIBRATED,
         object=MeasuredObject(point=(10.0, -20.0, 50.0)),
-        acquire=replace(BENCH.acquire, channels=(AuxiliaryChannel("force", "N"),)),
+        acquire=replace(CALIBRATED.acquire, channels=(AuxiliaryChannel("force", "N"),)),
     )
 )
 POSE = STATE_COLUMNS[:6]

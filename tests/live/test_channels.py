@@ -137,22 +137,12 @@ def test_a_zero_is_measured_at_its_temperature():
     assert part[:, -1] == pytest.approx(expected / np.array(STATE_UNITS[:6]) / 2, rel=0.02)
 
 
-@pytest.fixture
-def make_bench(tmp_path):
-    """Makes a virtual bench at rest, and closes what was never run."""
-    made = []
-
-    def make(config, **options):
-        made.append(Bench(config, "rest", 2000, Faults(), 1, tmp_path / "bench", **options))
-        return made[-1]
-
-    yield make
-    for bench in made:
-        if not bench.last:
-            bench.end()
+def make_bench(config, folder, **options):
+    """A virtual bench at rest."""
+    return Bench(config, "rest", 2000, Faults(), 1, folder, **options)
 
 
-def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path, make_bench):
+def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     import pyarrow.parquet as pq
 
     (tmp_path / "own.yaml").write_text(
@@ -160,7 +150,8 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path, make_b
         "{name: temperature, unit: degC, delay_us: 250}]}\n"
     )
     config = facets.load(tmp_path / "own.yaml")
-    bench = make_bench(config, signals={"force": lambda times, states: 3.0 + times + states[:, 0]})
+    signals = {"force": lambda times, states: 3.0 + times + states[:, 0]}
+    bench = make_bench(config, tmp_path / "bench", signals=signals)
     thread = threading.Thread(target=bench.run, args=(60.0,))
     thread.start()
     try:
@@ -200,10 +191,12 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path, make_b
 
 
 def test_the_virtual_bench_is_as_warm_as_its_readings_and_refuses_signals_without_a_channel(
-    make_bench,
+    tmp_path,
 ):
-    bench = make_bench(configure(FORCE, HEAT, thermal=THERMAL))
+    bench = make_bench(configure(FORCE, HEAT, thermal=THERMAL), tmp_path / "bench")
     raw = bench.board.sample_channels(np.arange(3.0), np.zeros((3, 8)))
+    bench.end()
     np.testing.assert_array_equal(HEAT.values(raw[:, 1]), THERMAL.reference)
+    signals = {"torque": lambda times, states: times}
     with pytest.raises(facets.InputError, match="names no channel torque"):
-        make_bench(configure(FORCE), signals={"torque": lambda times, states: times})
+        make_bench(configure(FORCE), tmp_path / "bench", signals=signals)

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments import kills
+from streams import BENCH, CALIBRATED
 
-import facets
 from facets import InputError, live
 from facets.core import AuxiliaryChannel
 from facets.live import (
@@ -29,7 +29,6 @@ from facets.live import (
 
 pytestmark = pytest.mark.installed
 
-BENCH = facets.load("bench")
 FORCE = AuxiliaryChannel("force", "kN", scale=0.5)
 CONFIG = replace(BENCH, acquire=replace(BENCH.acquire, channels=(FORCE,)))
 
@@ -252,12 +251,7 @@ def test_a_source_that_is_not_there_ends_the_plan(engine, tmp_path):
 
 def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
     """Of a calibrated sensor, whose samples have more columns."""
-    calibration = facets.Calibration(("psd_a.height",), ((1e-6,),))
-    publisher = replace(
-        BENCH,
-        sensor=replace(BENCH.sensor, calibration=calibration),
-        acquire=replace(BENCH.acquire, timing="arrival"),
-    )
+    publisher = replace(CALIBRATED, acquire=replace(BENCH.acquire, timing="arrival"))
     pipeline, data = Pipeline(publisher), kills.stream(500)
     with Publications(["zmq://127.0.0.1:0"], publisher, patient=True) as publications:
         sensor = live.PoseSensor(BENCH, publications.places()[0], name="sensor")

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from facets.experiments import kills
 from programs import GUARD, await_true
+from streams import CALIBRATED
 
-import facets
 from facets import InputError
 from facets.core import AuxiliaryChannel
 from facets.live import (
@@ -30,20 +30,14 @@ from facets.live import (
     rows_of,
 )
 
-BENCH = facets.load("bench")
-CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
 FORCE = AuxiliaryChannel("force", "N", delay=250e-6)
 #: Of a calibrated sensor with an auxiliary channel, whose samples have more columns.
-CONFIG = replace(
-    BENCH,
-    sensor=replace(BENCH.sensor, calibration=CALIBRATION),
-    acquire=replace(BENCH.acquire, channels=(FORCE,)),
-)
+CONFIG = replace(CALIBRATED, acquire=replace(CALIBRATED.acquire, channels=(FORCE,)))
 
 
 def solved(count):
     """Poses of a stream, one block after the other; every tenth sample has no light."""
-    pipeline, data = Pipeline(replace(CONFIG, acquire=BENCH.acquire)), kills.stream(count)
+    pipeline, data = Pipeline(CALIBRATED), kills.stream(count)
     parts = []
     for n in range(0, len(data), 6400):
         for batch in pipeline.take(data[n : n + 6400], 1_000.0 + n * 1e-6):

@@ -5,25 +5,20 @@ from __future__ import annotations
 import io
 import json
 import re
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from facets.experiments import kills
 from rich.console import Console
+from streams import BENCH, CALIBRATED
 
-import facets
 from facets.core import DARK, LIGHT
 from facets.live import Live, Pipeline
 from facets.live.run import view
 
-CONFIG = facets.load("bench")
-CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
-CALIBRATED = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=CALIBRATION))
 
-
-def live(light=1.0, config=CONFIG):
+def live(light=1.0, config=BENCH):
     """A run whose newest sample has so much of its light."""
     now = Live(Pipeline(config))
     now.newest = now.pipeline.feed(kills.stream(60), 1.0)
@@ -40,7 +35,7 @@ def drawn(now, wide=80, high=40, **options):
 @pytest.mark.parametrize("wide", [30, 45, 80, 90])
 @pytest.mark.parametrize("high", [24, 60])
 def test_all_three_detectors_are_seen_on_any_terminal_and_parts_where_there_is_space(wide, high):
-    for config in (CONFIG, CALIBRATED):
+    for config in (BENCH, CALIBRATED):
         text = drawn(live(config=config), wide, high)
         lines = text.splitlines()
         assert max(map(len, lines)) <= wide
@@ -72,7 +67,7 @@ def test_no_light_is_called_so():
         text = drawn(live(light))
         assert "no light" in text
         assert "nan" not in text
-    assert "-" in drawn(Live(Pipeline(CONFIG)))
+    assert "-" in drawn(Live(Pipeline(BENCH)))
 
 
 def test_a_line_names_the_axes_and_shows_two_digits_of_the_noise():
@@ -139,7 +134,7 @@ def test_a_slow_board_is_not_silent_between_its_samples(clock):
 
 
 def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
-    now = Live(Pipeline(CONFIG), begin=clock.now)
+    now = Live(Pipeline(BENCH), begin=clock.now)
     clock.now += 3
     assert "no bytes arrive" in now.messages()[0]
     now.bytes = 1
@@ -151,7 +146,7 @@ def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
 @pytest.mark.parametrize("steps", [(2e-3, 2e-3), (1e-3, 2e-3)], ids=["board", "both clocks"])
 def test_fewer_samples_than_before_are_told(clock, steps):
     """By the board's clock, or where this became as slow as the samples."""
-    now, arrival = Live(Pipeline(CONFIG)), clock.now
+    now, arrival = Live(Pipeline(BENCH)), clock.now
     sequence = now.pipeline.sequence
     sequence.seq = sequence.time = 0
     for part in range(100):
