@@ -93,10 +93,10 @@ def test_a_recording_that_does_not_show_the_noise_is_refused_and_leaves_nothing(
 
 @pytest.fixture(scope="module")
 def report():
-    """Of readings with flicker in zeta_a, a random walk in zeta_b, a gap in psi_a, else white."""
+    """Of noise: flicker in zeta_a, a random walk in zeta_b, else white. psi_a ends earlier."""
     rng, count = np.random.default_rng(3), 4096
     noise = NOISE * rng.standard_normal((count, 9))
-    noise[1000:1100, 0] = np.nan
+    noise[4000:, 0] = np.nan
     noise[:, 1] = flicker(rng, CENTROID**2, count, RATE)
     noise[:, 4] = CENTROID * np.cumsum(rng.standard_normal(count))
     columns = dict(zip(READING_COLUMNS, (REST + noise).T, strict=True))
@@ -109,27 +109,18 @@ def report():
 
 def test_allan_deviations_and_their_intervals_are_those_of_another_program(report):
     allantools = pytest.importorskip("allantools")
-    for name, alpha in (("psi_b_mm", 0), ("zeta_a_mm", -1), ("zeta_b_mm", -2)):
+    for name, alpha in (("psi_a_mm", 0), ("zeta_a_mm", -1), ("zeta_b_mm", -2)):
         channel, some = report.channel(name), slice(2, 12)
+        signal = channel.signal[np.isfinite(channel.signal)]
         found, times = channel.allan, channel.allan.tau[some]
-        _, expected, _, _ = allantools.oadev(
-            channel.signal, rate=RATE, data_type="freq", taus=times
-        )
+        _, expected, _, _ = allantools.oadev(signal, rate=RATE, data_type="freq", taus=times)
         np.testing.assert_allclose(found.deviation[some], expected, rtol=1e-9)
         lengths = np.round(RATE * times).astype(int).tolist()
-        freedom = [allantools.edf_simple(len(channel.signal) + 1, m, alpha) for m in lengths]
+        freedom = [allantools.edf_simple(len(signal) + 1, m, alpha) for m in lengths]
         ends = map(allantools.confidence_interval, expected, freedom, [0.95] * len(times))
         assert np.stack([found.low[some], found.high[some]], axis=1) == pytest.approx(
             np.array(list(ends)), rel=1e-6
         )
-
-
-def test_allan_deviations_with_a_gap_hold_the_truth(report):
-    found = report.channel("psi_a_mm").allan
-    some = (found.tau >= 4e-3) & (found.tau <= 0.1)
-    true = 1e3 * CENTROID / np.sqrt(RATE * found.tau[some])
-    assert ((found.low[some] < true) & (true < found.high[some])).all()
-    assert (found.high[some] < 2 * true).all()
 
 
 def test_a_calibration_does_not_scatter_at_rest(report):

@@ -31,7 +31,7 @@ def test_measures_are_those_of_numpy(sensor):
     """Any reading can be left out of the determinant; electronics weigh the rows."""
     state = states(100, seed=5)
     matrices = facets.jacobian(sensor, state)
-    for row, name in [(8, facets.READING[8]), *enumerate(facets.READING)]:
+    for row, name in enumerate(facets.READING):
         values = measures(sensor, state, name)
         rest = np.delete(matrices, row, axis=1)
         rounding = 1e-13 * np.prod(np.linalg.norm(rest, axis=1), axis=1).max()
@@ -46,14 +46,13 @@ def test_measures_are_those_of_numpy(sensor):
 
 def test_samples_are_in_the_box_and_in_chunks():
     domain = parse_box("tx_mm=1:2,yaw_mrad=5,offset_x_mm=0.1")
-    drawn, again = (list(samples(domain, 250_000, "uniform", 3)) for _ in range(2))
+    drawn = list(samples(domain, 250_000, "uniform", 3))
     assert [len(part) for part in drawn] == [100_000, 100_000, 50_000]
     every = np.concatenate(drawn)
     assert every[:, 0].min() >= 1
     assert every[:, 0].max() <= 2
     assert (every[:, [1, 2, 3, 4]] == 0).all()
     assert apex_offset(every).max() <= 0.1 + 1e-12
-    np.testing.assert_array_equal(every, np.concatenate(again))
 
 
 def test_a_bad_box_is_refused():
