@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -101,16 +100,3 @@ def test_the_page_finds_poses_from_cut_light_on_a_coating():
     np.testing.assert_allclose(page.state, expected.state, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(page.residual, expected.residual, rtol=1e-9, atol=1e-9)
     assert (expected.status == facets.Status.CONVERGED).sum() > 20
-
-
-class Holder(NamedTuple):
-    function: Any
-
-
-def call_of_no_field(thing: Holder):
-    return thing.missing(1.0)
-
-
-def test_a_call_of_what_is_no_field_is_not_translated():
-    with pytest.raises(TypeError, match=r"thing\.missing"):
-        pictures.page.javascript.javascript(call_of_no_field)

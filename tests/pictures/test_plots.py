@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from figures import ALL, texts_of
 
-from facets import InputError
 from facets.core import THEMES, chosen_style, use_style
 from facets.pictures import style
 
@@ -120,11 +119,6 @@ def test_the_hue_of_a_front_is_its_third_objective():
     # those without a range are no part of it
     values = np.concatenate([part.get_array() for part in panel.collections])
     np.testing.assert_allclose(np.sort(values), np.sort(table["range_roll_mrad"][known]))
-
-
-def test_a_name_that_is_no_picture_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"ends in \.png"):
-        style.save(style.figure(3, 2), tmp_path / "plot.jpg")
 
 
 def test_a_command_draws_in_the_style_asked_for(run_in_process, tmp_path):

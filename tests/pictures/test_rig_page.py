@@ -23,10 +23,7 @@ WHY = """[...document.querySelectorAll("#why li")].map((item) => item.textConten
 
 
 def state_of(page):
-    """The state that the page has as text, in the units of the code."""
-    text = page.ask("document.getElementById('text').value")
-    shown = dict(pair.split("=") for pair in text.split(",") if pair)
-    return np.array([float(shown.get(column, 0)) for column in STATE_COLUMNS]) * STATE_UNITS
+    return np.array(page.ask("page.state()"))
 
 
 def readings_of(page):
@@ -87,18 +84,6 @@ def test_a_state_is_copied_and_pasted_as_text(flat):
     flat.put("roll_mrad-number", "12.5")
     assert flat.ask("document.getElementById('roll_mrad').value") == "12.5"
     flat.await_true("location.hash === '#ty_mm=0.03&roll_mrad=12.5'")
-
-
-@pytest.mark.slow
-def test_the_mirror_moves_by_itself_until_it_is_stopped(flat):
-    flat.ask("document.querySelector('[data-try=tz]').click()")
-    assert np.flatnonzero(state_of(flat)).tolist() == [2]
-    flat.ask("document.getElementById('play').click()")
-    flat.await_true("document.getElementById('text').value.split('=').length === 7")
-    flat.ask("document.getElementById('play').click()")
-    stopped = flat.ask("page.state()")
-    flat.ask("new Promise((done) => setTimeout(done, 300))")
-    assert flat.ask("page.state()") == stopped
 
 
 def test_the_command_writes_the_page(run_in_process, tmp_path):

@@ -112,12 +112,13 @@ def test_pictures_and_films_by_the_command(run_in_process, tmp_path):
         assert larger is None or 2 <= int(larger[1]) < int(larger[2])
 
 
-def test_titles_say_where_no_light_falls():
+@pytest.mark.parametrize(
+    ("zeta", "power", "title"),
+    [(-2.0, 0.1, "100.0 µW"), (-7.0, 0.1, "100.0 µW beside it"), (np.nan, np.nan, "no light")],
+)
+def test_titles_say_where_no_light_falls(zeta, power, title):
     """No number of watts where there are none, and none without a word where the spot is beside."""
-    psd = facets.Sensor().psds[0]
-    assert light_on(psd, np.array([1.0, -2.0, 0.1])) == "100.0 µW"
-    assert light_on(psd, np.array([1.0, -7.0, 0.1])) == "100.0 µW beside it"
-    assert light_on(psd, np.full(3, np.nan)) == "no light"
+    assert light_on(facets.Sensor().psds[0], np.array([1.0, zeta, power])) == title
 
 
 @pytest.mark.parametrize(
