@@ -9,7 +9,6 @@ import pytest
 import sensors
 from facets.experiments import rigs
 from rig_samples import CONFIG, NOMINAL, accepted_effects, judge, sample_rig, settings
-from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 import facets
@@ -25,7 +24,6 @@ from facets.calibration import (
     Task,
     block,
     choice,
-    eliminate_own_unknowns,
     fit,
     fit_steady_laser,
     linear,
@@ -120,27 +118,6 @@ def test_derivatives_are_those_of_differences():
     for n in range(OWN_COUNT):
         slope = differences(own_change=1e-3 * OWN_UNITS * (np.arange(OWN_COUNT) == n)) / 1e-3
         np.testing.assert_allclose(slopes.own[:, :, n], slope, atol=1e-4 * np.abs(slope).max())
-
-
-def test_elimination_gives_what_the_whole_system_gives(data):
-    """Against least squares of all unknowns together, with rows for what was known before."""
-    data = data.part(slice(0, 7))
-    data = data._replace(sigma=np.array([1e-4, 1e-4, np.inf, 5e-7, np.inf, 5e-7]))
-    chosen, opening = rigs.choice(), np.zeros((7, OWN_COUNT))
-    slopes = linear(NOMINAL, data, opening, values_of(NOMINAL), chosen)
-    normal = eliminate_own_unknowns(slopes, np.ones((7, 9)), opening, data.sigma)
-    step = np.linalg.solve(normal.matrix + np.diag(1 / chosen.sigma**2), normal.side)
-    own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
-
-    known = np.where(np.isfinite(data.sigma), OWN_UNITS[:6] / data.sigma, 1e-9)
-    prior = np.diag(np.concatenate([1 / chosen.sigma, np.tile(known, 7)]))
-    rows = np.hstack([slopes.common.reshape(63, -1), block_diag(*slopes.own[:, :, :6])])
-    side = np.append(slopes.residual, np.zeros(len(prior)))
-    dense, *_ = np.linalg.lstsq(np.concatenate([rows, prior]), side, rcond=None)
-    common, rest = np.split(dense, [len(step)])
-    np.testing.assert_allclose(step / chosen.sigma, common / chosen.sigma, atol=1e-6)
-    np.testing.assert_allclose(own[:, :6].ravel(), rest, atol=1e-4 * np.abs(rest).max())
-    assert np.abs(own[:, 6:]).max() < 1e-9
 
 
 # ---- steps
