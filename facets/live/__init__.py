@@ -25,9 +25,7 @@ _NAMES_OF = {
     "run.view": "Screen json_line plain_line summary values",
     "streams.publication": "require_packages Publication Publications",
     "run.poses": "poses",
-    "run.smoothing": (
-        "smooth MODELS dynamic_error noise_covariance process_noise smoothed_columns transition"
-    ),
+    "run.smoothing": ("smooth MODELS noise_covariance process_noise smoothed_columns transition"),
     "streams.ophyd_device": "Interval PoseSensor",
     "streams.subscription": "Subscription",
     "recording.comparison": "compare",
@@ -39,16 +37,14 @@ _NAMES_OF = {
     "recording.writer": "DiskError Recording",
     "run.board_poses": "SOLVED board_solution",
     "run.loop": "CLOCK_MOVED Ending Loop acquire",
-    "run.pipeline": "FULL LABELS MARKED Pipeline Poses SKIPPED TWO_DETECTORS join_poses",
+    "run.pipeline": "FULL LABELS Pipeline Poses SKIPPED TWO_DETECTORS join_poses",
     "run.pulses": "PulseClock",
     "run.reader": "MAX_BLOCK_S Reader",
     "run.sink": "Sink",
     "sources": "Block check_missing check_source",
     "sources.clock": "Sequence WRAP",
-    "sources.frames": (
-        "ELECTRODES FRAME FixedFrames MARK POSE SIZE Samples XY_SUM encode pack parser"
-    ),
-    "sources.host_time": "HostTime touching_line",
+    "sources.frames": ("ELECTRODES FixedFrames MARK POSE SIZE Samples XY_SUM encode pack parser"),
+    "sources.host_time": "HostTime",
     "sources.ports": "DatagramPort PortError PortInUse open_port",
     "streams.sample_rows": (
         "CALIBRATED_SAMPLE SAMPLE description row_content row_dtype rows_of sample_dtype"

@@ -18,7 +18,6 @@ from facets.live import (
     Loop,
     Pipeline,
     encode,
-    touching_line,
 )
 
 JITTER, DRIFT, PACKET = 5e-3, 50e-6, 2e-3
@@ -53,20 +52,6 @@ def test_times_are_known_in_ten_seconds_and_as_well_as_is_said(delays, most):
     assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.4
     assert np.mean(np.abs(ratios) < 2) > 0.85
     assert 0.4 < np.sqrt(np.mean(np.square(rates))) < 1.8
-
-
-def test_the_uncertainty_is_that_of_lines_under_exponential_points():
-    """For delays of mean 1 s at 100 points: the three numbers of the module, by simulation."""
-    rng, x, lines = np.random.default_rng(3), np.arange(100) / 100, []
-    for _ in range(600):
-        delays = rng.exponential(size=100)
-        offset, slope, _ = touching_line(x - x.mean(), delays, -np.inf, np.inf)
-        lines.append((offset, offset + slope * (1 - x.mean()), slope))
-    centre, end, slope = 100 * np.array(lines).T
-    module = facets.live.sources.host_time
-    assert centre.mean() == pytest.approx(module.BIAS, abs=0.25)
-    assert np.sqrt(np.mean((end - module.BIAS) ** 2)) == pytest.approx(module.END, rel=0.2)
-    assert np.sqrt(np.mean(slope**2)) == pytest.approx(module.RISE, rel=0.2)
 
 
 def test_a_clock_that_stood_still_and_one_that_was_set_are_noticed():

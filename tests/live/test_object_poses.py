@@ -1,4 +1,4 @@
-"""The measured object in a stream: its poses beside SciPy's, in all that samples go to."""
+"""The measured object in a stream: its poses and displacements, in all that samples go to."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from streams import BENCH, samples_of
 
 import facets
@@ -65,37 +64,27 @@ def pose_of(columns, prefix):
     return np.column_stack([columns[f"{prefix}{name}"] for name in POSE]) * STATE_UNITS[:6]
 
 
-def object_places():
-    """Places (n, 3) and rotations of the object, by SciPy."""
-    turn = Rotation.from_euler("ZYX", STATES[:, 5:2:-1])
-    orientation = Rotation.from_euler("ZYX", OBJECT.orientation[::-1])
-    return STATES[:, :3] + turn.apply(OBJECT.point), turn * orientation
-
-
-def rms_error(columns, prefix, places, turns):
-    """Root mean square (6,) of errors over stated uncertainties."""
-    angles = turns.as_euler("ZYX")[:, ::-1]
-    error = pose_of(columns, prefix) - np.column_stack([places, angles])
-    return np.sqrt(np.mean((error / pose_of(columns, f"u_{prefix}")) ** 2, axis=0))
+def rms_error(columns, prefix, zero=None, first=0):
+    """Root mean square (6,) of errors over stated uncertainties, from a sample on."""
+    true = facets.transform(STATES, OBJECT, zero).pose
+    ratio = (pose_of(columns, prefix) - true) / pose_of(columns, f"u_{prefix}")
+    return np.sqrt(np.mean(ratio[first:] ** 2, axis=0))
 
 
 def test_objects_and_their_displacements_after_the_zero_err_as_stated():
     request = ZeroRequest(seconds=0.04)
     pipeline, poses = solve(WITH_OBJECT, request, covariance=True)
     np.testing.assert_array_equal(poses.solution.state, solve(BENCH)[1].solution.state)
-    places, turns = object_places()
-    assert rms_error(poses.object, "object_", places, turns) == pytest.approx(1, abs=0.15)
+    assert rms_error(poses.object, "object_") == pytest.approx(1, abs=0.15)
     moved = pose_of(poses.object, "displacement_")
     first = int(np.argmax(np.isfinite(moved[:, 0])))
     assert 400 <= first <= 600  # the batch that holds the first sample after the zero
     assert np.isnan(moved[:first]).all()
     assert pipeline.object_poses.zero.samples == 400
-    shift = turns[0].inv().apply(places - places[0])
-    late = {name: column[first:] for name, column in poses.object.items()}
-    ratio = rms_error(late, "displacement_", shift[first:], (turns[0].inv() * turns)[first:])
+    ratio = rms_error(poses.object, "displacement_", STATES[0], first)
     assert ratio == pytest.approx(1, abs=0.15)
-    sigma = np.sqrt(late["cov_displacement_yaw_yaw_mrad2"])
-    np.testing.assert_allclose(sigma, late["u_displacement_yaw_mrad"], rtol=1e-12)
+    variance = poses.object["u_displacement_yaw_mrad"] ** 2
+    np.testing.assert_allclose(poses.object["cov_displacement_yaw_yaw_mrad2"], variance, rtol=1e-12)
     assert pipeline.object_poses.take_news()[0].startswith("the first 0.04 s, 400 samples: tx_mm")
     assert tuple(pose_columns(poses))[-len(poses.object) :] == pipeline.object_poses.names
 
@@ -119,7 +108,7 @@ def test_smoothed_poses_of_the_object_err_as_stated():
     _, poses = solve(WITH_OBJECT)
     time = 1e-4 * np.arange(COUNT)
     columns, _ = smoothed_columns(WITH_OBJECT, time, poses.solution, False, "acceleration")
-    ratio = rms_error(columns, "smooth_object_", *object_places())
+    ratio = rms_error(columns, "smooth_object_")
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1, abs=0.25)
 
 
@@ -198,7 +187,7 @@ def test_a_recording_keeps_its_point_and_is_replayed_for_others(run_in_process, 
     assert not (tmp_path / "t.csv").exists()
     mcap = pytest.importorskip("mcap.reader")
     assert run_in_process("replay", "rec", "-o", "p.mcap", "--point", "0,0,50")[0] == 0
-    tip = STATES[:, :3] + Rotation.from_euler("ZYX", STATES[:, 5:2:-1]).apply((0, 0, 50))
+    tip = facets.transform(STATES, MeasuredObject(point=(0.0, 0.0, 50.0))).pose
     with (tmp_path / "p.mcap").open("rb") as file:
         reader = mcap.make_reader(file)
         for topic, height_of in (

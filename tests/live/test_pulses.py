@@ -53,20 +53,16 @@ def test_times_are_those_of_the_pulses_whatever_the_host_says(drift):
     assert (clock.refused, clock.used) == (0, marked.sum())
 
 
-def test_an_edge_beside_lost_samples_is_known_as_badly_as_it_is():
-    true, device, marked = board(10_000)
+def test_an_edge_beside_lost_samples_and_marks_that_are_no_pulses():
+    """The one is known as badly as it is, the others are refused."""
+    true, device, marked = board(20_000)
     edge = int(np.flatnonzero(marked)[5])
     kept = np.delete(np.arange(10_000), np.arange(edge - 60, edge))
     times, sigma = follow(PulseClock(), device[kept], marked[kept], true[kept])
     assert sigma[kept >= edge].min() > 15e-3
     assert np.nanmax(np.abs(times - true[kept]) / sigma) < 3
-
-
-def test_marks_that_are_no_pulses_are_refused():
-    true, device, marked = board(20_000)
-    others = marked.copy()
-    others[np.arange(300, 20_000, 1_370)] = True  # triggers of something else
-    clock = PulseClock()
+    others, clock = marked.copy(), PulseClock()
+    others[300::1_370] = True  # triggers of something else
     times, sigma = follow(clock, device, others, true)
     assert clock.refused == (others & ~marked).sum()
     assert np.nanmax(np.abs(times - true) / sigma) < 2.1
