@@ -26,6 +26,7 @@ from facets.live import (
     join_columns,
     pose_columns,
 )
+from facets.tracking import Encoder
 
 CONFIG = facets.load("bench")
 EACH = 20
@@ -200,6 +201,16 @@ def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
     live = Live(Pipeline(CONFIG))
     Loop(live, Board(clock, 10), show).run(Ending())
     assert live.pipeline.tally.samples == 10 * EACH
+
+
+def test_the_place_of_a_moving_beam_is_known_as_well_as_its_age_and_speed_allow():
+    pipeline = Pipeline(replace(CONFIG, solve=replace(CONFIG.solve, beam="known")))
+    encoder = Encoder(10.0, np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    beam = pipeline.knowledge(np.array([10.02]), encoder).beam
+    assert beam.mean == pytest.approx(np.array([[1.06, 2.08]]) + CONFIG.solve.beam_offset)
+    still = np.hypot(CONFIG.stage.accuracy, CONFIG.sensor.electronics.pointing)
+    assert beam.sigma == pytest.approx(np.hypot(still, 5 * (1e-3 + 0.01)))  # half the way, and 1 ms
+    assert pipeline.knowledge(np.array([99.0]), encoder).beam == "free"
 
 
 def test_older_files_accept_poses_from_two_detectors(tmp_path):
