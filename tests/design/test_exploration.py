@@ -125,6 +125,7 @@ def test_only_what_keeps_the_requirement_is_looked_at():
     for layout, reason in ((space.layout, ""), (fine, "not what is required over the volume")):
         assert SKIPPED[measure_design(replace(space, layout=layout), best)[0]] == reason
         assert meets(space.sensor, layout, space.volume) == (not reason)  # the paper's own
+    assert not meets(space.sensor, replace(space.layout, least_power=0.05), space.volume)
 
 
 def test_a_singular_design_is_told():
@@ -208,19 +209,17 @@ def test_the_command_explores_and_refuses(run_in_process, tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-def vary(**variables):
-    return {"layout": replace(CONFIG.layout, variables=variables)}
+#: Variables of all kinds, about the paper's own sensor.
+VARIED = {
+    "size_mm": (2.0, 20.0), "diameter_mm": (0.2, 4.0), "inclination_deg": (44.7, 45.3),
+    "facet_b_azimuth_deg": (119.0, 121.0), "psd_a_height_mm": (-6.0, 6.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "more",
-    [
-        {"rules": replace(CONFIG.range, tracking=True)},
-        vary(size_mm=(2.0, 20.0), diameter_mm=(0.2, 4.0)),
-        {"sensor": facets.load("skewed").sensor},
-        vary(facet_b_azimuth_deg=(119.0, 121.0), inclination_deg=(44.7, 45.3),
-             psd_a_height_mm=(-6.0, 6.0)),
-    ],
+    [{"rules": replace(CONFIG.range, tracking=True), "sensor": facets.load("skewed").sensor},
+     {"layout": replace(CONFIG.layout, variables=VARIED)}],
 )  # fmt: skip
 def test_designs_at_once_have_the_measures_that_they_have_one_by_one(more):
     """All measures, and why a design is skipped."""

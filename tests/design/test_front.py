@@ -144,10 +144,3 @@ def test_the_command_follows_a_front_and_writes_one_of_its_designs(run_in_proces
     psds = facets.load(tmp_path / "two.yaml").sensor.psds
     assert (10 * psds[0].radius) == pytest.approx(round(10 * psds[0].radius))
     assert psds[1].height == psds[0].height != 0
-    for number, file, message in (
-        ("999", "three.yaml", "has no point 999"),
-        ("1", "two.yaml", "--force"),
-    ):
-        status, _, errors = run_in_process(*words, "--pick", number, "-o", file)
-        assert status == 2
-        assert message in errors

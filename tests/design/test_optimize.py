@@ -137,7 +137,7 @@ def test_a_weighted_sum_lies_between_its_parts():
     layout = replace(CONFIG.layout, aim="weighted", starts=1, variables=TWO)
     best = {}
     for size in (0.0, 0.2, 1.0):
-        weights = {"resolution": 1.0} | ({"size": size} if size else {})
+        weights = {"resolution": 1.0, "size": size}
         best[size] = optimize(CONFIG.sensor, replace(layout, weights=weights)).best
         assert best[size].found
     alone = optimize(CONFIG.sensor, replace(layout, aim="resolution")).best
