@@ -32,6 +32,7 @@ else:
         {
             "calibration": "residual_picture",
             "exploration": "front_picture pareto_picture",
+            "film": "ease_camera",
             "glow": "sub_beam surface",
             "layout": "layout_picture",
             "magnification": "motion_factor round_down stays_on_detectors",

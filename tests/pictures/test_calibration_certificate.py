@@ -77,6 +77,9 @@ def test_a_certificate_states_what_was_entered_found_and_read(folder):
     assert value == pytest.approx(sensor.psds[0].height, abs=0.5 * expanded)
     assert expanded == pytest.approx(factor * standard, rel=0.05)
     assert 1.96 <= factor < 2.1
+    pose = text.partition(" at rest dof tx ")[2].split()
+    standard = float(text.partition(" standard uncertainty u ")[2].split()[0])
+    assert float(pose[0]) == pytest.approx(float(pose[3]) * standard, rel=0.05)
     found = pd.read_csv(folder / "c-found.csv", comment="#", index_col="parameter")
     for name in ("psd_a.height", "facet_a.azimuth"):  # the screen, the table and the certificate
         row = [x.replace("\N{MINUS SIGN}", "-") for x in text.partition(f" {name} ")[2].split()[:5]]

@@ -17,6 +17,7 @@ import facets
 from facets.pictures import (
     Picture,
     Stand,
+    ease_camera,
     face_camera,
     motion_factor,
     range_solid,
@@ -189,6 +190,8 @@ def test_parts_are_closed_and_face_outward_and_facets_lie_in_the_planes_of_the_m
     volumes = [volume(part.solid) for part in parts]
     assert sum(volumes[:4]) > 0
     assert min(volumes[4:]) > 0
+    (board,) = (part.solid for part in parts if part.name == "driver board")
+    assert volume(board) > 0.85 * np.ptp(board.points, axis=0).prod()
     for facet, normal in zip(parts[:3], stand.at.normals, strict=True):
         assert facet.name.startswith("facet")
         assert np.abs(facet.solid.points @ np.array(normal, float)).max() < 1e-9
@@ -222,6 +225,15 @@ def test_equal_radii_have_one_dimension_unequal_ones_three_and_labels_do_not_ove
     boxes = np.add(unequal, (5, 5, -5, -5))  # of the letters, without their margins
     for first, second in combinations(boxes, 2):
         assert (np.minimum(first, second)[2:] <= np.maximum(first, second)[:2]).any()
+
+
+def test_a_film_s_camera_moves_with_ease_and_ends_where_it_began(shot):
+    shares = np.linspace(0, 1, 61)
+    places = np.array([ease_camera(shot.camera, share).place for share in shares])
+    assert places[[0, -1]] == pytest.approx(np.array([shot.camera.place] * 2))
+    steps = np.diff(places, axis=0, append=places[1:2])  # a film is repeated
+    longest = np.linalg.norm(steps, axis=1).max()
+    assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.2 * longest
 
 
 def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
