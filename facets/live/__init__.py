@@ -46,9 +46,7 @@ _NAMES_OF = {
     "sources.frames": ("ELECTRODES FixedFrames MARK POSE SIZE Samples XY_SUM encode pack parser"),
     "sources.host_time": "HostTime",
     "sources.ports": "DatagramPort PortError PortInUse open_port",
-    "streams.sample_rows": (
-        "CALIBRATED_SAMPLE SAMPLE description row_content row_dtype rows_of sample_dtype"
-    ),
+    "streams.sample_rows": "SAMPLE row_content rows_of sample_dtype",
     "virtual": "Bench Faults Pty truth_of",
     "virtual.stages": "PiController ZaberDevice",
     "web.page": "WebPage",
