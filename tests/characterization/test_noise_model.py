@@ -50,6 +50,9 @@ def test_white_noise_alone_has_no_flicker_and_no_lines():
     assert model.lines == ()
     assert model.white_deviation == pytest.approx(1.0, rel=0.02)
     assert model.standard_deviation == pytest.approx(1.0, rel=0.05)
+    time = np.arange(COUNT) / RATE
+    textbook = model.white_deviation / (np.sqrt(COUNT) * time.std())
+    assert model.drift.sigma == pytest.approx(textbook, rel=0.05)
     with pytest.raises(ValueError, match="too few"):
         fit_noise(np.full(100, np.nan), RATE)
 
