@@ -13,6 +13,7 @@ else:
         {
             "chance": "FALSE_ALARM_RATE LIMITS",
             "coverage": "coverage_factor effective_degrees_of_freedom region_factor",
+            "differences": "lasting_covariance propagate_in_light",
             "doubts": "has_fold",
             "dwells": "dwell_means stands stands_of_axis",
             "misfit": "Misfit",

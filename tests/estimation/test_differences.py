@@ -9,8 +9,7 @@ from sensors import correlate
 import facets
 from facets.calibration import ALL, assign_values, values_of
 from facets.detectors import MISFIT, MODEL_ERROR
-from facets.estimation import make_plan
-from facets.estimation.differences import lasting_covariance, propagate_in_light
+from facets.estimation import lasting_covariance, make_plan, propagate_in_light
 
 #: A calibration that knows less than a good one, so that its part counts beside the noise.
 SIGMAS = {

@@ -14,7 +14,7 @@ import facets
 from facets.live import Bench, Faults, recorded_poses
 
 CONFIG = facets.load("bench")
-SAMPLES = 3000
+SAMPLES = 1000
 
 
 @pytest.fixture
