@@ -72,7 +72,7 @@ def test_intervals_of_a_new_zero_hold(calibrated):
     known = new_zero.known_change(rig)
     assert known.is_explained
     assert np.abs(known.beam - [1e-3, 0]).max() < 1.5e-4
-    draws = [new_zero.draw_changes(rig, ChangePriors(), 5) for _ in range(5)]
+    draws = [new_zero.draw_changes(rig, ChangePriors(), 5) for _ in range(12)]
     changes, before, after = (
         np.abs(np.concatenate([getattr(draw, name) for draw in draws])) < 1.96
         for name in ("off", "before", "after")
