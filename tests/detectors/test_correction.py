@@ -47,3 +47,18 @@ def test_coefficients_stand_in_the_order_of_their_names(sensor):
     assert named["correction_b.z01"] == second.z[1]
     linear = RAW + correction_slopes(sensor, RAW) @ coefficients(sensor)
     assert linear == pytest.approx(correct(sensor, RAW))
+
+
+def test_a_grid_is_interpolated_and_goes_on_as_at_its_edge():
+    """A grid of two planes, which linear interpolation gives as they are."""
+    y, z = (-4.0, 1.0, 5.0), (-3.0, 2.0)
+    slopes = np.array([[0.01, 0.02], [0.03, -0.01]])
+    add_y, add_z = np.tensordot(slopes, np.meshgrid(y, z, indexing="ij"), axes=1).tolist()
+    correction = facets.Correction(grid=facets.Grid(y, z, add_y, add_z))
+    first, *others = facets.Sensor().psds
+    sensor = facets.Sensor(psds=(replace(first, correction=correction), *others))
+    raw = np.zeros((3, 9))
+    raw[:, :2] = [[-6.0, -5.0], [2.0, 1.0], [7.0, 3.0]]
+    nearest = [[-4.0, -3.0], [2.0, 1.0], [5.0, 2.0]]
+    added = (correct(sensor, raw) - raw)[:, :2]
+    assert added == pytest.approx(nearest @ slopes.T, abs=1e-14)
