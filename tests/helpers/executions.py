@@ -225,6 +225,9 @@ def forty_digits(task: str, sensor: facets.Sensor, states: Any) -> Any:
             except ZeroDivisionError:  # of a facet with no light at all, which floats leave out
                 (result,) = floats(task, sensor, state[None])
                 assert np.isnan(result).any()
+            if task == "readings":  # Light of 1e-41 mW is rounding noise here, but not of floats.
+                faint = np.repeat(np.abs(result[2::3]) < 1e-25, 3)
+                result[faint] = floats(task, sensor, state[None])[0][faint]
             results.append(result)
     return np.array(results)
 
