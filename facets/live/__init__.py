@@ -30,7 +30,7 @@ _NAMES_OF = {
     "streams.subscription": "Subscription",
     "recording.comparison": "compare",
     "recording.disk": "Disk",
-    "recording.index": "Damage OLD are_events_whole",
+    "recording.index": "Damage are_events_whole",
     "recording.pose_table": "join_columns pose_columns recorded_poses",
     "recording.reader": "blocks meta_of",
     "recording.replay": "recorded_config replay",
