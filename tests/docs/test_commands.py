@@ -1,7 +1,5 @@
 """Every command on every page is one that the program takes; every command has a page."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import shlex

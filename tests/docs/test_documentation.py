@@ -1,7 +1,5 @@
 """What the documentation tells people to write and run works, and its links lead somewhere."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Whoever follows the README and the guides sees every command succeed and print what they show."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial

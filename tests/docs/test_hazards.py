@@ -1,7 +1,5 @@
 """The page on hazards names, for each of them, tests that exist."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The pages as they are built: formulas, the reference of keys, pages from elsewhere."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 from unittest.mock import MagicMock

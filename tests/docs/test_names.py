@@ -1,7 +1,5 @@
 """What the documentation names in code exists: identifiers, files, and both where it puts them."""
 
-from __future__ import annotations
-
 import io
 import re
 import tokenize

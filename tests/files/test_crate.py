@@ -1,7 +1,5 @@
 """What a folder of results says of itself to archives: the shape that RO-Crate 1.1 asks for."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 

@@ -1,7 +1,5 @@
 """A former result is taken for the configuration that it was made from, and for no other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bad_inputs import recorded

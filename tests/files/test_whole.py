@@ -1,7 +1,5 @@
 """Results appear together or not at all: after an error, a full disk or ^C at any step."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -17,7 +15,7 @@ from facets.files import ResultSet, Whole, readable_path, remove_older
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def tree(folder: Path) -> dict[str, bytes | None]:
+def tree(folder):
     """All that is in a folder, hidden files and empty folders too."""
     return {
         str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
@@ -25,7 +23,7 @@ def tree(folder: Path) -> dict[str, bytes | None]:
     }
 
 
-def write_three(folder: Path) -> None:
+def write_three(folder):
     """A set over two folders, with an older file replaced, a new one, and an older one gone."""
     with ResultSet():
         for name in ("here/old.csv", "new/deep/first.csv", "new/deep/second.csv"):
@@ -61,7 +59,7 @@ def test_all_of_a_set_appears_at_the_end(older):
 STEPS = [("os.open", 3), ("os.fsync", 5), ("Path.mkdir", 3), ("os.link", 2), ("Path.replace", 3)]
 
 
-def failing(monkeypatch, name: str, step: int, error: BaseException) -> list[int]:
+def failing(monkeypatch, name, step, error):
     """Makes the call number `step` of a function of `os` or `Path` fail; counts the calls."""
     owner, attribute = (os, name[3:]) if name.startswith("os.") else (Path, name[5:])
     genuine, calls = getattr(owner, attribute), [0]

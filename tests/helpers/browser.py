@@ -4,8 +4,6 @@ One process serves all tests of a session. Each `Browser` is a window that share
 others; `Browser.ask` evaluates an expression of JavaScript on its page.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import os
@@ -16,7 +14,6 @@ import tempfile
 import time
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 from programs import GUARD
@@ -40,7 +37,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
 class Chromium:
     """The browser's process, which exchanges JSON over two pipes; a zero byte ends a message."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         assert CHROMIUM is not None
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.process = subprocess.Popen(
@@ -48,11 +45,11 @@ class Chromium:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0,
         )  # fmt: skip
         atexit.register(self.close)
-        self.windows: dict[str, Browser] = {}
+        self.windows = {}
         self.unread = b""
         self.count = 0
 
-    def exchange(self, method: str, session: str | None = None, **parameters: Any) -> Any:
+    def exchange(self, method, session=None, **parameters):
         """Call a method of the protocol and return its result."""
         assert self.process.stdin is not None
         self.count += 1
@@ -68,7 +65,7 @@ class Chromium:
         assert "error" not in message, message
         return message["result"]
 
-    def read(self) -> Any:
+    def read(self):
         """Wait for a message and return it."""
         assert self.process.stdout is not None
         while b"\0" not in self.unread:
@@ -79,14 +76,14 @@ class Chromium:
         message, _, self.unread = self.unread.partition(b"\0")
         return json.loads(message)
 
-    def close(self) -> None:
+    def close(self):
         self.process.kill()
         self.process.wait()
         self.profile.cleanup()
 
 
 @cache
-def chromium() -> Chromium:
+def chromium():
     return Chromium()
 
 
@@ -96,11 +93,11 @@ class Browser:
     addresses: all that the page loaded.
     """
 
-    def __init__(self, url: str, webgl: bool = False) -> None:
+    def __init__(self, url, webgl=False):
         """Open a page; `webgl` enables WebGL on the processor, which is slow."""
         self.exchange = chromium().exchange
-        self.logged: list[str] = []
-        self.addresses: list[str] = []
+        self.logged = []
+        self.addresses = []
         self.context = self.exchange("Target.createBrowserContext")["browserContextId"]
         target = self.exchange(
             "Target.createTarget",
@@ -116,7 +113,7 @@ class Browser:
             self.send("Page.addScriptToEvaluateOnNewDocument", source=NO_WEBGL)
         self.send("Page.navigate", url=url)
 
-    def note(self, message: dict[str, Any]) -> None:
+    def note(self, message):
         """Note an event."""
         method, words = message["method"], message["params"]
         if method in ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded"):
@@ -127,16 +124,16 @@ class Browser:
             self.addresses.append(words.get("url") or words["request"]["url"])
 
     @property
-    def errors(self) -> list[str]:
+    def errors(self):
         """What scripts threw, and all that stands on the console."""
         self.ask("0")  # the answer comes after what was logged before
         return self.logged
 
-    def send(self, method: str, **parameters: Any) -> Any:
+    def send(self, method, **parameters):
         """Call a method of the protocol for this page and return its result."""
         return self.exchange(method, self.session, **parameters)
 
-    def ask(self, expression: str) -> Any:
+    def ask(self, expression):
         """Evaluate an expression on the page, wait for a promise, and return the value."""
         answer = self.send(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
@@ -144,7 +141,7 @@ class Browser:
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def await_true(self, expression: str) -> Any:
+    def await_true(self, expression):
         """Wait until an expression is true on the page and return its value."""
         last = time.monotonic() + GUARD
         tried = f"(() => {{ try {{ return {expression}; }} catch {{ return null; }} }})()"
@@ -153,25 +150,25 @@ class Browser:
             time.sleep(0.05)
         return value
 
-    def put(self, name: str, value: Any) -> None:
+    def put(self, name, value):
         """Move a slider, choose, or type into a field with an identity."""
         self.ask(
             f"(() => {{ const field = document.getElementById('{name}');"
             f" field.value = {json.dumps(value)}; field.dispatchEvent(new Event('input')); }})()"
         )
 
-    def text_of(self, name: str) -> str:
+    def text_of(self, name):
         """The text of an element with an identity."""
         return self.ask(f"document.getElementById('{name}').textContent")
 
-    def box_of(self, selector: str) -> tuple[float, float, float, float]:
+    def box_of(self, selector):
         """The middle, the width and the height of an element, pixels."""
         return self.ask(
             f"(() => {{ const r = document.querySelector('{selector}').getBoundingClientRect();"
             " return [r.left + r.width / 2, r.top + r.height / 2, r.width, r.height]; })()"
         )
 
-    def find_barriers(self) -> list[Any]:
+    def find_barriers(self):
         """Rules of WCAG 2.1, levels A and AA, that the page breaks, and where, by axe-core."""
         source = pytest.importorskip("axe_playwright_python").__path__[0]
         self.ask((Path(source) / "axe.min.js").read_text("utf-8"))
@@ -179,11 +176,11 @@ class Browser:
         assert len(report["passes"]) > 5
         return [(rule["id"], [n["target"] for n in rule["nodes"]]) for rule in report["violations"]]
 
-    def press(self, kind: str, x: float, y: float, **more: Any) -> None:
+    def press(self, kind, x, y, **more):
         """Send a mouse event."""
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
-    def drag(self, begin: tuple[float, float], end: tuple[float, float], **more: Any) -> None:
+    def drag(self, begin, end, **more):
         """Drag the mouse from one place to another."""
         middle = tuple((first + last) / 2 for first, last in zip(begin, end, strict=True))
         self.press("mousePressed", *begin, button="left", clickCount=1, **more)
@@ -191,13 +188,13 @@ class Browser:
             self.press("mouseMoved", *place, button="left", **more)
         self.press("mouseReleased", *end, button="left", clickCount=1, **more)
 
-    def key(self, key: str, **more: Any) -> None:
+    def key(self, key, **more):
         """Press a key and release it."""
         text = {"text": key} if len(key) == 1 else {}
         self.send("Input.dispatchKeyEvent", type="keyDown", key=key, **text, **more)
         self.send("Input.dispatchKeyEvent", type="keyUp", key=key, **more)
 
-    def resize(self, width: int, height: int, scale: float = 1) -> None:
+    def resize(self, width, height, scale=1):
         """Give the page another size and so many dots a pixel; wait until it has the size."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
@@ -205,12 +202,12 @@ class Browser:
         )  # fmt: skip
         self.await_true(f"innerWidth === {width}")
 
-    def close(self) -> None:
+    def close(self):
         del chromium().windows[self.session]
         self.exchange("Target.disposeBrowserContext", browserContextId=self.context)
 
-    def __enter__(self) -> Browser:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self.close()

@@ -1,9 +1,6 @@
 """Page that draws a glTF file's triangles offline with WebGL alone."""
 
-from __future__ import annotations
-
 import json
-from typing import Any
 
 PAGE = """<!doctype html><body style="margin:0"><canvas width=900 height=700></canvas>
 <script>
@@ -61,5 +58,5 @@ for (const p of parts) {
 </script>"""
 
 
-def page_of(scene: dict[str, Any]) -> str:
+def page_of(scene):
     return PAGE.replace("SCENE", json.dumps(scene), 1)

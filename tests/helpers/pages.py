@@ -1,12 +1,9 @@
 """Pages of the documentation, their contents, and the hooks that build them."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -21,11 +18,11 @@ GUIDES = [DOCS / f"{name}.md" for name in ("experimenters", "designers", "doubte
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
-def name_of(page: Path) -> str:
+def name_of(page):
     return str(page.relative_to(ROOT))
 
 
-def blocks(page: Path, *languages: str) -> list[str]:
+def blocks(page, *languages):
     """The code blocks of a page in these languages; "" for those that name none."""
     return [text for language, text in FENCE.findall(page.read_text()) if language in languages]
 
@@ -39,12 +36,12 @@ class Step:
     block: str
 
     @property
-    def file(self) -> str:
+    def file(self):
         """The configuration's file, which is the last one that the text names."""
         return re.findall(r"`([\w-]+\.yaml)`", self.text)[-1]
 
 
-def steps(page: Path) -> list[Step]:
+def steps(page):
     """List the blocks of a page in order; the text after the last block is a step without one."""
     text, *others = FENCE.split(page.read_text())
     found = []
@@ -54,7 +51,7 @@ def steps(page: Path) -> list[Step]:
     return [*found, Step(text, "", "")]
 
 
-def shape(line: str) -> str:
+def shape(line):
     """Strip numbers, letters of detectors and widths of columns from a printed line.
 
     Rounding decides which of several equivalent detectors is named.
@@ -67,7 +64,7 @@ def shape(line: str) -> str:
 NUMBER = re.compile(r"\d[\d,]*\.?\d*(?:e[-+]?\d+)?(?![\d.,e]*(?: m?s\b|\d))")
 
 
-def agree(shown: str, printed: str, share: float) -> bool:
+def agree(shown, printed, share):
     """Whether the numbers of two lines of one shape agree to a share of the smaller one, or to two
     units in the last place of the shown one; what follows `...` is not compared."""
     for one, other in zip(
@@ -80,17 +77,17 @@ def agree(shown: str, printed: str, share: float) -> bool:
     return True
 
 
-def prose(page: Path) -> str:
+def prose(page):
     """Remove the code blocks of a page."""
     return FENCE.sub("", page.read_text())
 
 
-def links(page: Path) -> list[str]:
+def links(page):
     """List the targets of a page's links and pictures, except those on other sites."""
     return [link for link in LINK.findall(prose(page)) if ":" not in link]
 
 
-def hook(name: str) -> ModuleType:
+def hook(name):
     """Load a module of `docs/hooks` in the same way as the builder."""
     spec = importlib.util.spec_from_file_location(f"hooks_{name}", DOCS / "hooks" / f"{name}.py")
     assert spec is not None

@@ -1,17 +1,14 @@
 """Simulated reader who types a documentation page's commands in a folder."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 
 from commands import command
-from pages import Step, agree, shape
+from pages import agree, shape
 from programs import Program
 
 
@@ -22,16 +19,16 @@ class Reader:
     outputs: what each command has printed; a command is not run again.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
-        self.bench: Program | None = None
-        self.outputs: dict[str, list[str]] = {}
-        self.printed: list[str] = []
+        self.bench = None
+        self.outputs = {}
+        self.printed = []
         self.has_measured = False
         here = str(Path(sys.executable).parent)
         self.environment = {**os.environ, "PATH": f"{here}{os.pathsep}{os.environ['PATH']}"}
 
-    def follow(self, step: Step) -> None:
+    def follow(self, step):
         if "Ctrl-C" in step.text:
             self.stop()
         if step.language == "yaml":
@@ -46,14 +43,14 @@ class Reader:
         elif step.language in ("", "text") and self.printed:
             self.compare(step.block.splitlines(), "from run to run" in step.text)
 
-    def start(self, line: str) -> None:
+    def start(self, line):
         """Start the virtual bench in the first terminal and wait for its ports."""
         assert self.bench is None, f"the first terminal is still busy: {line}"
         self.bench = Program(*shlex.split(line)[1:], cwd=self.folder)
         self.has_measured = True
         self.bench.await_output("/board")
 
-    def stop(self) -> None:
+    def stop(self):
         """Send Ctrl-C to the first terminal."""
         if self.bench:
             with self.bench as bench:
@@ -61,18 +58,18 @@ class Reader:
             self.bench = None
             assert status == 0, bench.stderr
 
-    def end(self) -> None:
+    def end(self):
         """Close the first terminal if it is still busy."""
         if self.bench:
             self.bench.__exit__()
 
-    def type(self, line: str) -> None:
+    def type(self, line):
         """Run a line in the second terminal; a comment states its exit status if that is not 0."""
         if line not in self.outputs:
             self.outputs[line] = self.run(line)
         self.printed += self.outputs[line]
 
-    def run(self, line: str) -> list[str]:
+    def run(self, line):
         words = shlex.split(line, comments=True)
         if words[0] == "facets" and ">" not in words:
             done = command(*words[1:], cwd=self.folder)
@@ -86,7 +83,7 @@ class Reader:
         assert done.returncode == (int(stated[1]) if stated else 0), f"{line}\n{printed}"
         return printed.splitlines()
 
-    def compare(self, lines: Iterable[str], is_rough: bool = False) -> None:
+    def compare(self, lines, is_rough=False):
         """Check that a page's output was printed; `...` matches anything. Numbers agree to 2 %, to
         a factor of two where the virtual bench gave them, whose noise is new in every run, and to a
         factor of ten where the page says that they differ."""

@@ -1,7 +1,5 @@
 """The page of the paper's rig, which several files open in a browser."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from browser import CHROMIUM, Browser

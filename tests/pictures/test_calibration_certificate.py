@@ -1,7 +1,5 @@
 """The calibration certificate: what it states, what it does not, and of which files."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from html import unescape

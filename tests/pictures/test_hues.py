@@ -1,14 +1,12 @@
 """Hues stay apart for every kind of eye, and off their ground; sources of the matrices below."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np
 import pytest
 
 from facets import STATE
-from facets.core import ANGLES, DARK, DASHES, DETECTORS, LIGHT, MARKS, THEMES, Hues
+from facets.core import ANGLES, DARK, DASHES, DETECTORS, LIGHT, MARKS, THEMES
 
 #: Machado, Oliveira and Fernandes, IEEE TVCG 15 (2009) 1291, severity 1; in linear sRGB.
 EYES = {
@@ -33,23 +31,23 @@ CONTRAST = 3.0
 BOTH = pytest.mark.parametrize("hues", [LIGHT, DARK], ids=["light", "dark"])
 
 
-def linear(hue: str) -> np.ndarray:
+def linear(hue):
     code = np.array([int(hue[i : i + 2], 16) / 255 for i in (1, 3, 5)])
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
-def lab(light: np.ndarray) -> np.ndarray:
+def lab(light):
     x = XYZ @ np.clip(light, 0, 1) / WHITE
     f = np.where(x > (6 / 29) ** 3, np.cbrt(x), x / (3 * (6 / 29) ** 2) + 4 / 29)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-def distance(one: str, other: str, eye: str) -> float:
+def distance(one, other, eye):
     first, second = (lab(EYES[eye] @ linear(hue)) for hue in (one, other))
     return float(np.linalg.norm(first - second))
 
 
-def nearest(hues: dict[str, str]) -> tuple[float, str]:
+def nearest(hues):
     """The least distance of any two for any eye, and whose it is."""
     return min(
         (distance(hues[one], hues[other], eye), f"{one} and {other}, {eye}")
@@ -68,7 +66,7 @@ def test_the_simulation_knows_what_is_confused():
 
 
 @BOTH
-def test_detectors_axes_and_series_stay_apart(hues: Hues):
+def test_detectors_axes_and_series_stay_apart(hues):
     series = dict(enumerate(hues.series))
     for some in (hues.detectors, hues.axes, {str(n): hue for n, hue in series.items()}):
         least, whose = nearest(some)
@@ -76,21 +74,21 @@ def test_detectors_axes_and_series_stay_apart(hues: Hues):
 
 
 @BOTH
-def test_axes_of_one_unit_stay_further_apart(hues: Hues):
+def test_axes_of_one_unit_stay_further_apart(hues):
     for some in ([name for name in STATE if name not in ANGLES], ANGLES):
         least, whose = nearest({name: hues.axes[name] for name in some})
         assert least >= TOGETHER, whose
 
 
 @BOTH
-def test_no_axis_is_taken_for_a_detector(hues: Hues):
+def test_no_axis_is_taken_for_a_detector(hues):
     for axis, hue in hues.axes.items():
         for letter, other in hues.detectors.items():
             assert distance(hue, other, "normal") >= TOGETHER, (axis, letter)
 
 
 @BOTH
-def test_hues_stand_off_their_ground(hues: Hues):
+def test_hues_stand_off_their_ground(hues):
     weight = XYZ[1]
     ground = weight @ linear(hues.ground)
     marks = (*hues.detectors.values(), *hues.axes.values(), *hues.series, hues.grey, hues.alarm)

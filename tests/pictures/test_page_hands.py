@@ -1,7 +1,5 @@
 """The rig's page in a browser, as a person's hands use it: pointer, fingers and keys."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -5,8 +5,6 @@ nothing is cut, nothing lies over anything, and the parts are arranged as meant.
 draws by itself is compared with a coarse reference.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """The page's model is the package's: ranges, saturation, and poses under light that tests of all
 executions leave out. Its readings and other poses are compared there."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 

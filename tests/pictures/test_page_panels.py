@@ -1,7 +1,5 @@
 """The panels of a rig's page: geometry and its file, noise and the solved pose, the range."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from browser import CHROMIUM, Browser

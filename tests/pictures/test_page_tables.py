@@ -1,7 +1,5 @@
 """Numbers from outside on the rig's page: typed readings, tables that are dropped and played."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -4,8 +4,6 @@ Nothing here depends on the bytes of a picture, nor on who renders it: positions
 model's own rays, and colours are compared with each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """The page of a rig: its numbers are the model's, and what it cannot know it says so."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

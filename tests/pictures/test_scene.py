@@ -1,7 +1,5 @@
 """What is drawn lies where the model says; pictures are not blank; a browser can show them."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
