@@ -1,7 +1,6 @@
 """Stand-ins for the packages of National Instruments and of pylablib, by their documentation.
 
-They accept the arguments of nidaqmx 1.7 and pylablib 1.4; `tests/live/test_makers.py` compares
-the signatures if the packages are installed.
+They accept those arguments of nidaqmx 1.7 and pylablib 1.4 that are used.
 """
 
 from __future__ import annotations
@@ -18,16 +17,8 @@ Velocity = namedtuple("TVelocityParams", ["min_velocity", "acceleration", "max_v
 Readings = namedtuple("TQuadDetectorReadings", ["xdiff", "ydiff", "sum", "xpos", "ypos"])
 
 
-class AcquisitionType(Enum):
-    FINITE = 10178
-    CONTINUOUS = 10123
-
-
-class TerminalConfiguration(Enum):
-    RSE = 10083
-    NRSE = 10078
-    DIFF = 10106
-    DEFAULT = -1
+AcquisitionType = Enum("AcquisitionType", "FINITE CONTINUOUS")
+TerminalConfiguration = Enum("TerminalConfiguration", "RSE NRSE DIFF DEFAULT")
 
 
 class DaqError(Exception):
@@ -37,11 +28,7 @@ class DaqError(Exception):
 
 
 class Channels(list):
-    def add_ai_voltage_chan(
-        self, physical_channel, name_to_assign_to_channel="",
-        terminal_config=TerminalConfiguration.DEFAULT, min_val=-5.0, max_val=5.0,
-        units=None, custom_scale_name="",
-    ):  # fmt: skip
+    def add_ai_voltage_chan(self, physical_channel, terminal_config, min_val, max_val):
         device, _, span = physical_channel.partition("/ai")
         if device != "Dev1":
             raise DaqError("Device identifier is invalid.", -200220)
@@ -51,20 +38,13 @@ class Channels(list):
 
 
 class Lines(list):
-    def add_di_chan(self, lines, name_to_assign_to_lines="", line_grouping=None):
-        self.append(lines)
-
-    def add_do_chan(self, lines, name_to_assign_to_lines="", line_grouping=None):
-        self.append(lines)
+    add_di_chan = add_do_chan = list.append
 
 
 class Timing:
     samp_clk_rate = 0.0
 
-    def cfg_samp_clk_timing(
-        self, rate, source="", active_edge=None, sample_mode=AcquisitionType.FINITE,
-        samps_per_chan=1000,
-    ):  # fmt: skip
+    def cfg_samp_clk_timing(self, rate, sample_mode, samps_per_chan):
         assert sample_mode is AcquisitionType.CONTINUOUS
         self.samp_clk_rate, self.buffer = rate, samps_per_chan
 
@@ -85,7 +65,7 @@ class Stream:
 class Task:
     open: ClassVar = []
 
-    def __init__(self, new_task_name=""):
+    def __init__(self):
         self.ai_channels, self.timing, self.in_stream = Channels(), Timing(), Stream()
         self.di_channels, self.do_channels, self.level = Lines(), Lines(), False
         self.started = False
@@ -110,11 +90,10 @@ class AnalogMultiChannelReader:
     def __init__(self, task_in_stream):
         self.stream = task_in_stream
 
-    def read_many_sample(self, data, number_of_samples_per_channel=-1, timeout=10.0):
+    def read_many_sample(self, data, number_of_samples_per_channel, timeout):
         assert data.shape == (len(self.stream.volts), number_of_samples_per_channel)
         data[:] = self.stream.volts[:, :number_of_samples_per_channel]
         self.stream.volts = self.stream.volts[:, number_of_samples_per_channel:]
-        return number_of_samples_per_channel
 
 
 class KinesisMotor:
@@ -124,7 +103,7 @@ class KinesisMotor:
     axes: ClassVar = {"27000001": 0, "27000002": 1}
     units, homed, keeps = "user_step", True, None
 
-    def __init__(self, conn, scale="step", default_channel=1, is_rack_system=False):
+    def __init__(self, conn, scale):
         if conn not in self.axes and conn != "70000001":
             raise RuntimeError(f"no device {conn}")
         self.conn, self.closed, self.scale = conn, False, scale
@@ -137,34 +116,31 @@ class KinesisMotor:
     def get_scale_units(self):
         return self.units
 
-    def is_homed(self, channel=None):
+    def is_homed(self, channel):
         return self.homed
 
-    def get_position(self, channel=None, scale=True):
+    def get_position(self, channel):
         axis = self.axis(channel)
         return float(self.model.place[axis] - self.model.settings.zero[axis])
 
-    def move_to(self, position, channel=None, scale=True):
+    def move_to(self, position, channel):
         axis = self.axis(channel)
         self.model.target[axis] = position + self.model.settings.zero[axis]
         self.model.braking = False
 
-    def stop(self, immediate=False, sync=True, channel=None, timeout=None):
+    def stop(self, immediate, sync, channel):
         axis = self.axis(channel)
         self.model.target[axis] = self.model.place[axis]
         self.model.speed[axis] = 0.0
 
-    def wait_for_stop(self, channel=None, timeout=None):
+    def wait_for_stop(self, channel, timeout):
         self.axis(channel)
 
-    def setup_velocity(
-        self, min_velocity=None, acceleration=None, max_velocity=None, channel=None, scale=True
-    ):
+    def setup_velocity(self, acceleration, max_velocity, channel):
         unit = self.scale * self.model.settings.step
         self.model.max_speed, self.model.acceleration = max_velocity * unit, acceleration * unit
-        return self.get_velocity_parameters(channel, scale)
 
-    def get_velocity_parameters(self, channel=None, scale=True):
+    def get_velocity_parameters(self, channel):
         unit = self.scale * self.model.settings.step
         own = Velocity(0.0, self.model.acceleration / unit, self.model.max_speed / unit)
         return self.keeps or own
@@ -178,7 +154,7 @@ class KinesisQuadDetector:
 
     volts: ClassVar = {}
 
-    def __init__(self, conn, timeout=3.0):
+    def __init__(self, conn):
         if conn not in self.volts:
             raise RuntimeError(f"no device {conn}")
         self.conn = conn

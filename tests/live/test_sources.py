@@ -8,8 +8,7 @@ from importlib.metadata import EntryPoint
 import pytest
 from facets.experiments import kills
 
-import facets
-from facets.live import SIZE, DatagramPort, PortError, check_source, open_port, poses
+from facets.live import SIZE, DatagramPort, PortError, check_source, open_port
 from facets.live.sources import ports as module
 
 DATA = kills.stream(200)
@@ -83,12 +82,6 @@ def test_another_packages_source_is_a_port(others):
     ):
         with pytest.raises(PortError, match=words):
             open_port(name, 0)
-
-
-def test_poses_of_a_source_come_in_a_loop(others):
-    parts = list(poses(facets.load("bench"), "test:1"))
-    assert [seq for part in parts for seq in part.seq] == list(range(200))
-    assert all(part.solution.ok.all() for part in parts)
 
 
 @pytest.mark.parametrize("name", ["udp://:x", "udp://", "udp://256.1.1.1:5"])

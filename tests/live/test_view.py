@@ -13,7 +13,6 @@ from facets.experiments import kills
 from rich.console import Console
 from streams import BENCH, CALIBRATED
 
-from facets.core import DARK, LIGHT
 from facets.live import Live, Pipeline
 from facets.live.run import view
 
@@ -26,8 +25,8 @@ def live(light=1.0, config=BENCH):
     return now
 
 
-def drawn(now, wide=80, high=40, **options):
-    console = Console(width=wide, height=high, file=io.StringIO(), legacy_windows=False, **options)
+def drawn(now, wide=80, high=40):
+    console = Console(width=wide, height=high, file=io.StringIO(), legacy_windows=False)
     console.print(view.Screen(now))
     return console.file.getvalue()
 
@@ -108,7 +107,6 @@ def test_the_last_pose_of_a_silent_board_is_not_the_present_one(clock):
     assert (values["loss"], values["silent_s"]) == (1.0, 9.0)
     line, screen = view.plain_line(now), drawn(now)
     assert "no pose" in line
-    assert "lost 0 (100 %)" in line
     for text in (values["note"], screen):
         assert "no sample has come for 9 s" in text
     assert "●" not in screen
@@ -118,7 +116,6 @@ def test_the_last_pose_of_a_silent_board_is_not_the_present_one(clock):
     now.backlog = 0
     now.add_arrival(clock.now)
     assert "yaw_mrad" in view.values(now)
-    assert not now.messages()
 
 
 def test_a_slow_board_is_not_silent_between_its_samples(clock):
@@ -143,7 +140,7 @@ def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
     assert not now.messages()
 
 
-@pytest.mark.parametrize("steps", [(2e-3, 2e-3), (1e-3, 2e-3)], ids=["board", "both clocks"])
+@pytest.mark.parametrize("steps", [(2e-3, 2e-3), (1e-3, 2e-3)])
 def test_fewer_samples_than_before_are_told(clock, steps):
     """By the board's clock, or where this became as slow as the samples."""
     now, arrival = Live(Pipeline(BENCH)), clock.now
@@ -158,17 +155,3 @@ def test_fewer_samples_than_before_are_told(clock, steps):
         clock.now = arrival
         assert is_slow or not now.messages()
     assert now.messages() == ["only 500 samples come per second; before, there were 1000"]
-
-
-@pytest.mark.parametrize(("ground", "hues"), [("15;0", DARK), ("", DARK), ("0;15", LIGHT)])
-def test_detectors_axes_and_faults_have_their_hues(monkeypatch, ground, hues):
-    monkeypatch.setenv("COLORFGBG", ground)
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    now = live()
-    for late in (0, 7):
-        now.late = late
-        text = drawn(now, force_terminal=True, color_system="truecolor")
-        codes = re.findall(r"38;2;(\d+);(\d+);(\d+)", text)
-        seen = {"#" + "".join(f"{int(part):02X}" for part in code) for code in codes}
-        assert {*hues.detectors.values(), *hues.axes.values()} <= seen
-        assert (hues.alarm in seen) == (late > 0)
