@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,12 +58,6 @@ def test_the_shipped_paper_is_the_default_sensor():
     assert config.sensor == Sensor()
     assert (config.name, config.noise, config.seed) == ("paper", True, 1)
     assert list(config.motions) == ["x-steps", "yaw-sweep", "multi-axis"]
-
-
-@pytest.mark.parametrize("text", ["", "# nothing\n", "{}\n", "null\n"])
-def test_a_file_without_a_key_is_no_rig(write, text):
-    (message,) = problems(write(text))
-    assert message.startswith("my.yaml:1: a configuration is made of `key: value` lines")
 
 
 def test_blocks_whose_keys_are_all_commented_out_take_the_defaults(write):
@@ -127,7 +122,6 @@ def test_common_keys_apply_to_all_and_single_ones_override(write):
 
 
 def test_motions_come_in_code_units_and_order(write):
-    write("tx_mm\n0\n", "poses.csv")
     motions = load(
         write(
             """
@@ -136,27 +130,26 @@ motions:
   w: {kind: sweep, to: {roll_mrad: 5}, samples: 7, rate_hz: 50}
   i: {kind: sine, amplitude: {tz_mm: 1}, cycles: {tz_mm: 2}, phase_deg: {tz_mm: 90}}
   r: {kind: random, centre: {tx_mm: 1}, box: {pitch_mrad: 8}, samples: 9}
-  t: {kind: table, file: poses.csv}
 """
         )
     ).motions
-    assert list(motions) == ["s", "w", "i", "r", "t"]
     zero = (0.0,) * 8
-    assert motions["s"] == Steps(
-        (-1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0.002, 0, 3), 3, 4, 1000
-    )
-    assert motions["s"].samples == 12
-    assert motions["w"] == Sweep(zero, (0, 0, 0, 0.005, 0, 0, 0, 0), 7, 50)
-    assert motions["i"] == Sine(
-        centre=zero,
-        amplitude=(0, 0, 1, 0, 0, 0, 0, 0),
-        cycles=(1, 1, 2, 1, 1, 1, 1, 1),
-        phase=(0, 0, math.pi / 2, 0, 0, 0, 0, 0),
-        samples=1000,
-        rate=1000,
-    )
-    assert motions["r"] == Random((1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0.008, 0, 0, 0), 9, 1000)
-    assert motions["t"] == Table((Path.cwd() / "poses.csv").resolve(), 1, 1000)
+    assert [*motions.items()] == [
+        ("s", Steps((-1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0.002, 0, 3), 3, 4, 1000)),
+        ("w", Sweep(zero, (0, 0, 0, 0.005, 0, 0, 0, 0), 7, 50)),
+        (
+            "i",
+            Sine(
+                centre=zero,
+                amplitude=(0, 0, 1, 0, 0, 0, 0, 0),
+                cycles=(1, 1, 2, 1, 1, 1, 1, 1),
+                phase=(0, 0, math.pi / 2, 0, 0, 0, 0, 0),
+                samples=1000,
+                rate=1000,
+            ),
+        ),
+        ("r", Random((1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0.008, 0, 0, 0), 9, 1000)),
+    ]
 
 
 def test_the_fingerprint_follows_values_and_motion_order_not_spelling(write):
@@ -173,18 +166,13 @@ def test_the_fingerprint_follows_values_and_motion_order_not_spelling(write):
 # ---- extends
 
 
-def test_extends_overrides_single_keys(write):
-    sensor = load(write("extends: paper\nsensor: {psd: {c: {yaw_mrad: 3}}}\n")).sensor
-    assert sensor.psds[2] == replace(Sensor().psds[2], yaw=0.003)
-
-
 def test_files_are_found_from_the_file_that_names_them(write):
     table = write("tx_mm\n0\n", "base/poses.csv")
     write("motions: {t: {kind: table, file: poses.csv}}", "base/lab.yaml")
     write("extends: lab.yaml\nsensor: {beam: {diameter_mm: 1}}", "base/mine.yaml")
     config = load(write("extends: base/mine.yaml\n"))
     assert config.sensor.beam.diameter_x == 1
-    assert config.motions["t"].file == table.resolve()
+    assert config.motions["t"] == Table(table.resolve(), 1, 1000)
 
 
 def test_motions_are_changed_replaced_and_taken_away(write):
@@ -218,24 +206,19 @@ def test_a_part_without_a_value_is_taken_away(write):
 
 def test_a_sensor_is_written_back_as_it_was_read(write):
     config = load("skewed")
-    keys = config.resolved["sensor"]
-    assert write_sensor(keys, config.sensor) == keys
-    other = replace(config.sensor, beam=replace(config.sensor.beam, tilt_y=0.003))
-    changed = write_sensor(keys, other)
-    assert changed["beam"]["tilt_mrad"][1] == pytest.approx(3)
-    changed["beam"]["tilt_mrad"] = keys["beam"]["tilt_mrad"]
-    assert changed == keys
-
-
-def test_a_detectors_correction_is_written_back_in_its_units():
-    config = load("paper")
-    first, *others = config.sensor.psds
+    keys, sensor = config.resolved["sensor"], config.sensor
+    assert write_sensor(keys, sensor) == keys
+    first, *others = sensor.psds
     first = replace(first, correction=Correction(0.02, 1e-3, y=(3e-3,) * 9, z=(5e-3,) * 9))
-    corrected = replace(config.sensor, psds=(first, *others))
-    written = write_sensor(config.resolved["sensor"], corrected)["psd"]["a"]["correction"]
+    beam = replace(sensor.beam, tilt_y=0.003)
+    changed = write_sensor(keys, replace(sensor, beam=beam, psds=(first, *others)))
+    assert changed["beam"].pop("tilt_mrad")[1] == pytest.approx(3)
+    correction = changed["psd"]["a"].pop("correction")
     expected = {"power_percent": 2, "dark_uw": 1, "y_um": [3] * 9, "z_um": [5] * 9}
     for name, value in expected.items():
-        assert written[name] == pytest.approx(value)
+        assert correction[name] == pytest.approx(value)
+    del keys["beam"]["tilt_mrad"], keys["psd"]["a"]["correction"]
+    assert changed == keys
 
 
 def test_a_circle_of_extends_is_an_error(write):
@@ -253,48 +236,79 @@ def test_a_wrong_value_inherited_is_reported_where_it_stands(write):
     assert any(line.startswith("my.yaml:2: sensor.beam.rotation_deg: is out") for line in lines)
 
 
-@pytest.mark.parametrize(
-    ("text", "start", "hint"),
-    [
-        ("extends: papr\n", "my.yaml:1: extends: papr: no such file", "did you mean 'paper'"),
-        ("\nextends: {a: 1}\n", "my.yaml:2: extends: must be a shipped name or a path", "list"),
-    ],
-)
-def test_extending_what_is_not_there(write, text, start, hint):
-    (line,) = problems(write(text))
-    assert line.startswith(start)
-    assert hint in line
+# ---- errors
 
-
-# ---- errors: (YAML, line, key path, words)
-
+#: A file, and what is said of it after its name.
 WRONG = [
-    ("sensor:\n  beam:\n    power_mw: '0.3'", 3, "sensor.beam.power_mw", ["not text", "quotes"]),
-    ("sensor: {beam: {power_mw: .nan}}", 1, "sensor.beam.power_mw", ["finite", "got .nan"]),
-    ("sensor: {beam: {power_mw: }}", 1, "sensor.beam.power_mw", ["has no value"]),
-    ("sensor:\n  psd:\n    size_mm:\n    - 13\n    - 0", 5, "sensor.psd.size_mm[1]", ["got 0"]),
-    ("sensor:\n  psd:\n    b: {yaw_mrad: 4000}", 3, "sensor.psd.b.yaw_mrad", ["-3142 to 3142"]),
-    ("\nsensr: 3", 2, "sensr", ["unknown key", "did you mean 'sensor'?"]),
-    ("sensor:\n  beam:\n    power:\n      1", 3, "sensor.beam.power", ["mean 'power_mw'?"]),
-    ("motions: {m: {samples: 3}}", 1, "motions.m.kind", ["is missing", "sweep"]),
-    ("motions: {m: {kind: swep}}", 1, "motions.m.kind", ["mean 'sweep'?", '"swep"']),
-    ("motions: {m: {kind: table, file: no.csv}}", 1, "motions.m.file", ["no such file", "no.csv"]),
-    ("motions: {m: {kind: steps, steps: 2.5}}", 1, "motions.m.steps", ["whole number", "2.5"]),
-    ("motions: {a b: {kind: sweep}}", 1, "motions.a b", ["letters, digits"]),
-    ("simulate:\n  seed: -1", 2, "simulate.seed", ["whole number from 0"]),
-    ("solve: {beam: fre}", 1, "solve.beam", ["did you mean 'free'?"]),
-    ("stage: {force_n: 76}", 1, "stage.force_n", ["stage.permit and stage.heartbeat", "up to 75"]),
-    ("stage: {mass_kg: 8, permit: board}", 1, "stage.mass_kg", ["78.5 N needs stage.heartbeat;"]),
-    ("solve: {method: paper,\n beam: prior}", 2, "solve.beam", ["`method: paper`", "free"]),
-]
+    ("extends: papr", "1: extends: papr: no such file.*did you mean 'paper'"),
+    ("\nextends: {a: 1}", "2: extends: must be a shipped name or a path.*list"),
+    ("sensor:\n  beam:\n    power_mw: '0.3'", "3: sensor.beam.power_mw: .*not text.*quotes"),
+    ("sensor: {beam: {power_mw: .nan}}", "1: sensor.beam.power_mw: .*finite.*got .nan"),
+    ("sensor: {beam: {power_mw: }}", "1: sensor.beam.power_mw: .*has no value"),
+    ("sensor: {beam: {power_mw: 1_0}}", "1: sensor.beam.power_mw: .*no underscores.*1_0"),
+    ("sensor: {beam: {power_mw: 2001-13-45}}", "1: sensor.beam.power_mw: not a value"),
+    (f"sensor: {{beam: {{power_mw: {'9' * 5000}}}}}", "1: sensor.beam.power_mw: not a value"),
+    ("sensor: {beam: {power_mw: [1, 2]}}", "1: .*must be one number, not a list"),
+    ("sensor:\n  beam:\n    power_mw: 1\n    power_mw: 2",
+     "4: sensor.beam.power_mw: given twice, first in line 3"),
+    ("sensor:\n  psd:\n    size_mm:\n    - 13\n    - 0", "5: sensor.psd.size_mm\\[1\\]: .*got 0"),
+    ("sensor:\n  psd:\n    b: {yaw_mrad: 4000}", "3: sensor.psd.b.yaw_mrad: .*-3142 to 3142"),
+    ("sensor: {psd: {a: {correction: {y_um: [1]}}}}", "1: .*must be 9 numbers"),
+    ("\nsensr: 3", "2: sensr: unknown key.*did you mean 'sensor'"),
+    ("sensor:\n  beam:\n    power:\n      1", "3: sensor.beam.power: .*mean 'power_mw'"),
+    ("sensor: {beam: {optimize: 3}}", "1: sensor.beam.optimize: .*at the file's top level"),
+    ("motions: {m: {samples: 3}}", "1: motions.m.kind: is missing.*sweep"),
+    ("motions: {m: {kind: swep}}", "1: motions.m.kind: .*mean 'sweep'.*\"swep\""),
+    ("motions: {m: {kind: table, file: no.csv}}", "1: motions.m.file: .*no such file.*no.csv"),
+    ("motions: {m: {kind: steps, steps: 2.5}}", "1: motions.m.steps: .*whole number.*2.5"),
+    ("motions: {a b: {kind: sweep}}", "1: motions.a b: .*letters, digits"),
+    ("simulate:\n  seed: -1", "2: simulate.seed: .*whole number from 0"),
+    ("simulate: {noise: on}", "1: simulate.noise: .*got \"on\""),
+    ("solve: {beam: fre}", "1: solve.beam: .*did you mean 'free'"),
+    ("solve: {method: paper,\n beam: prior}", "2: solve.beam: .*`method: paper`.*free"),
+    ("stage: {force_n: 76}", "1: stage.force_n: .*stage.permit and stage.heartbeat.*up to 75"),
+    ("stage: {mass_kg: 8, permit: board}", "1: stage.mass_kg: .*78.5 N needs stage.heartbeat;"),
+    ("sensor: {light: {strips_um: [-1, 0, 0]}}", "1: sensor.light.strips_um: .*below zero"),
+    ("sensor: {beam: {diameter_mm: 1000}}", "1: sensor.beam.diameter_mm: .*got 1000.*0.85"),
+    ("sensor: {light: {background_uw: [-200, 0, 0]}}",
+     "1: sensor.light.background_uw: .*no light on PSD a at"),
+    ("sensor: {apertures: {tip_um: 9000, gap_um: 9000}}",
+     "1: sensor.apertures.tip_um: .*together with sensor.apertures.gap_um \\(my.yaml:1"),
+    ("sensor: {imperfections: {wavefront_radius_mm: 0}}",
+     "1: sensor.imperfections.wavefront_radius_mm: .*any but 0"),
+    ("sensor: {temperature: {reference_c: 293.15}}",
+     "1: sensor.temperature.reference_c: .*out of range.*-60 to 150 degC"),
+    # the YAML itself
+    ("", "1: a configuration is made of `key: value` lines"),
+    ("- 1", "1: .*`key: value`"),
+    ("sensor:\n  beam: {power_mw: 1\n  x: 3", "3: .*comma or a closing bracket"),
+    ("sensor:\n\tbeam: 1", "2: .*indent with spaces"),
+    ("sensor: \n  beam: {}\n mirror: {}", "3: .*check the indentation"),
+    ("a: *x", "1: .*undefined alias"),
+    ("a: 1\n---\nb: 2", "2: .*another document"),
+    ("a: 1\nb: !!python/object:os.system x", "2: .*leave the tag"),
+    ("a: &x [*x]", "1: .*contains itself"),
+    ("a: 1\n<<: {b: 1}", "2: .*use `extends`"),
+    # a sub-beam that misses its detector
+    ("sensor:\n  mirror:\n    a: {inclination_deg: 49}",
+     "3: sensor.mirror.a.inclination_deg: facet a sends its sub-beam past PSD a.*"
+     "psi 0, zeta -35.4 mm, 28.9 mm beyond.*got 49.*45 would.*a.height_mm to -35.4"),
+    ("sensor:\n  beam:\n    tilt_mrad: [0, 50]",
+     r"3: sensor.beam.tilt_mrad: facets a, b, c.*got \[0, 50\].*\[0, 0\] would"),
+    # of two keys off the usual, the one that matters
+    ("sensor:\n  psd: {a: {radius_mm: 240, pitch_mrad: 9}}\n  mirror: {inclination_deg: 49}",
+     "3: sensor.mirror.inclination_deg: facets a, b, c.*45 would correct it"),
+    ("sensor: {psd: {yaw_mrad: 3000}}",
+     "1: sensor.psd.yaw_mrad: facets a, b, c.*never meets the plane.*got 3000; 0 would correct"),
+    ("sensor:\n  mirror:\n    b: {azimuth_deg: 240}\n    c: {azimuth_deg: 120}",
+     "3: sensor.mirror.b.azimuth_deg: facets a, b, c must follow.*counter-clockwise"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "line", "key", "words"), WRONG)
-def test_a_wrong_key_is_named_with_file_and_line(write, text, line, key, words):
-    (message,) = problems(write(text + "\n"))
-    assert message.startswith(f"my.yaml:{line}: {key}: ")
-    for word in words:
-        assert word in message
+@pytest.mark.parametrize(("text", "says"), WRONG)
+def test_a_wrong_key_is_named_with_file_and_line(write, text, says):
+    (message,) = problems(write(text and text + "\n"))
+    assert re.match(f"my.yaml:{says}", message), message
 
 
 def test_a_strong_stage_with_a_permit_and_a_heartbeat_is_right(write):
@@ -309,31 +323,6 @@ def test_all_problems_of_a_file_come_at_once_and_in_its_order(write):
     ]
 
 
-SYNTAX = [
-    ("sensor:\n  beam: {power_mw: 1\n  x: 3\n", 3, "comma or a closing bracket"),
-    ("sensor:\n\tbeam: 1\n", 2, "indent with spaces"),
-    ("sensor: \n  beam: {}\n mirror: {}\n", 3, "check the indentation"),
-    ("a: *x\n", 1, "undefined alias"),
-    ("a: 1\n---\nb: 2\n", 2, "another document"),
-    ("a: 1\nb: !!python/object:os.system x\n", 2, "leave the tag"),
-    ("- 1\n", 1, "`key: value`"),
-    ("a: &x [*x]\n", 1, "contains itself"),
-    ("a: 1\n<<: {b: 1}\n", 2, "use `extends`"),
-]
-
-
-@pytest.mark.parametrize(("text", "line", "words"), SYNTAX)
-def test_bad_yaml_is_named_with_file_and_line(write, text, line, words):
-    (message,) = problems(write(text))
-    assert message.startswith(f"my.yaml:{line}: ")
-    assert words in message
-
-
-def test_a_duplicate_key_is_an_error_that_names_both_lines(write):
-    (message,) = problems(write("sensor:\n  beam:\n    power_mw: 1\n    power_mw: 2\n"))
-    assert message.startswith("my.yaml:4: sensor.beam.power_mw: given twice, first in line 3")
-
-
 def test_text_that_is_not_utf8_is_an_error_with_its_line(write):
     path = write("a: 1")
     path.write_bytes(b"a: 1\nb: \xff\n")
@@ -341,157 +330,47 @@ def test_text_that_is_not_utf8_is_an_error_with_its_line(write):
     assert message.startswith("my.yaml:2: not UTF-8")
 
 
-def test_yaml_1_2_numbers_and_words(write):
-    assert load(write("sensor: {beam: {power_mw: 1e-3}}")).sensor.beam.power == 0.001
-    (message,) = problems(write("simulate: {noise: on}"))
-    assert 'got "on"' in message
-
-
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "says"),
     [
-        (
-            "papr",
-            [
-                "did you mean 'paper'",
-                "shipped names: bench, bench-light, catalogue, fig4, layout, market, paper, parts",
-            ],
-        ),
-        ("nothere.yaml", ["no such file"]),
-        (".", ["folder"]),
-        ("x" * 300, ["too long"]),
+        ("papr", "did you mean 'paper'.*shipped names: bench, bench-light, catalogue"),
+        ("nothere.yaml", "no such file"),
+        (".", "folder"),
+        ("x" * 300, "too long"),
     ],
-)
-def test_a_missing_file_lists_what_there_is(write, name, words):
-    with pytest.raises(ConfigError) as caught:
+)  # fmt: skip
+def test_a_missing_file_lists_what_there_is(write, name, says):
+    with pytest.raises(ConfigError, match=f"(?s){says}"):
         load(name)
-    for word in words:
-        assert word in str(caught.value)
-
-
-# ---- a sub-beam that misses its detector
-
-MISSED = [
-    (
-        "sensor:\n  mirror:\n    a: {inclination_deg: 49}\n",
-        "my.yaml:3: sensor.mirror.a.inclination_deg: facet a sends its sub-beam past PSD a",
-        ["psi 0, zeta -35.4 mm, 28.9 mm beyond", "got 49", "45 would", "a.height_mm to -35.4"],
-    ),
-    (
-        "sensor:\n  beam:\n    tilt_mrad: [0, 50]\n",
-        "my.yaml:3: sensor.beam.tilt_mrad: facets a, b, c",
-        ["got [0, 50]", "[0, 0] would"],
-    ),
-    (  # of two keys off the usual, the one that matters
-        "sensor:\n  psd: {a: {radius_mm: 240, pitch_mrad: 9}}\n  mirror: {inclination_deg: 49}\n",
-        "my.yaml:3: sensor.mirror.inclination_deg: facets a, b, c",
-        ["45 would correct it"],
-    ),
-    (
-        "sensor: {psd: {yaw_mrad: 3000}}",
-        "my.yaml:1: sensor.psd.yaw_mrad: facets a, b, c",
-        ["never meets the plane", "got 3000; 0 would correct it"],
-    ),
-    (
-        "sensor:\n  mirror:\n    b: {azimuth_deg: 240}\n    c: {azimuth_deg: 120}\n",
-        "my.yaml:3: sensor.mirror.b.azimuth_deg: facets a, b, c must follow",
-        ["counter-clockwise", "[0, 240, 120]"],
-    ),
-]
-
-
-@pytest.mark.parametrize(("text", "start", "words"), MISSED)
-def test_a_missed_detector_names_facet_place_and_key(write, text, start, words):
-    (message,) = problems(write(text))
-    assert message.startswith(start)
-    for word in words:
-        assert word in message
 
 
 # ---- errors that arise from several keys, of several files
 
-CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
-    ("", "sensor: {beam: {diameter_mm: 1000}}", "sensor.beam.diameter_mm", ["got 1000", "0.85"]),
-    (
-        "",
-        "sensor: {light: {background_uw: [-200, 0, 0]}}",
-        "sensor.light.background_uw",
-        ["no light on PSD a at"],
-    ),
-    (
-        "",
-        "sensor: {apertures: {tip_um: 9000, gap_um: 9000}}",
-        "sensor.apertures.tip_um",
-        ["more than one key", "together with sensor.apertures.gap_um (my.yaml:2)"],
-    ),
-    (
-        "",
-        "sensor: {imperfections: {wavefront_radius_mm: 0}}",
-        "sensor.imperfections.wavefront_radius_mm",
-        ["any but 0"],
-    ),
-    (
-        "sensor: {light: {wavelength_nm: 600}}",
-        "sensor: {apertures: {tip_um: 10}}",
-        "sensor.apertures.tip_um",
-        ["wavelength_nm (base.yaml:2)"],
-    ),
-    (
-        "sensor: {light: {strips_um: [50, 0, 0]}}",
-        "sensor: {beam: {diameter_mm: 0.1}}",
-        "sensor.beam.diameter_mm",
-        ["not small beside the beam", "strips_um (base.yaml:2)"],
-    ),
-    (
-        "solve: {beam: known}",
-        "solve: {method: paper}",
-        "solve.method",
-        ["solve.beam (base.yaml:2)"],
-    ),
-    (
-        "optimize: {variables: {size_mm: [1, 10]}}",
-        "optimize: {parts: {psds: {x: {size_mm: 4}}}}",
-        "optimize.parts.psds",
-        ["optimize.variables.size_mm (base.yaml:2)"],
-    ),
-    (
-        "sensor: {psd: {a: {radius_mm: 240}}}",
-        "sensor: {mirror: {inclination_deg: 49}}",
-        "sensor.mirror.inclination_deg",
-        ["facets a, b, c", "45 would correct it"],
-    ),
-    (
-        "",
-        "sensor: {light: {strips_um: [-1, 0, 0]}}",
-        "sensor.light.strips_um",
-        ["cannot be below zero"],
-    ),
-    ("", "sensor: {beam: {optimize: 3}}", "sensor.beam.optimize", ["at the file's top level"]),
-    (
-        "",
-        "sensor: {temperature: {reference_c: 293.15}}",
-        "sensor.temperature.reference_c",
-        ["out of range", "-60 to 150 degC"],
-    ),
-    ("", "sensor: {beam: {power_mw: 1_0}}", "sensor.beam.power_mw", ["no underscores", "1_0"]),
-]
+#: Keys of base.yaml, those of the file that extends it, and what is said.
+CONFLICTS = [
+    ("sensor: {light: {wavelength_nm: 600}}", "sensor: {apertures: {tip_um: 10}}",
+     r"my.yaml:2: sensor.apertures.tip_um: .*wavelength_nm \(base.yaml:2\)"),
+    ("sensor: {light: {strips_um: [50, 0, 0]}}", "sensor: {beam: {diameter_mm: 0.1}}",
+     r"my.yaml:2: sensor.beam.diameter_mm: .*not small beside the beam.*strips_um \(base.yaml:2"),
+    ("solve: {beam: known}", "solve: {method: paper}",
+     r"my.yaml:2: solve.method: .*solve.beam \(base.yaml:2\)"),
+    ("optimize: {variables: {size_mm: [1, 10]}}", "optimize: {parts: {psds: {x: {size_mm: 4}}}}",
+     r"my.yaml:2: optimize.parts.psds: .*optimize.variables.size_mm \(base.yaml:2\)"),
+    ("sensor: {psd: {a: {radius_mm: 240}}}", "sensor: {mirror: {inclination_deg: 49}}",
+     "my.yaml:2: sensor.mirror.inclination_deg: facets a, b, c.*45 would correct it"),
+    # only the extended file is wrong
+    ("sensor: {mirror: {inclination_deg: 49}}", "sensor: {psd: {a: {pitch_mrad: 9}}}",
+     "base.yaml:2: sensor.mirror.inclination_deg: facets a, b, c"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("below", "own", "key", "words"), CONFLICTS)
+@pytest.mark.parametrize(("below", "own", "says"), CONFLICTS)
 def test_an_error_of_several_keys_names_the_key_of_the_file_that_was_asked_for(
-    write, below, own, key, words
+    write, below, own, says
 ):
     write(f"extends: paper\n{below}\n", "base.yaml")
     (message,) = problems(write(f"extends: base.yaml\n{own}\n"))
-    assert message.startswith(f"my.yaml:2: {key}: ")
-    for word in words:
-        assert word in message
-
-
-def test_where_only_an_extended_file_is_wrong_that_file_is_named(write):
-    write("extends: paper\nsensor: {mirror: {inclination_deg: 49}}\n", "base.yaml")
-    (message,) = problems(write("extends: base.yaml\nsensor: {psd: {a: {pitch_mrad: 9}}}\n"))
-    assert message.startswith("base.yaml:2: sensor.mirror.inclination_deg: facets a, b, c")
+    assert re.match(says, message), message
 
 
 def test_an_estimate_of_a_strip_may_be_below_zero(write):
@@ -524,21 +403,19 @@ def test_an_absurd_value_of_any_key_is_blamed_on_that_key_and_file(write):
 
 
 def test_the_advice_given_for_a_missed_detector_holds(write):
+    """A landing is the reading at rest."""
     text = "sensor: {mirror: {a: {inclination_deg: 49}}, psd: {a: {height_mm: -35.4}}}"
-    assert all(landing.on for landing in landings(load(write(text)).sensor))
+    sensor = load(write(text)).sensor
+    spots = landings(sensor)
+    assert all(spot.on for spot in spots)
+    places = readings(sensor, [0] * 8).reshape(3, 3)[:, :2]
+    for place, spot in zip(places, spots, strict=True):
+        assert place == pytest.approx([spot.psi, spot.zeta], abs=1e-9)
 
 
 def test_a_rig_turned_as_a_whole_is_right(write):
     turned = ", ".join(f"{name}: {{azimuth_deg: {30 + 120 * k}}}" for k, name in enumerate("abc"))
     load(write(f"sensor: {{mirror: {{{turned}}}, psd: {{{turned}}}}}"))
-
-
-def test_a_landing_is_the_reading_at_rest():
-    facet, *others = Sensor().facets
-    tilted = Sensor(facets=(replace(facet, inclination=math.radians(45.5)), *others))
-    places = [number for landing in landings(tilted) for number in (landing.psi, landing.zeta)]
-    at_rest = readings(tilted, [0] * 8).reshape(3, 3)[:, :2]
-    assert places == pytest.approx(at_rest.ravel(), abs=1e-9)
 
 
 # ---- the schema
@@ -567,13 +444,13 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 
 
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
-    counts = {"steps", "samples_per_step", "samples", "seed", "max_steps", "detectors", "poses"}
-    counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
-    counts |= {"runs", "periods"}  # of an axis under test
-    counts |= {"search_reversals", "degrees_of_freedom", "index", "profile", "asymmetry"}
-    counts |= {"scale", "offset"}  # of an auxiliary channel, in the unit that the user names
-    counts |= {"outliers", "price", "resolution", "mean_resolution", "range", "size"}  # of a goal
-    counts |= {"native_limits"}  # in a controller's own units
+    # the last ones: of an auxiliary channel in its own unit, of a goal, in a controller's own units
+    counts = """
+        steps samples_per_step samples seed max_steps detectors poses runs periods snr condition
+        adc_bits baud gain integral dark_counts starts search_reversals degrees_of_freedom index
+        profile asymmetry scale offset outliers price resolution mean_resolution range size
+        native_limits
+    """.split()  # noqa: SIM905
     words = ("_seconds", "_weeks", "_per_hour", "_ratio", "_kg", "_hpa")
     for block, node in schema()["$defs"].items():
         for name, key in node["properties"].items():
@@ -608,18 +485,6 @@ def test_files_that_are_extended_twice_are_read_once_and_a_chain_has_an_end(writ
         load("79.yaml")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("sensor: {beam: {power_mw: 2001-13-45}}", "c.yaml:1: sensor.beam.power_mw: not a value"),
-        (f"sensor: {{beam: {{power_mw: {'9' * 5000}}}}}", "sensor.beam.power_mw: not a value"),
-        ("sensor: {beam: {power_mw: [1, 2]}}", "must be one number, not a list"),
-        ("sensor: {psd: {a: {correction: {y_um: [1]}}}}", "must be 9 numbers"),
-        (f"# {'x' * 1_000_000}", "bytes; a configuration has at most"),
-    ],
-)
-def test_values_that_are_none_are_named(tmp_path, text, says):
-    path = tmp_path / "c.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match=says):
-        load(path)
+def test_a_file_that_is_too_long_is_refused(write):
+    with pytest.raises(ConfigError, match="bytes; a configuration has at most"):
+        load(write(f"# {'x' * 1_000_000}"))
