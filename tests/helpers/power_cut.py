@@ -3,13 +3,9 @@ comes from SQLite's crash tests (`test6.c`).
 
 A program writes by a `Log`, which keeps what it did and holds the files in memory. `image` is what
 a disk may hold where the power went at one moment of it: of all that was written since the last
-sync of a file any part may have reached the disk, in sectors, in any order. The name of a file that
-was made since the folder was synced may be missing.
+sync of a file any part may have reached the disk, in sectors, in any order, and its new length or
+not. The name of a file that was made since the folder was synced may be missing.
 """
-
-from collections.abc import Callable
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -19,81 +15,54 @@ SECTOR = 512
 
 
 class Log(Disk):
-    """Log of all operations; `on_sync` is called during each sync to imitate other threads."""
+    """Log of all operations; `on_sync` is called during each sync to imitate other threads. The
+    handle of a file is its name."""
 
-    def __init__(self) -> None:
-        self.done: list[tuple[str, str, bytes]] = []
-        self.names: list[str] = []
-        self.on_sync: Callable[[str], None] = lambda _: None
+    def __init__(self):
+        self.done = []
+        self.on_sync = lambda name: None
 
-    def make_folder(self, folder: Path) -> None:
+    def make_folder(self, folder):
         pass
 
-    def create(self, path: Path) -> int:
+    def create(self, path):
         self.done.append(("create", path.name, b""))
-        self.names.append(path.name)
-        return len(self.names) - 1
+        return path.name
 
-    def append(self, handle: int, data: bytes | memoryview) -> int:
-        some = bytes(data)
-        self.done.append(("append", self.names[handle], some))
-        return len(some)
+    def append(self, handle, data):
+        self.done.append(("append", handle, bytes(data)))
+        return len(data)
 
-    def shorten(self, handle: int, size: int) -> None:
-        raise NotImplementedError
+    def sync(self, handle):
+        self.done.append(("sync", handle, b""))
+        self.on_sync(handle)
 
-    def sync(self, handle: int) -> None:
-        self.done.append(("sync", self.names[handle], b""))
-        self.on_sync(self.names[handle])
-
-    def sync_folder(self, folder: Path) -> None:
+    def sync_folder(self, folder):
         self.done.append(("sync folder", "", b""))
 
-    def close(self, handle: int) -> None:
+    def close(self, handle):
         pass
 
 
-def image(log: Log, moment: int, rng: np.random.Generator) -> dict[str, bytes]:
+def image(log, moment, rng):
     """Possible contents of the disk, by file, if power fails after this number of operations."""
-    sure: dict[str, bytearray] = {}
-    loose: dict[str, list[tuple[int, bytes]]] = {}
-    ends: dict[str, int] = {}
-    named: set[str] = set()
+    written, synced, named, images = {}, {}, set(), {}
     for what, name, data in log.done[:moment]:
         if what == "create":
-            sure[name], loose[name], ends[name] = bytearray(), [], 0
+            written[name], synced[name] = b"", 0
         elif what == "append":
-            loose[name].append((ends[name], data))
-            ends[name] += len(data)
+            written[name] += data
         elif what == "sync":
-            for place, part in loose[name]:
-                put(sure[name], place, part)
-            loose[name] = []
+            synced[name] = len(written[name])
         else:
-            named |= set(sure)
-    for name, parts in loose.items():
-        mood = rng.choice(["nothing", "all", "any", "in order", "length only"])
-        stop = int(rng.integers(0, len(parts) + 1))
-        if mood == "length only" and parts:
-            put(sure[name], ends[name], b"")
-        for n, (place, part) in enumerate(parts):
-            if mood == "all" or (mood == "in order" and n < stop):
-                put(sure[name], place, part)
-            elif mood == "any":
-                for start, end in sectors(place, len(part)):
-                    if rng.random() < 0.5:
-                        put(sure[name], start, part[start - place : end - place])
-    return {n: bytes(d) for n, d in sure.items() if n in named or rng.random() < 0.5}
-
-
-def sectors(place: int, length: int) -> list[tuple[int, int]]:
-    """Pieces of a range of bytes that reach a disk together."""
-    cuts = [place, *range((place // SECTOR + 1) * SECTOR, place + length, SECTOR), place + length]
-    return list(pairwise(cuts))
-
-
-def put(file: bytearray, place: int, data: bytes) -> None:
-    """Write bytes at a position; a gap before it reads as zeros."""
-    if len(file) < place:
-        file.extend(bytes(place - len(file)))
-    file[place : place + len(data)] = data
+            named |= set(written)
+    for name, sure in synced.items():
+        data = np.frombuffer(written[name], np.uint8).copy()
+        sector = np.arange(len(data)) // SECTOR
+        is_lost = rng.random(len(data))[sector] < rng.choice([0.0, 0.5, 1.0])
+        is_lost[:sure] = False
+        data[is_lost] = 0
+        size = rng.choice([sure, rng.integers(sure, len(data) + 1), len(data)])
+        if name in named or rng.random() < 0.5:
+            images[name] = data[:size].tobytes()
+    return images

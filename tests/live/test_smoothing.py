@@ -44,38 +44,33 @@ def noise_of(poses):
 @pytest.mark.parametrize("model", MODELS)
 def test_the_smoother_is_the_least_squares_solution(model):
     """Against the whole problem at once: prior, motion and samples as one system of equations."""
-    rng, strength, count = np.random.default_rng(9), np.array([0.3, 0.2]), 12
-    poses = measure(rng, walk(rng, count, MODELS[model], 0.3))
+    rng, strength, count, order = np.random.default_rng(9), [0.3, 0.2], 12, MODELS[model]
+    poses = measure(rng, walk(rng, count, order, 0.3))
     poses[4] = np.nan
-    smoothed = smooth(np.arange(count), poses, noise_of(poses), model, strength)
-    units, size = np.sqrt(np.diag(NOISE)), AXES * MODELS[model]
-    scaled, weight = poses / units, np.linalg.inv(NOISE / np.outer(units, units))
+    smoothed = smooth(np.arange(count), poses, noise_of(poses), model, np.array(strength))
+    units = np.sqrt(np.diag(NOISE))
+    scaled = poses / units
     steps = np.abs(np.diff(np.delete(scaled, 4, axis=0), axis=0)).max(axis=0)
-    information, right = np.zeros((count * size,) * 2), np.zeros(count * size)
-
-    def add(columns, jacobian, weight, value):
-        information[np.ix_(columns, columns)] += jacobian.T @ weight @ jacobian
-        right[columns] += jacobian.T @ weight @ value
-
-    prior = np.diag(np.repeat((3 * steps + 3) ** -2, MODELS[model]))
-    at_rest, place = np.zeros(size), np.arange(0, size, MODELS[model])
-    at_rest[place] = scaled[0]
-    add(np.arange(size), np.eye(size), prior, at_rest)
-    move = np.kron(np.eye(AXES), transition(MODELS[model], 1.0))
-    shake = np.kron(np.diag(strength), process_noise(MODELS[model], 1.0))
-    both = np.hstack([-move, np.eye(size)])
-    for n in range(1, count):
-        columns = np.arange((n - 1) * size, (n + 1) * size)
-        add(columns, both, np.linalg.inv(shake), np.zeros(size))
-    for n in np.delete(np.arange(count), 4):
-        add(n * size + place, np.eye(AXES), weight, scaled[n])
-    covariance = np.linalg.inv(information)
-    for n in range(count):
-        columns = n * size + place
-        state = (covariance @ right)[columns] * units
-        np.testing.assert_allclose(smoothed.states[n], state, rtol=1e-7, atol=1e-9)
-        expected = covariance[np.ix_(columns, columns)] * np.outer(units, units)
-        np.testing.assert_allclose(smoothed.covariance[n], expected, rtol=1e-7)
+    # the first state, and what each later one has beside the motion of the one before it
+    move = np.kron(np.eye(AXES), transition(order, 1.0))
+    motion = np.eye(count * len(move)) - np.kron(np.eye(count, k=-1), move)
+    weight = np.kron(
+        np.eye(count), np.linalg.inv(np.kron(np.diag(strength), process_noise(order, 1.0)))
+    )
+    prior = slice(0, len(move))
+    weight[prior, prior] = np.diag(np.repeat((3 * steps + 3) ** -2, order))
+    at_rest = np.zeros(len(weight))
+    at_rest[prior][::order] = scaled[0]
+    known = np.isfinite(scaled.ravel())
+    place = np.eye(len(weight))[::order][known]
+    precision = np.kron(np.eye(count - 1), np.linalg.inv(NOISE / np.outer(units, units)))
+    covariance = np.linalg.inv(motion.T @ weight @ motion + place.T @ precision @ place)
+    right = motion.T @ weight @ at_rest + place.T @ precision @ scaled.ravel()[known]
+    states = (covariance @ right)[::order].reshape(count, AXES) * units
+    np.testing.assert_allclose(smoothed.states, states, rtol=1e-7, atol=1e-9)
+    covariance = covariance[::order, ::order].reshape(count, AXES, count, AXES)
+    expected = np.einsum("iajb,ij->iab", covariance, np.eye(count)) * np.outer(units, units)
+    np.testing.assert_allclose(smoothed.covariance, expected, rtol=1e-7)
 
 
 def test_pieces_of_a_long_recording_fit_together(monkeypatch):
