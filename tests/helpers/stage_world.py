@@ -12,9 +12,8 @@ What is not allowed ends by `pytest.fail`, whose exception the tested code does 
 
 from __future__ import annotations
 
-import threading
 from collections import Counter, defaultdict, deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -79,14 +78,13 @@ class Fault:
     amount: float
 
 
-@dataclass
 class Tally:
     """Counts of events, and the largest shares reached of what is allowed."""
 
-    counts: Counter[str] = field(default_factory=Counter)
-    shares: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    def __init__(self):
+        self.counts, self.shares = Counter(), defaultdict(float)
 
-    def reach(self, name: str, share: float) -> None:
+    def reach(self, name, share):
         self.shares[name] = max(self.shares[name], share)
 
 
@@ -97,10 +95,10 @@ class StagePort:
     cable had been pulled.  answers: whether the emulator's answers arrive.
     """
 
+    now, closed, answers, error, replies = 10.0, False, True, None, b""
+
     def __init__(self, device):
-        self.device, self.sent, self.replies = device, [], b""
-        self.now, self.closed, self.answers, self.error = 10.0, False, True, None
-        self.model, self.turn = device.model, threading.Lock()
+        self.device, self.model, self.sent = device, device.model, []
         self.model.now, self.model.STEP = self.now, TICK_S
 
     def clock(self):
@@ -108,25 +106,22 @@ class StagePort:
 
     def wait(self, seconds):
         """Let the stage move on."""
-        with self.turn:
-            self.now += seconds
-            self.model.advance(self.now)
+        self.now += seconds
+        self.model.advance(self.now)
 
     def write(self, data):
         if self.error or self.closed:
             raise self.error or OSError("the port is closed")
-        with self.turn:
-            self.sent.append(data.decode())
-            answer = self.device.receive(data)
-            self.replies += answer if self.answers else b""
+        self.sent.append(data.decode())
+        answer = self.device.receive(data)
+        self.replies += answer if self.answers else b""
 
     def read(self, size):
         if self.error:
             raise self.error
         if not self.replies:
             self.wait(0.02)
-        with self.turn:
-            data, self.replies = self.replies[:size], self.replies[size:]
+        data, self.replies = self.replies[:size], self.replies[size:]
         return data
 
     def close(self):
@@ -226,10 +221,21 @@ class World:
     through it, radius (mm), turn (rad/s). seed: of what is drawn within a fault.
     """
 
+    now = fed = watched = 10.0
+    followable = -np.inf  # time of the last sample that may be followed
+    permitted = -np.inf  # time of the board's last permit
+    barred = np.inf  # time from which tracking is impossible
+    failed = np.inf  # time at which the tracker gave up
+    parted = wrong = np.inf  # when stage and beam went astray
+    tracker = cable = None
+    closed = closing = failing = is_stopped = needs_person = lacks_permit = False
+    is_asked = is_moved = False  # by a person to resume, and to another zero
+    resumed_by, ready, auto_resumes, bytes, cut = "", b"", 0, 0, np.inf
+    offset = np.zeros(2)
+
     def __init__(self, settings, start, radius, turn, seed, tally):
         self.settings, self.radius, self.turn, self.tally = settings, radius, turn, tally
-        self.rng, self.now = np.random.default_rng(seed), 10.0
-        self.bound = stopping_time(settings)
+        self.rng, self.bound = np.random.default_rng(seed), stopping_time(settings)
         self.law = Law.from_sensor(SENSOR, settings)
         self.model = WatchedStage(settings, self)
         self.model.now = self.now
@@ -238,22 +244,8 @@ class World:
         for stage in (self.model, self.model.shadow):
             stage.place, stage.target = self.centre.copy(), self.centre.copy()
         self.device.target = self.centre.copy()
-        self.faults = []
-        self.replies, self.ready = deque(), b""
-        self.bytes, self.cut, self.cable = 0, np.inf, None
-        self.tracker = None
-        self.closed = self.closing = self.failing = False
-        self.fed = self.watched = self.now
-        self.followable = -np.inf  # time of the last sample that may be followed
+        self.faults, self.replies = [], deque()
         self.good = deque(maxlen=100)  # times and apexes of good samples
-        self.permitted = -np.inf  # time of the board's last permit
-        self.is_stopped = self.needs_person = self.lacks_permit = False
-        self.is_asked = self.is_moved = False  # by a person to resume, and to another zero
-        self.resumed_by, self.auto_resumes = "", 0
-        self.offset = np.zeros(2)
-        self.parted = self.wrong = np.inf  # when they went astray
-        self.failed = np.inf  # time at which the tracker gave up
-        self.barred = np.inf  # time from which tracking is impossible
 
     def require(self, is_so, words):
         if not is_so:
@@ -329,7 +321,6 @@ class World:
         if self.cable and self.cable.amount > 0.6 and not self.is_moved:
             self.is_moved = True
             self.device.zero = self.device.zero + 1.0 + self.cable.amount
-            self.tally.counts["zeros moved while the line was closed"] += 1
         self.closed, self.ready = False, b""
         self.replies.clear()
         return self
@@ -415,9 +406,7 @@ class World:
                 angle = 7 * foreign.amount
                 step = FOREIGN_MM * foreign.amount * np.array([np.cos(angle), np.sin(angle)])
                 self.model.obey_another(self.model.place + step)
-                self.device.target = (
-                    self.model.foreign.copy()
-                )  # an axis that is not sent goes there
+                self.device.target = self.model.foreign.copy()  # an axis that is not sent goes
                 foreign.amount = -1.0
             self.model.advance(self.now)
             if self.tracker and self.now - self.fed >= SAMPLE_S:
@@ -525,25 +514,19 @@ class World:
             age = self.now - self.permitted
             self.require(age <= self.settings.stale + 2 * MAX_PLACE_AGE_S, "sent without a permit")
 
-    def note_errors(self, begun):
-        """Return the stage's error and the beam's error from the readings, mm; note the time since
-        which the tracker must detect each."""
-        away = float(np.abs(self.model.place - self.model.shadow.place).max())
-        if self.tracker.searching:  # from now on the stage follows the measured beam
-            self.offset, self.wrong = self.beam - self.model.place, np.inf
-        split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
-        self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
-        good = self.good and begun - self.good[-1][0] <= self.settings.stale / 2
-        self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
-        return away, split
-
     def judge_step(self, begun, lacked_permit):
         """Check after a step of the loop that the stage is stopped if it must be.
 
         begun: time at which the step began, s.  lacked_permit: whether the permit was lost then.
         """
         s, patience = self.settings, settling_time(self.settings) + 0.15
-        away, split = self.note_errors(begun)
+        away = float(np.abs(self.model.place - self.model.shadow.place).max())
+        if self.tracker.searching:  # from now on the stage follows the measured beam
+            self.offset, self.wrong = self.beam - self.model.place, np.inf
+        split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
+        self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
+        good = self.good and begun - self.good[-1][0] <= s.stale / 2
+        self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
         if self.is_stopped:
             return
         blind = begun - self.followable
@@ -577,7 +560,7 @@ class World:
         self.tally.reach("distance of prediction", distance)
 
     def judge_resume(self, by):
-        """Check that a stop may end."""
+        """Check that a stop may end, and note that it has."""
         s, counts = self.settings, self.tally.counts
         self.require(self.now - self.followable <= s.stale + TICK_S, "resumed on nothing to follow")
         self.require(not self.is_moved, "resumed with another zero")
@@ -590,6 +573,12 @@ class World:
             self.cable in self.faults and not self.is_moved
         )
         counts[f"resumes by {by}"] += 1
+        self.is_stopped = self.needs_person = self.lacks_permit = False
+        self.resumed_by = by
+        self.barred = self.failed = self.parted = self.wrong = np.inf
+        self.offset = self.beam - self.model.place  # a person has checked the beam
+        self.model.shadow.place = self.model.place.copy()
+        self.model.shadow.target = self.model.place.copy()
 
     def say(self, name, **more):
         """Note and judge what the tracker tells."""
@@ -601,7 +590,6 @@ class World:
             self.needs_person, self.is_asked = True, False
         elif name == "resume":
             self.judge_resume(more["by"])
-            self.note_resume(more["by"])
         elif name == "search":
             self.require(self.tracker.search and self.resumed_by != "auto", "searches by itself")
         elif more.get("predicted"):
@@ -619,14 +607,6 @@ class World:
             self.require(kinds & LIKE_DISOBEDIENCE, f"an obedient stage is blamed: {reason}")
             for kind in kinds.intersection(CONTROLLER):
                 self.tally.counts[f"found out: {kind}"] += 1
-
-    def note_resume(self, by):
-        self.is_stopped = self.needs_person = self.lacks_permit = False
-        self.resumed_by = by
-        self.barred = self.failed = self.parted = self.wrong = np.inf
-        self.offset = self.beam - self.model.place  # a person has checked the beam
-        self.model.shadow.place = self.model.place.copy()
-        self.model.shadow.target = self.model.place.copy()
 
     def end(self):
         """End tracking: the stage stands, the port is closed, and a pulled cable was told."""
