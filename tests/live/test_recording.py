@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import shutil
 import threading
 from contextlib import suppress
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from facets.experiments import kills
-from programs import GUARD
+from programs import await_true
 
 import facets
 from facets import InputError
@@ -22,7 +22,6 @@ from facets.live import (
     Block,
     Damage,
     Disk,
-    DiskError,
     Ending,
     Live,
     Pipeline,
@@ -98,8 +97,8 @@ def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
     size = sum(len(block.data) for block in blocks(tmp_path / "r", damage))
     assert damage in (Damage(), Damage(unproven=25 * SIZE))  # the last block, whose row is refused
     assert size + recording.lost == 1_000 * SIZE
-    again = {int(seq) for poses in replay(tmp_path / "r", Pipeline(CONFIG)) for seq in poses.seq}
-    assert len(again) == size // SIZE
+    again = [len(poses) for poses in replay(tmp_path / "r", Pipeline(CONFIG))]
+    assert sum(again) == size // SIZE
     old = recorded_poses(tmp_path / "r")
     assert not old or np.isin(old["seq"], range(1_000)).all()
 
@@ -128,9 +127,8 @@ def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
     count = sum(len(poses) for poses in replay(tmp_path / "r", pipeline))
     assert count == 1_000 - lost // SIZE
     assert pipeline.sequence.lost == lost // SIZE
-    events = map(json.loads, (tmp_path / "r" / "events.jsonl").read_text().splitlines())
-    (event,) = (row for row in events if row["event"] == "recording again")
-    assert event["lost_bytes"] == lost
+    events = (tmp_path / "r" / "events.jsonl").read_text()
+    assert f'"event": "recording again", "lost_bytes": {lost}' in events
 
 
 def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):
@@ -156,42 +154,29 @@ def test_a_recording_that_is_deleted_during_its_run_is_told(tmp_path):
 
 
 def test_the_folder_is_synced_before_the_first_byte_and_files_beside_the_writing(tmp_path):
-    done, synced, are_all_synced = [], set(), threading.Event()
+    folders, files = [], set()
 
     class Watched(Disk):
         def sync_folder(self, folder):
             super().sync_folder(folder)
-            done.append(folder)
-
-        def append(self, handle, data):
-            done.append(None)
-            return super().append(handle, data)
+            folders.append(folder)
 
         def sync(self, handle):
             super().sync(handle)
             if threading.current_thread().name == "sync":
-                synced.add(handle)
-                if len(synced) == 4:
-                    are_all_synced.set()
+                files.add(handle)
 
     with Recording(tmp_path / "r", META, CONFIG.resolved, sync=0.01, disk=Watched()) as recording:
-        assert done[-2:] == [tmp_path / "r", tmp_path]
+        assert folders[-2:] == [tmp_path / "r", tmp_path]
         recording.add_block(pieces(1)[0])
-        assert are_all_synced.wait(GUARD)
-        assert synced == set(recording.files.values())
+        await_true(lambda: files == set(recording.files.values()), "the files")
     assert not recording.syncer.is_alive()
 
 
 def test_a_recording_needs_a_new_folder(tmp_path):
-    file = tmp_path / "thing"
-    file.touch()
-    for folder, kind, words in (
-        (tmp_path, InputError, "not empty"),
-        (file, InputError, "is a file"),
-        (file / "deeper", DiskError, "cannot be written"),
-    ):
-        with pytest.raises(kind, match=words):
-            Recording(folder, "", CONFIG.resolved)
+    (tmp_path / "thing").touch()
+    with pytest.raises(InputError, match="not empty"):
+        Recording(tmp_path, META, CONFIG.resolved)
     with pytest.raises(InputError, match="not a recording"):
         list(blocks(tmp_path))
 
@@ -217,30 +202,6 @@ class Port:
         raise OSError(5, "the port is gone")
 
 
-class Stage:
-    """A tracker whose end may fail."""
-
-    encoder = at_exit = None
-    begun = float("inf")
-    error = note = ""
-    ended = False
-    envelope = SimpleNamespace(latched="", heartbeat=None)
-
-    def feed(self, *_):
-        pass
-
-    def resume(self, by):
-        pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.ended = True
-        if self.at_exit:
-            raise self.at_exit
-
-
 def begin(folder, tmp_path, tracker=None, disk=None):
     """A run with a recording, and a reader whose port has five blocks."""
     (tmp_path / "empty").touch()
@@ -253,28 +214,30 @@ def begin(folder, tmp_path, tracker=None, disk=None):
     return live, recording, reader
 
 
-@pytest.mark.parametrize("busy", [True, False])
-@pytest.mark.parametrize("error", [None, PortError("gone")])
+@pytest.mark.parametrize(("busy", "error"), [(True, PortError("gone")), (False, None)])
 def test_the_reader_keeps_every_byte_in_however_large_blocks(tmp_path, monkeypatch, busy, error):
     monkeypatch.setattr("facets.live.run.reader.MAX_BLOCK_S", np.inf)
     live, recording, reader = begin(tmp_path / "r", tmp_path)
     live.backlog = 100 if busy else 0  # the loop has its hands full, or nothing to do
     pieces = [bytes([n]) * 100 for n in range(50)]
     reader.port = Port(pieces, error)
-    monkeypatch.setattr(reader, "loop_is_idle", reader.loop_is_idle if busy else lambda: True)
+    if not busy:
+        monkeypatch.setattr(reader, "loop_is_idle", lambda: True)
     reader.run()
     recording.close()
     kept = [block.data for block in blocks(tmp_path / "r")]
     assert b"".join(kept) == b"".join(pieces)
     assert len(kept) == (1 if busy else 50)
-    assert (reader.error is None) == (error is None)
+    assert reader.error is error
 
 
 @pytest.mark.parametrize("where", ["tracker", "add_poses", "flush", "sync", "show"])
 @pytest.mark.parametrize("kind", [RuntimeError, KeyboardInterrupt])
 def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, kind):
     """Whatever raises, the stage is stopped, the port closed, every file closed, all bytes kept."""
-    disk, tracker = Full(10**9), Stage()
+    envelope = SimpleNamespace(latched="", heartbeat=None)
+    tracker = MagicMock(encoder=None, begun=np.inf, error="", note="", envelope=envelope)
+    disk = Full(10**9)
     live, recording, reader = begin(tmp_path / "r", tmp_path, tracker, disk)
     port = reader.port
 
@@ -282,7 +245,7 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
         raise kind("no")
 
     if where == "tracker":
-        tracker.at_exit = kind("no")
+        tracker.__exit__.side_effect = fail
     elif where != "show":
         monkeypatch.setattr(recording, where, fail)
     # an interruption while it runs ends a run as it should end
@@ -291,16 +254,8 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
         acquire(live, reader, Ending(), fail if where == "show" else lambda _: None)
         assert is_end
         assert live.note == "interrupted"
-    assert tracker.ended
+    assert tracker.__exit__.called
     assert port.closed
     assert not reader.is_alive()
     assert not disk.handles
     assert (tmp_path / "r" / "bytes.bin").read_bytes() == port.given
-
-
-def test_a_full_disk_does_not_end_the_stream(tmp_path):
-    live, _, reader = begin(tmp_path / "r", tmp_path, disk=Full(2_500 + len(META)))
-    acquire(live, reader, Ending())
-    assert live.pipeline.tally.samples == 125
-    assert live.pipeline.tally.statuses["converged"] == 125
-    assert any("are not recorded" in text for text in live.messages())
