@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from facets.live import ELECTRODES, XY_SUM, Samples, encode, parser
 
 FORMS = ("frames", "cobs", "text")
+NAMES = [field.name for field in fields(Samples)]
 
 
-def samples(count: int, first: int = 0, channels: int = 0) -> Samples:
+def samples(count, channels=0):
     rng = np.random.default_rng(1)
-    seq = np.arange(first, first + count, dtype=np.uint32)
+    seq = np.arange(count, dtype=np.uint32)
     counts = rng.integers(-(2**31), 2**31, (count, 12)).astype(np.int32)
     counts[::3] //= 2**20  # small ones have zeros in their bytes
     kind = np.full(count, ELECTRODES, np.uint8)
@@ -26,19 +27,16 @@ def samples(count: int, first: int = 0, channels: int = 0) -> Samples:
     return Samples(kind, 0 * kind, seq, 100 * seq, counts, values)
 
 
-def parsed(form: str, pieces: list[bytes], channels: int = 0) -> tuple[Samples, object]:
+def parsed(form, pieces, channels=0):
     reader = parser(form, "electrodes", channels)
     parts = [reader.feed(piece) for piece in pieces]
-    names = [field.name for field in fields(Samples)]
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in NAMES}
     return Samples(**joined), reader
 
 
-def same(one: Samples, other: Samples) -> bool:
-    names = [field.name for field in fields(Samples)]
-    return all(
-        np.array_equal(getattr(one, n), getattr(other, n), equal_nan=n == "channels") for n in names
-    )
+def assert_same(samples, expected):
+    for name in NAMES:
+        np.testing.assert_array_equal(getattr(samples, name), getattr(expected, name))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -56,7 +54,7 @@ def test_any_pieces_give_the_same(form, torn, cuts, count, channels):
     ends = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
     received, reader = parsed(form, [data[a:b] for a, b in pairwise(ends)] or [b""], channels)
     assert len(received) >= count - 2 * (torn > 0)
-    assert same(received, sent.where(slice(count - len(received), None)))
+    assert_same(received, sent.where(slice(count - len(received), None)))
     assert reader.other_channels is None
     assert torn or reader.corrupt == reader.skipped == 0
 
@@ -77,10 +75,8 @@ def test_noise_costs_the_frames_it_hits_and_no_other(form, data, channels):
     else:
         raw.insert(place, raw[place])
     received, _ = parsed(form, [bytes(raw)], channels)
-    rows = {row.tobytes(): n for n, row in enumerate(sent.counts)}
-    assert all(row.tobytes() in rows for row in received.counts)  # nothing that was never sent
-    missing = set(range(20)) - {rows[row.tobytes()] for row in received.counts}
-    assert missing <= {hit - 1, hit}
+    assert_same(received, sent.where(received.seq))  # nothing that was never sent
+    assert set(range(20)) - {hit - 1, hit} <= set(received.seq.tolist())
 
 
 @pytest.mark.parametrize("form", ["frames", "cobs"])
@@ -88,8 +84,7 @@ def test_a_stream_is_found_in_rubbish(form):
     rng = np.random.default_rng(4)
     rubbish = rng.integers(0, 256, 5000).astype(np.uint8).tobytes() + b"\0"
     received, reader = parsed(form, [rubbish + encode(form, samples(10)) + b"\xa5\x5a" + rubbish])
-    assert set(range(10)) <= set(received.seq.tolist())
-    assert len(received) == 10
+    assert received.seq.tolist() == list(range(10))
     assert reader.skipped > 4000
 
 
@@ -106,7 +101,7 @@ def test_lines_that_are_not_samples_are_counted_and_values_may_lack():
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize(("sent", "named"), [(0, 2), (2, 0), (1, 2), (3, 2), (15, 0)])
+@pytest.mark.parametrize(("sent", "named"), [(0, 2), (3, 2), (15, 0)])
 def test_another_number_of_channels_is_noticed_and_never_read(form, sent, named):
     data = encode(form, samples(40, channels=sent))[11:]  # the first frame is torn
     size = max(len(data) // 7, 1)
