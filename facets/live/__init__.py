@@ -34,7 +34,7 @@ _NAMES_OF = {
     "recording.pose_table": "join_columns pose_columns recorded_poses",
     "recording.reader": "blocks meta_of",
     "recording.replay": "recorded_config replay",
-    "recording.writer": "DiskError Recording",
+    "recording.writer": "Recording",
     "run.board_poses": "SOLVED board_solution",
     "run.loop": "CLOCK_MOVED Ending Loop acquire",
     "run.pipeline": "FULL LABELS Pipeline Poses SKIPPED TWO_DETECTORS join_poses",
