@@ -10,7 +10,7 @@ from facets.core import STATE, Runs
 from facets.simulation import command_columns, course_of, course_states, run_states
 
 
-def state(**values: float) -> tuple[float, ...]:
+def state(**values):
     return tuple(values.get(name, 0.0) for name in STATE)
 
 
@@ -33,7 +33,7 @@ def test_the_stands_are_commanded_in_their_order_from_both_sides():
 def test_each_error_has_its_form():
     stand = course_of(AXIS).is_stand
 
-    def errors(**keys: object) -> np.ndarray:
+    def errors(**keys):
         erring = course_states(replace(AXIS, **keys), np.random.default_rng(1))
         return (erring - course_states(AXIS, np.random.default_rng(1)))[stand][:10]
 
@@ -47,8 +47,7 @@ def test_each_error_has_its_form():
 
 
 def test_it_stands_at_its_places_and_overruns_the_ends():
-    time, states = run_states(AXIS, np.random.default_rng(1))
-    np.testing.assert_allclose(np.diff(time), 1e-3)
+    _, states = run_states(AXIS, np.random.default_rng(1))
     stands = (states[:, 2, None] == command_columns(AXIS)["position_mm"][:5]).sum(axis=0)
     assert (np.abs(stands - 4 * 20) <= 8).all()  # two runs there and back, of 20 samples
     assert states[:, 2].max() > 1.2

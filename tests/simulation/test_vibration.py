@@ -24,11 +24,10 @@ def body(**changes):
 
     squares, shapes = linalg.eigh(STIFFNESS, MASS)
     modes = {}
-    for n, square in enumerate(squares):
-        moved = 1e3 * shapes[:, n] * (shapes[:, n] @ ARM) / square  # by 1 N
-        omega = np.sqrt(square)
-        compliance = (0.0, 0.0, moved[0], 0.0, moved[1], 0.0)
-        modes[f"mode{n}"] = Mode(omega / (2 * np.pi), 2.5e-5 * omega, compliance)
+    for omega, shape in zip(np.sqrt(squares), shapes.T, strict=True):
+        z, pitch = 1e3 * shape * (shape @ ARM) / omega**2  # by 1 N
+        compliance = (0.0, 0.0, z, 0.0, pitch, 0.0)
+        modes[str(omega)] = Mode(omega / (2 * np.pi), 2.5e-5 * omega, compliance)
     return replace(Vibration(modes, low=5.0, high=180.0, samples=4000), **changes)
 
 
@@ -66,11 +65,10 @@ def test_the_force_of_a_table_is_that_of_its_states():
     config, centre = facets.load("bench"), (0.0, 0.0, 0.5, *(0.0,) * 5)
     shaken = body(samples=64, centre=centre)
     config = replace(config, motions={"rest": config.motions["rest"], "shaken": shaken})
-    still, segment = segments = facets.simulate(config, seed=1)
+    _, segment = segments = facets.simulate(config, seed=1)
     for table in (pose_table(segments), reading_table(segments)):
         assert np.isnan(table["force_n"][:1000]).all()
         assert table["force_n"][1000:].tolist() == segment.force.tolist()
-    assert "force_n" not in pose_table([still])
     force, moved = shake(shaken, np.random.default_rng(7))
     rng = np.random.default_rng(7)
     assert shaker_force(shaken, rng).tolist() == force.tolist()

@@ -52,7 +52,6 @@ def test_kinesis_keeps_the_contract(bench, name):
         ("homed", False, "axis x has no reference"),
         ("units", "internal", "cannot be limited"),
         ("keeps", makers.Velocity(0.0, 1.0, 1e3), "keeps the limits"),
-        ("keeps", makers.Velocity(0.0, 0.0, 1.0), "keeps the limits"),
     ],
 )
 def test_a_kinesis_stage_that_can_not_be_held_back_is_not_used(
@@ -138,22 +137,16 @@ def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
         ("mine:broken", "RuntimeError: board 7"),
         ("none:1", "gives no driver: it has no prepare, place, move, stop, cry, close"),
         ("what:1", "there is no driver for a stage of that name; .* kinesis:, mine:, none:"),
-        ("/dev/ttyUSB0", "there is no driver"),
+        ("mine:1", "it has no give_back"),
     ],
 )
 def test_what_is_no_driver_is_told(mine, name, words):
     with pytest.raises(StageError, match=words):
-        Envelope(name, OTHER, print, mine.clock)
-
-
-def test_a_driver_that_can_not_hold_native_limits_is_refused_them(mine):
-    with pytest.raises(StageError, match="it has no give_back"):
-        Envelope("mine:1", replace(OTHER, native_limits=(1, 1)), print, mine.clock)
+        Envelope(name, replace(OTHER, native_limits=(1, 1)), print, mine.clock)
 
 
 @pytest.mark.parametrize(
-    ("numbers", "words"),
-    [("1,2", "needs pylablib"), ("x", "serial numbers"), ("1,2,3", "serial numbers")],
+    ("numbers", "words"), [("1,2", "needs pylablib"), ("1,2,3", "serial numbers")]
 )
 def test_a_kinesis_stage_needs_its_package_and_its_numbers(monkeypatch, numbers, words):
     monkeypatch.setitem(sys.modules, "pylablib", None)
@@ -168,8 +161,7 @@ class Faulty(Mine):
 
     def place(self):
         place = super().place()
-        wrong = {"nan": place * np.nan, "list": place.tolist(), "three": np.zeros(3)}
-        return wrong.get(self.fault, place)
+        return place * np.nan if self.fault == "nan" else place
 
     def cry(self):
         if self.fault != "deaf":
@@ -178,7 +170,6 @@ class Faulty(Mine):
     def move(self, place):
         if self.fault == "fast":
             self.model.place = np.array(place)
-        self.closed &= self.fault != "open"
         super().move(place + 0.1 if self.fault == "past" else place)
 
 
@@ -186,11 +177,9 @@ class Faulty(Mine):
     ("fault", "words"),
     [
         ("nan", r"place\(\) gives"),
-        ("list", "gives no array"),
         ("deaf", r"cry\(\) did not stop|still moves after cry"),
         ("fast", "faster than max_speed"),
         ("past", "stands at|past its goal"),
-        ("open", "closed takes moves"),
     ],
 )
 def test_the_contract_finds_faults(mine, fault, words):
