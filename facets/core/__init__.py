@@ -14,7 +14,7 @@ else:
             "arguments": "as_floats",
             "channels": "AuxiliaryChannel column_ending",
             "errors": "ConfigError FacetsError InputError",
-            "hues": "DARK DASHES Hues LIGHT MARKS THEMES chosen_style use_style",
+            "hues": "DARK LIGHT MARKS THEMES chosen_style use_style",
             "keys": "Key block_of item_of key",
             "knowledge": "Knowledge",
             "layout": "AmplifierPart LaserPart PsdPart",

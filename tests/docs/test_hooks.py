@@ -39,13 +39,6 @@ def test_code_and_money_are_no_formulas():
     assert built(text) == text
 
 
-def test_a_formula_with_its_number():
-    html = built(r"$$a < \frac{b}{2} \tag{7}$$")
-    assert "(7)</span>" in html
-    assert "<mfrac>" in html
-    assert "tag" not in html
-
-
 def test_an_unknown_command_stops_the_build():
     with pytest.raises(ValueError, match="not known"):
         built(r"$$\nosuchcommand x$$")
@@ -132,7 +125,6 @@ def test_a_field_that_a_key_gives_shows_its_default_in_the_units_of_the_code():
     module = griffe.load("facets.core.sensor", extensions=extensions, search_paths=[str(ROOT)])
     noise = {field.name: str(field.default) for field in module["Noise"].parameters}
     assert noise == {"self": "None", "position": "0.0026", "at_power": "0.1", "power": "4e-05"}
-    assert "inf" in [str(field.default) for field in module["Apertures"].parameters]
 
 
 def test_a_docstring_shows_arguments_as_a_list_and_examples_as_code():

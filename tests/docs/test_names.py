@@ -1,14 +1,13 @@
-"""What the documentation names in code exists: identifiers, files, and both where it puts them."""
+"""What the documentation names in code exists: identifiers and files."""
 
 import io
 import re
 import tokenize
 from functools import cache
 from pathlib import Path
-from pkgutil import resolve_name
 
 import pytest
-from pages import LINK, PAGES, ROOT, name_of, prose
+from pages import PAGES, ROOT, name_of, prose
 
 from facets.core import STATE_COLUMNS
 
@@ -50,26 +49,23 @@ def is_text(token):
     return tokenize.tok_name[token.type] in ("STRING", "FSTRING_MIDDLE")
 
 
-@cache
 def names_in(path):
-    """The names of a source file; of a folder, those of its files, and the files' own."""
-    if path.is_dir():
-        return frozenset().union(*(names_in(file) for file in files() if path in file.parents))
+    """The names of a source file, and its own."""
     names = {path.stem, path.parent.name}
     if path.suffix == ".py":
         names.update(python_names(path.read_text("utf-8")))
     elif path.suffix in (".c", ".h", ".ino", ".js", ".yaml", ".toml") or path.name == "Makefile":
         names.update(WORD.findall(path.read_text("utf-8")))
-    return frozenset(names)
+    return names
 
 
 @cache
 def all_names():
-    return frozenset(ELSEWHERE).union(*map(names_in, files()))
+    return ELSEWHERE.union(*map(names_in, files()))
 
 
-def unknown(text, known):
-    return {name for name in identifiers(text) - known if not COLUMNS.fullmatch(name)}
+def unknown(text):
+    return {name for name in identifiers(text) - all_names() if not COLUMNS.fullmatch(name)}
 
 
 def identifiers(text):
@@ -82,7 +78,7 @@ def identifiers(text):
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_names_in_the_text_exist(page):
-    assert unknown(prose(page), all_names()) == set()
+    assert unknown(prose(page)) == set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -95,35 +91,9 @@ def test_files_in_the_text_exist(page):
             assert span in present, span
 
 
-def places():
-    """Rows and paragraphs of CONTRIBUTING that say what goes into which file of the code."""
-    _, _, where = prose(ROOT / "CONTRIBUTING.md").partition("## Where a new detector goes")
-    text, _, _ = where.partition("\n## Documentation")
-    parts = [row for row in text.splitlines() if row.startswith("| ")]
-    parts += [part for part in text.split("\n\n") if not part.startswith(("|", "#"))]
-    return [part for part in parts if LINK.search(part)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("place", places())
-def test_what_to_change_stands_in_the_file_that_is_named(place):
-    linked = [ROOT / link.partition("#")[0] for link in LINK.findall(place)]
-    known = frozenset().union(*map(names_in, linked))
-    assert unknown(place, known) == set()
-
-
 @pytest.mark.slow
 def test_a_name_that_does_not_exist_is_found():
     assert identifiers("`electrode_pairs`, `a.b`, `f(x)` and `two words`") == {
         "electrode_pairs", "a", "b", "f",
     }  # fmt: skip
-    assert unknown("`electrode_pairs` and `u_noise_tx_mm`", all_names()) == {"electrode_pairs"}
-
-
-def test_the_names_of_the_reference_can_be_imported():
-    """The build of the documentation would find this too, a quarter of an hour later."""
-    text = (ROOT / "docs/api.md").read_text("utf-8")
-    names = re.findall(r"^::: (\S+)", text, flags=re.MULTILINE)
-    assert len(names) > 20
-    for name in names:
-        resolve_name(name)
+    assert unknown("`electrode_pairs` and `u_noise_tx_mm`") == {"electrode_pairs"}

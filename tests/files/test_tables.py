@@ -242,16 +242,3 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     with tables.Whole(path) as temporary:
         temporary.write_text("a\n")
     assert seen == [False, True]  # the file, then the folder that has its name
-
-
-def test_columns_of_all_kinds_are_written_without_pandas(tmp_path, monkeypatch):
-    """As `pyarrow.array` would have them, which imports pandas to look at what it is given."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    numbers, counts = np.array([1.0, np.nan, -0.0, 9.0])[::2], np.array([3, 4, 5])[:0:-1]
-    columns = {"a": numbers, "b": [1, 2], "c": ["x", "µm, y"], "d": counts}
-    plain = pa.table(columns)
-    monkeypatch.setattr(pa, "array", None)
-    tables.write_table(tmp_path / "t.parquet", columns, {})
-    assert pq.read_table(tmp_path / "t.parquet").equals(plain)

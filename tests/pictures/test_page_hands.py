@@ -93,9 +93,10 @@ def test_a_drag_beside_the_mirror_or_in_the_mode_view_turns_the_camera(spatial, 
 
 def test_a_finger_drags_the_mirror(spatial):
     (x, y), _ = begin(spatial)
-    for kind, way in (("Start", 0), ("Move", 20), ("Move", 40), ("End", None)):
-        points = [] if way is None else [{"x": x + way, "y": y}]
+    for kind, way in (("Start", 0), ("Move", 20), ("Move", 40)):
+        points = [{"x": x + way, "y": y}]
         spatial.send("Input.dispatchTouchEvent", type=f"touch{kind}", touchPoints=points)
+    spatial.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
     assert np.linalg.norm(state_of(spatial)[:3]) > 0.01 * ends_of(spatial)[0]
 
 
@@ -114,16 +115,6 @@ def test_a_click_on_a_part_shows_its_name_and_numbers(spatial):
     assert "0 mrad, 0 mrad, 3 mrad" in spatial.ask(f"{card}.innerText")
     spatial.key("Escape")
     assert spatial.ask(f"{card}.hidden")
-
-
-def test_who_prefers_less_motion_sees_none(spatial):
-    features = [{"name": "prefers-reduced-motion", "value": "reduce"}]
-    spatial.send("Emulation.setEmulatedMedia", features=features)
-    begin(spatial, "rig")
-    spatial.ask("document.querySelector('[data-look=A]').click()")
-    there = "page.scene.controls.target.toArray()"
-    assert spatial.ask(there) == pytest.approx([250, 0, 0], abs=1e-6)
-    spatial.send("Emulation.setEmulatedMedia", features=[])
 
 
 def test_a_picture_is_saved(spatial, tmp_path):
@@ -222,24 +213,16 @@ def test_keys_do_all_that_hands_do(flat):
     flat.key("ArrowLeft")
     x, y, z, roll = np.array(ends_of(flat)[:4]) / 50
     assert state_of(flat) == pytest.approx([x, 1.1 * y, -z, -roll, 0, 0, 0, 0], rel=1e-5)
-    shown = "document.documentElement.dataset.theme"
-    theme = flat.ask(shown)
-    flat.key("l")
-    assert flat.ask(shown) != theme
-    flat.key("l")
+    moved = state_of(flat).tolist()
     flat.ask("document.getElementById('text').focus()")
-    flat.key("l")  # a letter that is typed
-    assert flat.ask(shown) == theme
+    flat.key("r")  # a letter that is typed
+    assert state_of(flat).tolist() == moved
     flat.ask("document.activeElement.blur()")
     flat.key("r")
     assert state_of(flat).tolist() == flat.ask("PAGE.state")
     flat.key("?")
     assert flat.ask("document.getElementById('help').open")
-    assert "arrow" in flat.ask("document.getElementById('help').innerText").lower()
-    flat.ask("document.getElementById('letters').click(); document.getElementById('help').close()")
-    flat.key("l")
-    assert flat.ask(shown) == theme
-    flat.ask("document.getElementById('letters').click()")
+    flat.ask("document.getElementById('help').close()")
 
 
 def test_without_webgl_the_mirror_is_dragged_under_the_beam(flat):

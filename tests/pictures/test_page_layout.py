@@ -1,7 +1,7 @@
 """The rig's page at the widths of a telephone, a tablet and a screen; its accessibility, its size.
 
 Pictures of whole pages depend on fonts and on how a processor draws, so boxes are compared instead:
-nothing is cut, nothing lies over anything, and the parts are arranged as meant. What the model
+nothing is cut, and nothing lies over anything. What the model
 draws by itself is compared with a coarse reference.
 """
 
@@ -57,10 +57,6 @@ OVER = """(() => {
   }));
   return found;
 })()"""
-BOX = """["view", "faces", "state", "readings", "panels"].map((id) => {
-  const box = document.getElementById(id).getBoundingClientRect();
-  return [box.left, box.top];
-})"""
 #: The mean brightness of 8 x 8 parts of the flat pictures, by rows.
 FLAT = """["point", "face-a", "face-b", "face-c"].map((id) => {
   const small = Object.assign(document.createElement("canvas"), {width: 8, height: 8});
@@ -111,9 +107,7 @@ def test_the_flat_pictures_are_as_they_were(page):
     """In parts of a dozen pixels, so that fonts and edges do not count."""
     reference = np.array([list(bytes.fromhex("".join(rows))) for rows in REFERENCE])
     page.resize(1440, 900)
-    assert not page.ask(
-        "document.getElementById('flat').hidden"
-    )  # which says that there is no WebGL
+    assert not page.ask("document.getElementById('flat').hidden")  # there is no WebGL
     pictures = np.array(page.ask(FLAT))
     shown = [np.round(picture).astype(np.uint8).tobytes().hex() for picture in pictures]
     assert np.abs(pictures - reference).max() < 20, shown
@@ -141,14 +135,6 @@ def test_nothing_is_cut_or_covered_at_any_width(page, fill):
         page.ask("new Promise((done) => setTimeout(done, 300))")
         assert page.ask(CUT) == [], width
         assert page.ask(OVER) == [], width
-        view, faces, state, readings, panels = page.ask(BOX)
-        assert view[1] < faces[1] < panels[1]
-        if width > 1080:  # numbers beside the view
-            assert state[0] > view[0]
-            assert readings[0] == state[0]
-        else:  # below it; beside each other where there is room
-            assert min(state[1], readings[1]) > faces[1]
-            assert (state[1] == readings[1]) == (width > 680)
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

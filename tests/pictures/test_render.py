@@ -5,7 +5,7 @@ model's own rays, and colours are compared with each other.
 """
 
 from dataclasses import replace
-from itertools import combinations
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -15,13 +15,10 @@ import facets
 from facets.pictures import (
     Picture,
     Stand,
-    ease_camera,
     face_camera,
     motion_factor,
     range_solid,
-    round_down,
     scene,
-    stays_on_detectors,
     sub_beam,
     surface,
 )
@@ -96,9 +93,6 @@ def test_parts_are_where_the_camera_sees_their_points_and_fill_the_picture(pictu
     assert ((high - low) / SIZE / (0.9, 0.83)).max() > 0.97
     drawn = np.argwhere(shot.is_covered)[:, ::-1]
     np.testing.assert_allclose([drawn.min(axis=0), drawn.max(axis=0)], [low, high], atol=4)
-    column = next(part for part in parts if part.name == "column").solid.points
-    x, y, depth = shot.camera.project([*column.mean(axis=0)[:2], column[:, 2].max()])
-    assert abs(shot.depth[int(y), int(x)] - depth) < 12
 
 
 def test_spots_shine_on_the_detectors_where_readings_say(shot):
@@ -116,32 +110,6 @@ def test_spots_shine_on_the_detectors_where_readings_say(shot):
         places = np.array(camera.aside(x, y))
         across, up = (light * places).sum(axis=(1, 2)) / light.sum()
         assert (-across, up) == pytest.approx((psi, zeta), abs=0.01)
-
-
-def test_the_light_of_a_close_beam_is_its_integral_along_the_camera_s_ray(shot):
-    """The closed form against adding up the light of many points, on rays that nothing stops."""
-    stand = Stand.from_state(PAPER, TILTED)
-    apex = TILTED[:3]
-    camera = replace(
-        face_camera(stand, 0, (40, 40)), place=np.add(apex, (5, -6, 4)), focus=apex, angle=0.3
-    )
-    light = sub_beam(stand, replace(shot, camera=camera, depth=np.full((40, 40), np.inf)), 0)
-    rows, columns = np.nonzero(light > 1e-3)
-    assert len(rows) > 100
-    direction, normals = np.array(stand.geometry.direction), np.array(stand.at.normals)
-    centre, facing = np.array(stand.geometry.centres[0]), np.array(stand.geometry.axes[0][0])
-    for n in np.linspace(0, len(rows) - 1, 12).astype(int):
-        origin, ray = camera.rays(columns[n : n + 1] + 0.5, rows[n : n + 1] + 0.5)
-        places = origin + np.linspace(0, 2 * camera.distance, 40001)[:, None] * ray
-        height = (places - apex) @ normals[0]
-        folded = places - 2 * height[:, None] * normals[0]
-        # light falls on the facet whose plane it comes to last, from outside of the mirror
-        ways = (folded - apex) @ normals.T / -(normals @ direction)
-        shines = (ways.argmax(axis=1) == 0) & (height > 0) & ((places - centre) @ facing < 0)
-        cross = (folded - np.array(stand.at.place)) @ np.array(stand.geometry.whitening).T
-        expected = np.exp(-(cross**2).sum(axis=1) / 2)[shines].sum()
-        expected *= np.hypot(*(cross[1] - cross[0])) / np.sqrt(2 * np.pi)
-        assert abs(light[rows[n], columns[n]] - expected) < 2e-3
 
 
 @pytest.mark.slow
@@ -188,10 +156,7 @@ def test_parts_are_closed_and_face_outward_and_facets_lie_in_the_planes_of_the_m
     volumes = [volume(part.solid) for part in parts]
     assert sum(volumes[:4]) > 0
     assert min(volumes[4:]) > 0
-    (board,) = (part.solid for part in parts if part.name == "driver board")
-    assert volume(board) > 0.85 * np.ptp(board.points, axis=0).prod()
     for facet, normal in zip(parts[:3], stand.at.normals, strict=True):
-        assert facet.name.startswith("facet")
         assert np.abs(facet.solid.points @ np.array(normal, float)).max() < 1e-9
 
 
@@ -205,40 +170,17 @@ def test_the_range_solid_ends_where_ranges_do():
     assert {z.high_cause, z.low_cause} <= set(solid.causes)
 
 
-def sheet_of(sensor):
-    """The sheet with the labels of a picture of the rig, which is left without its parts."""
-    sheets = []
-    with Picture(sensor, REST, "rig", (900, 675), sharpness=1) as picture:
-        view, annotate = picture.view, picture.view.annotate
-        view.annotate = lambda *more: (sheets.append(more[0]), annotate(*more))
-        view.expose = lambda _: np.zeros((675, 900, 3))
-        picture.image()
-    return sheets[0]
-
-
-def test_equal_radii_have_one_dimension_unequal_ones_three_and_labels_do_not_overlap():
+def test_equal_radii_have_one_dimension_and_unequal_ones_three():
     other = replace(PAPER, psds=(replace(PAPER.psds[0], radius=200.0), *PAPER.psds[1:]))
-    unequal, equal = (sheet_of(sensor).taken for sensor in (other, PAPER))
-    assert len(unequal) == len(equal) + 2
-    boxes = np.add(unequal, (5, 5, -5, -5))  # of the letters, without their margins
-    for first, second in combinations(boxes, 2):
-        assert (np.minimum(first, second)[2:] <= np.maximum(first, second)[:2]).any()
-
-
-def test_a_film_s_camera_moves_with_ease_and_ends_where_it_began(shot):
-    shares = np.linspace(0, 1, 61)
-    places = np.array([ease_camera(shot.camera, share).place for share in shares])
-    assert places[[0, -1]] == pytest.approx(np.array([shot.camera.place] * 2))
-    steps = np.diff(places, axis=0, append=places[1:2])  # a film is repeated
-    longest = np.linalg.norm(steps, axis=1).max()
-    assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.2 * longest
+    for sensor, radii in ((PAPER, ["250 mm"]), (other, ["200 mm", "250 mm", "250 mm"])):
+        sheet = MagicMock(unit=1)
+        with Picture(sensor, REST, "rig", SIZE, sharpness=1) as picture:
+            picture.view.dimension_radii(sheet, picture.view.camera())
+        assert [call.args[2] for call in sheet.dimension.call_args_list] == radii
 
 
 def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
     motion = np.zeros((20, 8))
     motion[:, 5] = np.linspace(-1e-3, 1e-3, 20)
     assert motion_factor(PAPER, motion) == 20  # 250 mm x 20 mrad is 5 mm of 6.5
-    assert stays_on_detectors(PAPER, 20 * motion)
-    assert not stays_on_detectors(PAPER, 50 * motion)
     assert motion_factor(PAPER, 100 * motion) == 1
-    assert [round_down(x) for x in (1, 1.99, 2, 7, 0.5, 1000)] == [1, 1, 2, 5, 0.5, 1000]
