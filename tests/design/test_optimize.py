@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import threading
@@ -201,7 +202,6 @@ ELECTRONICS = facets.Electronics()
     [
         ({"electronics": facets.Electronics(kind="tetra-lateral")}, {}, "tetra-lateral is a"),
         ({"apertures": facets.Apertures(beam=1.0)}, {}, "does not support sensor.apertures.beam_r"),
-        ({"apertures": facets.Apertures(gap=0.01)}, {}, "does not support sensor.apertures.gap_um"),
         ({"light": BenchLight(tip=1e-5)}, {}, "does not support sensor.light"),
         ({"calibration": facets.Calibration((), ())}, {}, "belongs to a rig"),
         ({"electronics": ELECTRONICS}, {"amplifiers": {"a": AmplifierPart(1e-5, 1.0)}}, "noise of"),
@@ -232,36 +232,17 @@ def test_an_interrupted_search_gives_no_verdict_and_writes_nothing(run_in_proces
 WIDE = replace(CONFIG.layout, volume=(0.05, 0.05, 1.5, 0.012, 0.012, 0.02, 0.05, 0.1), starts=1)
 
 
-def worst_anywhere(sensor, layout):
-    """The worst uncertainty over its unit in a volume, and by how much a spot is past an edge, by
-    Nelder's and Mead's search from the worst of random places."""
-    from scipy.optimize import minimize
-
-    def at(shares):
-        states = np.clip(np.atleast_2d(shares), -1, 1) * np.array(layout.volume)
-        sigma = uncertainties(sensor, states, Knowledge()) * SCALE / np.array(layout.unit)
-        past = -facets.margins(sensor, states)[:, :, :4].min(axis=(1, 2))
-        return np.column_stack([sigma, past])
-
-    drawn = np.clip(np.random.default_rng(1).uniform(-1.5, 1.5, (4000, 8)), -1, 1)
-    starts = drawn[at(drawn).argmax(axis=0)]
-    *fine, past = (
-        -minimize(lambda shares, n=n: -at(shares)[0, n], start, method="Nelder-Mead",
-                  bounds=[(-1, 1)] * 8, options={"maxfev": 600, "xatol": 1e-4}).fun
-        for n, start in enumerate(starts)
-    )  # fmt: skip
-    return max(fine), past
-
-
 @pytest.mark.slow
 def test_the_worst_over_the_volume_is_the_worst_anywhere_in_it():
-    """64 of the 256 corners had 1.1439 for 1.1525, and the corners alone 1.1477 for 1.1481."""
+    """64 of the 256 corners had 1.1439 for 1.1525."""
     found = optimize(CONFIG.sensor, WIDE)
     sensor = sensor_of(found.sensor, found.names, found.best.x)
-    fine, past = worst_anywhere(sensor, WIDE)
-    assert fine <= np.sqrt(found.best.objective) * (1 + 1e-6)
-    assert fine >= np.sqrt(found.best.objective) * (1 - 1e-2)
-    assert past <= 1e-6
+    corners = list(itertools.product((-1, 1), repeat=8))
+    drawn = np.clip(np.random.default_rng(1).uniform(-1.5, 1.5, (20_000, 8)), -1, 1)
+    states = np.concatenate([corners, drawn]) * WIDE.volume
+    largest = (uncertainties(sensor, states, Knowledge()) * SCALE / WIDE.unit).max()
+    assert 1 - 1e-2 <= largest / np.sqrt(found.best.objective) <= 1 + 1e-6
+    assert facets.margins(sensor, states)[:, :, :4].min() >= -1e-6
 
 
 def test_a_limit_that_is_broken_between_the_corners_alone_is_broken():

@@ -131,7 +131,6 @@ def test_optimize_writes_a_better_layout_and_tells_how_it_was_found(optimised):
         "t.tex",
     ):
         assert part in printed
-    assert "Only" not in printed  # nobody needs advice
     lines = [line for line in (folder / "best.yaml").read_text().splitlines() if line[:1] != "#"]
     assert "extends: loose.yaml" in lines
     assert any("+- 0.05" in line for line in lines)
@@ -142,20 +141,7 @@ def test_optimize_writes_a_better_layout_and_tells_how_it_was_found(optimised):
     )
     assert (new < old).all()
     assert "u_roll_urad" in (folder / "best.csv").read_text()
-    assert (folder / "best.png").stat().st_size > 10_000
     assert (folder / "t.tex").read_text().count(r"\toprule") == 6
-
-
-@pytest.mark.slow
-def test_no_table_of_a_report_is_wider_than_a_screen(optimised, browser):
-    """No table is wider than its place on a desk's screen, and no page than a telephone's."""
-    wider = "[...document.querySelectorAll('section')].filter(s => s.scrollWidth > s.clientWidth)"
-    browser.send("Page.navigate", url=f"file://{optimised[0] / 'best.html'}")
-    browser.await_true("document.readyState === 'complete' && !!document.querySelector('footer')")
-    for width in (360, 1300, 1440):
-        browser.resize(width, 1400)
-        assert browser.ask("document.documentElement.scrollWidth") <= width
-        assert width < 1000 or browser.ask(f"{wider}.map(s => s.textContent.slice(0, 80))") == []
 
 
 #: The labels of both plots: those that are cut, lie on another, or are missing.
