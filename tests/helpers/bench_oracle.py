@@ -22,15 +22,14 @@ class Bench:
 
     strips: width lost along edges ca, ab, bc, mm.  depths: of the roll-off at the first and second
     edge of each facet, mm, linear over `width` (mm) from the lost strip on, counted on the facet.
-    tip: radius of a flat disc at the apex, mm.  profile: factor of a Gaussian beam's irradiance at
-    places x and y, in the beam's sigmas, along the world's axes as the beam's tilt carries them.
+    profile: factor of a Gaussian beam's irradiance at places x and y, in the beam's sigmas, along
+    the world's axes as the beam's tilt carries them.
     """
 
     curvature: np.ndarray = field(default_factory=lambda: np.zeros((2, 2)))
     strips: tuple = (0.0, 0.0, 0.0)
     depths: tuple = ((0.0, 0.0),) * 3
     width: float = 1e-3
-    tip: float = 0.0
     profile: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
 
@@ -109,26 +108,9 @@ class Side:
         x = x.reshape(-1, 2)
         return x, np.outer(ws, wt).ravel() * self.spread * self.density(x)
 
-    def tip(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places and (negative) shares over this facet's part of the flat disc at the apex."""
-        axis = np.linalg.solve(self.at.normals, np.ones(3))
-        axis /= np.linalg.norm(axis)
-        first, last = (e - (e @ axis) * axis for e in self.along)
-        first, last = first / np.linalg.norm(first), last / np.linalg.norm(last)
-        beside = np.cross(axis, first)
-        opening = np.arctan2(last @ beside, last @ first) % (2 * np.pi)
-        r, wr = oracle.panels(0, self.bench.tip, 1)
-        angle, wa = oracle.panels(0, opening, 1)
-        unit = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * beside
-        points = (self.at.apex + r[:, None, None] * unit).reshape(-1, 3)
-        x = np.array([origin_of(self.at, self.bench, point) for point in points])
-        area = np.outer(wr * r, wa).ravel() * abs(axis @ self.at.down)
-        return x, -area * self.density(x)
-
     def trace(self, x: np.ndarray, share: np.ndarray) -> np.ndarray:
         """Sum the rays' shares times psi, zeta and 1."""
-        bench, hits_and_aim = self.bench, self.hits(x)
-        hits, aim = hits_and_aim
+        bench, (hits, aim) = self.bench, self.hits(x)
         normal = np.repeat(self.normal[None], len(x), axis=0)
         for i in (0, 1):
             depth = (hits - self.at.apex) @ self.inward[i] - bench.strips[(self.k + i) % 3] / 2
@@ -144,14 +126,12 @@ class Side:
 
 
 def by_rays(sensor: Sensor, state: np.ndarray, bench: Bench) -> np.ndarray:
-    """Nine readings, without diffraction, a coating and other light."""
+    """Nine readings, without diffraction, a flat tip, a coating and other light."""
     at = oracle.setup(sensor, state)
     reading = np.empty(9)
     for k in range(3):
         side = Side(at, bench, k)
         sums = side.trace(*side.nodes())
-        if bench.tip:
-            sums = sums + side.trace(*side.tip())
         reading[3 * k : 3 * k + 2] = sums[:2] / sums[2]
         reading[3 * k + 2] = at.power * sums[2]
     return reading

@@ -50,12 +50,6 @@ def test_moments_hold_13_digits_everywhere():
     assert max(math.hypot(*point(row)[0]) for row in ROWS) == pytest.approx(35)
 
 
-def test_at_the_beam_centre_a_wedge_holds_its_share_of_a_turn():
-    for degrees in (0.01, 60, 179.99):
-        turned = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        assert moments((0.0, 0.0), RIGHT, turned)[0] == pytest.approx(degrees / 360, rel=1e-12)
-
-
 def test_beam_centre_on_an_edge_and_next_to_it():
     """No jump where the sign of h flips, down to subnormal offsets."""
     for tiny in (0.0, 5e-324, -5e-324, 1e-300, -1e-300, 1e-17, -1e-17):
