@@ -105,7 +105,7 @@ def spoilt_stream(rng, folder):
         path.unlink()
     else:
         spoil(rng, path)
-    return ["replay", "recording", "-o", "out.csv"]
+    return ["replay", "recording", "-o", "out.csv", rng.choice(["--compare", "--recover"])]
 
 
 #: Each is refused, or finds nothing, in every case. FILE is a file, DIR a folder with something in.
