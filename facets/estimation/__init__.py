@@ -20,7 +20,7 @@ else:
             "plan": "make_plan",
             "series": "solve_series",
             "table": (
-                "StatusCounts add_temperature_uncertainty exact_readings labels object_columns "
+                "StatusCounts add_temperature_uncertainty labels object_columns "
                 "pose_columns shift_per_kelvin solve_readings solve_table"
             ),
             "varied": "knowledge_of solve_each",

@@ -11,7 +11,7 @@ else:
         __name__,
         {
             "provenance": "provenance_header run_record",
-            "tables": "read_chunks read_head unit_of_column write_table",
+            "tables": "read_chunks read_head write_table",
             "whole": "ResultSet Whole readable_path remove_older",
         },
     )

@@ -4,26 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sensors import correlate
+from sensors import SIGMAS, calibrated
 
 import facets
 from facets.calibration import ALL, assign_values, values_of
 from facets.detectors import MISFIT, MODEL_ERROR
 from facets.estimation import lasting_covariance, make_plan, propagate_in_light
 
-#: A calibration that knows less than a good one, so that its part counts beside the noise.
-SIGMAS = {
-    "psd_a.radius": 2e-3, "psd_b.height": 1e-3, "psd_c.azimuth": 1e-5, "psd_a.roll": 2e-4,
-    "facet_b.inclination": 4e-6, "facet_c.azimuth": 6e-6, "beam.tilt_x": 5e-6,
-    "beam.tilt_y": 5e-6,
-}  # fmt: skip
 START = np.array([0.02, -0.03, 0.1, 1e-3, 2e-3, -1e-3, 0, 0])
 END = np.array([-0.04, 0.02, -0.4, -2e-3, 1e-3, 3e-3, 0, 0])
 KNOWN = {"beam": "known", "power": "unknown"}
-
-
-def calibrated() -> facets.Sensor:
-    return replace(facets.load("paper").sensor, calibration=correlate(SIGMAS))
 
 
 def test_parts_of_an_uncertainty_are_the_whole():
@@ -38,9 +28,6 @@ def test_parts_of_an_uncertainty_are_the_whole():
     np.testing.assert_allclose(noise, bare.uncertainty, rtol=1e-6)
     with pytest.raises(facets.InputError, match="no calibration covariance"):
         bare.noise_uncertainty  # noqa: B018
-    single = facets.solve(sensor, reading[0], **KNOWN)
-    for name in ("noise_uncertainty", "calibration_covariance"):
-        np.testing.assert_allclose(getattr(single, name), getattr(solution, name)[0], rtol=1e-6)
     mean = facets.mean_uncertainty(sensor, solution.state[:2], 50, **KNOWN)
     np.testing.assert_allclose(mean, np.hypot(noise / np.sqrt(50), part)[:2], rtol=1e-6)
 
@@ -92,8 +79,7 @@ def test_many_states_and_bad_arguments():
     sensor, many = calibrated(), np.tile(START, (2, 3, 1))
     many[1, 2] = np.nan
     sizes = facets.difference_uncertainty(sensor, many, END, **KNOWN)
-    assert np.isnan(sizes).all(axis=-1).tolist() == [[False] * 3, [False, False, True]]
-    assert np.isfinite(sizes[0]).all()
+    assert np.isnan(sizes).sum(axis=2).tolist() == [[0, 0, 0], [0, 0, 8]]
     with pytest.raises(facets.InputError, match="samples is 0"):
         facets.mean_uncertainty(sensor, START, 0)
     with pytest.raises(facets.InputError, match="do not fit"):

@@ -16,22 +16,20 @@ CUT = replace(PAPER, apertures=facets.Apertures(detectors=True))
 FOLDED = facets.load("singular").sensor
 
 
-def errors(solution: facets.Solution, truth: np.ndarray) -> np.ndarray:
+def errors(solution, truth):
     """Over the standard uncertainty, the largest of each pose; 0 where there is none."""
     off = np.abs(solution.state - truth) / np.maximum(solution.uncertainty, 1e-9)
     return np.where(solution.ok, np.nan_to_num(off).max(axis=1), 0.0)
 
 
-def states_near_edges(count: int) -> np.ndarray:
+def states_near_edges(count):
     rng = np.random.default_rng(5)
     drawn = rng.uniform(-1, 1, (count, 8)) * [0.25, 0.25, 7, 0.03, 0.03, 0.03, 0, 0]
     least = facets.margins(CUT, drawn)[..., :4].min(axis=(1, 2))
     return drawn[(least > -1.2) & (least < 0.3)]
 
 
-@pytest.mark.parametrize(
-    "way", [{}, {"beam": "known"}, {"beam": "known", "power": "unknown"}], ids=str
-)
+@pytest.mark.parametrize("way", [{}, {"beam": "known", "power": "unknown"}])
 def test_a_spot_that_an_edge_cuts_gives_no_pose_that_is_believed(way):
     truth = states_near_edges(30_000)
     readings = facets.add_noise(CUT, facets.readings(CUT, truth), np.random.default_rng(1))
@@ -46,7 +44,7 @@ def test_a_spot_that_an_edge_cuts_gives_no_pose_that_is_believed(way):
     assert np.abs(solution.state - inside).max() < 1e-9
 
 
-def about_the_fold(count: int) -> np.ndarray:
+def about_the_fold(count):
     rng = np.random.default_rng(5)
     drawn = rng.uniform(-1, 1, (count, 8)) * [0.2, 0.2, 6, 0.012, 0.012, 0.012, 0.05, 0.05]
     return drawn[facets.reaches(FOLDED, drawn).all(axis=1)]
@@ -61,6 +59,11 @@ def test_a_pose_that_has_a_double_is_ambiguous():
     assert np.isnan(solution.state[ambiguous]).all()
     assert np.isnan(solution.covariance[ambiguous]).all()
     assert errors(solution, truth).max() < 10
+    truth[:, 6:] = 0  # a known beam tells the double apart
+    truth = truth[facets.reaches(FOLDED, truth).all(axis=1)]
+    known = facets.solve(FOLDED, facets.readings(FOLDED, truth), beam="known")
+    assert known.ok.mean() > 0.99
+    assert np.abs(known.state - truth)[known.ok].max() < 1e-6
     solver = facets.Solver(FOLDED, start="previous")
     for reading in readings[ambiguous][:5]:
         assert facets.solve(FOLDED, reading).status == Status.AMBIGUOUS
@@ -78,31 +81,19 @@ def test_with_diffraction_a_spot_is_near_an_edge_from_further_off():
         assert is_near_edge(sensor, reading)[:, 0].tolist() == [n < count for n in range(4)]
 
 
-def test_where_the_beam_is_known_the_double_is_told_apart():
-    truth = about_the_fold(2000)
-    truth[:, 6:] = 0
-    truth = truth[facets.reaches(FOLDED, truth).all(axis=1)]
-    solution = facets.solve(FOLDED, facets.readings(FOLDED, truth), beam="known")
-    assert solution.ok.mean() > 0.99
-    assert np.abs(solution.state - truth)[solution.ok].max() < 1e-6
-
-
-#: Readings of poses 28.9, 28.2 and 1.9 mm from the poses that the estimates end at. From the other
+#: Readings of poses 28.9 and 1.9 mm from the poses that the estimates end at. From the other
 #: side of the fold no estimate ends anywhere, so that no second solution is found.
 NO_SECOND_ESTIMATE = (
     (1.3253264640579023, 2.5891983446037607, 0.08097680579174249, 3.2660685821665174,
      3.952581721829265, 0.12948816859997223, 2.998205101082336, 0.668249475652364,
      0.08959920359837026),
-    (-4.811343053604097, 2.376490217761481, 0.19742631885617037, -2.724907074945089,
-     3.7073287833733257, 0.046711621919288376, -2.5334877160044535, 2.855786430053613,
-     0.05589002295695695),
     (0.13634583373394293, 4.0276808505678465, 0.06405566930077178, 1.8273564814938037,
      3.199248593416352, 0.11470623404724996, 1.1348504634773537, 1.265416785317718,
      0.12137350451589062),
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("reading", NO_SECOND_ESTIMATE, ids=["29 mm", "28 mm", "2 mm"])
+@pytest.mark.parametrize("reading", NO_SECOND_ESTIMATE)
 def test_a_pose_beside_a_fold_that_no_second_estimate_can_check_is_ambiguous(reading):
     assert facets.solve(FOLDED, reading).status == Status.AMBIGUOUS
 
@@ -131,7 +122,6 @@ def test_a_detector_that_sees_hardly_more_than_other_light_has_no_light():
 
 @pytest.mark.slow
 def test_a_small_beams_wrong_minimum_under_real_light_gives_way_to_the_right_one():
-    """Each route of the solver gives the same bits."""
     sensor = facets.load("bench-light").sensor
     sensor = replace(sensor, beam=replace(sensor.beam, diameter_x=0.35, diameter_y=0.3675))
     truth = np.zeros((3, 8))
@@ -141,10 +131,6 @@ def test_a_small_beams_wrong_minimum_under_real_light_gives_way_to_the_right_one
     solution = facets.solve(sensor, readings, **known)
     assert solution.ok.all()
     assert np.abs(solution.state - truth).max() < 1e-9
-    without = facets.solve(sensor, readings, covariance=False, **known)
-    np.testing.assert_array_equal(without.state, solution.state)
-    for start in ("zero", "previous"):
-        solver = facets.Solver(sensor, start=start, **known)
-        states = np.array([solver.solve(reading).state for reading in readings])
-        assert np.abs(states - truth).max() < 1e-9
-        assert start == "previous" or (states == solution.state).all()
+    solver = facets.Solver(sensor, start="previous", **known)
+    states = [solver.solve(reading).state for reading in readings]
+    np.testing.assert_allclose(states, truth, atol=1e-9)

@@ -9,21 +9,19 @@ from estimators import (
     EXECUTIONS,
     SENSORS,
     SLOW_SENSORS,
-    Execution,
-    Question,
     questions,
     solve_batch,
 )
 from hypothesis import HealthCheck, Phase, given, settings
 
-from facets import Sensor, Status
+from facets import Status
 from facets.estimation import has_fold
 
 #: Statuses before a step is made.
 SCREENED = (Status.NON_FINITE, Status.NO_LIGHT, Status.OUT_OF_RANGE, Status.UNCHECKED)
 
 
-def compare(execution: Execution, question: Question) -> None:
+def compare(execution, question):
     question = question.rows(slice(0, COUNT // execution.effort))
     answer, expected = execution.solve(question), solve_batch(question)
     converged = expected.status == Status.CONVERGED
@@ -64,7 +62,11 @@ def compare(execution: Execution, question: Question) -> None:
         np.testing.assert_allclose(answer.limit, expected.limit, rtol=1e-12)
 
 
-def check(name: str, sensors: dict[str, Sensor], count: int) -> None:
+@pytest.mark.parametrize("name", EXECUTIONS)
+@pytest.mark.parametrize(
+    ("sensors", "count"), [(SENSORS, 4), pytest.param(SLOW_SENSORS, 8, marks=pytest.mark.slow)]
+)
+def test_an_execution_gives_the_poses_of_all_others(name, sensors, count):
     """Compare an execution with batches for some questions that it can answer."""
     execution = EXECUTIONS[name]
     if not execution.exists:
@@ -73,18 +75,7 @@ def check(name: str, sensors: dict[str, Sensor], count: int) -> None:
 
     @settings(max_examples=examples, phases=[Phase.generate], suppress_health_check=HealthCheck)
     @given(questions(sensors).filter(execution.can_answer))
-    def compare_all(question: Question) -> None:
+    def compare_all(question):
         compare(execution, question)
 
     compare_all()
-
-
-@pytest.mark.parametrize("name", [name for name in EXECUTIONS if "light" not in name])
-def test_an_execution_gives_the_poses_of_all_others(name):
-    check(name, SENSORS, 4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", EXECUTIONS)
-def test_an_execution_gives_the_poses_of_all_others_for_any_sensor(name):
-    check(name, SLOW_SENSORS, 8)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from sensors import correlate
+from sensors import calibrated
 
 import facets
 from facets.model import evaluate, parameters, vectors_of
@@ -16,36 +16,29 @@ STATE = np.array([0.02, -0.03, 0.1, 5e-3, 8e-3, -1e-2, 0, 0])
 START = np.array([-0.02, 0.01, -0.2, -4e-3, 3e-3, 5e-3, 0, 0])
 COUNT = 10_000
 KNOWN = {"beam": "known", "power": "unknown"}
-#: A calibration that knows less than a good one, so that its part counts beside the noise.
-SIGMAS = {"psd_a.radius": 2e-3, "psd_b.height": 1e-3, "psd_c.azimuth": 1e-5, "psd_a.roll": 2e-4,
-          "facet_b.inclination": 4e-6, "facet_c.azimuth": 6e-6, "beam.tilt_x": 5e-6}  # fmt: skip
 
 
-def calibrated() -> facets.Sensor:
-    return replace(facets.load("paper").sensor, calibration=correlate(SIGMAS))
-
-
-def motion(state, body) -> tuple[np.ndarray, Rotation]:
+def motion(state, body):
     """Position and axes of the object by quaternions."""
     turn = Rotation.from_euler("xyz", state[3:6])
     return state[:3] + turn.apply(body.point), turn * Rotation.from_euler("xyz", body.orientation)
 
 
-def pose_of(place, turn) -> np.ndarray:
+def pose_of(place, turn):
     return np.append(place, turn.as_euler("xyz"))
 
 
-def displacement(body) -> np.ndarray:
+def displacement(body):
     """From START to STATE."""
     (place, turn), (start, turn_zero) = motion(STATE, body), motion(START, body)
     return pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
 
 
-def check_intervals(pose: np.ndarray, covariance: np.ndarray, truth: np.ndarray) -> None:
+def check_intervals(pose, covariance, truth):
     """95 % intervals of the components hold, and the 95 % region of all six."""
     error, variance = pose - truth, np.einsum("nii->ni", covariance)
     shares = (np.abs(error) < 1.96 * np.sqrt(variance)).mean(axis=0)
-    assert ((shares > 0.93) & (shares < 0.97)).all(), shares
+    np.testing.assert_allclose(shares, 0.95, rtol=0, atol=0.02)
     squares = (error * np.linalg.solve(covariance, error[:, :, None])[:, :, 0]).sum(axis=1)
     assert 0.93 < (squares < 12.5916).mean() < 0.97  # chi-square of six numbers
 
@@ -119,21 +112,15 @@ def test_poses_without_a_solution_stay_nan_and_bare_states_have_no_covariance():
     readings = facets.readings(sensor, np.tile(STATE, (2, 3, 1)))
     readings[1, 2] = np.nan
     solution = facets.solve(sensor, readings)
-    for zero in (None, START, START[:6], facets.zero_pose(sensor, START)):
+    for zero in (START[:6], facets.zero_pose(sensor, START), None):
         poses = facets.transform(solution, HEAD, zero)
-        assert poses.status is solution.status
         assert poses.is_displacement == (zero is not None)
         for numbers in (poses.pose, poses.uncertainty):
-            assert numbers.shape == (2, 3, 6)
-            assert np.isnan(numbers[1, 2]).all()
-            assert np.isfinite(numbers[0]).all()
-    expected, bare = (facets.transform(each, HEAD) for each in (solution, solution.state))
-    np.testing.assert_array_equal(bare.pose, expected.pose)
+            assert np.isnan(numbers).sum(axis=2).tolist() == [[0, 0, 0], [0, 0, 6]]
+    bare = facets.transform(solution.state, HEAD)
+    np.testing.assert_array_equal(bare.pose, poses.pose)
     with pytest.raises(facets.InputError, match="no covariance"):
         bare.uncertainty  # noqa: B018
-    np.testing.assert_allclose(facets.transform(STATE[:6], HEAD).pose, bare.pose[0, 0], rtol=1e-12)
-    single = facets.transform(facets.solve(sensor, readings[0, 0]), HEAD)
-    np.testing.assert_allclose(single.uncertainty, expected.uncertainty[0, 0], rtol=1e-6)
 
 
 def test_zeros_that_cannot_be():
@@ -142,10 +129,10 @@ def test_zeros_that_cannot_be():
     zero, other = (facets.zero_pose(each, START) for each in (sensor, facets.load("paper").sensor))
     with pytest.raises(facets.InputError, match="no solved pose"):
         facets.zero_pose(sensor, np.full((3, 8), np.nan))
-    for words, start, more in (
-        ("different sensors", other, {}),
-        ("zero has shape", np.zeros((2, 8)), {}),
-        ("members has 3 values", zero, {"members": [1, 0, 0]}),
+    for words, start, members in (
+        ("different sensors", other, None),
+        ("zero has shape", np.zeros((2, 8)), None),
+        ("members has 3 values", zero, [1, 0, 0]),
     ):
         with pytest.raises(facets.InputError, match=words):
-            facets.transform(solution, HEAD, start, **more)
+            facets.transform(solution, HEAD, start, members=members)

@@ -9,16 +9,12 @@ import pytest
 from sample_paths import (
     FIRST,
     RUN_PATHS,
-    SIMULATION_PATHS,
     ZERO,
-    PathResult,
     make_bench,
     simulate,
     solve_table,
     write_config,
 )
-
-from facets.core import STATE_COLUMNS
 
 pytestmark = pytest.mark.slow
 #: What a user is told. A table has rows, and a run samples.
@@ -43,16 +39,15 @@ KNOWN = {
     | SILENT
     | {"no time_s", "no misfit", "no displacements", "no covariances"},
     "simulation": {"no unchecked poses told", "no unseen errors told", "no the zero told"},
-    "trials": set(),
 }
 
 
-def told(result: PathResult, what: str) -> str:
+def told(result, what):
     match = re.search(TOLD[what], result.said)
     return match.group().replace("rows", "samples") if match else ""
 
 
-def differences(result: PathResult, expected: PathResult) -> set[str]:
+def differences(result, expected):
     """In what a way's result is another than that of a table."""
     found = set()
     for name, theirs in expected.poses.items():
@@ -92,19 +87,8 @@ def test_a_run_s_samples_give_the_same_poses_on_all_ways(run, name):
     assert differences(RUN_PATHS[name](folder), expected) == KNOWN[name]
 
 
-@pytest.fixture(scope="module")
-def simulation(tmp_path_factory):
-    """A folder with a simulation's samples, and what their table gives."""
-    folder = tmp_path_factory.mktemp("simulation")
-    write_config(folder, follows_temperature=False)
-    simulate(folder)
-    return folder, solve_table(folder, *FIRST, readings="sim/readings.csv")
-
-
-@pytest.mark.parametrize("name", SIMULATION_PATHS)
-def test_a_simulation_s_samples_give_the_same_poses_on_all_ways(simulation, name):
-    folder, expected = simulation
-    result = SIMULATION_PATHS[name](folder)
-    if name == "trials":  # which have poses alone
-        expected = PathResult(expected.poses[list(STATE_COLUMNS[:6])], "")
-    assert differences(result, expected) == KNOWN[name]
+def test_a_simulation_s_samples_give_the_same_poses_as_their_table(tmp_path):
+    write_config(tmp_path, follows_temperature=False)
+    result = simulate(tmp_path)
+    expected = solve_table(tmp_path, *FIRST, readings="sim/readings.csv")
+    assert differences(result, expected) == KNOWN["simulation"]

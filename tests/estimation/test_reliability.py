@@ -10,7 +10,7 @@ SENSOR = facets.load("paper").sensor
 STATE = np.array([0.05, -0.02, 1.0, 2e-3, -1e-3, 4e-3, 0, 0])
 
 
-def shift(solution: facets.Solution) -> float:
+def shift(solution):
     """How far a pose is off, in standard uncertainties, correlations heeded."""
     off = solution.state - STATE
     scale = np.where(solution.uncertainty > 0, solution.uncertainty, np.inf)
@@ -26,7 +26,6 @@ def shift(solution: facets.Solution) -> float:
         {"beam": "known", "power": "unknown"},
         {"beam": Prior((0, 0), 0.005), "power": Prior(0.3, 0.003)},
     ],
-    ids=str,
 )
 def test_an_error_that_leaves_the_limit_shifts_the_pose_by_what_is_told(way):
     """By first order: a number is spoilt by a tenth of its noise. Where the power is solved for

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 import facets
-from facets.estimation import prepared
 
 SENSOR = facets.Sensor()
 WITH_ELECTRONICS = replace(SENSOR, electronics=facets.Electronics())
 #: Eight paths of 80 states.
-PATHS = np.random.default_rng(8).uniform(-1, 1, (8, 80, 8)) * [
-    0.1, 0.1, 3, 5e-3, 5e-3, 5e-3, 0, 0,
-]  # fmt: skip
+PATHS = np.random.default_rng(8).uniform(-1, 1, (8, 80, 8))
+PATHS *= [0.1, 0.1, 3, 5e-3, 5e-3, 5e-3, 0, 0]
 
 
 @pytest.fixture
@@ -41,10 +39,8 @@ def eager_threads():
     ("sensor", "options"),
     [
         (SENSOR, {"start": "previous"}),
-        (SENSOR, {"power": "unknown", "accept_unchecked": True}),
         (WITH_ELECTRONICS, {}),
     ],
-    ids=["warm", "unknown power", "electronics"],
 )
 def test_threads_may_share_a_solver(eager_threads, sensor, options):
     """Eight of them solve eight paths by one solver, and each gets what it would get alone."""
@@ -70,20 +66,3 @@ def test_threads_may_ask_for_single_readings_of_one_sensor(eager_threads):
             np.testing.assert_allclose(facets.solve(SENSOR, reading).state, state, atol=1e-8)
 
     eager_threads(there_and_back)
-
-
-def test_a_solve_may_interrupt_another_one(monkeypatch):
-    """As a signal's handler does: both have memory of their own."""
-    states = PATHS[1, :2]
-    readings = facets.readings(WITH_ELECTRONICS, states)
-    solver, inner = facets.Solver(WITH_ELECTRONICS), []
-    plain = prepared.standard_deviations
-
-    def interrupt(*arguments):
-        monkeypatch.setattr(prepared, "standard_deviations", plain)
-        inner.append(solver.solve(readings[1]))
-        return plain(*arguments)
-
-    monkeypatch.setattr(prepared, "standard_deviations", interrupt)
-    outer = solver.solve(readings[0])
-    np.testing.assert_allclose([outer.state, inner[0].state], states, atol=1e-8)

@@ -44,12 +44,9 @@ class Question(NamedTuple):
     method: str = "least-squares"
     max_steps: int = 50
 
-    def __repr__(self) -> str:
-        return f"{len(self.readings)} readings, {self.options!s:.200}"
-
     @property
     def options(self) -> dict[str, Any]:
-        return {name: value for name, value in self._asdict().items() if name not in GIVEN}
+        return dict(zip(self._fields[2:], self[2:], strict=True))
 
     def rows(self, which: Any) -> Question:
         """The question of some of the readings, or of one."""
@@ -70,9 +67,6 @@ class Question(NamedTuple):
     def is_plain(self) -> bool:
         """Whether it asks for least squares from zero."""
         return isinstance(self.start, str) and self[5:] == ("zero", "least-squares", 50)
-
-
-GIVEN = ("sensor", "readings")
 
 
 class Answer(NamedTuple):
@@ -128,10 +122,6 @@ def solve_prepared(question: Question) -> Answer:
     return join([answer_of(solver.solve(reading)) for reading in question.readings])
 
 
-def solve_singly(question: Question) -> Answer:
-    return join([solve_batch(question.rows(n)) for n in range(len(question.readings))])
-
-
 def solve_elsewhere(question: Question) -> Answer:
     """In batches of 1 to 17 readings, each beside others than it stands beside."""
     count = len(question.readings)
@@ -159,25 +149,20 @@ def solve_rows(question: Question, as_text: bool = False) -> Answer:
 
 
 def solve_varied(question: Question) -> Answer:
-    """With a sensor for each reading, of which every other one is another sensor."""
-    count, rng, sensor = len(question.readings), np.random.default_rng(1), question.sensor
-    answers = []
-    for first in (0, 1):
-        wrong = (np.arange(count) % 2 != first)[:, None]
-        values = parameters(sensor) + 1e-4 * wrong * rng.standard_normal((count, 30))
-        light = None
-        if sensor.light.on:
-            light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 36)))
-        found = solve_each(
-            VariedSensors(sensor, values, light), question.readings,
-            Knowledge(question.beam, question.power), accept_unchecked=question.accept_unchecked,
-        )  # fmt: skip
-        states, power = found.states[:, :8], found.states[:, 8]
-        answers.append(Answer(states, found.status, found.used, power, found.residuals))
-    even, odd = answers
-    for whole, rest in zip(even[:5], odd[:5], strict=True):
-        whole[1::2] = rest[1::2]
-    return even
+    """With a sensor for each reading, beside the same reading of another sensor."""
+    twice = question.rows(np.repeat(np.arange(len(question.readings)), 2))
+    count, rng, sensor, light = len(twice.readings), np.random.default_rng(1), twice.sensor, None
+    wrong = (np.arange(count) % 2)[:, None]
+    values = parameters(sensor) + 1e-4 * wrong * rng.standard_normal((count, 30))
+    if sensor.light.on:
+        light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 36)))
+    found = solve_each(
+        VariedSensors(sensor, values, light), twice.readings, Knowledge(twice.beam, twice.power),
+        accept_unchecked=twice.accept_unchecked,
+    )  # fmt: skip
+    states, power = found.states[:, :8], found.states[:, 8]
+    numbers = (states, found.status, found.used, power, found.residuals)
+    return Answer(*(values[::2] for values in numbers))
 
 
 def is_exported(question: Question) -> bool:
@@ -210,18 +195,24 @@ def library(sensor: facets.Sensor, precision: str) -> firmware.FirmwareLibrary:
         return firmware.FirmwareLibrary(folder / "solver.so")
 
 
-def solve_c(question: Question, precision: str) -> Answer:
-    beam, power, start = question.beam, question.power, None
+def priors(question: Question) -> tuple[np.ndarray, np.ndarray]:
+    """Means and standard uncertainties (3,) of bx, by and the power."""
     widths = {"known": 0.0, "free": np.inf, "unknown": np.inf}
+    beam, power = question.beam, question.power
     if isinstance(beam, str):
         beam = Prior((0.0, 0.0), widths[beam])
     if isinstance(power, str):
         power = Prior(question.sensor.beam.power, widths[power])
+    sigmas = [*np.broadcast_to(beam.sigma, 2), power.sigma]
+    return np.array([*np.ravel(beam.mean), power.mean]), np.array(sigmas)
+
+
+def solve_c(question: Question, precision: str) -> Answer:
+    (means, sigmas), start = priors(question), None
     if not isinstance(question.start, str):
-        start = np.column_stack([question.start, np.full(len(question.start), power.mean)])
+        start = np.column_stack([question.start, np.full(len(question.start), means[2])])
     found = library(question.sensor, precision).solve(
-        question.readings, means=np.array([*beam.mean, power.mean]),
-        sigmas=np.array([beam.sigma, beam.sigma, power.sigma]), start=start,
+        question.readings, means=means, sigmas=sigmas, start=start,
         accept_unchecked=question.accept_unchecked,
     )  # fmt: skip
     return Answer(
@@ -298,19 +289,11 @@ def scipy_row(question: Question, used: np.ndarray) -> Answer:
 
     sensor, reading, lit = question.sensor, question.readings, np.repeat(used, 3)
     sigma = facets.standard_deviations(sensor, reading)
-    widths = {"known": 0.0, "unknown": np.inf, "free": np.inf}
-    beam, power = question.beam, question.power
-    if isinstance(beam, str):
-        beam = Prior((0.0, 0.0), widths[beam])
-    if isinstance(power, str):
-        mean = reading[2::3][used].sum() if power == "unknown" else sensor.beam.power
-        power = Prior(mean, widths[power])
-    means = np.array([*np.ravel(beam.mean), power.mean])
-    sigmas = np.array([*np.broadcast_to(beam.sigma, 2), power.sigma])
+    means, sigmas = priors(question)
     is_free = np.append(np.ones(6, bool), sigmas > 0)
     has_prior = np.isfinite(sigmas) & (sigmas > 0)
     start = np.array([*means[:2], 0, 0, 0, 0, *means])
-    scale = np.array([0.01, 0.01, 0.1, 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01 * power.mean])
+    scale = np.array([0.01, 0.01, 0.1, 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01 * means[2]])
 
     def residuals(steps: np.ndarray) -> np.ndarray:
         state = start.copy()
@@ -337,17 +320,11 @@ def scipy_row(question: Question, used: np.ndarray) -> Answer:
                   np.sqrt(2 * found.cost), (spread @ spread.T)[:8, :8])  # fmt: skip
 
 
-def is_lit(question: Question) -> bool:
-    """Whether a question is of least squares from zero under the light of a bench."""
-    return question.is_plain() and question.sensor.light.on
-
-
 EXECUTIONS = {
     "prepared solver": Execution(
         solve_prepared,
         can_answer=lambda question: question.is_alike() and isinstance(question.start, str),
     ),
-    "single readings": Execution(solve_singly, can_answer=Question.is_of_each),
     "other batches": Execution(solve_elsewhere, can_answer=Question.is_of_each),
     "rows": Execution(solve_rows, sigmas=1e-6, spread=1e-5),
     "rows as text": Execution(
@@ -384,21 +361,10 @@ EXECUTIONS = {
         solve_scipy,
         sigmas=2e-3,
         spread=1e-4,
-        can_answer=lambda question: question.is_plain() and not is_lit(question),
+        can_answer=lambda question: question.is_plain() and not question.sensor.light.on,
         screens=False,
         misfits=False,
         effort=4,
-    ),
-    # The derivatives of the package's steps leave out how what happens at the edges changes: they
-    # end where a few hundredths of the sum of squares, seldom 1, are left.
-    "SciPy, bench light": Execution(
-        solve_scipy,
-        sigmas=2.0,
-        spread=0.5,
-        can_answer=is_lit,
-        screens=False,
-        misfits=False,
-        effort=10,
     ),
 }
 

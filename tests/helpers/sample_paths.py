@@ -1,15 +1,13 @@
 """Everything that makes poses of a bench's samples, by one signature.
 
-A way that is added to the package, or replaces one, is a line of PATHS, and the test that goes over
-these (`tests/estimation/test_paths.py`) holds it to what all others give.
+A way that is added to the package, or replaces one, is a line of RUN_PATHS, and the test that goes
+over these (`tests/estimation/test_paths.py`) holds it to what all others give.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
-from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -18,10 +16,8 @@ from streams import samples_of
 
 import facets
 from facets import live
-from facets.characterization import trials
-from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from facets.core import READING_COLUMNS
 from facets.detectors import TEMPERATURE, counts_to_readings
-from facets.estimation import exact_readings
 from facets.files import write_table
 
 #: Standard uncertainties of what was calibrated: a height, what the model leaves, and how the
@@ -149,31 +145,10 @@ def simulate(folder: Path) -> PathResult:
     return PathResult(pd.read_csv(folder / "sim" / "poses.csv", comment="#"), said)
 
 
-def try_out(folder: Path) -> PathResult:
-    """Trials of which each reads what a sample of the simulation has, with nothing else drawn."""
-    config = facets.load(folder / "mine.yaml")
-    table = pd.read_csv(folder / "sim" / "readings.csv", comment="#")
-    exact = exact_readings(config.sensor, table[list(READING_COLUMNS)].to_numpy())
-    count = len(exact)
-    with (
-        patch.object(trials, "sample_readings", lambda *_, **__: exact),
-        patch.object(trials, "draw_errors", lambda *_: np.zeros((count, len(SIGMAS)))),
-    ):
-        found = trials.solve_trials(config.sensor, config.solve, np.zeros(8), count, 1)
-    solved = simulate(folder).poses.status == "converged"
-    poses = np.full((count, 6), np.nan)
-    poses[solved] = found.poses / STATE_UNITS[:6]
-    return PathResult(pd.DataFrame(poses, columns=STATE_COLUMNS[:6]), "")
-
-
-#: The ways of the samples of a run, and of a simulation.
-RUN_PATHS: dict[str, Callable[[Path], PathResult]] = {
+#: The ways of the samples of a run.
+RUN_PATHS = {
     "run": acquire,
     "replay": replay,
     "table of a replay": solve_replay,
     "loop in Python": iterate,
-}
-SIMULATION_PATHS: dict[str, Callable[[Path], PathResult]] = {
-    "simulation": simulate,
-    "trials": try_out,
 }

@@ -3,7 +3,7 @@
 import numpy as np
 from facets.experiments import sensors as experiments_sensors
 
-from facets import BenchLight, Calibration
+from facets import BenchLight, Calibration, Sensor
 
 SENSORS = experiments_sensors.SENSORS
 
@@ -48,9 +48,15 @@ def box(count: int, seed: int, reach: float = 0.12) -> np.ndarray:
     return some
 
 
-def correlate(sigmas: dict[str, float]) -> Calibration:
-    """A calibration whose parameters have these standard uncertainties and correlated errors."""
-    mixing = np.random.default_rng(1).standard_normal((len(sigmas), 2 * len(sigmas)))
-    sizes = np.array(list(sigmas.values()))
+#: A calibration that knows less than a good one, so that its part counts beside the noise.
+SIGMAS = {"psd_a.radius": 2e-3, "psd_b.height": 1e-3, "psd_c.azimuth": 1e-5, "psd_a.roll": 2e-4,
+          "facet_b.inclination": 4e-6, "facet_c.azimuth": 6e-6, "beam.tilt_x": 5e-6}  # fmt: skip
+
+
+def calibrated() -> Sensor:
+    """The paper's sensor with a calibration of these uncertainties, whose errors are correlated."""
+    mixing = np.random.default_rng(1).standard_normal((len(SIGMAS), 2 * len(SIGMAS)))
+    sizes = np.array(list(SIGMAS.values()))
     covariance = np.corrcoef(mixing) * np.outer(sizes, sizes)
-    return Calibration(tuple(sigmas), tuple(map(tuple, covariance.tolist())))
+    known = Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
+    return Sensor(calibration=known)
