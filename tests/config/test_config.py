@@ -278,6 +278,8 @@ WRONG = [
      "1: sensor.imperfections.wavefront_radius_mm: .*any but 0"),
     ("sensor: {temperature: {reference_c: 293.15}}",
      "1: sensor.temperature.reference_c: .*out of range.*-60 to 150 degC"),
+    ("sensor: {light: {tip_um2: 1e6}}", "1: sensor.light.tip_um2"),
+    ("sensor: {light: {rolloff_width_um: 300}}", "1: sensor.light.rolloff_width_um"),
     # the YAML itself
     ("", "1: a configuration is made of `key: value` lines"),
     ("- 1", "1: .*`key: value`"),

@@ -1,13 +1,11 @@
 """Threads share the work and change nothing else."""
 
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from llvmlite import ir
 
-from facets.model import blocks, once, run_side_by_side, share
+from facets.model import once, run_side_by_side, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (10_001, 3), (4000, 0)])
@@ -36,33 +34,6 @@ def test_what_two_threads_ask_for_is_made_once_and_other_things_meanwhile():
     run_side_by_side([lambda: later.append(make("later"))] * 4)
     assert sorted(made) == ["later", "one", "other"]
     assert all(each is later[0] for each in later)
-
-
-def test_an_object_that_two_threads_need_is_made_by_one_of_them(tmp_path, monkeypatch):
-    """And read whole by the other; another one is made meanwhile."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    made, both, functions = [], threading.Barrier(2, timeout=60), {}
-
-    def write(builder, arguments, width):
-        pointer = builder.inttoptr(arguments[0], ir.PointerType(arguments[0].type))
-        builder.store(arguments[1], pointer)
-
-    def get(key, name):
-        def recipe():
-            made.append(name)
-            both.wait()
-            return write
-
-        functions[key] = blocks.lane_code(name, 2, 2, recipe)
-
-    names = ["one", "other", "one", "other"]
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(get, range(4), names))
-    assert sorted(made) == ["one", "other"]
-    place = np.zeros(1, np.int64)
-    for n in range(4):
-        functions[n](place.ctypes.data, n + 1)
-        assert place[0] == n + 1
 
 
 def test_what_goes_wrong_side_by_side_is_raised():
