@@ -19,10 +19,7 @@ else:
             "knowledge": "Knowledge",
             "layout": "AmplifierPart LaserPart PsdPart",
             "motions": "Mode Random Runs Sine Steps Sweep Table Vibration",
-            "names": (
-                "ANGLES DETECTORS FINE_UNITS LABELS RANGE_COLUMNS READING_COLUMNS STATE "
-                "STATE_COLUMNS STATE_UNITS"
-            ),
+            "names": "ANGLES FINE_UNITS LABELS READING_COLUMNS STATE STATE_COLUMNS STATE_UNITS",
             "rigid_body": "MIRROR MeasuredObject mirror_poses object_displacements object_poses",
             "sensor": "BenchLight Calibration LIGHT_CANDIDATES Thermal",
             "settings": "Solve",

@@ -73,28 +73,6 @@ def test_every_page_is_in_the_menu():
         assert str(page.relative_to(DOCS)) in menu, page
 
 
-@pytest.mark.parametrize(
-    "wanted",
-    [
-        "facets/optics/wedge.py",  # the power on a facet
-        "facets/estimation/gauss_newton.py",  # the solver's step
-        "facets/characterization/ranges.py",  # the range's limits
-        "facets/live/sources/frames.py",  # the frame format
-        "facets/proof/uniqueness.py",  # the certificate's inequality
-    ],
-)
-def test_a_stranger_finds_it_within_three_clicks(wanted):
-    reached = {ROOT / "README.md"}
-    for _ in range(3):
-        reached |= {
-            (page.parent / link.partition("#")[0]).resolve()
-            for page in reached
-            if page.suffix == ".md"
-            for link in links(page)
-        }
-    assert ROOT / wanted in reached
-
-
 def test_the_figures_of_the_readme_are_those_of_the_full_tables():
     """So that a new measurement is not told in one place alone."""
     number = re.compile(r"\d[\d.,]*(?:e[-+]?\d+)?")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bad_inputs import recorded
+from recorded import record
 
 import facets
 from facets import InputError
@@ -73,7 +73,7 @@ def test_designs_of_the_same_configuration_are_taken(explored, run_in_process):
 
 
 def test_a_recording_of_another_sensor_is_not_drawn(tmp_path, run_in_process):
-    recorded(tmp_path)
+    record(tmp_path / "recording", count=2)
     words = ("render", "paper", "--recording", "recording", "-o", "film.gif")
     status, _, err = run_in_process(*words)
     assert status == 2
