@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from facets.experiments import bench_rays, disturbed_rigs, new_zero, rigs
-from rig_samples import CONFIG, IDEAL_RAYS, NOMINAL, WIDE, accepted_effects, judge, words_of
+from facets.experiments import disturbed_rigs, new_zero, rigs
+from rig_samples import CONFIG, NOMINAL, WIDE, accepted_effects, judge, words_of
 
 import facets
 from facets.calibration import ChangePriors
 from facets.detectors import correct
-
-STRIPS = (0.01, 0.005, 0.008)
-BACKGROUND = ((5e-4, 1.0, -2.0), (3e-4, 0.0, 1.0), (1e-4, 2.0, 2.0))
-
-
-def test_the_model_reads_what_the_rays_read():
-    """Beside diffraction, of which the rays have the leading terms alone."""
-    rng = np.random.default_rng(1)
-    state = np.zeros((20, 8))
-    state[:, :6] = rng.uniform(-1, 1, (20, 6)) * rigs.BOX
-    state[:, 6:] = 0.01 * rng.normal(size=(20, 2))
-    light = replace(NOMINAL.light, strips=STRIPS, background=BACKGROUND, curvature_xx=3e-4,
-                    curvature_xy=1e-4, curvature_yy=-2e-4)  # fmt: skip
-    bench = IDEAL_RAYS._replace(strips=np.array(STRIPS), background=np.array(BACKGROUND),
-                                curvature=np.array([[3e-4, 1e-4], [1e-4, -2e-4]]))  # fmt: skip
-    rays = bench_rays.spots(NOMINAL, bench, state)
-    off = rays - facets.readings(replace(NOMINAL, light=light), state)
-    assert np.abs(np.delete(off, [2, 5, 8], axis=1)).max() < 3e-5
-    assert np.abs(off[:, 2::3]).max() < 1e-5
 
 
 @pytest.fixture(scope="module")

@@ -32,6 +32,7 @@ def test_without_a_fault_it_is_trusted(samples):
     assert judged.is_trusted
     assert "Probably" not in words_of(judged)
     assert "residuals" not in words_of(judged)  # neither their size nor what they follow
+    assert "scatter" not in words_of(judged)
 
 
 def exchange_powers_and_swap_a_sign(raw, pose):

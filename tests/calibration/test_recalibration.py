@@ -86,13 +86,11 @@ def test_a_changed_gain_is_found_and_the_rest_stays_known(rig):
     few, _ = rigs.sample_motion(changed, 12, np.random.default_rng(4))
     groups = ["gains", "beam"]
     after = fit.fit(before.sensor, few, choose_groups(before.sensor, ASKED, groups))
-    alone = fit.fit(before.sensor, few, ALL)
     place = ALL.names.index("correction_b.power")
     growth = after.values[place] - before.values[place]
     assert abs(growth - 0.01) < 4 * np.hypot(after.uncertainty[place], before.uncertainty[place])
     heights = [n for n, name in enumerate(ALL.names) if name.endswith("height")]
     assert (after.uncertainty[heights] <= before.uncertainty[heights]).all()
-    assert (after.uncertainty[heights] < 0.7 * alone.uncertainty[heights]).all()
     off = (after.values - rig.values[ALL.places])[heights] / after.uncertainty[heights]
     assert np.abs(off).max() < 4
     known = after.sensor.calibration

@@ -20,7 +20,7 @@ from facets.calibration import (
     stop_readings,
     values_of,
 )
-from facets.core import READING_COLUMNS, Floats, InputError, Solve
+from facets.core import READING_COLUMNS, InputError
 from facets.detectors import invert_correction, standard_deviations
 from facets.files import tables
 from facets.optics import PARAMETERS
@@ -39,7 +39,7 @@ EXACT = new_zero.EXACT_STOP
 ROWS = 20_000
 
 
-def read(change: Floats, pose: Floats = POSE) -> StopReadings:
+def read(change, pose=POSE):
     """The means of the changed sensor by rays, without noise; their variances are those of noise.
 
     change: power and widths as shares.
@@ -156,13 +156,6 @@ def test_readings_that_wander_are_no_stop():
         stop_readings(NOMINAL, raw[:31])
 
 
-def test_the_beam_stands_beside_where_each_sample_says():
-    """Beside the same place for all samples: tests of estimation."""
-    options = Solve(beam="known", beam_offset=(1e-3, -2e-3))
-    places = options.knowledge(NOMINAL, np.array([[1.0, 2.0], [3.0, 4.0]])).beam.mean
-    assert places == pytest.approx(np.array([[1.001, 1.998], [3.001, 3.998]]))
-
-
 # ---- the command
 
 
@@ -190,17 +183,15 @@ def write_stop(path, stop, day="11"):
 def test_the_command_writes_a_configuration_that_extends_the_calibrated_one(run, tmp_path):
     write_stop(tmp_path / "now.csv", read(CHANGE))
     (tmp_path / "new").mkdir()
-    words = ("rezero", "calibrated.yaml", "then.csv", "now.csv", "-o", "new/today.yaml")
+    words = ["rezero", "calibrated.yaml", "then.csv", "now.csv", "-o", "new/today.yaml"]
     status, out, _ = run(*words)
     assert status == 0
     assert "gain of detector A" in out
     written = (tmp_path / "new" / "today.yaml").read_text()
     assert "extends: ../calibrated.yaml" in written
-    assert len(written.splitlines()) < 40
     for text in (written, (tmp_path / "new" / "today-covariance.csv").read_text()):
         assert "# zero_then: then.csv, recorded at 2026-01-10 00:00:00+00:00" in text
         assert "# zero_now: now.csv, recorded at 2026-01-11 00:00:00+00:00" in text
-        assert "# config: calibrated" in text
     today = facets.load("new/today.yaml")
     assert today.solve.beam_offset == pytest.approx(CHANGE[:2], abs=4e-4)
     assert set(today.sensor.calibration.names) == {*NAMES, *CHANGES}
@@ -211,11 +202,11 @@ def test_the_command_writes_a_configuration_that_extends_the_calibrated_one(run,
         assert (off < limit) == (name != "calibrated.yaml")
     assert run(*words)[0] == 2
     # not twice, and not in the wrong order
-    for before, after, reason in (
-        ("new/today.yaml then.csv", "now.csv", "its zero was renewed already, from now.csv"),
-        ("calibrated.yaml now.csv", "then.csv", "now.csv: was recorded at 2026-01-11"),
+    for words, reason in (
+        ("new/today.yaml then.csv now.csv", "its zero was renewed already, from now.csv"),
+        ("calibrated.yaml now.csv then.csv", "now.csv: was recorded at 2026-01-11"),
     ):
-        status, _, err = run("rezero", *before.split(), after, "-o", "twice.yaml")
+        status, _, err = run("rezero", *words.split(), "-o", "twice.yaml")
         assert status == 2
         assert reason in err
     assert not (tmp_path / "twice.yaml").exists()
@@ -234,10 +225,8 @@ def test_the_command_refuses_a_mirror_that_moved(run, tmp_path):
     ("words", "reason"),
     [
         ("paper then.csv then.csv", "no calibration"),
-        ("calibrated.yaml then.csv none.csv", "none.csv"),
         ("calibrated.yaml then.csv then.csv -o x.csv", "ends in .yaml"),
         ("calibrated.yaml then.csv then.csv --dwells", "ref_tx_mm"),
-        ("calibrated.yaml then.csv then.csv --stop-um 0", "--stop-um"),
     ],
 )
 def test_what_cannot_be_used_is_said(run, words, reason):

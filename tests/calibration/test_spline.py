@@ -76,24 +76,21 @@ def test_straight_detectors_keep_straight():
     assert accepted_effects(judged) == {"bend"}
 
 
-def test_a_measured_table_corrects_as_what_it_was_measured_of(tmp_path):
-    """A grid of a plane is that plane, in a file of any order; past its edge it stays as it is."""
-    rng = np.random.default_rng(1)
-    y, z = np.array(list(product(range(-6, 7, 2), (-6, 0, 6))), dtype=float).T
-    rows = np.column_stack([y, z, 10 * y - 3 * z, 2 * z])
-    lines = ["psi_mm,zeta_mm,add_psi_um,add_zeta_um"]
-    lines += [",".join(map(str, row)) for row in rng.permutation(rows)]
+def test_a_measured_table_is_read_in_any_order_and_undone(tmp_path):
+    """What is added between its places: tests of the detectors."""
+    y, z = (-6.0, 0.0, 6.0), (-5.0, 5.0)
+    rows = [f"{a},{b},{10 * a - 3 * b},{2 * b}" for a, b in product(y, z)]
+    lines = ["psi_mm,zeta_mm,add_psi_um,add_zeta_um", *rows[::-1]]
     (tmp_path / "a.csv").write_text("\n".join(lines))
     config = tmp_path / "my.yaml"
     config.write_text("extends: paper\nsensor: {psd: {b: {correction: {table: a.csv}}}}\n")
     sensor = facets.load(config).sensor
-    raw = np.repeat([[1.5, -2.0, 0.1, -4.0, 3.0, 0.08, 0.2, 0.1, 0.12]], 2, axis=0)
-    raw[1, 3] = -6.4
-    fixed, added = correct(sensor, raw), np.zeros_like(raw)
-    added[:, 3] = 0.01 * np.maximum(raw[:, 3], -6) - 0.003 * raw[:, 4]
-    added[:, 4] = 0.002 * raw[:, 4]
-    np.testing.assert_allclose(fixed - raw, added, atol=1e-12)
-    np.testing.assert_allclose(invert_correction(sensor, fixed), raw, atol=1e-12)
+    grid = sensor.psds[1].correction.grid
+    assert (grid.y, grid.z) == (y, z)
+    np.testing.assert_allclose(grid.add_y, 0.01 * np.array(y)[:, None] - 0.003 * np.array(z))
+    np.testing.assert_allclose(grid.add_z, [[-0.01, 0.01]] * 3)
+    raw = np.array([[1.5, -2.0, 0.1, -4.0, 3.0, 0.08, 0.2, 0.1, 0.12]])
+    np.testing.assert_allclose(invert_correction(sensor, correct(sensor, raw)), raw, atol=1e-12)
     (tmp_path / "a.csv").write_text("\n".join(lines[:-1]))
-    with pytest.raises(ConfigError, match=r"my\.yaml:2: .* a grid: 20 rows, 7 values of psi_mm, 3"):
+    with pytest.raises(ConfigError, match=r"my\.yaml:2: .* a grid: 5 rows, 3 values of psi_mm, 2"):
         facets.load(config)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -31,42 +30,33 @@ IDEAL_RAYS = bench_rays.RayBench(
     background=np.zeros((3, 3)),
 )
 
-Alter = Callable[[facets.Sensor, np.ndarray, np.ndarray], np.ndarray]
 
-
-def settings(**effects: str):
+def settings(**effects):
     """The settings of a calibration that tries no effects but these."""
     off = dict.fromkeys(CONFIG.calibrate.effects, "off")
     return replace(CONFIG.calibrate, effects=off | effects)
 
 
 def sample_rig(
-    count: int,
-    seed: int = 5,
-    *,
-    box=WIDE,
-    light: facets.BenchLight | None = None,
-    mirror: Callable | None = None,
-    beam: Callable | None = None,
-    alter: Alter | None = None,
-    noise: float = 1.0,
+    count, seed=5, *, box=WIDE, light=None, mirror=None, beam=None, alter=None, noise=1.0
 ):
     """Return a rig, its samples with a reference's errors, and the true states (count, 8).
 
-    mirror: displaces it, by poses (n, 6) and a generator.  beam: displaces it (n, 2), by the count
-    and a generator.  alter: changes exact readings (n, 9), by the sensor and the states.
+    light: of the bench, as the model has it.  mirror: displaces it, by poses (n, 6) and a
+    generator.  beam: displaces it (n, 2), by the count and a generator.  alter: changes exact
+    readings (n, 9), by the sensor and the states.
     """
     rng = np.random.default_rng(seed)
     rig = rigs.draw_rig(NOMINAL, rng)
-    sensor = rig.sensor if light is None else replace(rig.sensor, light=light)
+    sensor = replace(rig.sensor, light=light or NOMINAL.light)
     pose = rng.uniform(-1, 1, (count, 6)) * box
     still = np.zeros((count, 2))
-    there = pose if mirror is None else pose + mirror(pose, rng)
-    moved = still if beam is None else beam(count, rng)
+    there = pose + mirror(pose, rng) if mirror else pose
+    moved = beam(count, rng) if beam else still
     data = Data(np.zeros((count, 9)), there, rigs.REFERENCE, moved)
-    state = states_of(data, np.zeros((count, 9)), rig.values)
+    state = states_of(data, data.raw, rig.values)
     exact = facets.readings(sensor, state)
-    if alter is not None:
+    if alter:
         exact = alter(sensor, state, exact)
     raw = exact + noise * (add_noise(sensor, exact, rng) - exact)
     said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
@@ -74,13 +64,13 @@ def sample_rig(
     return rig, data, state
 
 
-def move(at: np.ndarray) -> np.ndarray:
+def move(at):
     """Return the poses (n, 6) of a motion at times in seconds."""
     cycles, phase = np.array([5.2, 8.4, 6.8, 11.6, 13.2, 9.2]), np.arange(6)
     return 0.9 * rigs.BOX * np.sin(2 * np.pi * cycles * at[:, None] + phase)
 
 
-def sample_in_time(late: float = 0.0, delays=(0.0, 0.0, 0.0), count: int = 150) -> Data:
+def sample_in_time(late=0.0, delays=(0.0, 0.0, 0.0), count=150):
     """Samples at 1 kHz.  late: by how much the reference is.  delays: after which each detector is
     read where the mirror then is; all in seconds."""
     rng, time = np.random.default_rng(2), np.arange(count) / 1000
@@ -95,22 +85,22 @@ def sample_in_time(late: float = 0.0, delays=(0.0, 0.0, 0.0), count: int = 150) 
     return Data(raw, said, rigs.REFERENCE, zero[:, :2], velocity=velocities(time, said))
 
 
-def write_samples(path, data: Data) -> None:
+def write_samples(path, data):
     """Write the table that `facets calibrate` takes."""
     columns = dict(zip(READING_COLUMNS, data.raw.T, strict=True))
     columns |= dict(zip(REFERENCE, (data.pose / STATE_UNITS[:6]).T, strict=True))
     tables.write_table(path, columns, {})
 
 
-def judge(data: Data, asked=None, sensor: facets.Sensor = NOMINAL) -> verdict.Verdict:
+def judge(data, asked=None, sensor=NOMINAL):
     """Calibrate as the command does, with the effects of light and motion off unless asked for."""
     asked = asked or settings()
     return verdict.verdict(sensor, data, choice(sensor, asked), asked)
 
 
-def words_of(judged: verdict.Verdict) -> str:
+def words_of(judged):
     return " ".join(finding.words for finding in judged.findings)
 
 
-def accepted_effects(judged: verdict.Verdict) -> set[str]:
+def accepted_effects(judged):
     return {row.key for row in judged.search.rows if row.accepted}
