@@ -47,7 +47,7 @@ else:
             "response_signals": "build_signals noise_deviation",
             "rest": "find_faults reading_faults",
             "singularity": "direction_in_words measures samples search survey weakest_direction",
-            "state_box": "AXES StateBox apex_offset box_of_poses least_share parse_box range_box",
+            "state_box": "StateBox apex_offset box_of_poses least_share parse_box range_box",
             "tables": "outline_columns resolution_columns state_columns",
             "trials": "default_states",
             "universal_file": "input_type read_input_dof write_universal_file",

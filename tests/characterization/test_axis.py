@@ -4,8 +4,6 @@ bodies that scipy moves, and stands beside the commands.
 `experiments/axis_tests.py` compares expanded uncertainties with the truth of drawn axes.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -63,21 +61,19 @@ def test_quantities_are_those_worked_by_hand_and_of_what_lacks_not_a_number():
     assert quantities(WORKED) == pytest.approx(BY_HAND)
     up = WORKED.copy()
     up[:, 1] = np.nan
-    once = quantities(WORKED[:, :, :1])
-    for values, known in ((quantities(up), ("E_up", "A_up", "R_up")),
-                          (once, ("B", "B_mean", "E_up", "E_down", "E", "M"))):  # fmt: skip
-        assert tuple(name for name in BY_HAND if np.isfinite(values[name])) == tuple(
-            name for name in BY_HAND if name in known
-        )
+    once = WORKED[:, :, :1]
+    for x, known in ((up, {"E_up", "A_up", "R_up"}),
+                     (once, {"B", "B_mean", "E_up", "E_down", "E", "M"})):  # fmt: skip
+        assert {symbol for symbol, value in quantities(x).items() if np.isfinite(value)} == known
     up[0, 1] = WORKED[0, 1]  # the last target alone was approached from below only
     assert (quantities(up)["B"], quantities(up)["A"]) == (4, 16)
 
 
-def visits(states: np.ndarray, targets: np.ndarray) -> Visits:
+def visits(states, targets):
     count = len(targets)
     zero = np.zeros(count, dtype=int)
     return Visits(
-        targets, np.arange(count), zero, zero, np.arange(count) * 1.0,
+        targets, np.arange(count), zero, zero, np.arange(count),
         np.hstack([states, np.zeros((count, 2))]), np.full(count, 1e9), np.ones(6),
     )  # fmt: skip
 
@@ -123,7 +119,7 @@ def test_a_rotary_axis_beside_the_apex_has_no_error_but_its_own():
     np.testing.assert_allclose(motions.offset[:2], where[:2], atol=1e-3)
 
 
-def series(commands: np.ndarray, seed: int) -> PoseSeries:
+def series(commands, seed):
     """An axis along z that goes to its positions, 3 mm from the table's zero, and stands at each
     for 0.2 s."""
     rng = np.random.default_rng(seed)
@@ -138,7 +134,7 @@ def series(commands: np.ndarray, seed: int) -> PoseSeries:
 UP_AND_DOWN = np.array([0, 1, 2, 3, 3, 2, 1, 0.0])
 
 
-def visit(poses: PoseSeries, commands: np.ndarray | None = UP_AND_DOWN, axis: str = "Z"):
+def visit(poses, commands=UP_AND_DOWN, axis="Z"):
     known = None if commands is None else Commands(commands, approach_directions(commands))
     return find_visits(poses, axis, known, SENSOR, make_plan(SENSOR, KNOWN), shortest_s=0.1)
 
@@ -169,13 +165,12 @@ def test_without_commands_the_stands_are_equally_spaced():
 
 def test_what_cannot_be_a_test_of_the_axis_is_refused():
     poses = series(UP_AND_DOWN, 6)
-    still, leaning, *nothing = (replace(poses, states=poses.states.copy()) for _ in range(4))
+    still, leaning, blind = (replace(poses, states=poses.states.copy()) for _ in range(3))
     still.states[:] = poses.states[0]
     leaning.states[:, 0] = np.tan(np.radians(11)) * poses.states[:, 2]
-    for one, missing in zip(nothing, (2, 5), strict=True):
-        one.states[:, missing] = np.nan  # a pose that lacks one number is missing, too
-        with pytest.raises(InputError, match="no row has a pose"):
-            visit(one)
+    blind.states[:, 5] = np.nan  # a pose that lacks one number is missing, too
+    with pytest.raises(InputError, match="no row has a pose"):
+        visit(blind)
     with pytest.raises(InputError, match=r"moved .* along Z; name the axis that moved"):
         visit(poses, axis="X")
     with pytest.raises(InputError, match=r"stands still . times"):
@@ -208,7 +203,7 @@ def test_a_table_of_commands_is_checked(tmp_path):
 
 
 def test_a_recording_and_a_table_have_the_same_poses(tmp_path):
-    states = np.array([[0.1, -0.2, 3, 1, 2, -4, 0.01, 0.02], [np.nan] * 8])
+    states = np.array([np.arange(8), [np.nan] * 8])
     columns = dict(zip(STATE_COLUMNS, states.T, strict=True))
     columns |= {"host_s": np.array([7.0, 7.5]), "misfit": np.array([0, 3])}
     write_table(tmp_path / "poses.csv", columns, {})
@@ -216,6 +211,9 @@ def test_a_recording_and_a_table_have_the_same_poses(tmp_path):
         assert poses.time.tolist() == [0, 0.5]
         assert poses.misfit.tolist() == [False, True]
         np.testing.assert_allclose(poses.states, states * STATE_UNITS)
+    write_table(tmp_path / "late.csv", columns | {"host_s": np.array([7.0, 7.0])}, {})
+    with pytest.raises(InputError, match="row 2: host_s is 7; the times of all rows must ascend"):
+        read_series(tmp_path / "late.csv")
 
 
 def test_the_command_writes_the_errors_of_an_axis(tmp_path, run_in_process):
@@ -236,24 +234,10 @@ def test_the_command_writes_the_errors_of_an_axis(tmp_path, run_in_process):
     assert "runs at a position are 3 in the positive" in out
     reversal = re.search(r"reversal error +B +([\d.]+) ", out)
     assert float(reversal[1]) == pytest.approx(4, abs=0.3)
-    lines = (tmp_path / "out/compensation.csv").read_text().splitlines()
-    assert lines[0] == "Z,EXZ,EYZ,EZZ,EAZ,EBZ,ECZ"
-    assert [float(line.split(",")[0]) for line in lines[1:]] == [0, 1, 2, 3]
-    assert "<svg" in (tmp_path / "out/axis.html").read_text()
+    head, *rows = (tmp_path / "out/compensation.csv").read_text().splitlines()
+    assert head == "Z,EXZ,EYZ,EZZ,EAZ,EBZ,ECZ"
+    assert np.loadtxt(rows, delimiter=",")[:, 0].tolist() == [0, 1, 2, 3]
     assert "actual less commanded" in (tmp_path / "out/run.yaml").read_text()
-
-
-def test_wrong_input_is_named(run_in_process, tmp_path):
-    (tmp_path / "poses.csv").write_text(
-        "time_s,tx_mm,ty_mm,tz_mm,roll_mrad,pitch_mrad,yaw_mrad\n"
-        "0,0,0,0,0,0,0\n1,0,0,1,0,0,0\n1,0,0,1,0,0,0\n"
-    )
-    for words, message in (
-        ((), "give the configuration of the sensor"),
-        (("--config", "paper"), "row 3: time_s is 1; the times of all rows"),
-    ):
-        status, _, errors = run_in_process("axis", "poses.csv", *words, "--axis", "Z")
-        assert (status, message in " ".join(errors.split())) == (2, True)
 
 
 def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
@@ -266,9 +250,7 @@ def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
     report, alone = (
         evaluate_axis(SENSOR, KNOWN, each, "Z", commands, shortest_s=0.1) for each in (poses, clean)
     )
-    assert report.disturbances.is_far.sum() == 3
-    assert np.flatnonzero(report.drifts).tolist() == [2]
-    assert abs(report.drifts[2]) == pytest.approx(3e-3, rel=0.2)
+    assert np.abs(report.drifts) == pytest.approx(3e-3 * np.eye(6)[2], rel=0.2)
     notes = " ".join(report.notes())
     assert "at 1 mm (3.28 s), EZZ by +14.6 µm; at 2 mm (3.539 s), EZZ by +11.7 µm; at 2" in notes
     assert "(7.179 s), EBZ by +100 µrad" in notes
@@ -278,7 +260,7 @@ def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
         true, found = alone.quantities[2][n].value, report.undisturbed.quantities[2][n]
         assert found.value == pytest.approx(true, abs=1.5 * found.expanded)
         assert report.quantities[2][n].value > true + 10 * found.expanded
-    errors = [float(line.split(",")[3]) for line in report.compensation().splitlines()[1:]]
+    errors = np.loadtxt(report.compensation().splitlines()[1:], delimiter=",")[:, 3]
     np.testing.assert_allclose(errors, 1e3 * alone.means[2], atol=0.1)
 
 

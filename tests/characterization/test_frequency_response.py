@@ -92,15 +92,17 @@ def test_segments_across_a_gap_are_left_out(shaken):
     assert stretches.stops.tolist() == [7300, 12_000, 19_600]
     assert (stretches.span, stretches.unsolved) == (count, 1)
     found = estimate_response(x, y[:, None], stretches, RATE / length)
-    pieces = [
-        signal.detrend(np.stack([x, y])[:, first : first + length])
-        for start, stop in zip(stretches.starts, stretches.stops, strict=True)
-        for first in range(start, stop - length + 1, length // 2)
-    ]
-    x_spectra, y_spectra = np.fft.rfft(pieces * signal.get_window("hann", length)).swapaxes(0, 1)
-    expected = (x_spectra.conj() * y_spectra).sum(axis=0) / (abs(x_spectra) ** 2).sum(axis=0)
+    pieces = np.array(
+        [
+            [x[first : first + length], y[first : first + length]]
+            for start, stop in zip(stretches.starts, stretches.stops, strict=True)
+            for first in range(start, stop - length + 1, length // 2)
+        ]
+    )
+    spectra = signal.csd(pieces[:, :1], pieces, nperseg=length, detrend="linear")[1]
+    power, cross = spectra.sum(axis=0)[:, 2:]
     lines = found.is_excited
-    assert found.h1[lines, 0] == pytest.approx(expected[2:][lines], rel=1e-9)
+    assert found.h1[lines, 0] == pytest.approx((cross / power)[lines], rel=1e-9)
     assert (found.segments, found.left_out) == (len(pieces), 39 - len(pieces))
 
 
@@ -136,18 +138,15 @@ def test_the_low_pass_and_a_late_input_are_corrected(shaken):
         assert density[lines] == pytest.approx(1)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda t, u: (np.where(t == 0.5, 0.2, t), u), "the time does not ascend after row 500"),
-        (lambda t, u: (t**2 + t, u), "not evenly spaced in time"),
-        (lambda t, u: (t, u & (t < 0.05)), "has 50 rows with a pose and an input, too few"),
-    ],
-)
-def test_times_that_have_no_spectrum_are_refused(change, words):
+def test_times_that_have_no_spectrum_are_refused():
     time = np.arange(1000) / RATE
-    with pytest.raises(InputError, match=words):
-        find_stretches(*change(time, np.ones(1000, bool)), "it.csv")
+    for times, usable, words in (
+        (np.where(time == 0.5, 0.2, time), time >= 0, "the time does not ascend after row 500"),
+        (time**2 + time, time >= 0, "not evenly spaced in time"),
+        (time, time < 0.05, "has 50 rows with a pose and an input, too few"),
+    ):
+        with pytest.raises(InputError, match=words):
+            find_stretches(times, usable, "it.csv")
 
 
 def test_what_cannot_be_estimated_is_refused(shaken):
@@ -159,9 +158,7 @@ def test_what_cannot_be_estimated_is_refused(shaken):
         estimate_response(np.ones(len(force)), moved, even(len(force)))
 
 
-def test_the_table_has_a_row_for_each_line(shaken):
+def test_the_table_has_uncertainties_in_the_units_of_its_names(shaken):
     force, moved = shaken
     found = estimate_response(force, np.repeat(moved[:, :1], 6, axis=1), even(len(force)))
-    assert 28 < found.averages < 36
-    table = response_table(found)
-    assert table["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])
+    assert response_table(found)["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])

@@ -1,8 +1,6 @@
 """Ranges, outlines and uncertainties of an object, beside those of the mirror at the poses that
 quaternions give for the object's displacements."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.characterization import COARSE, Estimator, clearances, estimators, map_inside, resolve
+from facets.characterization import COARSE, Estimator, clearances, map_inside, resolve
 
 CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor
@@ -18,7 +16,7 @@ SIDE = facets.MeasuredObject((30.0, -20.0, -80.0), (0.3, -0.2, 2.0))
 REST = np.zeros(6)
 
 
-def mirror_of(moved, body: facets.MeasuredObject) -> np.ndarray:
+def mirror_of(moved, body):
     """Mirror poses (n, 6) at displacements (n, 6): the mirror turns with the object about it."""
     own, turn = (Rotation.from_euler("xyz", a) for a in (body.orientation, moved[:, 3:]))
     mirror = own * turn * own.inv()
@@ -78,8 +76,8 @@ def test_uncertainties_are_those_of_the_solver_at_the_point():
 @pytest.mark.slow
 def test_the_worst_pose_is_in_the_range_of_the_object():
     rules = replace(CONFIG.range, object=SIDE)
-    row = resolve(SENSOR, rules, estimators(0.005)[1:2])[0]
-    again = facets.uncertainties(SENSOR, row.worst_state, Estimator("", np.inf), SIDE)
+    (row,) = resolve(SENSOR, rules, [Estimator("", np.inf)])
+    again = facets.uncertainties(SENSOR, row.worst_state, row.how, SIDE)
     np.testing.assert_array_equal(again.diagonal(), row.worst)
     ends = [axis.symmetric / 2 for axis in facets.axis_ranges(SENSOR, rules, REST)]
     assert (np.abs(facets.transform(row.worst_state, SIDE, REST).pose) < ends).all()

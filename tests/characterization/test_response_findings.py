@@ -13,7 +13,6 @@ from facets.characterization import (
     find_limits,
     find_peaks,
     find_stretches,
-    silent_axes,
 )
 from facets.core import STATE_COLUMNS, STATE_UNITS, MeasuredObject, Mode, Vibration
 from facets.detectors import SATURATED
@@ -34,14 +33,14 @@ BODY = Vibration(
 )
 
 
-def look(change=None, resolution=0.5, usable=None, saturated=0, misfits=0, body=BODY):
+def look(change=None, resolution=0.5, saturated=0, misfits=0, body=BODY):
     """The response that `change` has spoilt, its peaks, and its limits."""
     rng = np.random.default_rng(2)
     force, moved = shake(body, rng)
     moved = moved + NOISE * rng.standard_normal((COUNT, 6))
     if change is not None:
         change(force, moved)
-    every = np.ones(COUNT, bool) if usable is None else usable
+    every = np.ones(COUNT, bool)
     stretches = find_stretches(np.arange(COUNT) / RATE, every, "it")
     found = estimate_response(force, moved, stretches, resolution, NOISE, 5000.0)
     signals = SimpleNamespace(
@@ -53,23 +52,18 @@ def look(change=None, resolution=0.5, usable=None, saturated=0, misfits=0, body=
 
 
 def test_a_good_record_has_no_limits_but_the_band_and_the_bandwidth():
-    found, peaks, limits = look(misfits=8)  # twice as many as by chance
-    assert [round(one.frequency) for one in peaks] == pytest.approx([60, 130], abs=2)
+    peaks, limits = look(misfits=8)[1:]  # twice as many as by chance
+    assert [one.frequency for one in peaks] == pytest.approx([60, 130], abs=2)
     assert [one.axis for one in peaks] == ["tz", "pitch"]
     assert peaks[0].width == pytest.approx(2 * 0.06 * 60, rel=0.15)
     assert peaks[0].size == pytest.approx(0.02 / 0.12, rel=0.1)
     assert [text.split(" ")[1] for text in limits] == ["input", "electronics'"]
     assert "from 401.5" in limits[0]
     assert "-0.32 % and the phase by -4.6 degrees" in limits[1]
-    assert not silent_axes(found).any()
 
 
 def add_drift(force, motion):
     motion[:, 0] += np.linspace(0, 0.1, COUNT)
-
-
-def add_step(force, motion):
-    motion[COUNT // 3 :, 0] += 0.1
 
 
 def clip(force, motion):
@@ -92,7 +86,6 @@ def silence(force, motion):
     ("change", "words"),
     [
         (add_drift, "zero moved from the beginning to the end, tx by +90 µm, little by little"),
-        (add_step, "zero moved from the beginning to the end, tx by +100 µm, all at once"),
         (clip, "clipped by its amplifier or converter"),
         (compress, "goes with the cube of the input"),
         (add_force, "The coherence of tz is below 0.75 in 100 % of the excited lines; the cause is"
@@ -104,14 +97,14 @@ def silence(force, motion):
 @pytest.mark.slow
 def test_what_spoils_a_record_is_said(change, words):
     *_, limits = look(change)
-    assert any(words in text for text in limits), limits
+    assert any(words in text for text in limits)
     assert len(limits) <= (9 if change in (clip, compress) else 4)
 
 
 @pytest.mark.slow
 def test_slow_sweeps_few_averages_and_narrow_peaks_are_said():
     *_, limits = look(body=replace(BODY, drive="sweep"))
-    assert any("only 1 of the 39 segments have input" in text for text in limits), limits
+    assert any("only 1 of the 39 segments have input" in text for text in limits)
     sharp = replace(BODY, modes={"bounce": Mode(60.0, 0.004, tuple(SHAPES.sum(axis=0)))})
     _, (peak,), limits = look(body=sharp)
     assert peak.width < 2
@@ -120,31 +113,22 @@ def test_slow_sweeps_few_averages_and_narrow_peaks_are_said():
     assert limits[0].startswith("There are only 6.")
 
 
-def test_rows_that_are_left_out_are_said():
-    usable = np.ones(COUNT, bool)
-    usable[5000::10_000] = False
-    said = " ".join(look(usable=usable, saturated=4, misfits=400)[-1])
-    for words in (
-        "gaps cut them: 0 samples were lost or not taken, and 4 rows have no pose or no input",
-        "Detectors were saturated in 4 of 40000 rows",
-        "In 400 of 40000 rows the residual",
-    ):
-        assert words in said
+def test_rows_that_are_doubtful_are_said():
+    said = " ".join(look(saturated=4, misfits=400)[-1])
+    assert "Detectors were saturated in 4 of 40000 rows" in said
+    assert "In 400 of 40000 rows the residual" in said
 
 
-def test_the_noise_at_a_point_is_that_of_solved_poses():
+def test_the_noise_of_the_signals_is_that_at_the_point():
     config, rows = facets.load("bench"), np.arange(4000)
     state = np.array([0.02, -0.01, 0.3, 1e-3, -2e-3, 3e-3, 0.0, 0.0])
-    exact = facets.readings(config.sensor, state)
-    noise = np.random.default_rng(1).standard_normal((len(rows), 9))
-    readings = exact + facets.standard_deviations(config.sensor, exact) * noise
-    known = config.solve.knowledge(config.sensor)
-    poses = facets.solve(config.sensor, readings, beam=known.beam, power=known.power).state
-    columns = dict(zip(STATE_COLUMNS, (poses / STATE_UNITS).T, strict=True))
+    columns = dict(zip(STATE_COLUMNS, np.outer(state / STATE_UNITS, np.ones(4000)), strict=True))
     columns["tz_mm"][7] = np.nan
-    columns |= {"time_s": rows / 1000, "force_n": noise[:, 0], "misfit": rows < 5}
-    columns["flags"] = np.where(rows < 3, SATURATED, 0)
+    columns |= {"time_s": rows / 1000, "force_n": rows}
+    columns |= {"misfit": rows < 5, "flags": np.where(rows < 3, SATURATED, 0)}
     body = MeasuredObject(point=(0.0, 0.0, 40.0))
     signals = build_signals(columns, "force_n", body, config, "it")
-    assert np.nanstd(signals.motion, axis=0) == pytest.approx(signals.deviation, rel=0.1)
+    known = config.solve.knowledge(config.sensor)
+    expected = facets.uncertainties(config.sensor, state, known, body)
+    assert signals.deviation == pytest.approx(expected, rel=1e-3)  # turned by some mrad
     assert (signals.saturated, signals.misfits, int((~signals.usable).sum())) == (3, 5, 1)

@@ -3,11 +3,10 @@
 Eight thousand samples at 1 kHz, with white noise that is known; what is added is known as well.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from colours import flicker
+from scipy.signal import lfilter
 
 import facets
 from facets import STATE
@@ -19,13 +18,13 @@ COUNT, RATE = 8_000, 1_000.0
 CONFIG = facets.load("paper")
 SIGMA = np.tile([3e-4, 3e-4, 2e-5], 3)  # mm, mm, mW
 TIME = np.arange(COUNT) / RATE
-LENGTH = COUNT / RATE
+RISE = np.linspace(0, 1, COUNT)
 REST = facets.readings(CONFIG.sensor, np.zeros(8))
 JACOBIAN = facets.jacobian(CONFIG.sensor, np.zeros(8))
 
 
-def noise(seed=1):
-    return REST + SIGMA * np.random.default_rng(seed).standard_normal((COUNT, 9))
+def noise():
+    return REST + SIGMA * np.random.default_rng(1).standard_normal((COUNT, 9))
 
 
 def change(what, course):
@@ -42,8 +41,8 @@ def table(readings, flags=0):
     number = np.arange(len(readings))
     return columns | {
         "seq": number,
-        "board_us": number * round(1e6 / RATE),
-        "flags": np.zeros(len(readings), np.uint8) + flags,
+        "board_us": 1000 * number,
+        "flags": np.full(len(readings), flags, np.uint8),
     }
 
 
@@ -61,7 +60,7 @@ def swing(frequency):
     return np.sin(2 * np.pi * frequency * TIME)
 
 
-STEP = TIME > 0.4 * LENGTH
+STEP = TIME > 3.2
 BURST = np.where((TIME > 2) & (TIME < 2.04), 30.0, 0.0)
 WALK = np.cumsum(np.random.default_rng(3).standard_normal(COUNT)) / COUNT**0.5
 
@@ -69,15 +68,13 @@ WALK = np.cumsum(np.random.default_rng(3).standard_normal(COUNT)) / COUNT**0.5
 @pytest.mark.parametrize(
     ("what", "course", "words"),
     [
-        ("yaw", 10 * TIME / LENGTH, ["drifts by", "when the mirror moves, mostly in yaw"]),
-        ("tz", 2 * swing(3 / LENGTH), ["zeta on detector A wanders", "mostly in tz"]),
+        ("yaw", 10 * RISE, ["drifts by", "when the mirror moves, mostly in yaw"]),
+        ("tz", 2 * swing(0.375), ["zeta on detector A wanders", "mostly in tz"]),
         ("pitch", 1.2 * swing(5), ["move together", "the mirror or the beam moves or vibrates"]),
-        ("roll", 1.5 * swing(333.3), ["move together within 0.0"]),
         ("tx", 5 * swing(33), ["The shares of light on the detectors move together"]),
         ("tx", 5 * STEP, ["jumps after 3.25 s", "when the beam moves", "or as when the mirror"]),
         ("ty", 8 * WALK, ["The share of light on detector", "wanders by"]),
         ("zeta_b_mm", 8 * WALK, ["Only detector B changes, so it is not the mirror"]),
-        ("psi_a_mm", 8 * TIME / LENGTH, ["psi on detector A drifts by 2.4"]),
         ("zeta_b_mm", BURST, ["zeta on detector B scatters"]),
         ("zeta_b_mm", 8 * swing(50.02), ["swings with the mains by 2.41 µm (amplitude)"]),
     ],
@@ -106,33 +103,23 @@ def test_the_longest_of_several_sections_is_taken():
     assert piece.rate == pytest.approx(RATE)
 
 
-def low_pass(readings):
-    from scipy.signal import lfilter
-
-    kept = np.exp(-2 * np.pi * 0.1)
-    return REST + lfilter([1 - kept], [1, -kept], readings - REST, axis=0)
-
-
-def with_flicker(corner, seed=6, count=COUNT):
+def with_flicker(corner):
     """Noise with as much flicker of its own on each reading as makes that corner, Hz."""
-    rng = np.random.default_rng(seed)
-    added = [flicker(rng, s**2 / (RATE / 2) * corner, count, RATE) for s in SIGMA]
-    return noise(seed)[:count] + np.stack(added, axis=1)
+    rng = np.random.default_rng(6)
+    added = [flicker(rng, s**2 / (RATE / 2) * corner, COUNT, RATE) for s in SIGMA]
+    return noise() + np.transpose(added)
 
 
-def warm_laser():
-    readings = noise()
-    readings[:, 2::3] *= 1 + 0.02 * TIME[:, None] / LENGTH
-    return readings
-
-
+#: Share that a low pass of 100 Hz keeps of what was before.
+KEPT = np.exp(-2 * np.pi * 0.1)
 #: What honest electronics, a laser and a mirror at rest make.
 HONEST = {
-    "low pass": low_pass(noise()),
+    "low pass": REST + lfilter([1 - KEPT], [1, -KEPT], noise() - REST, axis=0),
     "1/f": with_flicker(100),
+    "nothing but 1/f": with_flicker(50_000),
     "hum": noise() + 0.8 * SIGMA * swing(49.97)[:, None],
-    "small drift": noise() + change("psi_a_mm", 3 * TIME / LENGTH),
-    "laser": warm_laser(),
+    "small drift": noise() + change("psi_a_mm", 3 * RISE),
+    "laser": noise() * (1 + 0.02 * np.outer(RISE, [0, 0, 1] * 3)),
     "spikes": noise() + 50 * SIGMA * (np.arange(COUNT)[:, None] % 1999 == 1000),
     "bits": np.round(noise() / SIGMA) * SIGMA,
     "short": noise()[:70],
@@ -142,13 +129,6 @@ HONEST = {
 @pytest.mark.parametrize("name", HONEST)
 def test_a_mirror_at_rest_with_honest_electronics_is_at_rest(name):
     assert faults(HONEST[name]) == []
-
-
-@pytest.mark.slow
-def test_no_more_than_a_few_of_many_recordings_of_strong_flicker_are_refused():
-    """The worst case of electronics: nothing but flicker, on all readings."""
-    refused = [faults(with_flicker(50_000, seed, 1_000)) != [] for seed in range(20)]
-    assert sum(refused) <= 1
 
 
 def test_lost_light_saturation_and_coarse_converters_are_told():
@@ -164,4 +144,4 @@ def test_lost_light_saturation_and_coarse_converters_are_told():
         (weak, "The power on all detectors together changes by 10."),
     ):
         flags = np.where(np.isnan(readings[:, 6]), SATURATED, 0)
-        assert words in " ".join(faults(readings, flags.astype(np.uint8)))
+        assert words in " ".join(faults(readings, flags))

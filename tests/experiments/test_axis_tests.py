@@ -9,5 +9,5 @@ from facets.experiments import axis_tests
 def test_expanded_uncertainties_hold_the_truth_of_drawn_axes():
     """Of 72 quantities of 12 axes each; those of one axis are correlated."""
     held = [axis_tests.compare_with_truth(seed) for seed in range(300, 312)]
-    assert 0.92 < np.mean([one.quantities for one in held]) <= 1
-    assert 0.92 < np.mean([one.positions for one in held]) <= 1
+    assert np.mean([one.quantities for one in held]) > 0.92
+    assert np.mean([one.positions for one in held]) > 0.92

@@ -21,23 +21,19 @@ def test_all_repeats_the_references_and_the_report_tells_it_apart_from_agreement
     assert page.count("data:image/svg+xml;base64,") == len(list(tmp_path.glob("*.svg"))) >= 11
     assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
     for name in study.EXPERIMENTS:
-        experiment, path = study.experiment(name), tmp_path / f"{name}.csv"
-        assert f"\n{name:11}  repeats" in out
-        assert path.read_text().startswith("# config: ")
-        assert f'id="{name}"' in page
+        experiment = study.experiment(name)
         assert experiment.TITLE.replace("'", "&#39;") in page
-        for claim in experiment.claims(study.read(path)):
+        for claim in experiment.claims(study.read(tmp_path / f"{name}.csv")):
             is_near = claim.ours == claim.paper or abs(claim.ratio - 1) < 0.03
-            assert np.isnan(claim.paper) or is_near or claim.why, (name, claim.what)
+            assert np.isnan(claim.paper) or is_near or claim.why
 
 
 def test_a_number_that_has_moved_is_a_miss():
     table = study.read(study.EXPECTED / "eq13-table.csv")
     claims = study.experiment("eq13").claims(table)
-    for factor, repeats in ((1, True), (1.01, False)):
-        moved = [claim._replace(ours=factor * claim.ours) for claim in claims]
-        verdicts = {c.column: c.repeats for c in study.check_columns("eq13", True, table, moved)}
-        assert verdicts == {"ours": repeats, "left_um": True}
+    moved = [claim._replace(ours=1.01 * claim.ours) for claim in claims]
+    verdicts = {c.column: c.repeats for c in study.check_columns("eq13", True, table, moved)}
+    assert verdicts == {"ours": False, "left_um": True}
 
 
 def test_what_is_not_compared_does_not_repeat():
