@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -59,6 +60,27 @@ def test_solve_leaves_no_hidden_file(tmp_path, number):
         assert program.end(number) == STATUS[number]
     assert [file.name for file in tmp_path.iterdir()] == ["readings.csv"]
     assert "interrupted" in program.stderr
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads processor time in /proc")
+def test_an_interrupted_optimize_gives_no_verdict(tmp_path):
+    """Wherever it is: casadi swallows what a handler raises while IPOPT computes."""
+    (tmp_path / "long.yaml").write_text("extends: layout\noptimize: {starts: 1000}\n")
+    with Program("optimize", "long.yaml", "-o", "best.yaml", cwd=tmp_path) as program:
+        ticks = os.sysconf("SC_CLK_TCK")
+
+        def spent():
+            try:
+                words = Path(f"/proc/{program.process.pid}/stat").read_text().split()
+            except OSError:
+                return 0.0
+            return (int(words[13]) + int(words[14])) / ticks
+
+        program.await_true(lambda: spent() > 2, "some starts")
+        assert program.end(signal.SIGINT) == 130
+    assert "no layout" not in program.stdout + program.stderr
+    assert "interrupted" in program.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["long.yaml"]
 
 
 def test_nohup_is_respected():

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
-import signal
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -215,17 +212,6 @@ ELECTRONICS = facets.Electronics()
 def test_what_can_not_be_optimised_is_an_error(effects, asked, words):
     with pytest.raises(InputError, match=words):
         optimize(replace(CONFIG.sensor, **effects), replace(CONFIG.layout, **asked))
-
-
-def test_an_interrupted_search_gives_no_verdict_and_writes_nothing(run_in_process, tmp_path):
-    (tmp_path / "long.yaml").write_text("extends: layout\noptimize: {starts: 1000}\n")
-    timer = threading.Timer(0.7, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    status, printed, errors = run_in_process("optimize", "long.yaml", "-o", "best.yaml")
-    assert status == 130
-    assert "interrupted" in errors
-    assert "no layout" not in printed + errors
-    assert [path.name for path in tmp_path.iterdir()] == ["long.yaml"]
 
 
 #: A volume in which the beam's place has a width, and angles are large.
