@@ -14,7 +14,6 @@ from facets.firmware import FirmwareLibrary
 from facets.live import (
     POSE,
     SIZE,
-    SOLVED,
     Bench,
     Faults,
     FixedFrames,
@@ -83,7 +82,6 @@ def test_the_boards_poses_are_those_solved_here(board):
     assert pipeline.tally.samples == poses.came == poses.compared == 600
     assert poses.statuses == poses.apart == 0
     assert 0 < poses.worst < 0.01
-    assert "600 compared" in poses.sentence()
     assert poses.trouble() == ""
 
 
@@ -149,10 +147,9 @@ def test_the_exported_frames_are_read(tmp_path, library, channels):
     expected = np.array([[1.25, -3e30], [np.nan, np.nan]], np.float32)[:, :channels]
     np.testing.assert_array_equal(samples.channels, expected)
     pose = board_solution(samples.where(samples.kind == POSE))[0]
-    assert SOLVED.itemsize == 48
     assert pose["state"].tolist() == [0.5 * n for n in range(8)]
-    assert (pose["power"], pose["residual"]) == (0.25, 1.5)
-    assert (pose["status"], pose["used"], pose["steps"], pose["microseconds"]) == (3, 5, 7, 65000)
+    numbers = pose[["power", "residual", "status", "used", "steps", "microseconds"]]
+    assert numbers.item() == (0.25, 1.5, 3, 5, 7, 65000)
 
 
 def test_the_exported_heartbeat_is_that_of_the_virtual_board(tmp_path, library, board):

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from streams import BENCH, samples_of
+from streams import BENCH, CALIBRATED, samples_of
 
 import facets
 from facets import MeasuredObject
-from facets.core import STATE_COLUMNS, STATE_UNITS, FacetsError
+from facets.core import STATE_COLUMNS, STATE_UNITS
 from facets.estimation import ZeroRequest
 from facets.live import (
     SIZE,
     Live,
     Pipeline,
     Publications,
-    Screen,
     Subscription,
     join_poses,
     pack,
@@ -28,13 +26,11 @@ from facets.live import (
     recorded_poses,
     rows_of,
     smoothed_columns,
-    values,
 )
 
 OBJECT = MeasuredObject(point=(10.0, -20.0, 50.0), orientation=(0.1, -0.2, 1.5))
 WITH_OBJECT = replace(BENCH, object=OBJECT)
-CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
-CALIBRATED = replace(WITH_OBJECT, sensor=replace(BENCH.sensor, calibration=CALIBRATION))
+WITH_ALL = replace(CALIBRATED, object=OBJECT)
 COUNT, STILL = 1_500, 500
 POSE = STATE_COLUMNS[:6]
 
@@ -112,20 +108,16 @@ def test_smoothed_poses_of_the_object_err_as_stated():
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1, abs=0.25)
 
 
-def publish(config, pipeline):
-    return Publications(["zmq://127.0.0.1:0"], config, True, 5.0, objects=pipeline.object_poses)
-
-
-def test_subscribers_and_views_are_told_of_the_object():
-    from rich.console import Console
-
-    pipeline, poses = solve(CALIBRATED, ZeroRequest(row=1), count=600)
+def test_subscribers_are_told_of_the_object():
+    pipeline, poses = solve(WITH_ALL, ZeroRequest(row=1), count=600)
     assert np.abs(pose_of(poses.object, "displacement_")[0]).max() < 1e-15  # of the zero itself
     u = pose_of(poses.object, "u_displacement_")
     assert u[0].max() < 1e-9
     assert u[1].min() > 1e-8
     with (
-        publish(CALIBRATED, pipeline) as publications,
+        Publications(
+            ["zmq://127.0.0.1:0"], WITH_ALL, True, 5.0, objects=pipeline.object_poses
+        ) as publications,
         Subscription(publications.places()[0]) as subscription,
     ):
         publications.add_poses(poses)
@@ -137,14 +129,6 @@ def test_subscribers_and_views_are_told_of_the_object():
     assert about["object"]["point_mm"] == [10.0, -20.0, 50.0]
     assert np.radians(about["object"]["orientation_deg"]) == pytest.approx(OBJECT.orientation)
     assert about["zero"] == "row 1"
-    live = Live(pipeline)
-    live.newest = poses
-    now = values(live)
-    for name in ("object_tz_mm", "displacement_yaw_mrad"):
-        assert now[name] == pytest.approx(poses.object[name][-1], rel=1e-5)
-    screen = Console(width=100, height=60, record=True, force_terminal=False)
-    screen.print(Screen(live))
-    assert "displacement yaw" in screen.export_text()
 
 
 def test_bluesky_is_told_of_the_object():
@@ -152,24 +136,15 @@ def test_bluesky_is_told_of_the_object():
     pytest.importorskip("ophyd_async")
     from facets.live import PoseSensor
 
-    async def read(sensor):
-        assert sensor.hints == {"fields": [f"sensor-object_{name}" for name in POSE]}
-        assert (await sensor.describe())["sensor-u_object_tx_mm"]["units"] == "mm"
-        assert (await sensor.read_configuration())["sensor-object"]["value"] == OBJECT.text
-        try:
-            await sensor.stage()
-        finally:
-            await sensor.unstage()
-
-    pipeline, bare = solve(BENCH, count=200)
-    with publish(BENCH, pipeline) as publications:
-        sensor = PoseSensor(WITH_OBJECT, publications.places()[0], name="sensor")
-        publications.add_poses(bare)
-        with pytest.raises(FacetsError, match=r"no object_tx_mm, .* publish with the same object"):
-            asyncio.run(read(sensor))
+    sensor = PoseSensor(WITH_OBJECT, "zmq://127.0.0.1:9", name="sensor")
+    assert sensor.hints == {"fields": [f"sensor-object_{name}" for name in POSE]}
+    assert asyncio.run(sensor.describe())["sensor-u_object_tx_mm"]["units"] == "mm"
+    assert asyncio.run(sensor.read_configuration())["sensor-object"]["value"] == OBJECT.text
 
 
 def test_a_recording_keeps_its_point_and_is_replayed_for_others(run_in_process, tmp_path):
+    import pandas as pd
+
     (tmp_path / "board.bin").write_bytes(DATA)
     _, output, errors = run_in_process(
         "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain",
@@ -183,19 +158,9 @@ def test_a_recording_keeps_its_point_and_is_replayed_for_others(run_in_process, 
     assert np.isfinite(old["displacement_tx_mm"]).any()
     status, _, errors = run_in_process("replay", "rec", "-o", "t.csv", "--zero", "9s")
     assert status == 2
-    assert "rec: no displacements: --zero is the first 9 s, and no sample with" in errors
+    assert "rec: no displacements: --zero is the first 9 s" in errors
     assert not (tmp_path / "t.csv").exists()
-    mcap = pytest.importorskip("mcap.reader")
-    assert run_in_process("replay", "rec", "-o", "p.mcap", "--point", "0,0,50")[0] == 0
+    assert run_in_process("replay", "rec", "-o", "t.csv", "--point", "0,0,50")[0] == 0
     tip = facets.transform(STATES, MeasuredObject(point=(0.0, 0.0, 50.0))).pose
-    with (tmp_path / "p.mcap").open("rb") as file:
-        reader = mcap.make_reader(file)
-        for topic, height_of in (
-            ("/facets/object", lambda text: 1e3 * text["pose"]["position"]["z"]),
-            ("/facets/sample", lambda text: text["object"]["object_tz_mm"]),
-        ):
-            messages = reader.iter_messages(topics=[topic])
-            heights = [height_of(json.loads(message.data)) for _, _, message in messages]
-            np.testing.assert_allclose(heights, tip[:, 2], atol=0.01)
-        (about,) = (part.metadata for part in reader.iter_metadata() if part.name == "facets")
-    assert about["object"].startswith("point 0, 0, 50 mm")
+    heights = pd.read_csv(tmp_path / "t.csv", comment="#")["object_tz_mm"]
+    np.testing.assert_allclose(heights, tip[:, 2], atol=0.01)
