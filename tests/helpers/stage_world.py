@@ -54,14 +54,17 @@ FOREIGN_MM = 1.0
 #: Bytes after which a cable is pulled at most: more than a tracker exchanges until it follows.
 PULLED_AFTER_BYTES = 500
 
-DATA = ("silence", "late", "nan", "garbage", "jump", "dark", "one dark", "clock", "frozen")
 WIRE = ("slow", "flip", "partial", "repeat", "unplug")
 STAGE = ("refuse", "jam", "restart")
-PROGRAM = ("stall", "bug", "disk full")
 #: Controllers that accept a move and do another one, are moved by somebody else, or whose axes x
 #: and y are exchanged, by the controller or by whoever laid the cables.
 CONTROLLER = ("ignore", "backwards", "tenfold", "foreign", "swapped", "miswired")
-KINDS = (*DATA, *WIRE, *STAGE, *PROGRAM, *CONTROLLER, "no permit")
+#: Spoilt data, a lost permit, and what hinders the program.
+OTHERS = (
+    "silence", "late", "nan", "garbage", "jump", "dark", "one dark", "clock", "frozen",
+    "no permit", "stall", "bug", "disk full",
+)  # fmt: skip
+KINDS = (*OTHERS, *WIRE, *STAGE, *CONTROLLER)
 #: First words of the messages about a disobedient controller.
 FINDINGS = ("the stage is at", "the stage accepted a", "the encoder disagrees with")
 #: Faults for which an obedient stage may be taken for a disobedient one.
@@ -194,15 +197,14 @@ class WatchedStage(StageModel):
 
     def excess(self, place):
         """Distance of a place outside the soft limits, mm."""
-        (x, y), low, high = place.tolist(), self.low.tolist(), self.high.tolist()
-        return max(low[0] - x, low[1] - y, x - high[0], y - high[1])
+        return max(*(self.low - place), *(place - self.high))
 
     def follow(self, step):
-        place, speed = self.place.tolist(), self.speed.tolist()
+        place, speed = self.place.copy(), self.speed.copy()
         super().follow(step)
         s, world = self.settings, self.world
-        fastest = max(abs(b - a) for a, b in zip(place, self.place.tolist(), strict=True)) / step
-        change = max(abs(b - a) for a, b in zip(speed, self.speed.tolist(), strict=True)) / step
+        fastest = max(abs(self.place - place)) / step
+        change = max(abs(self.speed - speed)) / step
         past = self.excess(self.place)
         world.require(past <= ROUNDING_MM + self.excursion, "outside of the soft limits")
         world.require(fastest <= s.max_speed * (1 + ROUNDING_SHARE), "too fast")
@@ -214,21 +216,21 @@ class WatchedStage(StageModel):
             world.tally.reach("excursion", past / self.excursion)
 
 
-class World:
+class World(StagePort):
     """Counted clock, mirror, samples, wire and stage; also the tracker's port.
 
     start: the stage's first place, as shares of its limits (2,); the mirror goes round on a circle
     through it, radius (mm), turn (rad/s). seed: of what is drawn within a fault.
     """
 
-    now = fed = watched = 10.0
+    fed = watched = 10.0
     followable = -np.inf  # time of the last sample that may be followed
     permitted = -np.inf  # time of the board's last permit
     barred = np.inf  # time from which tracking is impossible
     failed = np.inf  # time at which the tracker gave up
     parted = wrong = np.inf  # when stage and beam went astray
     tracker = cable = None
-    closed = closing = failing = is_stopped = needs_person = lacks_permit = False
+    closing = failing = is_stopped = needs_person = lacks_permit = False
     is_asked = is_moved = False  # by a person to resume, and to another zero
     resumed_by, ready, auto_resumes, bytes, cut = "", b"", 0, 0, np.inf
     offset = np.zeros(2)
@@ -251,9 +253,6 @@ class World:
         if not is_so:
             self.failing = True
             pytest.fail(f"{words}, at {self.now:.3f} s: the stage is at {self.model.place}")
-
-    def clock(self):
-        return self.now
 
     # --- faults --------------------------------------------------------------------------
 
@@ -312,9 +311,6 @@ class World:
     def in_waiting(self):
         return len(self.ready)
 
-    def close(self):
-        self.closed = True
-
     def open_again(self):
         self.require(self.is_asked, "the line was opened again, and nobody had resumed")
         self.count_byte(0)
@@ -365,7 +361,6 @@ class World:
             self.tracker = Tracker(self, settings, self.law, self.say, self.clock, opener)
         except (StageError, OSError):
             self.require(self.closed and not self.model.sent, "moved, or the port left open")
-            self.tally.counts["refused at start"] += 1
 
     def run(self, seconds):
         """Run the tracker's loop, if the stage could be used."""

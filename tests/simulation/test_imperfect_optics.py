@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sensors import SENSORS, states
+from sensors import states
 
 import facets
 from facets import Apertures, BenchLight, Imperfections, InputError
@@ -19,13 +19,6 @@ AWAY = np.array([[0.06, -0.04, 0.3, 3e-3, -2e-3, 5e-3, 0, 0]])
 
 def flawed(**flaws):
     return replace(PAPER, imperfections=Imperfections(**flaws))
-
-
-def test_perfect_optics_by_rays_are_the_closed_form():
-    """To the quadrature: 1e-9 mm and of the power."""
-    sensor = SENSORS["skewed1"]
-    some = states(10, seed=3, offset=0.15, angle=0.01)
-    np.testing.assert_allclose(ray_readings(sensor, some), facets.readings(sensor, some), atol=1e-9)
 
 
 def test_a_dome_enlarges_them_as_a_mirror_of_its_radius():

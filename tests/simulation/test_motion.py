@@ -47,8 +47,6 @@ def test_a_table_is_read_in_its_units(file):
     assert time.tolist() == [0.5, 0.75]
     assert state[:, 0].tolist() == [0.1, 0.2]
     assert state[:, 5] == pytest.approx([0.001, 0.002])
-    with pytest.raises(InputError, match=r"poses\.csv: .* time_s.* samples_per_step: 3"):
-        states(Table(file, 3, 100.0), RNG)
 
 
 def test_a_table_without_times_takes_the_rate_and_may_stand_still_at_each_row(file):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import facets
-from facets import InputError
 from facets.core import Mode, Vibration
 from facets.simulation import pose_table, reading_table, shake, shaker_force, states
 
@@ -73,5 +72,3 @@ def test_the_force_of_a_table_is_that_of_its_states():
     rng = np.random.default_rng(7)
     assert shaker_force(shaken, rng).tolist() == force.tolist()
     assert states(shaken, rng)[1][:, 2] == pytest.approx(0.5 + moved[:, 2])
-    with pytest.raises(InputError, match="no frequency; allowed: from_hz below to_hz"):
-        shake(body(low=50.0, high=40.0), rng)

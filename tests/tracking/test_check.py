@@ -19,14 +19,14 @@ RIGHT = ((1, 0), (0, 1))
 class Bench:
     """A stage that moves the beam by `wiring` (2, 2) of its way, on a counted clock.
 
-    scale: its native step in those of `settings`.  stalls: of the loop, as on a busy machine.
+    scale: its native step in those of `settings`.
     """
 
-    def __init__(self, settings=STAGE, wiring=RIGHT, drift=0.0, scale=1.0, stalls=0):
+    def __init__(self, settings=STAGE, wiring=RIGHT, drift=0.0, scale=1.0):
         self.port = stage_on(settings)
         self.model = self.port.model
         settings = replace(settings, step=settings.step / scale)
-        self.wiring, self.drift, self.stalls = np.array(wiring), drift, stalls
+        self.wiring, self.drift = np.array(wiring), drift
         self.home, self.way, self.targets = self.model.place.copy(), 0.0, []
         law = Law.from_sensor(SENSORS["paper"], settings)
         self.check = StageCheck(self.port, settings, law, print, clock=self.port.clock)
@@ -35,9 +35,6 @@ class Bench:
         """To the end; the faults."""
         for n in range(steps):
             self.port.wait(interval_s)
-            if n % 30 == 20 and n < 30 * self.stalls:
-                self.port.wait(0.2)
-                self.check.envelope.watch()
             away = self.model.place - self.home
             self.way = max(self.way, np.abs(away).max())
             self.targets.append(self.model.target.copy())
@@ -60,7 +57,6 @@ def test_a_stage_that_is_wired_right_passes_with_its_scale_and_delay():
         assert axis.across == pytest.approx(0, abs=5e-3)
         assert axis.delay == pytest.approx(STAGE.latency + STAGE.lag, abs=4e-3)
     assert np.abs(bench.model.place - bench.home).max() < 2e-3  # it is where it was
-    assert bench.way == pytest.approx(STEP_MM, abs=2e-3)
 
 
 @pytest.mark.parametrize("scale", [1e6, 1.24])
@@ -112,14 +108,3 @@ def test_a_check_that_does_not_come_to_its_end_says_why():
     assert "not every detector has light" in fault
     (fault,) = Bench(drift=0.02).run()
     assert "the mirror moved during the check" in fault
-    bench = Bench()
-    bench.port.device.refuse = True
-    (fault,) = bench.run()
-    assert "refused" in fault
-
-
-@pytest.mark.parametrize(("stalls", "words"), [(5, "[]"), (11, "the loop has stalled")])
-def test_a_busy_machine_ends_no_check_unless_it_stalls_often(stalls, words):
-    bench = Bench(stalls=stalls)
-    assert words in str(bench.run())
-    assert bench.check.envelope.stops >= stalls - 1

@@ -99,11 +99,9 @@ def test_commands_stay_within_their_limits_which_are_counted():
     assert not law.summed.any()
 
 
-@pytest.mark.parametrize(
-    ("apex", "beam"), [((0.2, -0.1), (0.2, -0.1)), ((9.0, 0.0), (0.0, 0.0))], ids=["lit", "dark"]
-)
+@pytest.mark.parametrize(("apex", "beam"), [(0.2, 0.2), (9.0, 0.0)])
 def test_a_simulated_stage_follows_the_mirror_and_stands_still_without_light(apex, beam):
-    jump = Steps((0.0,) * 8, (*apex, *(0.0,) * 6), 2, 200, 1000.0)
+    jump = Steps((0.0,) * 8, (apex, *(0.0,) * 7), 2, 200, 1000.0)
     config = replace(facets.load("bench"), motions={"jump": jump})
     (segment,) = facets.simulate(config, noise=False, track=True)
-    np.testing.assert_allclose(segment.truth[-1, 6:], beam, atol=1e-3)
+    np.testing.assert_allclose(segment.truth[-1, 6:], [beam, 0.0], atol=1e-3)

@@ -30,14 +30,12 @@ def served(device, path):
             if ready:
                 pty.write(device.receive(pty.read()))
 
-    thread = threading.Thread(target=run)
+    thread = threading.Thread(target=run, daemon=True)
     thread.start()
-    try:
-        yield pty.name
-    finally:
-        ending.set()
-        thread.join()
-        pty.close()
+    yield pty.name
+    ending.set()
+    thread.join()
+    pty.close()
 
 
 def test_zaber_motion_drives_the_virtual_stage(tmp_path):

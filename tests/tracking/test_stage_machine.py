@@ -18,10 +18,10 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from stage_world import CONTROLLER, DATA, KINDS, PROGRAM, STAGE, WIRE, Tally, World
+from stage_world import CONTROLLER, KINDS, STAGE, WIRE, Tally, World
 
 import facets
-from facets.tracking import Arrival, BoardPermit, Envelope, Pi, Zaber, excursion
+from facets.tracking import Arrival, BoardPermit, Envelope, Zaber, excursion
 
 BENCH = facets.load("bench").stage
 IS_STUDY = not settings.default.derandomize
@@ -64,18 +64,6 @@ LENGTHS = sampled(0.06, 0.01, 0.3, 1.1)
 AMOUNTS = shares()
 
 
-def rule_of(name, *kinds):
-    """A rule of a name, by which one of these faults begins, and the tracker goes on."""
-
-    def fail(self, kind, seconds, amount, after):
-        if self.world.tracker and len(self.world.faults) < MOST_FAULTS:
-            self.world.suffer(self.only or kind, seconds, amount)
-        self.world.run(after)
-
-    fail.__name__ = name
-    return rule(kind=sampled(*kinds), seconds=LENGTHS, amount=AMOUNTS, after=LENGTHS)(fail)
-
-
 class StageMachine(RuleBasedStateMachine):
     """A stage that follows a mirror, and all that can go wrong with it."""
 
@@ -89,23 +77,18 @@ class StageMachine(RuleBasedStateMachine):
         search=st.booleans(), again=st.booleans(), early=sampled(*24 * [""], *WIRE, *STAGE),
         amount=AMOUNTS,
     )  # fmt: skip
-    def start(self, stage, start, radius, turn, seed, search, again, early, amount):
+    def start(self, stage, search, again, early, amount, **mirror):
         self.tally.counts["sequences"] += 1
-        stage = replace(stage, **self.fixed)
-        self.world = World(stage, start, radius, turn, seed, self.tally)
+        self.world = World(replace(stage, **self.fixed), tally=self.tally, **mirror)
         if early:
             self.world.suffer(self.only or early, 0.5, amount)
         self.world.start(search, again)
 
-    spoil_data = rule_of("spoil_data", *DATA, "no permit")
-    spoil_wire = rule_of("spoil_wire", *WIRE)
-    disturb_stage = rule_of("disturb_stage", *STAGE)
-    disturb_program = rule_of("disturb_program", *PROGRAM)
-    disobey = rule_of("disobey", *CONTROLLER)
-
-    @rule(seconds=LENGTHS)
-    def follow(self, seconds):
-        self.world.run(seconds)
+    @rule(kind=sampled(*KINDS), seconds=LENGTHS, amount=AMOUNTS, after=LENGTHS)
+    def fail(self, kind, seconds, amount, after):
+        if self.world.tracker and len(self.world.faults) < MOST_FAULTS:
+            self.world.suffer(self.only or kind, seconds, amount)
+        self.world.run(after)
 
     @rule(before=sampled(0.5, 0.01), after=LENGTHS)
     def resume(self, before, after):
@@ -165,7 +148,6 @@ def nothing(*_):
         (Arrival, "complaint", nothing, "ignore", {}),
         (BoardPermit, "allows_motion", lambda *_: True, "no permit", {"permit": "board"}),
         (Zaber, "prepare", nothing, "", {"driver": "zaber"}),
-        (Pi, "prepare", nothing, "", {"driver": "pi"}),
     ],
 )
 def test_the_judge_sees_an_envelope_of_which_a_part_is_replaced(

