@@ -106,6 +106,16 @@ def test_segments_across_a_gap_are_left_out(shaken):
     assert (found.segments, found.left_out) == (len(pieces), 39 - len(pieces))
 
 
+def test_overlapping_segments_count_as_independent_ones_of_the_same_variance():
+    rng = np.random.default_rng(4)
+    length, count = 64, 64 * 12
+    noise = rng.standard_normal((3000, count))
+    power = signal.welch(noise, window="hann", nperseg=length, detrend=False)[1][:, 10]
+    independent = (power.mean() / power.std()) ** 2
+    found = estimate_response(noise[0], noise[1, :, None], even(count), RATE / length)
+    assert found.averages == pytest.approx(independent, rel=0.06)
+
+
 def test_noise_behind_a_low_pass_keeps_its_variance():
     """Noise sampled behind a low pass is an autoregressive process of the first order."""
     frequency = np.linspace(0, RATE / 2, 2001)
