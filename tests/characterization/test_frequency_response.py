@@ -107,6 +107,8 @@ def test_segments_across_a_gap_are_left_out(shaken):
 
 
 def test_overlapping_segments_count_as_independent_ones_of_the_same_variance():
+    from scipy import signal
+
     rng = np.random.default_rng(4)
     length, count = 64, 64 * 12
     noise = rng.standard_normal((3000, count))
