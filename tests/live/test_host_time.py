@@ -81,7 +81,6 @@ def test_a_delay_that_the_line_takes_over_is_remembered_until_it_goes():
         moves.append(clock.moves)
     late, is_settled = np.array(late), np.abs(true - 16.2) > 0.2
     assert np.abs(late - delay)[is_settled].max() < 0.02
-    assert late[-1] > 0.02
     assert moves[4_000 - 1] == 0
     assert moves[8_000 - 1] == moves[-1] == 1  # the line was moved to the late data
 

@@ -81,7 +81,6 @@ def test_objects_and_their_displacements_after_the_zero_err_as_stated():
     assert ratio == pytest.approx(1, abs=0.15)
     variance = poses.object["u_displacement_yaw_mrad"] ** 2
     np.testing.assert_allclose(poses.object["cov_displacement_yaw_yaw_mrad2"], variance, rtol=1e-12)
-    assert pipeline.object_poses.take_news()[0].startswith("the first 0.04 s, 400 samples: tx_mm")
     assert tuple(pose_columns(poses))[-len(poses.object) :] == pipeline.object_poses.names
 
 
