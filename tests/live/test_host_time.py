@@ -19,6 +19,7 @@ from facets.live import (
     Pipeline,
     encode,
 )
+from facets.live.sources import host_time
 
 JITTER, DRIFT, PACKET = 5e-3, 50e-6, 2e-3
 
@@ -52,6 +53,22 @@ def test_times_are_known_in_ten_seconds_and_as_well_as_is_said(delays, most):
     assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.4
     assert np.mean(np.abs(ratios) < 2) > 0.85
     assert 0.4 < np.sqrt(np.mean(np.square(rates))) < 1.8
+
+
+def test_the_uncertainty_is_that_of_lines_under_exponential_points():
+    """For delays of mean 1 s at 100 points: the three numbers of the module, by simulation."""
+    rng, count, lines = np.random.default_rng(3), 100, []
+    x = np.arange(count) / count
+    for _ in range(600):
+        offset, slope, is_free = host_time.touching_line(
+            x - x.mean(), rng.exponential(size=count), -np.inf, np.inf
+        )
+        assert is_free
+        lines.append((offset, offset + slope * (1 - x.mean()), slope))
+    centre, end, slope = count * np.array(lines).T
+    assert centre.mean() == pytest.approx(host_time.BIAS, abs=0.25)
+    assert np.sqrt(np.mean((end - host_time.BIAS) ** 2)) == pytest.approx(host_time.END, rel=0.2)
+    assert np.sqrt(np.mean(slope**2)) == pytest.approx(host_time.RISE, rel=0.2)
 
 
 def test_a_clock_that_stood_still_and_one_that_was_set_are_noticed():
