@@ -74,7 +74,7 @@ class StageMachine(RuleBasedStateMachine):
     @initialize(
         stage=SETTINGS, start=st.tuples(shares(-0.7, 0.7), shares(-0.7, 0.7)),
         radius=shares(0, 1.2), turn=st.integers(-8, 8), seed=st.integers(0, 99),
-        search=st.booleans(), again=st.booleans(), early=sampled(*24 * [""], *WIRE, *STAGE),
+        search=st.booleans(), again=sampled(True, True, False), early=sampled(*24 * [""], *WIRE, *STAGE),
         amount=AMOUNTS,
     )  # fmt: skip
     def start(self, stage, search, again, early, amount, **mirror):
@@ -84,7 +84,7 @@ class StageMachine(RuleBasedStateMachine):
             self.world.suffer(self.only or early, 0.5, amount)
         self.world.start(search, again)
 
-    @rule(kind=sampled(*KINDS), seconds=LENGTHS, amount=AMOUNTS, after=LENGTHS)
+    @rule(kind=sampled(*KINDS, *WIRE, *STAGE), seconds=LENGTHS, amount=AMOUNTS, after=LENGTHS)
     def fail(self, kind, seconds, amount, after):
         if self.world.tracker and len(self.world.faults) < MOST_FAULTS:
             self.world.suffer(self.only or kind, seconds, amount)
