@@ -74,8 +74,8 @@ class StageMachine(RuleBasedStateMachine):
     @initialize(
         stage=SETTINGS, start=st.tuples(shares(-0.7, 0.7), shares(-0.7, 0.7)),
         radius=shares(0, 1.2), turn=st.integers(-8, 8), seed=st.integers(0, 99),
-        search=st.booleans(), again=sampled(True, True, False), early=sampled(*24 * [""], *WIRE, *STAGE),
-        amount=AMOUNTS,
+        search=st.booleans(), again=sampled(True, True, False),
+        early=sampled(*24 * [""], *WIRE, *STAGE), amount=AMOUNTS,
     )  # fmt: skip
     def start(self, stage, search, again, early, amount, **mirror):
         self.tally.counts["sequences"] += 1
