@@ -55,6 +55,14 @@ def test_all_of_a_set_appears_at_the_end(older):
     }
 
 
+def test_what_the_disk_refuses_is_told_with_the_file_and_other_errors_as_they_are(tmp_path):
+    for raised, told in ((FULL, OutputError), (KeyError("x"), KeyError)):
+        with pytest.raises(told) as caught, Whole(tmp_path / "a.csv"):
+            raise raised
+        assert told is KeyError or "a.csv: cannot be written" in str(caught.value)
+    assert tree(tmp_path) == {}
+
+
 #: What a set does with the disk, and how often.
 STEPS = [("os.open", 3), ("os.fsync", 5), ("Path.mkdir", 3), ("os.link", 2), ("Path.replace", 3)]
 
