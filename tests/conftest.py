@@ -24,25 +24,25 @@ sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 #: Files that take long, the longest first. They are begun with, so that at the end no process works
 #: on one of them while the others have nothing left to do.
 LONG = (
+    "cli/test_every_command.py",
     "docs/test_guides.py",
-    "calibration/test_faults.py",
-    "calibration/test_bench_rigs.py",
     "live/test_live.py",
+    "calibration/test_faults.py",
     "design/test_exploration.py",
+    "live/test_stopped_stage.py",
+    "model/test_executions.py",
+    "design/test_page.py",
+    "tracking/test_stage_machine.py",
     "design/test_tolerancing.py",
-    "design/test_front.py",
-    "live/test_ophyd_device.py",
+    "calibration/test_bench_rigs.py",
     "cli/test_signals.py",
-    "design/test_optimize.py",
-    "files/test_whole.py",
+    "live/test_web_page.py",
+    "pictures/test_page_hands.py",
+    "estimation/test_estimators.py",
+    "tracking/test_pulled_cable.py",
     "proof/test_check_certificate.py",
-    "cli/test_streams.py",
-    "cli/test_bad_inputs.py",
-    "calibration/test_calibration.py",
-    "bench/test_bench.py",
     "experiments/test_reproduce.py",
-    "pictures/test_scene.py",
-    "optics/test_bench_light.py",
+    "bench/test_bench.py",
 )
 
 

@@ -77,6 +77,7 @@ def test_the_coefficients_are_those_of_the_rig(calibrated):
     assert (u < 3e-4).all()
 
 
+@pytest.mark.slow
 def test_a_temperature_that_leads_the_head():
     """The head follows a ramp with a time constant of a quarter of the run."""
     time = np.linspace(0, 4, 200)
@@ -93,6 +94,7 @@ def test_a_temperature_that_leads_the_head():
     assert u[:2].max() < 1e-4
 
 
+@pytest.mark.slow
 def test_poses_at_another_temperature(calibrated):
     """What has no temperature has no pose: tests of estimation."""
     rng = np.random.default_rng(2)

@@ -216,6 +216,7 @@ def test_a_recording_and_a_table_have_the_same_poses(tmp_path):
         read_series(tmp_path / "late.csv")
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_errors_of_an_axis(tmp_path, run_in_process):
     """Of an axis with a backlash of 4 um, tested three times in each direction."""
     poses = series(np.tile([-1, 0.002, 1.002, 2.002, 3.002, 4, 2.998, 1.998, 0.998, -0.002], 3), 7)

@@ -132,6 +132,7 @@ def test_a_short_calibration_has_wide_tails():
     assert 1 < found.symmetric.high[2] / linear.expanded_uncertainty()[0, 2] < 1.1
 
 
+@pytest.mark.slow
 def test_resolution_writes_trials(tmp_path, run_in_process):
     """Of the second pose, whose spots are on their detectors' edges, half of the trials have no
     solution, so that no interval is stated; of the third, a few have none."""

@@ -86,6 +86,7 @@ def test_a_certificate_states_what_was_entered_found_and_read(folder):
         assert re.search(rf"{name} .* {re.escape(change)} +{u} ", printed)
 
 
+@pytest.mark.slow
 def test_a_calibration_that_failed_is_not_called_valid(folder):
     words = ("my.yaml", "slips.csv", "-o", "e.yaml", "--report", "e.html")
     command("calibrate", *words, "--accept-misfit", cwd=folder)
