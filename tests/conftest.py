@@ -47,9 +47,9 @@ LONG = (
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Three processes for two cores, since a test waits for ports and programs, too."""
+    """Two processes for a core, since a test waits for ports and programs, too."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return (3 * (cores or 1) + 1) // 2
+    return 2 * (cores or 1)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
