@@ -46,8 +46,9 @@ lint: .venv/developed
 # The package as it is installed, with cli/ and experiments/ inside, and the tests as packages, for tools
 # that read sources.
 tree:
-	rm -rf build/tree && mkdir -p build/tree && cp -R facets tests build/tree
-	cp -R cli experiments configs build/tree/facets/
+	rm -rf build/tree && mkdir -p build/tree
+	tar --exclude=__pycache__ -cf - facets tests | tar -xf - -C build/tree
+	tar --exclude=__pycache__ -cf - cli experiments configs | tar -xf - -C build/tree/facets
 	find build/tree/tests -type d -exec touch {}/__init__.py \;
 
 types: .venv/developed tree

@@ -106,9 +106,9 @@ def test_the_cloud_lies_in_its_ellipses(shown):
     if config.solve.beam == "known":
         assert "The beam is not at 0, 0" in browser.text_of("estimate-said")
         browser.ask(
+            f"page.moveTo({[*STATE[:6].tolist(), 0, 0]});"
             "document.querySelectorAll('[id^=cloud-]').forEach((one) => one.ariaLabel = '')"
         )
-        browser.ask(f"page.moveTo({[*STATE[:6].tolist(), 0, 0]})")
     for n in range(4):
         label = f"document.getElementById('cloud-{n}').ariaLabel"
         text = browser.await_true(f"{label}.includes(': 300 solved poses') && {label}")

@@ -156,7 +156,7 @@ def test_the_judge_sees_an_envelope_of_which_a_part_is_replaced(
     monkeypatch.setattr(owner, name, instead)
     parts = {"tally": Tally(), "only": only, "fixed": fixed}
     with pytest.raises(pytest.fail.Exception):
-        try_sequences(type("Machine", (StageMachine,), parts), 60, phases=[Phase.generate])
+        try_sequences(type("Machine", (StageMachine,), parts), 200, phases=[Phase.generate])
 
 
 def following(**more):
