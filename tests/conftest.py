@@ -46,10 +46,11 @@ LONG = (
 )
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """Two processes for a core, since a test waits for ports and programs, too."""
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Two processes for a core, since a test waits for ports and programs, too; fewer with slow
+    tests, of which some record in real time."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return 2 * (cores or 1)
+    return (4 if "not slow" in config.option.markexpr else 3) * (cores or 1) // 2 or 1
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
