@@ -56,6 +56,7 @@ def record(folder):
     return config
 
 
+@pytest.mark.slow
 def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path):
     config = record(tmp_path / "rec")
     _, _, refusal = run("response", "rec", "--input", "force_kn")

@@ -135,6 +135,7 @@ def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     assert within(predicted, count_passes(heads)[which], count)
 
 
+@pytest.mark.slow
 def test_margins_are_no_larger_than_the_yield_needs(robust):
     """With less of them the prediction falls short."""
     found, best = robust

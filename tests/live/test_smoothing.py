@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -78,8 +79,9 @@ def test_pieces_of_a_long_recording_fit_together(monkeypatch):
     poses = measure(rng, walk(rng, 1_500, 2, 1e-2))
     arguments = np.arange(1_500), poses, noise_of(poses), "speed", np.full(2, 1e-2)
     whole = smooth(*arguments)
-    monkeypatch.setattr("facets.live.run.smoothing.PIECE", 400)
-    monkeypatch.setattr("facets.live.run.smoothing.MARGIN", 150)
+    module = inspect.getmodule(smooth)
+    monkeypatch.setattr(module, "PIECE", 400)
+    monkeypatch.setattr(module, "MARGIN", 150)
     parts = smooth(*arguments)
     # what is known of the speed before the first sample is taken from the piece
     np.testing.assert_allclose(parts.states, whole.states, atol=1e-3)

@@ -30,6 +30,7 @@ def readings_of(page):
     return np.array(values, float), words
 
 
+@pytest.mark.slow
 def test_sliders_move_the_readings_as_python_has_them(flat):
     ends = [0.3, 0.3, 0.3, 8, 8, 8, 0.3, 0.3]
     wanted = np.random.default_rng(21).uniform(-1, 1, (8, 8)) * ends
