@@ -50,7 +50,7 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Two processes for a core, since a test waits for ports and programs, too; fewer with slow
     tests, of which some record in real time."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return (4 if "not slow" in config.option.markexpr else 3) * (cores or 1) // 2 or 1
+    return (4 if "not slow" in config.option.markexpr else 3) * (cores or 1) // 2
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

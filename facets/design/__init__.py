@@ -31,7 +31,7 @@ else:
             ),
             "front": "compare_with_designs pareto_front",
             "problem": "problem_of",
-            "production": "SimulatedHeads count_passes interval simulate_heads",
+            "production": "count_passes interval simulate_heads",
             "robust": "robust_layout",
             "rounding": "round_design step_of",
             "search": "optimize",

@@ -9,7 +9,7 @@ __getattr__ = load_on_use(
             "SATURATED UNEQUAL counts_per_ampere counts_to_readings counts_to_xy_sum "
             "readings_to_counts"
         ),
-        "electrodes": "fractions places side_potential tetra_lateral_ratios",
+        "electrodes": "fractions places",
         "noise": (
             "ELECTRIC add_noise electrode_currents fullness least_light power_floor "
             "sample_readings standard_deviations step_variances variances"

@@ -12,7 +12,7 @@ else:
         {
             "arrays": (
                 "EFFECTS derivatives effect_jacobian effects geometry_of group_by_field "
-                "is_near_edge light_effects options packed_vectors parameters "
+                "is_near_edge options packed_vectors parameters "
                 "replace_effects sensor_with spot_size"
             ),
             "beam_shape": "axes_of shape_derivatives shape_of",

@@ -46,7 +46,8 @@ class Forked(FORKS.Process):  # type: ignore[name-defined, misc]
         super().__init__()
         self.words, self.cwd, self.env, self.limit = words, cwd, env, limit
         self.streams = Stream(out), Stream(err)
-        with patch.dict(os.environ, PYTHONPATH=str(Path(__file__).parent)):
+        # or it would find neither `prepared` nor, in a copy of the sources, the copy
+        with patch.dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path))):
             forkserver.ensure_running()
         self.start()
 

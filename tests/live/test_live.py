@@ -225,6 +225,7 @@ def test_reconnect_goes_on(tmp_path, acquire, board):
     )
     assert status == 0, errors
     names = [event["event"] for event in events_of(tmp_path / "rec")]
+    assert names[0] == "connected"
     assert names.count("unplugged") >= names.count("connected again") >= 2
     poses = recorded_poses(tmp_path / "rec")
     assert (poses["status"] == 0).all()

@@ -14,10 +14,8 @@ from facets.model import beam_shape
 def test_derivatives_by_the_shape_of_round_and_oval_beams_are_differences(diameter_y):
     sensor = skew_sensor(3)
     beam = replace(sensor.beam, diameter_x=0.85, diameter_y=diameter_y, rotation=0.3)
-    sensor, states = (
-        replace(sensor, beam=beam),
-        np.array([[0.02, -0.03, 0.5, 1e-3, -2e-3, 0, 0, 0]]),
-    )
+    sensor = replace(sensor, beam=beam)
+    states = np.array([[0.02, -0.03, 0.5, 1e-3, -2e-3, 0, 0, 0]])
     shape, step = np.array(beam_shape.shape_of(0.85, diameter_y, 0.3)), 1e-7
 
     def moved(change):
