@@ -98,8 +98,8 @@ def compare(wheel: Path, from_sdist: Path, names: Sequence[str]) -> None:
 def build(names: Sequence[str], folder: Path) -> Path:
     """Build the wheel and compare its files with the expected ones."""
     source = copy_files(names, folder / "source tree")
-    run(UV, "build", "--quiet", "--out-dir", folder / "from sdist", source, cwd=folder)
-    run(UV, "build", "--quiet", "--wheel", "--out-dir", folder / "wheel", source, cwd=folder)
+    run(UV, "build", "--out-dir", folder / "from sdist", source, cwd=folder)
+    run(UV, "build", "--wheel", "--out-dir", folder / "wheel", source, cwd=folder)
     (wheel,), (from_sdist,) = ((folder / f).glob("*.whl") for f in ("wheel", "from sdist"))
     compare(wheel, from_sdist, names)
     return wheel
