@@ -51,8 +51,8 @@ CHAINS = {
           --commands 'a stage/commands-runs.csv' -d 'an axis'
         """,
     "live": """
-        emulate 'my bench.yaml' --motion rest --rate 1000 --folder 'virtual bench' &
-        acquire 'my bench.yaml' --port 'virtual bench/board' --samples 2000 -d 'a run' --plain
+        emulate 'my bench.yaml' --motion rest --rate 250 --folder 'virtual bench' &
+        acquire 'my bench.yaml' --port 'virtual bench/board' --samples 500 -d 'a run' --plain
         acquire 'my bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
           --check-stage --write 'my checked bench.yaml' -d 'checked' --plain
         acquire 'my checked bench.yaml' --port 'virtual bench/board'
