@@ -7,6 +7,7 @@ tests. `HYPOTHESIS_PROFILE=search pytest ...` draws others, and far more of them
 import os
 import signal
 import sys
+from contextvars import copy_context
 from pathlib import Path
 
 import pytest
@@ -46,11 +47,11 @@ LONG = (
 )
 
 
-def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Two processes for a core, since a test waits for ports and programs, too; fewer with slow
-    tests, of which some record in real time."""
+def pytest_xdist_auto_num_workers() -> int:
+    """Three processes for two cores, since a test waits for ports and programs, too; each more
+    would import everything once again, and disturb what records in real time."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return (4 if "not slow" in config.option.markexpr else 3) * (cores or 1) // 2
+    return 3 * (cores or 1) // 2
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -73,7 +74,7 @@ def run_in_process(tmp_path, monkeypatch, capsys):  # type: ignore[no-untyped-de
     def one(*words):
         monkeypatch.setattr(sys, "argv", ["facets", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            main()
+            copy_context().run(main)  # a style that it chooses is its own
         out, err = capsys.readouterr()
         return end.value.code, out, err
 
