@@ -137,7 +137,7 @@ def test_the_guard_lets_in_who_has_the_address_and_nobody_else(still):
     for name in ("127.0.0.1", "LOCALHOST", "[::1]"):
         host = f"{name}:{port}"
         assert complaint(host) == complaint(host, Origin=f"http://{host}") == ""
-        assert "token" in complaint(host, f"{token[:-1]}_")
+        assert "token" in complaint(host, token.swapcase())
         for origin in ("http://elsewhere.example", "null"):
             assert "another page" in complaint(host, Origin=origin)
     for host in (f"elsewhere.example:{port}", f"127.0.0.1:{port + 1}", "127.0.0.1", "[", "::x"):
