@@ -38,6 +38,17 @@ def test_what_is_written_into_a_sensor_is_what_the_fit_has():
     assert np.abs(added).max() > 3e-3
 
 
+def test_a_spline_does_nothing_that_polynomials_up_to_third_order_do():
+    values, half = values_of(NOMINAL), NOMINAL.psds[0].size_y / 2
+    values[[PLACE[name] for name in SPLINE]] = np.random.default_rng(1).normal(size=len(SPLINE))
+    y, z = np.array(list(product(np.linspace(-1, 1, 5), repeat=2))).T
+    raw = np.tile(np.column_stack([half * y, half * z, np.ones(25)]), 3)
+    added = correct(assign_values(NOMINAL, values), raw) - raw
+    powers = [y**a * z**b for a, b in product(range(4), repeat=2) if a + b <= 3]
+    assert np.abs(added).max() > 1
+    np.testing.assert_allclose(np.array(powers) @ added, 0, atol=1e-10)
+
+
 def add_waves(sensor, state, exact):
     """Add what is no polynomial and no spline."""
     for k in range(3):
