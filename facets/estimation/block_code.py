@@ -204,7 +204,10 @@ def weigh_equations(
 def linearise(
     code: LaneWriter, vectors: Any, x: Numbers, form: Form
 ) -> list[tuple[Sequence[Any], list[Numbers]]]:
-    """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
+    """Readings, and their derivatives by the free unknowns, for detectors A, B and C.
+
+    The beam's place takes the mirror along, as in `gauss_newton`.
+    """
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     text: Any
     if form.kind == "plain":
@@ -215,7 +218,7 @@ def linearise(
         text = bench_gradient.linearise_nearly(vectors, state)
     found = []
     for k, (values, derivatives) in enumerate(text):
-        rows = [[row[c] for c in places] for row in derivatives]
+        rows = [[row[c] + row[c - 6] if c > 5 else row[c] for c in places] for row in derivatives]
         if 8 in form.free:
             for i, row in enumerate(rows):
                 row.append(power_derivative(vectors, values, k, i))
@@ -280,7 +283,9 @@ class PlainSteps:
         step, gain = straight.solution(factor, right)
         end = list(at)
         for j, c in enumerate(self.form.free):
-            end[c] = at[c] + step[j]
+            end[c] = end[c] + step[j]
+            if c in (6, 7):
+                end[c - 6] = end[c - 6] + step[j]
         for c in range(UNKNOWNS):
             self.end[c] = end[c]
         self.gain[0] = gain
@@ -369,11 +374,15 @@ def covariance_of(factor: LaneMemory, free: Sequence[int]) -> Numbers:
     size = len(free)
     numbers = iter([factor[n] for n in range(size * (size + 1) // 2)])
     triangle = [[next(numbers) for _ in range(i + 1)] for i in range(size)]
-    covariance = straight.inverse(triangle)
-    places = {c: j for j, c in enumerate(free)}
-    rows: Numbers = []
-    for a in range(8):
+    steps = straight.inverse(triangle)
+    covariance: list[Numbers] = [[0.0] * 8 for _ in range(8)]
+    for i, a in enumerate(free):
+        for j, b in enumerate(free):
+            if max(a, b) < 8:
+                covariance[a][b] = steps[i][j]
+    for c in [c for c in (6, 7) if c in free]:  # the mirror's place: in the beam, and the beam's
         for b in range(8):
-            known = a in places and b in places
-            rows.append(covariance[places[a]][places[b]] if known else 0.0)
-    return rows
+            covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]
+        for a in range(8):
+            covariance[a][c - 6] = covariance[a][c - 6] + covariance[a][c]
+    return [each for row in covariance for each in row]

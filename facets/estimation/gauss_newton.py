@@ -4,6 +4,9 @@ Text for `kernels`, which compiles it; a few readings are solved by it as it sta
 are the eight components of the state and the beam's power; `free` lists those that are asked for.
 Every row is in units of its standard deviation, so that the sum of squares is a chi-square.
 
+A step of the beam's place takes the mirror along: what the readings tell of it then hardly depends
+on what they tell of the mirror's place in the beam, and the equations keep their digits.
+
 A step solves the normal equations J'J step = J'r by Cholesky's method, which takes a third of the
 time of orthogonal reflections and squares the condition number. Where a pivot tells that this costs
 more than half the digits (`normal_equations.factorise`), the same step is found by reflections.
@@ -108,6 +111,13 @@ def count_checks(used: Array, problem: FitProblem, eight: bool) -> int:
     return rows - len(problem.free)
 
 
+def slope_by(found: Array, row: int, c: int) -> float:
+    """The derivative of a reading by an unknown; the beam's place takes the mirror along."""
+    if c == 6 or c == 7:
+        return found[1 + row, c] + found[1 + row, c - 6]  # type: ignore[no-any-return]
+    return found[1 + row, c]  # type: ignore[no-any-return]
+
+
 def weigh_columns(values: Array, free: Array, layers: Array) -> float:
     """Fills the layer COLUMNS from FOUND; returns the sum of squares of the residuals.
 
@@ -120,7 +130,7 @@ def weigh_columns(values: Array, free: Array, layers: Array) -> float:
         if weight > 0:
             residual = weight * (values[row] - layers[FOUND, 0, row])
             for j in range(len(free)):
-                layers[COLUMNS, j, row] = weight * layers[FOUND, 1 + row, free[j]]
+                layers[COLUMNS, j, row] = weight * slope_by(layers[FOUND], row, free[j])
         else:
             for j in range(len(free)):
                 layers[COLUMNS, j, row] = 0.0
@@ -251,7 +261,10 @@ def add_step(x: Array, free: Array, layers: Array, end: Array) -> None:
     """Fills end (9,) with where the step of the layer FACTOR leads from x (9,)."""
     copy_state(x, end)
     for j in range(len(free)):
-        end[free[j]] += layers[FACTOR, LAST, j]
+        c = free[j]
+        end[c] += layers[FACTOR, LAST, j]
+        if c == 6 or c == 7:
+            end[c - 6] += layers[FACTOR, LAST, j]
 
 
 def copy_state(source: Array, target: Array) -> None:
@@ -388,6 +401,11 @@ def put_covariance(layers: Array, free: Array, covariances: Array, n: int) -> No
         for j in range(len(free)):
             if free[i] < 8 and free[j] < 8:
                 covariances[n, free[i], free[j]] = layers[COVARIANCE, i, j]
+    for c in range(2):  # the mirror's place: in the beam, and the beam's
+        for j in range(8):
+            covariances[n, c, j] += covariances[n, c + 6, j]
+        for j in range(8):
+            covariances[n, j, c] += covariances[n, j, c + 6]
 
 
 def estimate_each(

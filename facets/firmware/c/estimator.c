@@ -1,5 +1,6 @@
 /* One reading, one estimate: damped Gauss-Newton steps by the normal equations, and by orthogonal
- * reflections where these have lost too many digits. Rows are in standard deviations. */
+ * reflections where these have lost too many digits. Rows are in standard deviations. A step of the
+ * beam's place takes the mirror along: the equations then keep their digits. */
 
 #define UNKNOWNS 9
 #define ROWS (9 + 3 + UNKNOWNS)
@@ -74,6 +75,13 @@ static void ask(Work *work, const facets_options *options)
     }
 }
 
+/* The derivative of a reading by an unknown; the beam's place takes the mirror along. */
+static facets_real slope_by(const Work *work, int row, int c)
+{
+    const facets_real *slopes = work->found[1 + row];
+    return c == 6 || c == 7 ? slopes[c] + slopes[c - 6] : slopes[c];
+}
+
 /* Fills the weighted columns. Returns the sum of squares of the residuals. */
 static facets_real weigh_columns(Work *work, const facets_real *reading)
 {
@@ -84,7 +92,7 @@ static facets_real weigh_columns(Work *work, const facets_real *reading)
         const int taken = weight > R(0.0);
         const facets_real residual = taken ? weight * (reading[row] - work->found[0][row]) : R(0.0);
         for (j = 0; j < work->count; j++)
-            work->columns[j][row] = taken ? weight * work->found[1 + row][work->free[j]] : R(0.0);
+            work->columns[j][row] = taken ? weight * slope_by(work, row, work->free[j]) : R(0.0);
         work->columns[9][row] = residual;
         total += residual * residual;
     }
@@ -252,7 +260,11 @@ static void move(const Work *work, const facets_wide from[UNKNOWNS], facets_wide
 {
     int c, j;
     for (c = 0; c < UNKNOWNS; c++) to[c] = from[c];
-    for (j = 0; j < work->count; j++) to[work->free[j]] += W(work->factor[9][j]);
+    for (j = 0; j < work->count; j++) {
+        const int unknown = work->free[j];
+        to[unknown] += W(work->factor[9][j]);
+        if (unknown == 6 || unknown == 7) to[unknown - 6] += W(work->factor[9][j]);
+    }
 }
 
 static void copy(const facets_wide from[UNKNOWNS], facets_wide to[UNKNOWNS])
@@ -346,6 +358,10 @@ static void put_covariance(Work *work, facets_real covariance[64])
             for (k = i; k < work->count; k++) total += inverse[k][i] * inverse[k][j];
             if (a < 8 && b < 8) covariance[8 * a + b] = covariance[8 * b + a] = total;
         }
+    }
+    for (i = 0; i < 2; i++) { /* the mirror's place: in the beam, and the beam's */
+        for (j = 0; j < 8; j++) covariance[8 * i + j] += covariance[8 * (i + 6) + j];
+        for (j = 0; j < 8; j++) covariance[8 * j + i] += covariance[8 * j + i + 6];
     }
 }
 
