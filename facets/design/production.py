@@ -19,8 +19,6 @@ from .assembly import Assembly, calibrate_head
 from .requirement import accuracy_margins, errors_of, margins_of
 
 Tell = Callable[[int, int], None]
-#: Standard normal quantile of an interval that covers a share of 0.95.
-COVERAGE = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -83,8 +81,7 @@ def count_passes(heads: SimulatedHeads) -> dict[str, int]:
 
 def interval(passed: int, count: int) -> tuple[float, float]:
     """The 95 % interval of a share, after `passed` of `count` heads (Wilson)."""
-    share, square = passed / count, COVERAGE**2
-    middle = (share + square / (2 * count)) / (1 + square / count)
-    half = COVERAGE / (1 + square / count)
-    half *= np.sqrt(share * (1 - share) / count + square / (4 * count**2))
-    return max(0.0, float(middle - half)), min(1.0, float(middle + half))
+    from scipy.stats import binomtest
+
+    found = binomtest(passed, count).proportion_ci(0.95, method="wilson")
+    return float(found.low), float(found.high)
