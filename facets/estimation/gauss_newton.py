@@ -7,16 +7,14 @@ Every row is in units of its standard deviation, so that the sum of squares is a
 A step of the beam's place takes the mirror along: what the readings tell of it then hardly depends
 on what they tell of the mirror's place in the beam, and the equations keep their digits.
 
-A step solves the normal equations J'J step = J'r by Cholesky's method, which takes a third of the
-time of orthogonal reflections and squares the condition number. Where a pivot tells that this costs
-more than half the digits (`normal_equations.factorise`), the same step is found by reflections.
+A step solves the normal equations J'J step = J'r by Cholesky's method. Where a pivot tells that no
+digits are left (`normal_equations.factorise`), the readings do not tell the step.
 """
 
 from __future__ import annotations
 
 from math import isfinite, nan, sqrt
 
-from .least_squares import back_substitute, triangularise
 from .normal_equations import LAST, covariance_of, factorise, multiply, solve_cholesky
 from .problem import (
     COLUMNS,
@@ -35,7 +33,6 @@ from .problem import (
     NON_FINITE,
     OUT_OF_RANGE,
     PROGRESS_INTERVAL_STEPS,
-    ROWS,
     SINGULAR,
     STALLED,
     THERE,
@@ -177,62 +174,6 @@ def evaluate(
     return total
 
 
-def fill_rows(
-    x: Array, problem: FitProblem, mean: Array, memory: Workspace, normal: int, damping: float
-) -> int:
-    """Fills the workspace's rows with the weighted Jacobian and the residuals beside it.
-
-    A row for each reading and prior, and for each unknown one that holds it back. Returns how many.
-    """
-    columns, rows, layers = len(problem.free), memory.rows, memory.layers
-    for row in range(ROWS):
-        for j in range(columns + 1):
-            rows[row, j] = 0.0
-    for row in range(9):
-        for j in range(columns):
-            rows[row, j] = layers[COLUMNS, j, row]
-        rows[row, columns] = layers[COLUMNS, LAST, row]
-    for j in range(columns):
-        c = problem.free[j]
-        if c >= 6 and problem.weight[c - 6] > 0:
-            rows[3 + c, j] = problem.weight[c - 6]
-            rows[3 + c, columns] = problem.weight[c - 6] * (mean[c - 6] - x[c])
-        rows[12 + j, j] = sqrt(damping * layers[normal, j, j])
-    return 12 + columns
-
-
-def reflect(
-    model: CompiledModel,
-    x: Array,
-    values: Array,
-    problem: FitProblem,
-    mean: Array,
-    memory: Workspace,
-    normal: int,
-    damping: float,
-) -> float:
-    """The step by orthogonal reflections, where the normal equations have lost too many digits.
-
-    Fills the layer FACTOR as `solve_cholesky` does. Returns the gain, or -1 where the readings do
-    not tell the step.
-    """
-    columns, layers, rows = len(problem.free), memory.layers, memory.rows
-    # the last evaluation may have been that of a step that was refused
-    evaluate_model(model, x, layers[FOUND], memory.outlines)
-    weigh_columns(values, problem.free, layers)
-    high = fill_rows(x, problem, mean, memory, normal, damping)
-    if not triangularise(rows, high, columns):
-        return -1.0
-    back_substitute(rows, columns, layers[FACTOR, LAST])
-    gain = 0.0
-    for j in range(columns):
-        gain += rows[j, columns] ** 2
-        for i in range(j):
-            layers[FACTOR, j, i] = rows[i, j]
-        layers[FACTOR, j, j] = 1 / rows[j, j]
-    return gain
-
-
 def rounding_floor(limits: ScreeningLimits, weights: Array) -> float:
     """The sum of squares that rounding of the readings alone can make."""
     total = NEGLIGIBLE_GAIN
@@ -329,10 +270,9 @@ def estimate(
             if is_slow(cost, earlier, damped):
                 return STALLED, steps, cost
             earlier = cost
+        gain = -1.0
         if factorise(layers, here, FACTOR, columns, damping):
             gain = solve_cholesky(layers, here, FACTOR, columns)
-        else:
-            gain = reflect(model, x, values, problem, mean, memory, here, damping)
         action = check_gain(gain, small, damping, blind, damped)
         if action == SINGULAR:
             return SINGULAR, steps, cost

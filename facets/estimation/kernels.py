@@ -10,13 +10,12 @@ from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 from ..model.jit import bytes_at, call_address, doubles_at, integers_at, longs_at, twin
 from ..model.jit import task as task_kernel
 from ..model.threads import once
-from . import gauss_newton, least_squares, normal_equations
+from . import gauss_newton, normal_equations
 from . import problem as problems
 from .gauss_newton import estimate_each
 from .problem import (
     LAYERS,
     PLACES,
-    ROWS,
     CompiledModel,
     FitProblem,
     Readings,
@@ -69,7 +68,6 @@ def solve_rows(task: Any) -> None:
         ),
         Workspace(
             carray(doubles_at(task[PLACES.layers]), (LAYERS, 10, 10)),
-            carray(doubles_at(task[PLACES.rows]), (ROWS, 10)),
             carray(doubles_at(task[PLACES.outlines]), (1,)),
         ),
     )
@@ -86,5 +84,4 @@ def kernel() -> Callable[[int], None]:
             )
         ),
     )
-    modules = (gauss_newton, least_squares, normal_equations)
-    return task_kernel(__file__, solve_rows, *modules, problems)
+    return task_kernel(__file__, solve_rows, gauss_newton, normal_equations, problems)

@@ -11,9 +11,9 @@ from math import sqrt
 
 from .problem import Array
 
-#: A pivot that is less than this share of its diagonal element: the condition number of J, columns
-#: scaled, is then above some 1e4, and J'J has lost half the digits.
-MIN_PIVOT_SHARE = 1e-8
+#: A pivot that is less than this share of its diagonal element has no digits that rounding leaves:
+#: the condition number of J, columns scaled, is then above some 1e6.
+MIN_PIVOT_SHARE = 1e-13
 #: The row of a layer that holds J'r, the residuals r in a layer of columns, and a solution.
 LAST = 9
 

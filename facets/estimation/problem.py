@@ -32,7 +32,6 @@ MAX_DAMPING = 1e12
 #: Rounding of a computed reading, relative to the detector's distance or to the power.
 ROUNDING = 4e-15
 UNKNOWNS = 9
-ROWS = 9 + 3 + UNKNOWNS
 
 
 class FitProblem(NamedTuple):
@@ -82,11 +81,10 @@ WEIGHTS, TRIAL = range(2)
 class Workspace(NamedTuple):
     """Memory that all estimates of a batch reuse.
 
-    layers: (LAYERS, 10, 10).  rows: (ROWS, 10) for the reflections.  outlines: see `model.kernels`.
+    layers: (LAYERS, 10, 10).  outlines: see `model.kernels`.
     """
 
     layers: Array
-    rows: Array
     outlines: Array
 
 
@@ -147,7 +145,6 @@ class TaskTable(NamedTuple):
     residuals: Any
     covariances: Any
     layers: Any
-    rows: Any
     outlines: Any
     readings: Any
     rows_of_sigmas: Any
@@ -231,7 +228,6 @@ def workspace() -> Workspace:
     """Memory for the estimates of one thread."""
     return Workspace(
         np.empty((LAYERS, 10, 10)),
-        np.empty((ROWS, 10)),
         np.empty((3, outlines.MOST_SIDES, outlines.COLUMNS)),
     )
 

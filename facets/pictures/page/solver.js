@@ -11,9 +11,29 @@
 // arguments, as facets.estimation.plan makes them, and its results in words.
 
 const Solver = (() => {
-  const memory = {layers: zeros(9, 10, 10), rows: zeros(21, 10), outlines: workspace};
+  const memory = {layers: zeros(9, 10, 10), outlines: workspace};
   const nothing = (...shape) => (shape.length === 1 ? Array(shape[0]).fill(NaN)
     : Array.from({length: shape[0]}, () => nothing(...shape.slice(1))));
+
+  // By elimination, in place.
+  function signOfDeterminant(rows) {
+    let sign = 1;
+    for (let j = 0; j < rows.length; j++) {
+      for (let i = j + 1; i < rows.length; i++) {
+        if (!(Math.abs(rows[i][j]) > Math.abs(rows[j][j]))) continue;
+        [rows[i], rows[j]] = [rows[j], rows[i]];
+        sign = -sign;
+      }
+      const pivot = rows[j][j];
+      sign *= Math.sign(pivot);
+      if (!sign) return 0;
+      for (let i = j + 1; i < rows.length; i++) {
+        const share = rows[i][j] / pivot;
+        for (let k = j; k < rows.length; k++) rows[i][k] -= share * rows[j][k];
+      }
+    }
+    return sign;
+  }
 
   function create(sensor, geometry) {
     const {floor, light} = SOLVER.limits;
@@ -47,9 +67,7 @@ const Solver = (() => {
         state[1] += state[7];
         const rows = gradient_linearise(bare, state).flatMap(([, each]) => each).slice(0, 8);
         if (!rows.flat().every(Number.isFinite)) continue;
-        const matrix = rows.map((row) => [...row, 0]);
-        if (!least_squares_triangularise(matrix, 8, 8)) continue;
-        seen.add(Math.sign(matrix.reduce((sign, row, n) => sign * Math.sign(row[n]), 1)));
+        seen.add(signOfDeterminant(rows));
       }
       folds = seen.has(1) && seen.has(-1);
       return folds;
