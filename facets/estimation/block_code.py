@@ -380,9 +380,14 @@ def covariance_of(factor: LaneMemory, free: Sequence[int]) -> Numbers:
         for j, b in enumerate(free):
             if max(a, b) < 8:
                 covariance[a][b] = steps[i][j]
-    for c in [c for c in (6, 7) if c in free]:  # the mirror's place: in the beam, and the beam's
+    take_along(covariance, [c for c in (6, 7) if c in free])
+    return [each for row in covariance for each in row]
+
+
+def take_along(covariance: list[Numbers], places: Sequence[int]) -> None:
+    """The mirror's place: in the beam, and the beam's."""
+    for c in places:
         for b in range(8):
             covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]
         for a in range(8):
             covariance[a][c - 6] = covariance[a][c - 6] + covariance[a][c]
-    return [each for row in covariance for each in row]
