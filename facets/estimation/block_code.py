@@ -385,7 +385,7 @@ def covariance_of(factor: LaneMemory, free: Sequence[int]) -> Numbers:
 
 
 def take_along(covariance: list[Numbers], places: Sequence[int]) -> None:
-    """The mirror's place: in the beam, and the beam's."""
+    """The mirror's place is that in the beam and the beam's, added."""
     for c in places:
         for b in range(8):
             covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]

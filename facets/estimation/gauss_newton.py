@@ -341,7 +341,7 @@ def put_covariance(layers: Array, free: Array, covariances: Array, n: int) -> No
         for j in range(len(free)):
             if free[i] < 8 and free[j] < 8:
                 covariances[n, free[i], free[j]] = layers[COVARIANCE, i, j]
-    for c in range(2):  # the mirror's place: in the beam, and the beam's
+    for c in range(2):  # the mirror's place is that in the beam and the beam's, added
         for j in range(8):
             covariances[n, c, j] += covariances[n, c + 6, j]
         for j in range(8):

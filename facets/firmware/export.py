@@ -17,9 +17,9 @@ For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU cou
 
 | core | precision | code | stack | instructions of a step | from the last pose | from zero |
 | --- | --- | --- | --- | --- | --- | --- |
-| Cortex-M7 | double | 20 kB | 5.8 kB | 10,800 | 11,000 | 62,000 in 6 steps |
-| Cortex-M7 | single | 19 kB | 3.0 kB | 10,800 | 11,000 | 53,000 in 5 steps |
-| Cortex-M4F | single | 21 kB | 3.0 kB | 32,000 | 32,000 | 154,000 in 5 steps |
+| Cortex-M7 | double | 20 kB | 5.8 kB | 11,100 | 11,200 | 64,000 in 6 steps |
+| Cortex-M7 | single | 19 kB | 3.0 kB | 11,000 | 11,200 | 54,000 in 5 steps |
+| Cortex-M4F | single | 21 kB | 3.0 kB | 32,500 | 32,500 | 156,000 in 5 steps |
 
 Without the C library's `erf`, `exp` and their like, which add some 20 kB. The Cortex-M4F has no
 double precision, in which the last part of each reading is computed in either build."""

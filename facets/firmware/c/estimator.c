@@ -1,8 +1,9 @@
-/* One reading, one estimate: damped Gauss-Newton steps by the normal equations. Rows are in standard
- * deviations. A step of the beam's place takes the mirror along: the equations then keep their
- * digits. */
+/* One reading, one estimate: damped Gauss-Newton steps by the normal equations, and in single
+ * precision by orthogonal reflections where these have lost too many digits. Rows are in standard
+ * deviations. A step of the beam's place takes the mirror along: the equations keep their digits. */
 
 #define UNKNOWNS 9
+#define ROWS (9 + 3 + UNKNOWNS)
 #define FAINTEST R(10.0)
 #define HEAVIEST R(1e12)
 #define PATIENCE 10
@@ -11,8 +12,9 @@
 typedef struct {
     facets_real found[10][10];        /* readings, then their derivatives */
     facets_real columns[10][9];       /* weighted derivatives by unknown; the residuals last */
-    facets_wide normal[2][9][10];     /* J'J and, in the last column, J'r: here and there */
-    facets_wide factor[10][9];        /* Cholesky's, its diagonal inverted; the step last */
+    facets_real normal[2][9][10];     /* J'J and, in the last column, J'r: here and there */
+    facets_real factor[10][9];        /* Cholesky's, its diagonal inverted; the step last */
+    facets_real rows[ROWS][10];       /* for the reflections */
     facets_real weights[9];
     facets_real prior[3];             /* 1 / sigma of the beam's place and power */
     facets_real noise_power;
@@ -110,7 +112,7 @@ static int is_dark(const Work *work)
 static facets_real evaluate(Work *work, const facets_wide x[UNKNOWNS], const facets_real *reading,
                             const facets_options *options, int where)
 {
-    facets_wide(*normal)[10] = work->normal[where];
+    facets_real(*normal)[10] = work->normal[where];
     facets_real total;
     int i, j, row;
     facets_linearise(x, work->found);
@@ -118,9 +120,8 @@ static facets_real evaluate(Work *work, const facets_wide x[UNKNOWNS], const fac
     for (i = 0; i < work->count; i++) {
         for (j = 0; j <= i + 1; j++) {
             const int other = j <= i ? j : 9;
-            facets_wide sum = W(0.0);
-            for (row = 0; row < 9; row++)
-                sum += W(work->columns[i][row]) * W(work->columns[other][row]);
+            facets_real sum = R(0.0);
+            for (row = 0; row < 9; row++) sum += work->columns[i][row] * work->columns[other][row];
             normal[i][other] = sum;
         }
     }
@@ -128,8 +129,8 @@ static facets_real evaluate(Work *work, const facets_wide x[UNKNOWNS], const fac
         const int c = work->free[j];
         const facets_real weight = work->prior[c - 6];
         const facets_real residual = weight * R(W(options->mean[c - 6]) - x[c]);
-        normal[j][j] += W(weight) * W(weight);
-        normal[j][9] += W(weight) * W(residual);
+        normal[j][j] += weight * weight;
+        normal[j][9] += weight * residual;
         total += residual * residual;
     }
     return total;
@@ -138,17 +139,17 @@ static facets_real evaluate(Work *work, const facets_wide x[UNKNOWNS], const fac
 /* Cholesky, the diagonal raised by `damping` of itself. Returns 0 where a pivot is too small. */
 static int factorise(Work *work, int where, facets_real damping)
 {
-    facets_wide(*normal)[10] = work->normal[where];
-    facets_wide(*factor)[9] = work->factor;
+    facets_real(*normal)[10] = work->normal[where];
+    facets_real(*factor)[9] = work->factor;
     int i, j, k;
     for (j = 0; j < work->count; j++) {
-        const facets_wide whole = normal[j][j] * (W(1.0) + W(damping));
-        facets_wide pivot = whole;
+        const facets_real whole = normal[j][j] * (R(1.0) + damping);
+        facets_real pivot = whole;
         for (k = 0; k < j; k++) pivot -= factor[j][k] * factor[j][k];
-        if (!(pivot > W(FACETS_SMALLEST_PIVOT) * whole)) return 0;
-        factor[j][j] = W(1.0) / sqrt(pivot);
+        if (!(pivot > FACETS_SMALLEST_PIVOT * whole)) return 0;
+        factor[j][j] = R(1.0) / facets_sqrt(pivot);
         for (i = j + 1; i < work->count; i++) {
-            facets_wide rest = normal[i][j];
+            facets_real rest = normal[i][j];
             for (k = 0; k < j; k++) rest -= factor[i][k] * factor[j][k];
             factor[i][j] = rest * factor[j][j];
         }
@@ -159,22 +160,88 @@ static int factorise(Work *work, int where, facets_real damping)
 /* The step, into the factor's last row. Returns by how much it lessens the sum of squares. */
 static facets_real solve_factored(Work *work, int where)
 {
-    facets_wide(*factor)[9] = work->factor;
-    facets_wide gain = W(0.0);
+    facets_real(*factor)[9] = work->factor;
+    facets_real gain = R(0.0);
     int i, k;
     for (i = 0; i < work->count; i++) {
-        facets_wide rest = work->normal[where][i][9];
+        facets_real rest = work->normal[where][i][9];
         for (k = 0; k < i; k++) rest -= factor[i][k] * factor[9][k];
         rest *= factor[i][i];
         factor[9][i] = rest;
         gain += rest * rest;
     }
     for (i = work->count - 1; i >= 0; i--) {
-        facets_wide rest = factor[9][i];
+        facets_real rest = factor[9][i];
         for (k = i + 1; k < work->count; k++) rest -= factor[k][i] * factor[9][k];
         factor[9][i] = rest * factor[i][i];
     }
-    return R(gain);
+    return gain;
+}
+
+/* Householder's QR in place, the right-hand side in the column `columns`. Returns 0 where a column
+ * is, to rounding, a combination of those before it. */
+static int triangularise(facets_real rows[ROWS][10], int high, int columns)
+{
+    int i, j, k;
+    for (j = 0; j < columns; j++) {
+        facets_real whole = R(0.0), below = R(0.0), norm, head, scale;
+        for (i = 0; i < high; i++) {
+            whole += rows[i][j] * rows[i][j];
+            if (i >= j) below += rows[i][j] * rows[i][j];
+        }
+        if (!(below > FACETS_DEPENDENT * whole)) return 0;
+        norm = rows[j][j] > R(0.0) ? -facets_sqrt(below) : facets_sqrt(below);
+        head = rows[j][j] - norm;
+        scale = R(1.0) / (norm * head);
+        for (k = j + 1; k <= columns; k++) {
+            facets_real along = head * rows[j][k];
+            for (i = j + 1; i < high; i++) along += rows[i][j] * rows[i][k];
+            along *= scale;
+            rows[j][k] += along * head;
+            for (i = j + 1; i < high; i++) rows[i][k] += along * rows[i][j];
+        }
+        rows[j][j] = norm;
+    }
+    return 1;
+}
+
+/* The step by reflections, as `solve_factored` leaves it. Returns -1 where the readings tell none. */
+static facets_real reflect(Work *work, const facets_wide x[UNKNOWNS], const facets_real *reading,
+                           const facets_options *options, int where, facets_real damping)
+{
+    facets_real(*rows)[10] = work->rows;
+    facets_real gain = R(0.0);
+    int i, j, row, high;
+    const int columns = work->count;
+    facets_linearise(x, work->found); /* the last evaluation may be of a step that was refused */
+    (void)weigh_columns(work, reading);
+    for (row = 0; row < ROWS; row++)
+        for (j = 0; j <= columns; j++) rows[row][j] = R(0.0);
+    for (row = 0; row < 9; row++) {
+        for (j = 0; j < columns; j++) rows[row][j] = work->columns[j][row];
+        rows[row][columns] = work->columns[9][row];
+    }
+    for (j = 0; j < columns; j++) {
+        const int c = work->free[j];
+        if (c >= 6) {
+            rows[3 + c][j] = work->prior[c - 6];
+            rows[3 + c][columns] = work->prior[c - 6] * R(W(options->mean[c - 6]) - x[c]);
+        }
+        rows[12 + j][j] = facets_sqrt(damping * work->normal[where][j][j]);
+    }
+    high = 12 + columns;
+    if (!triangularise(rows, high, columns)) return R(-1.0);
+    for (i = columns - 1; i >= 0; i--) {
+        facets_real rest = rows[i][columns];
+        for (j = i + 1; j < columns; j++) rest -= rows[i][j] * work->factor[9][j];
+        work->factor[9][i] = rest / rows[i][i];
+    }
+    for (j = 0; j < columns; j++) {
+        gain += rows[j][columns] * rows[j][columns];
+        for (i = 0; i < j; i++) work->factor[j][i] = rows[i][j];
+        work->factor[j][j] = R(1.0) / rows[j][j];
+    }
+    return gain;
 }
 
 /* The sum of squares that rounding of the readings alone can make. */
@@ -195,8 +262,8 @@ static void move(const Work *work, const facets_wide from[UNKNOWNS], facets_wide
     for (c = 0; c < UNKNOWNS; c++) to[c] = from[c];
     for (j = 0; j < work->count; j++) {
         const int unknown = work->free[j];
-        to[unknown] += work->factor[9][j];
-        if (unknown == 6 || unknown == 7) to[unknown - 6] += work->factor[9][j];
+        to[unknown] += W(work->factor[9][j]);
+        if (unknown == 6 || unknown == 7) to[unknown - 6] += W(work->factor[9][j]);
     }
 }
 
@@ -226,7 +293,9 @@ static int estimate(Work *work, facets_wide x[UNKNOWNS], const facets_real *read
             if (cost > R(0.9) * earlier) return FACETS_STALLED;
             earlier = cost;
         }
-        gain = factorise(work, here, damping) ? solve_factored(work, here) : R(-1.0);
+        gain = factorise(work, here, damping)
+                   ? solve_factored(work, here)
+                   : reflect(work, x, reading, options, here, damping);
         if (gain < R(0.0)) {
             if (damping > R(0.0)) return FACETS_SINGULAR;
             damping = R(1e-3);
@@ -271,13 +340,13 @@ static int estimate(Work *work, facets_wide x[UNKNOWNS], const facets_real *read
 /* (L L')^-1 of the unknowns that were asked for, at their places in the state's covariance. */
 static void put_covariance(Work *work, facets_real covariance[64])
 {
-    facets_wide(*factor)[9] = work->factor;
-    facets_wide(*inverse)[10] = work->normal[0]; /* no longer needed */
+    facets_real(*factor)[9] = work->factor;
+    facets_real(*inverse)[10] = work->rows;
     int i, j, k;
     for (j = 0; j < work->count; j++) {
         inverse[j][j] = factor[j][j];
         for (i = j + 1; i < work->count; i++) {
-            facets_wide rest = W(0.0);
+            facets_real rest = R(0.0);
             for (k = j; k < i; k++) rest += factor[i][k] * inverse[k][j];
             inverse[i][j] = -rest * factor[i][i];
         }
@@ -285,12 +354,13 @@ static void put_covariance(Work *work, facets_real covariance[64])
     for (i = 0; i < work->count; i++) {
         for (j = 0; j <= i; j++) {
             const int a = work->free[i], b = work->free[j];
-            facets_wide total = W(0.0);
+            facets_real total = R(0.0);
             for (k = i; k < work->count; k++) total += inverse[k][i] * inverse[k][j];
-            if (a < 8 && b < 8) covariance[8 * a + b] = covariance[8 * b + a] = R(total);
+            if (a < 8 && b < 8) covariance[8 * a + b] = covariance[8 * b + a] = total;
         }
     }
-    for (i = 0; i < 2; i++) { /* the mirror's place: in the beam, and the beam's */
+    /* the mirror's place is that in the beam and the beam's, added */
+    for (i = 0; i < 2; i++) {
         for (j = 0; j < 8; j++) covariance[8 * i + j] += covariance[8 * (i + 6) + j];
         for (j = 0; j < 8; j++) covariance[8 * j + i] += covariance[8 * j + i + 6];
     }
@@ -404,8 +474,9 @@ int32_t facets_step(const facets_real *reading, facets_real *state, const facets
     cost = evaluate(&work, x, reading, options, 0);
     if (!(cost < FACETS_HUGE)) return FACETS_OUT_OF_RANGE;
     dark = is_dark(&work);
-    if (!factorise(&work, 0, R(0.0))) return FACETS_SINGULAR;
-    gain = solve_factored(&work, 0);
+    gain = factorise(&work, 0, R(0.0)) ? solve_factored(&work, 0)
+                                       : reflect(&work, x, reading, options, 0, R(0.0));
+    if (gain < R(0.0)) return FACETS_SINGULAR;
     move(&work, x, trial);
     for (c = 0; c < UNKNOWNS; c++)
         if (!finite_number(R(trial[c]))) return FACETS_OUT_OF_RANGE;
