@@ -107,7 +107,7 @@ def facts(seed: int) -> dict[str, str]:
         "cores": str(model.threads.cores()),
         "system": platform.platform(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy", "numba", "casadi", "mpmath")},
+        **{name: version(name) for name in ("numpy", "scipy", "llvmlite", "casadi", "mpmath")},
     }
 
 

@@ -156,5 +156,4 @@ def library_of(path: Path, settings: Config) -> firmware.library.FirmwareLibrary
 
 
 def warm_up(settings: Config) -> None:
-    model.rare.prepare()
     model.arrays.readings(settings.sensor, [0.0] * 8)

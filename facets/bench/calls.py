@@ -25,6 +25,7 @@ from ..core.units import Floats
 from ..estimation.prepared import Solver
 from ..estimation.solver import solve
 from ..model.arrays import jacobian, packed_vectors, readings
+from ..model.blocks import address_of
 from . import rivals
 from .clock import Contender
 
@@ -53,18 +54,22 @@ FIRST = {
 
 
 @cache
-def loop() -> Callable[[int], float]:
+def loop() -> Callable[[int], None]:
     """Make the reference loop: `loop()(n)` takes a thousand steps n times."""
-    import numba
+    from llvmlite import ir
 
-    def run(times: int) -> float:
-        x = 1.0
-        for _ in range(1000 * times):
-            x = x * 0.999 + 1.0 / (x + 1.0)
-        return x
+    from ..model.object_code import function
+    from ..scalars.machine import LONG, MachineWriter, write_loop
 
-    compiled: Any = numba.njit(run)
-    return compiled  # type: ignore[no-any-return]
+    def write(builder: Any, arguments: Any) -> None:
+        code = MachineWriter(builder)
+        x = builder.inttoptr(arguments[0], ir.PointerType(code.kind))
+        with write_loop(builder, builder.mul(arguments[1], ir.Constant(LONG, 1000))):
+            number = code.load(x, 0)
+            code.store(number * 0.999 + 1.0 / (number + 1.0), x, 0)
+
+    code, x = function("reference_loop", 2, lambda: write, __file__), np.ones(1)
+    return lambda times: code(address_of(x), times)
 
 
 def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], None]:

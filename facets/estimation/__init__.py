@@ -11,6 +11,9 @@ else:
     __getattr__ = load_on_use(
         __name__,
         {
+            "block_code": "linearise",
+            "blocks": "scales_of",
+            "block_task": "Form SCALES",
             "chance": "FALSE_ALARM_RATE LIMITS",
             "coverage": "coverage_factor effective_degrees_of_freedom region_factor",
             "differences": "lasting_covariance propagate_in_light",
@@ -19,6 +22,7 @@ else:
             "misfit": "Misfit",
             "plan": "make_plan",
             "series": "solve_series",
+            "step": "ask estimate",
             "table": (
                 "StatusCounts add_temperature_uncertainty labels object_columns "
                 "pose_columns shift_per_kelvin solve_readings solve_table"

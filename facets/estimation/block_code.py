@@ -6,27 +6,25 @@ Imported only where the code is not kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
+from math import nan
 from typing import Any, NamedTuple
 
 from llvmlite import ir
 
 from ..model.block_code import LaneWrite, linearise_exactly, pointers_to, power_derivative
+from ..model.kinds import CUT
 from ..model.packing import row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import replace_power
-from ..scalars.lanes import LaneFlag, LaneMemory, LaneWriter
-from ..scalars.machine import DOUBLE, LONG, write_loop
-from ..scalars.tracing import Condition, Value
+from ..scalars.lanes import LaneMemory, LaneWriter
+from ..scalars.machine import LONG, write_loop
+from ..scalars.nesting import leaves, nest
 from . import straight
 from .block_task import SCALES, BlockTask, Form
-from .problem import MAX_COST_SHARE, MAX_DAMPING, NEGLIGIBLE_GAIN, PROGRESS_INTERVAL_STEPS, UNKNOWNS
+from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, UNKNOWNS
+from .step import MIN_DAMPING, State, ask, begin, step
 
 Numbers = list[Any]
-
-#: The first damping of a step that does not help, by how much it changes from step to step, and
-#: below which it ends.
-FIRST_DAMPING, DAMPING_FACTOR, MIN_DAMPING = 1e-3, 10.0, 1e-6
 
 
 def write_estimator(form: Form) -> LaneWrite:
@@ -46,30 +44,46 @@ def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> No
     """task: of numbers that the code has read.  index: of the block."""
     rows = BlockRows(code, task, index)
     vectors = rows.vectors(form)
-    question = BlockReadings(code, rows)
-    fit = DampedSteps(code, form, task) if form.can_damp_steps else PlainSteps(code, form, task)
-    fit.begin(rows.read("starts", UNKNOWNS, task.own_starts), question)
+    question, status, used = ask(
+        form, rows.read("values", 9, task.own_rows), rows.read("weights", 9, task.own_rows),
+        rows.read("means", 3, task.own_means), vectors_at(code, rows.pointers.scales, SCALES),
+    )  # fmt: skip
+    state = begin(rows.read("starts", UNKNOWNS, task.own_starts), form, status)
+    count = len(list(leaves(state)))
+    memory = LaneMemory(code, count)
+
+    def keep(state: State) -> None:
+        for n, number in enumerate(leaves(state)):
+            memory[n] = number
+
+    def load() -> State:
+        return nest(state, (memory[n] for n in range(count)))  # type: ignore[no-any-return]
+
+    keep(state)
+    patient = code.builder.icmp_signed("!=", task.patient, ir.Constant(LONG, 0))
     with code.do_while() as repetition:
-        fit.write_round(vectors, question)
-        repetition.again = code.any(fit.going.get() & (fit.steps[0] < fit.most_steps))
-    write_results(code, form, task, fit, rows)
-    left = code.left | fit.going.get()
-    rows.write_bits("left", index, left)
-    rows.write_bits("stalled", index, fit.stalled.get() & ~left)
+        new = step(load(), question, lambda x: linearise(code, vectors, x, form))
+        keep(new)
+        going = new.status < CONVERGED
+        usual = (new.damping < MIN_DAMPING) & (new.steps < PROGRESS_INTERVAL_STEPS - 1.5)
+        repetition.again = code.any(going & (usual | code.same(patient)))
+    write_results(code, form, load(), used, rows)
 
 
-def write_results(
-    code: LaneWriter, form: Form, task: BlockTask, fit: PlainSteps, rows: BlockRows
-) -> None:
-    """Of the steps' ends; those of lanes that are left mean nothing."""
-    rest = fit.cost[0] - fit.gain[0]
-    root = code.function("sqrt", code.select(rest > 0, rest, 0.0))
-    rows.write("states", [fit.end[c] for c in range(UNKNOWNS)])
-    rows.write("residuals", [root])
-    rows.write("steps", [fit.steps[0]])
+def write_results(code: LaneWriter, form: Form, end: State, used: Numbers, rows: BlockRows) -> None:
+    """Of the last state; without a pose they are NaN."""
+    task, converged = rows.task, end.status < 0.5
+
+    def write(name: str, numbers: Sequence[Any]) -> None:
+        rows.write(name, [code.select(converged, number, nan) for number in numbers])
+
+    left = end.cost - end.gain
+    write("states", end.end)
+    write("residuals", [code.function("sqrt", code.select(left > 0, left, 0.0))])
+    rows.write("ends", [end.status, end.steps, *used])
     wanted = code.builder.icmp_signed("!=", task.covariances, ir.Constant(LONG, 0))
     with code.builder.if_then(wanted), code.scope():
-        rows.write("covariances", covariance_of(fit.factor, form.free))
+        write("covariances", covariance_of(end.factor, form.free))
 
 
 class LoadedRows(NamedTuple):
@@ -112,107 +126,20 @@ class BlockRows:
         first = build.mul(self.first, apart)
         return build.gep(getattr(self.pointers, name), [first]), apart
 
-    def write_bits(self, name: str, index: Any, condition: Condition) -> None:
-        flags = self.code.builder.bitcast(getattr(self.pointers, name), ir.PointerType(LONG))
-        self.code.builder.store(self.code.bits(condition), self.code.builder.gep(flags, [index]))
-
-
-class BlockReadings:
-    """What a block is asked: its readings, and what is known of their errors and beside them.
-
-    Lanes whose readings lack light, or are out of range, are left.
-    """
-
-    def __init__(self, code: LaneWriter, rows: BlockRows) -> None:
-        task = rows.task
-        scales = vectors_at(code, rows.pointers.scales, SCALES)
-        self.values = rows.read("values", 9, task.own_rows)
-        self.means = rows.read("means", 3, task.own_means)
-        self.rounding, self.prior_weights = scales.rounding, scales.weight
-        least, self.darkness = scales.light
-        for k in range(3):
-            psi, zeta, light = self.values[3 * k : 3 * k + 3]
-            seen = (light > least[k]) & (light < inf)
-            for at, half in zip((psi, zeta), scales.half_sizes[k], strict=True):
-                seen = seen & ~(abs(at) > half) & (abs(at) < inf)
-            code.leave(~seen)
-        self.weights = self._weights(code, rows, scales.noise)
-
-    def _weights(self, code: LaneWriter, rows: BlockRows, noise: Sequence[Value]) -> Numbers:
-        """The readings' own, or those of the sensor's noise."""
-        place, power = 1 / (noise[0] * noise[1]), 1 / noise[2]
-        usual: Numbers = []
-        for light in self.values[2::3]:
-            usual += [light * place, light * place, power]
-        own = rows.read("weights", 9, rows.task.own_rows)
-        with_own = code.builder.icmp_signed("!=", rows.task.weighed, ir.Constant(LONG, 0))
-        return [
-            Value(code, code.builder.select(with_own, a.ir, b.ir))
-            for a, b in zip(own, usual, strict=True)
-        ]
-
-    def smallest(self) -> Value:
-        """The sum of squares that rounding of the readings alone can make."""
-        total: Any = NEGLIGIBLE_GAIN
-        for k in range(3):
-            place = self.rounding[0] * self.weights[3 * k]
-            power = self.rounding[1] * self.weights[3 * k + 2]
-            total = total + 2 * (place * place) + power * power
-        return total  # type: ignore[no-any-return]
-
-
-class Equations:
-    """Normal equations at a state and a power, and the sum of squares there.
-
-    Lanes where a detector would be dark are left.
-    """
-
-    def __init__(
-        self, code: LaneWriter, vectors: Any, x: Numbers, question: BlockReadings, form: Form
-    ) -> None:
-        columns, residuals = weigh_equations(code, vectors, x, question, form)
-        self.matrix, self.right = straight.normal_equations(columns, residuals)
-        self.cost: Any = 0.0
-        for residual in residuals:
-            self.cost = self.cost + residual * residual
-        for j, c in enumerate(form.free):
-            if c >= 6:
-                weight = question.prior_weights[c - 6]
-                residual = weight * (question.means[c - 6] - x[c])
-                self.matrix[j][j] = self.matrix[j][j] + weight * weight
-                self.right[j] = self.right[j] + weight * residual
-                self.cost = self.cost + residual * residual
-
-
-def weigh_equations(
-    code: LaneWriter, vectors: Any, x: Numbers, question: BlockReadings, form: Form
-) -> tuple[list[Numbers], Numbers]:
-    """The Jacobian's columns of the free unknowns and the residuals, in standard deviations."""
-    rows: list[Numbers] = []
-    residuals: Numbers = []
-    found = linearise(code, replace_power(vectors, x[8]), x, form)
-    for (values, derivatives), darkness in zip(found, question.darkness, strict=True):
-        code.leave(~(values[2] > darkness))
-        for value, row in zip(values, derivatives, strict=True):
-            n = len(rows)
-            weight = question.weights[n]
-            rows.append([weight * each for each in row])
-            residuals.append(weight * (question.values[n] - value))
-    return [list(column) for column in zip(*rows, strict=True)], residuals
-
 
 def linearise(
-    code: LaneWriter, vectors: Any, x: Numbers, form: Form
+    code: Any, vectors: Any, x: Sequence[Any], form: Form
 ) -> list[tuple[Sequence[Any], list[Numbers]]]:
     """Readings, and their derivatives by the free unknowns, for detectors A, B and C.
 
-    The beam's place takes the mirror along, as in `gauss_newton`.
+    The beam's place takes the mirror along, see `step`.
     """
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
+    vectors = replace_power(vectors, x[8])
     text: Any
     if form.kind == "plain":
         text = gradient.linearise(vectors, state)
-    elif form.exact:
+    elif form.exact or form.kind in CUT:
         text = linearise_exactly(code, vectors, state, len(places))
     else:
         text = bench_gradient.linearise_nearly(vectors, state)
@@ -226,155 +153,9 @@ def linearise(
     return found
 
 
-class PlainSteps:
-    """What the rounds of an estimate hand on, for each lane; the steps are not damped.
-
-    A lane whose sum of squares rises is left.  at: the state and the power of the next round.  end:
-    where the last step leads.  cost, gain: the sum of squares, and what the last step lessens it
-    by.  small: such a gain is none.  going: which lanes have not arrived.
-    """
-
-    def __init__(self, code: LaneWriter, form: Form, task: BlockTask) -> None:
-        size = len(form.free)
-        self.code, self.form, self.task = code, form, task
-        self.at, self.end = LaneMemory(code, UNKNOWNS), LaneMemory(code, UNKNOWNS)
-        self.cost, self.gain, self.small = (LaneMemory(code, 1) for _ in range(3))
-        self.steps, self.factor = LaneMemory(code, 1), LaneMemory(code, size * (size + 1) // 2)
-        self.going, self.stalled = (LaneFlag(code, code.same(False)) for _ in range(2))
-        self.most_steps = code.spread(code.builder.sitofp(task.most_steps, DOUBLE))
-
-    def begin(self, start: Numbers, question: BlockReadings) -> None:
-        for c, number in enumerate(start):
-            self.at[c] = number
-        self.cost[0], self.small[0], self.steps[0] = inf, question.smallest(), 0.0
-        self.going.set(~self.code.left)
-        self.stalled.set(self.code.same(False))
-
-    def write_round(self, vectors: Any, question: BlockReadings) -> None:
-        """Another step of the lanes that are going; of the others, the last one again."""
-        code = self.code
-        going, left = self.going.get(), code.left
-        self.steps[0] = self.steps[0] + code.select(going, 1.0, 0.0)
-        at = [self.at[c] for c in range(UNKNOWNS)]
-        equations = Equations(code, vectors, at, question, self.form)
-        self.write_step(at, equations, going)
-        code.left = left | (code.left & going)
-        self.going.set(self.going.get() & ~code.left)
-
-    def is_better(self, equations: Equations) -> Condition:
-        """A step that changes no more than rounding can is no worse."""
-        before, small = self.cost[0], self.small[0]
-        slack = small + 2 * self.code.function("sqrt", before * small)
-        return equations.cost < before + slack  # type: ignore[no-any-return]
-
-    def write_step(self, at: Numbers, equations: Equations, going: Condition) -> None:
-        self.code.leave(~self.is_better(equations))
-        self.cost[0] = equations.cost
-        end, arrived = self.solve(at, equations.matrix, equations.right)
-        self.go_on(going & ~arrived, end)
-
-    def solve(
-        self, at: Numbers, matrix: list[Numbers], right: Numbers
-    ) -> tuple[Numbers, Condition]:
-        """Where the step from a state leads, and whether it is the last; lanes whose equations have
-        lost too many digits are left."""
-        factor, sure = straight.cholesky(self.code, matrix)
-        self.code.leave(~sure)
-        step, gain = straight.solution(factor, right)
-        end = list(at)
-        for j, c in enumerate(self.form.free):
-            end[c] = end[c] + step[j]
-            if c in (6, 7):
-                end[c - 6] = end[c - 6] + step[j]
-        for c in range(UNKNOWNS):
-            self.end[c] = end[c]
-        self.gain[0] = gain
-        for n, number in enumerate(each for row in factor for each in row):
-            self.factor[n] = number
-        return end, gain < self.small[0]
-
-    def go_on(self, going: Condition, to: Numbers) -> None:
-        self.going.set(going)
-        for c in range(UNKNOWNS):
-            self.at[c] = self.code.select(going, to[c], self.at[c])
-
-
-class DampedSteps(PlainSteps):
-    """The same with steps that are damped where they do not help, as `gauss_newton.estimate` does.
-
-    Unless the task is `patient`, a lane whose sum of squares rises is left.  here: the best state
-    so far.  matrix, right: its normal equations.  earlier: the sum of squares `since` steps ago.
-    """
-
-    def __init__(self, code: LaneWriter, form: Form, task: BlockTask) -> None:
-        super().__init__(code, form, task)
-        size = len(form.free)
-        self.here, self.right = LaneMemory(code, UNKNOWNS), LaneMemory(code, size)
-        self.matrix = LaneMemory(code, size * (size + 1) // 2)
-        self.damping, self.earlier, self.since = (LaneMemory(code, 1) for _ in range(3))
-
-    def begin(self, start: Numbers, question: BlockReadings) -> None:
-        super().begin(start, question)
-        self.damping[0], self.earlier[0], self.since[0] = 0.0, inf, 0.0
-
-    def write_step(self, at: Numbers, equations: Equations, going: Condition) -> None:
-        code = self.code
-        better = self.is_better(equations)
-        hasty = code.builder.icmp_signed("==", self.task.patient, ir.Constant(LONG, 0))
-        code.leave(~better & (code.same(hasty) | ~(self.cost[0] < inf)))
-        here, matrix, right = self.keep(going & better, at, equations)
-        stalled = going & (self.damp(going, better) | self.is_slow())
-        self.stalled.set(self.stalled.get() | stalled)
-        damping = self.damping[0]
-        for j, row in enumerate(matrix):
-            matrix[j] = [*row[:-1], row[-1] * (1 + damping)]
-        end, arrived = self.solve(here, matrix, right)
-        held = damping > 0  # back by the damping, not arrived
-        release = arrived & held
-        self.damping[0] = code.select(release & going, 0.0, damping)
-        to = [code.select(release, a, b) for a, b in zip(here, end, strict=True)]
-        self.go_on(going & ~(arrived & ~held) & ~stalled, to)
-
-    def keep(
-        self, accepted: Condition, at: Numbers, equations: Equations
-    ) -> tuple[Numbers, list[Numbers], Numbers]:
-        """The state from where to step, and its equations: those of this round, or the kept."""
-
-        def choose(memory: LaneMemory, numbers: Numbers) -> Numbers:
-            for n, number in enumerate(numbers):
-                memory[n] = self.code.select(accepted, number, memory[n])
-            return [memory[n] for n in range(len(numbers))]
-
-        self.cost[0] = self.code.select(accepted, equations.cost, self.cost[0])
-        self.earlier[0] = self.code.select(self.earlier[0] < inf, self.earlier[0], self.cost[0])
-        entries = iter(choose(self.matrix, [each for row in equations.matrix for each in row]))
-        matrix = [[next(entries) for _ in row] for row in equations.matrix]
-        return choose(self.here, at), matrix, choose(self.right, equations.right)
-
-    def damp(self, going: Condition, better: Condition) -> Condition:
-        """Less where a step has helped, more where it has not; returns where no more can be."""
-        select, damping = self.code.select, self.damping[0]
-        less = select(damping > MIN_DAMPING, damping / DAMPING_FACTOR, 0.0)
-        more = select(damping > 0, damping * DAMPING_FACTOR, FIRST_DAMPING)
-        self.damping[0] = select(going, select(better, less, more), damping)
-        return ~better & (damping > MAX_DAMPING)
-
-    def is_slow(self) -> Condition:
-        """After each PROGRESS_INTERVAL_STEPS steps: where the sum of squares has hardly fallen."""
-        select, since = self.code.select, self.since[0] + 1
-        due = since > PROGRESS_INTERVAL_STEPS - 0.5
-        slow = due & (self.cost[0] > MAX_COST_SHARE * self.earlier[0])
-        self.since[0] = select(due, 0.0, since)
-        self.earlier[0] = select(due, self.cost[0], self.earlier[0])
-        return slow  # type: ignore[no-any-return]
-
-
-def covariance_of(factor: LaneMemory, free: Sequence[int]) -> Numbers:
+def covariance_of(factor: straight.Triangle, free: Sequence[int]) -> Numbers:
     """That of the free unknowns at its places in that of the state, (8, 8), row by row."""
-    size = len(free)
-    numbers = iter([factor[n] for n in range(size * (size + 1) // 2)])
-    triangle = [[next(numbers) for _ in range(i + 1)] for i in range(size)]
-    steps = straight.inverse(triangle)
+    steps = straight.inverse(factor)
     covariance: list[Numbers] = [[0.0] * 8 for _ in range(8)]
     for i, a in enumerate(free):
         for j, b in enumerate(free):

@@ -1,10 +1,6 @@
-"""Estimate several poses at once: Gauss-Newton steps on blocks of readings.
+"""Estimate several poses at once, with one lane for each reading: see `step` and `block_code`.
 
-Straight code (`block_code`) does the usual case of `gauss_newton.estimate` with one lane for each
-reading: all detectors lit, normal equations that hold their digits, an end within a few steps, each
-better than the one before. A lane where it does not go well is left, and estimated anew by
-`kernels`; under the light of a bench first in blocks of what was left, with steps that are damped
-where they do not help. What a reading gives does not depend on the others in its block.
+What a reading gives does not depend on the others in its block.
 """
 
 from __future__ import annotations
@@ -15,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..model.blocks import address_of, lane_code, lanes, lanes_of
+from ..model.blocks import address_of, lane_code, lanes
 from ..model.threads import once
 from ..scalars.nesting import leaves
-from .block_task import QUESTIONS, SCALES, BlockTask, Form, Scales
-from .chance import Chance, count_checks
+from .block_task import SCALES, BlockTask, Form, Scales
+from .chance import count_checks
 from .problem import (
     CONVERGED,
-    PROGRESS_INTERVAL_STEPS,
-    STALLED,
     UNKNOWNS,
     FitProblem,
     Readings,
@@ -33,7 +27,8 @@ from .problem import (
     put_rows,
     some_rows,
 )
-from .solution import CHECKS, COVARIANCE, RESIDUAL
+from .solution import CHECKS, COVARIANCE, ITERATIONS, RESIDUAL, STATUS, results_of
+from .step import GOING
 
 if TYPE_CHECKING:
     from ..model.block_code import LaneWrite
@@ -42,15 +37,13 @@ Array = Any
 #: Estimates blocks of readings, of the address of a task.
 Code = Callable[[int], None]
 
-#: Steps after which a lane is left unless the task is patient: before the slowness of a fit is
-#: looked at.
-MOST = PROGRESS_INTERVAL_STEPS - 1
 #: The files that this is made of, beside those of the model's blocks.
 PARTS = (
     "block_code.py",
     "block_task.py",
     "blocks.py",
     "problem.py",
+    "step.py",
     "straight.py",
     "normal_equations.py",
 )
@@ -70,21 +63,21 @@ def kernel(form: Form, width: int | None = None) -> Code:
     return lane_code(form.name, width or lanes(), 1, make_writer, *files)
 
 
-def is_supported(problem: FitProblem) -> bool:
-    """Whether blocks support the request: damped steps, independent readings, and checked poses."""
-    return (
-        problem.damped
-        and not problem.previous
-        and tuple(problem.free.tolist()) in QUESTIONS
-        and (problem.accept_unchecked or count_checks(3, problem.free, problem.weight) > 0)
+def scales_of(readings: Readings, limits: ScreeningLimits, problem: FitProblem) -> Array:
+    checks = count_checks(0, problem.free, problem.weight) - limits.eight
+    scales = Scales(
+        *limits._replace(eight=limits.rounding)[:4],
+        problem.weight,
+        len(readings.sigmas) > 0,
+        limits.eight,
+        checks,
+        problem.accept_unchecked,
+        problem.damped,
+        problem.max_steps,
     )
-
-
-def scales_of(limits: ScreeningLimits, problem: FitProblem) -> Array:
-    parts = Scales(limits.noise, limits.light, limits.half_sizes, limits.rounding, problem.weight)
-    scales = np.concatenate([np.ravel(part) for part in parts])
-    assert len(scales) == len(list(leaves(SCALES)))
-    return scales
+    numbers = np.concatenate([np.ravel(part) for part in scales])
+    assert len(numbers) == len(list(leaves(SCALES)))
+    return numbers
 
 
 def estimate(
@@ -95,75 +88,71 @@ def estimate(
     problem: FitProblem,
     results: Results,
     patient: bool = False,
-) -> Array:
-    """Fills `results`; returns the numbers of the readings that are left, whose results mean
-    nothing.
+) -> None:
+    """Fills `results`.  Readings that need many steps are estimated anew, side by side.
 
-    code: from `kernel`.  The arrays are those of `kernels.solve_rows`.  patient: see `BlockTask`.
+    code: from `kernel`.  packed: of the sensor, or a row for each reading.  patient: see
+    `BlockTask`.
     """
     n = len(readings.values)
-    whole = n // lanes() * lanes()
-    weights = inverse_of(readings.sigmas)
-    ends = np.zeros((2, n // lanes() + 1), np.int64)
-    steps, arguments = np.empty(n), (readings.values, weights, problem.means, problem.starts)
-    found = (results.states, steps, results.residuals, results.covariances)
-
-    def run(arguments: Any, found: Any, ends: Array) -> None:
-        arrays = (packed, scales_of(limits, problem), *arguments, *found, *ends)
-        count = len(found[0])
-        own = (True, *(len(rows) == count > 1 for rows in arguments[2:]))
-        task = task_of(arrays, len(weights) > 0, own, problem, patient, count // lanes())
-        code(address_of(task))
-
+    whole, ends = n // lanes() * lanes(), np.empty((n, 5))
+    given = (readings.values, weights_of(readings), problem.means, problem.starts)
+    found = (results.states, ends, results.residuals, results.covariances)
+    scales = scales_of(readings, limits, problem)
     if whole:
-        run(
-            [first_rows(rows, whole, n) for rows in arguments],
-            [rows[:whole] for rows in found],
-            ends,
-        )
+        part = [rows[:whole] for rows in found]
+        first = [first_rows(rows, whole, n) for rows in given]
+        run_blocks(code, (packed, scales, *first, *part), patient)
     if n > whole:
-        rest = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in found]
-        run([pad_rows(rows, whole, n) for rows in arguments], rest, ends[:, -1:])
-        for rows, part in zip(found, rest, strict=True):
-            rows[whole:] = part[: len(rows[whole:])]
-    results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
-    left, stalled = (lanes_of(bits, n) for bits in ends)
-    give_up(results, stalled)
-    return left
+        part = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in found]
+        rest = [pad_rows(rows, whole, n) for rows in given]
+        own = pad_rows(packed, whole, n) if packed.ndim > 1 else packed
+        run_blocks(code, (own, scales, *rest, *part), patient)
+        for rows, some in zip(found, part, strict=True):
+            rows[whole:] = some[: len(rows[whole:])]
+    put_ends(ends, results)
+    if not patient:
+        estimate_late(code, packed, readings, limits, problem, results)
 
 
-def give_up(results: Results, which: Array) -> None:
-    """Gives some readings the status STALLED, and NaN for what was found."""
-    if not len(which):
-        return
-    results.status[which] = STALLED
-    for rows in (results.states, results.residuals, results.covariances):
-        if len(rows):
-            rows[which] = np.nan
+def put_ends(ends: Array, results: Results) -> None:
+    """ends: see `BlockTask`."""
+    columns = (results.status, results.steps, *results.used.T)
+    for column, numbers in zip(columns, ends.T, strict=True):
+        column[:] = numbers
 
 
-def estimate_some(
+def run_blocks(code: Code, arrays: Sequence[Array], patient: bool) -> None:
+    """arrays: in the order of `BlockTask`, of whole blocks."""
+    _, _, values, _, means, starts, *_ = arrays
+    count = len(values)
+    own = (True, len(means) == count, len(starts) == count)
+    code(address_of(task_of(arrays, (*own, patient), count // lanes())))
+
+
+def estimate_late(
     code: Code,
-    which: Array,
     packed: Array,
     readings: Readings,
     limits: ScreeningLimits,
     problem: FitProblem,
     results: Results,
-) -> Array:
-    """Estimates some readings anew, side by side, with steps that are damped where they do not
-    help; returns the numbers of those that are left."""
-    again = empty_results(len(which), len(results.covariances) > 0)
-    some, questions = some_rows(which, readings, problem)
-    left = estimate(code, packed, some, limits, questions, again, patient=True)
-    put_rows(results, which, again)
-    return which[left]
+) -> None:
+    """Estimates readings anew for which no block has waited."""
+    late = np.flatnonzero(results.status == GOING)
+    if len(late):
+        again = empty_results(len(late), len(results.covariances) > 0)
+        some, questions = some_rows(late, readings, problem)
+        sensors = packed[late] if packed.ndim > 1 else packed
+        estimate(code, sensors, some, limits, questions, again, patient=True)
+        put_rows(results, late, again)
 
 
-def inverse_of(sigmas: Array) -> Array:
-    """Weights from standard deviations; those of a spoilt reading can be any number."""
+def weights_of(readings: Readings) -> Array:
+    """Weights from standard deviations; those of a spoilt reading can be any number, and those of
+    readings that have none."""
     with np.errstate(all="ignore"):
-        return 1 / sigmas
+        return 1 / readings.sigmas if len(readings.sigmas) else readings.values
 
 
 def first_rows(rows: Array, count: int, n: int) -> Array:
@@ -178,25 +167,10 @@ def pad_rows(rows: Array, first: int, n: int) -> Array:
     return rows[np.minimum(np.arange(first, first + lanes()), n - 1)]
 
 
-def task_of(
-    arrays: Sequence[Array], weighed: bool, own: Sequence[bool], problem: FitProblem, patient: bool,
-    blocks: int,
-) -> Array:  # fmt: skip
-    """A `BlockTask` in memory.  arrays: in its order; weights and covariances may be empty."""
+def task_of(arrays: Sequence[Array], flags: Sequence[bool], blocks: int) -> Array:
+    """A `BlockTask` in memory.  arrays, flags: in its order; covariances may be empty."""
     places = [address_of(array) if array.size else 0 for array in arrays]
-    addresses = BlockTask(*places, *[0] * (len(BlockTask._fields) - len(places)))
-    most = problem.max_steps if patient else min(problem.max_steps, MOST)
-    task = addresses._replace(
-        weights=addresses.weights if weighed else addresses.values,
-        weighed=weighed,
-        own_rows=own[0],
-        own_means=own[1],
-        own_starts=own[2],
-        patient=patient,
-        most_steps=most,
-        blocks=blocks,
-    )
-    return np.array(task, np.int64)
+    return np.array(BlockTask._make((*places, *flags, blocks)), np.int64)
 
 
 class SingleBlock:
@@ -204,7 +178,6 @@ class SingleBlock:
 
     It reads what `readings` and `problem` have in their memory when it is asked.
     numbers: what is found, at the places of `SolutionOfOne`; overwritten by the next reading.
-    state: (9,) of them.
     """
 
     def __init__(
@@ -213,35 +186,54 @@ class SingleBlock:
         readings: Readings,
         limits: ScreeningLimits,
         problem: FitProblem,
-        chance: Chance,
         covariance: bool,
     ) -> None:
-        self._sigmas = readings.sigmas
-        self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
-        self.state = self.numbers[:UNKNOWNS]
-        self._weights, ends = np.empty_like(readings.sigmas), np.empty((2, 1), np.int64)
-        state, steps, residual, checks, covariances = np.split(
+        self._readings, self._weights = readings, weights_of(readings)
+        self.numbers = np.zeros(COVARIANCE + (64 if covariance else 0))
+        state, ends, residual, _, covariances = np.split(
             self.numbers, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE)
         )
-        checks[:] = chance.checks(np.ones(3, bool)), chance.limit
         arrays = (
-            packed, scales_of(limits, problem), readings.values, self._weights, problem.means,
-            problem.starts, state, steps, residual, covariances, *ends,
+            packed, scales_of(readings, limits, problem), readings.values, self._weights,
+            problem.means, problem.starts, state, ends, residual, covariances,
         )  # fmt: skip
-        self._kept, self._left, self._stalled = arrays, ends[0].data, ends[1].data
-        shared = (False, False, False)
-        self._task = task_of(arrays, len(readings.sigmas) > 0, shared, problem, True, 1)
+        self._kept, self._task = arrays, task_of(arrays, (False, False, False, True), 1)
         self._address = address_of(self._task)
 
-    def estimate(self, code: Code) -> int | None:
-        """Fills `numbers` where the estimate converges.
-
-        Returns whether it is CONVERGED or STALLED; None where other code has to find out.  code:
-        from `kernel`.
-        """
-        if len(self._sigmas):
-            self._weights[:] = inverse_of(self._sigmas)
+    def estimate(self, code: Code) -> None:
+        """Fills `numbers`.  code: from `kernel`."""
+        if len(self._readings.sigmas):
+            self._weights[:] = weights_of(self._readings)
         code(self._address)
-        if self._left[0]:
-            return None
-        return STALLED if self._stalled[0] else CONVERGED
+
+
+def estimate_in_turn(
+    code: Code,
+    packed: Array,
+    readings: Readings,
+    limits: ScreeningLimits,
+    problem: FitProblem,
+    results: Results,
+) -> None:
+    """Fills `results`: each reading from where the last one that converged has ended, and from its
+    start where that does not lead to a pose.  The arguments are those of `estimate`."""
+    free, near = problem.free, None
+    own = [np.empty((len(rows[:1]), rows.shape[1])) for rows in (*readings, *problem[:1])]
+    starts = np.empty((1, UNKNOWNS))
+    asked = problem._replace(means=own[2], starts=starts)
+    one = SingleBlock(packed, Readings(*own[:2]), limits, asked, len(results.covariances) > 0)
+    for n in range(len(readings.values)):
+        given, questions = some_rows(slice(n, n + 1), readings, problem)
+        for mine, its in zip(own, (*given, questions.means), strict=True):
+            mine[:] = its
+        steps = 0
+        for begin in questions.starts if near is None else (near, questions.starts[0]):
+            starts[:] = questions.starts
+            starts[0, free] = begin[free]
+            one.estimate(code)
+            steps += int(one.numbers[ITERATIONS])
+            if one.numbers[STATUS] == CONVERGED:
+                near = one.numbers[:UNKNOWNS].copy()
+                break
+        one.numbers[ITERATIONS] = steps
+        put_rows(results, slice(n, n + 1), results_of(one.numbers))

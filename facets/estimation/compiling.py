@@ -13,10 +13,10 @@ from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
 from ..model import blocks as of_model
 from ..model.arrays import kernel_name
-from ..model.kinds import LIT, block_kind
+from ..model.kinds import LIT, kind_of
 from ..model.threads import run_side_by_side
 from . import blocks
-from .block_task import QUESTIONS, Form
+from .block_task import Form
 from .plan import make_plan
 
 Task = Literal[
@@ -31,7 +31,7 @@ def compile_for(
     knowledge: Knowledge | None = None,
     kinds: Sequence[str] = (),
 ) -> None:
-    """Compiles or loads what a sensor's tasks take; what blocks do not know is left out.
+    """Compiles or loads what a sensor's tasks take.
 
     tasks: results of `facets.model`, "slopes" being derivatives by parameters; "poses" those of
     `facets.solve`.  knowledge: of the beam, for "poses"; by default its position is free.
@@ -42,15 +42,15 @@ def compile_for(
         if task == "poses":
             makers += estimators(sensor, knowledge or Knowledge())
         elif task == "slopes":
-            makers += slopes(block_kind(sensor), kinds)
-        elif name := kernel_name(sensor, task):
-            makers.append(partial(of_model.kernel, name))
+            makers += slopes(kind_of(sensor), kinds)
+        else:
+            makers.append(partial(of_model.kernel, kernel_name(sensor, task)))
     run_side_by_side(makers)
 
 
-def slopes(own: str | None, kinds: Sequence[str]) -> Makers:
-    """own: the kind of light that is on, see `model.kinds.block_kind`."""
-    names = [f"slopes_of_{kind}" for kind in {*kinds, own} & LIT.keys()]
+def slopes(own: str, kinds: Sequence[str]) -> Makers:
+    """own: the kind of light that is on, see `model.kinds.kind_of`."""
+    names = [f"slopes_of_{kind}" for kind in {*kinds, own} & {*LIT, "cut"}]
     if own == "plain":
         names.append("slopes_by_parameters")
     return [partial(of_model.slopes_kernel, name) for name in names]
@@ -58,11 +58,8 @@ def slopes(own: str | None, kinds: Sequence[str]) -> Makers:
 
 def estimators(sensor: Sensor, knowledge: Knowledge) -> Makers:
     """What makes the blocks that estimate poses, and those by which doubts are told."""
-    kind = block_kind(sensor)
     free = tuple(make_plan(sensor, knowledge).free.tolist())
-    makers: Makers = []
-    if kind is not None and free in QUESTIONS:
-        makers.append(partial(blocks.kernel, Form(free, kind)))
+    makers: Makers = [partial(blocks.kernel, Form(free, kind_of(sensor)))]
     if 6 in free:
         makers.append(partial(of_model.kernel, "derivatives"))  # `doubts.has_fold`
     return makers

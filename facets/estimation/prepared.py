@@ -14,16 +14,26 @@ from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
-from ..model import evaluators
 from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE
 from ..model.threads import Pool
-from . import as_text, problem
+from . import problem
 from .blocks import SingleBlock
-from .doubts import WANDERED, are_unlikely, is_doubtful, replace_unlikely, withdraw_doubtful
-from .estimates import add_calibration, block_code, estimate, row_kernel
+from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful
+from .estimates import add_calibration, block_code, estimate, needs_exactness
 from .plan import Plan, chance_of, make_plan, make_problem, start_states
-from .solution import ITERATIONS, LIMIT, FirstRow, Solution, SolutionOfOne, results_of
+from .solution import (
+    CHECKS,
+    COVARIANCE,
+    ITERATIONS,
+    RESIDUAL,
+    STATUS,
+    USED,
+    Solution,
+    SolutionOfOne,
+    results_of,
+    solution,
+)
 
 
 @check_arguments
@@ -131,133 +141,90 @@ class PreparedEstimate:
         accept_unchecked: bool,
     ) -> None:
         self._sensor, self._plan = sensor, todo
-        self._values, self._found = np.empty((1, 9)), problem.empty_results(1, covariance)
-        self._zero = start_states(sensor, "zero", self._plan, np.zeros((1, 9)), ())
-        self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
+        self._zero = start_states(sensor, "zero", todo, np.zeros((1, 9)), ())
+        self._unknown_power = bool(todo.weights[2] == 0 and todo.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
+        self._given = problem.Readings(np.empty((1, 9)), self._sigmas)
         self._problem = make_problem(
-            self._plan, self._starts, "zero", method, max_steps, accept_unchecked
+            todo, self._starts, "zero", method, max_steps, accept_unchecked
         )
-        chance = self._chance = chance_of(sensor, self._plan)
-        self._tasks: dict[str, problem.RowTask] = {}
-        self._block: Any = None
-        self._doubtful = is_doubtful(sensor, self._plan.free)
+        self._chance = chance_of(sensor, todo)
+        self._doubtful = is_doubtful(sensor, todo.free)
         self._seeks = sensor.light.on and self._problem.damped
-        self._code = None if self._doubtful else self._block_code()
-        if self._code is not None:
-            given = problem.Readings(self._values, self._sigmas)
-            self._block = SingleBlock(
-                packed_vectors(sensor), given, self._plan.limits, self._problem, chance, covariance
-            )
-        self._first = FirstRow(self._found, chance)
+        self._has_exact = needs_exactness(sensor)
+        self._code: Any = block_code(sensor, self._problem, width=SINGLE)
+        self._block = SingleBlock(
+            packed_vectors(sensor), self._given, todo.limits, self._problem, covariance
+        )
+        self._numbers = self._block.numbers
+        self._ends = self._numbers.data
+        self._numbers[CHECKS:COVARIANCE] = self._chance.checks(np.ones(3, bool)), self._chance.limit
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
         """The pose of a reading (9,), from `start` or else from zero.
 
         warm: whether to try zero where the start leads to no pose, and to keep the `end`.
         """
-        self._values[0] = values
+        self._given.values[0] = values
         if self._sensor.electronics is not None:
-            self._sigmas[:] = standard_deviations(self._sensor, self._values)
-        in_block = start is not None and self._run(start)
-        if start is None or (warm and not in_block and not self._has_converged()):
-            in_block = self._run(self._from_zero())
-        if not in_block and self._sensor.light.on and self._found.status[0] == problem.STALLED:
-            in_block = self._run_exactly()
-        if in_block and self._is_sought_anew():
-            in_block = False
-        if in_block:
-            if warm:
-                self.end = self._block.state.copy()
-            return self._block_solution()
-        return self._row_solution(warm)
-
-    def _has_converged(self) -> bool:
-        return bool(self._found.status[0] == problem.CONVERGED)
-
-    def _block_solution(self) -> Solution:
-        """What the block has found, in an array of its own."""
-        numbers, parts = self._block.numbers.copy(), None
+            self._sigmas[:] = standard_deviations(self._sensor, self._given.values)
+        self._run(self._from_zero() if start is None else start)
+        if warm and start is not None and self._ends[STATUS] != problem.CONVERGED:
+            self._run(self._from_zero())
+        numbers = self._own_numbers()
+        if self._doubtful or (self._seeks and self._ends[ITERATIONS] > WANDERED):
+            return self._solution_in_doubt(results_of(numbers), warm)
+        if warm:
+            self._keep_end(numbers[: problem.UNKNOWNS], numbers[STATUS])
+        parts = None
         if self._sensor.calibration is not None:
             parts = add_calibration(self._sensor, self._plan, results_of(numbers))
         return SolutionOfOne.from_numbers(numbers, parts)
 
-    def _is_sought_anew(self) -> bool:
-        """Whether the block's pose may be unlikely under real light; it then becomes that of a
-        row."""
-        numbers = self._block.numbers
-        if not self._seeks or numbers[ITERATIONS] <= WANDERED:
-            return False
-        own = results_of(numbers)
-        problem.put_rows(self._found, np.zeros(1, np.intp), own)
-        return bool(are_unlikely(own, numbers[LIMIT]).any())
+    def _own_numbers(self) -> Floats:
+        """The block's numbers in an array of their own, with the limit of the detectors used."""
+        numbers: Floats = self._numbers.copy()
+        if not (self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]):
+            checks = self._chance.checks(numbers[USED:RESIDUAL] > 0)
+            numbers[CHECKS:COVARIANCE] = checks, self._chance.limits(checks)
+        return numbers
 
-    def _row_solution(self, warm: bool) -> Solution:
-        """What was found without a block, in arrays of its own."""
+    def _solution_in_doubt(self, found: problem.Results, warm: bool) -> Solution:
+        """The solution of a reading whose pose may not be the right one."""
+        again, chance = self._estimate_again, self._chance
         if self._seeks:
-            replace_unlikely(
-                self._sensor, self._plan, self._chance, self._found, self._estimate_again
-            )
+            replace_unlikely(self._sensor, self._plan, chance, found, again)
         if self._doubtful:
-            withdraw_doubtful(
-                self._sensor, self._plan.free, self._chance, self._found, self._estimate_again
-            )
+            withdraw_doubtful(self._sensor, self._plan.free, chance, found, again)
         if warm:
-            self.end = self._found.states[0].copy() if self._has_converged() else None
-        return self._first.solution(add_calibration(self._sensor, self._plan, self._found))
+            self._keep_end(found.states[0], found.status[0])
+        return solution(found, (), chance, add_calibration(self._sensor, self._plan, found))
+
+    def _keep_end(self, state: Floats, status: int) -> None:
+        self.end = state.copy() if status == problem.CONVERGED else None
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
-            return start_states(self._sensor, "zero", self._plan, self._values, ())
+            return start_states(self._sensor, "zero", self._plan, self._given.values, ())
         return self._zero
 
-    def _estimate(self, model: str) -> None:
-        """By the text, or else by compiled code, whose task is kept."""
-        given = problem.Readings(self._values, self._sigmas)
-        limits, asked, found = self._plan.limits, self._problem, self._found
-        if model not in self._tasks:
-            if not len(as_text.estimate(model, self._sensor, given, limits, asked, found)):
-                return
-            own = problem.CompiledModel(evaluators.address(model), packed_vectors(self._sensor))
-            task = problem.RowTask(own, given, limits, asked, found, problem.workspace())
-            self._tasks[model], self._kernel = task, row_kernel()
-        self._kernel(self._tasks[model].address)
-
-    def _one_by_one(self) -> None:
-        """The estimate of one reading alone, compiled when it is first needed."""
-        self._estimate(evaluators.approximate_linearisation(self._sensor))
-
-    def _block_code(self, exact: bool = False) -> Any:
-        return block_code(self._sensor, self._problem, exact, SINGLE)
-
-    def _run(self, start: Floats) -> bool:
-        """Estimates the reading from a start; whether the block has found its pose."""
+    def _run(self, start: Floats) -> None:
+        """Estimate the reading from a start; stalled under real light, with derivatives that leave
+        nothing out, too."""
         self._starts[:] = start
-        ended = None if self._code is None else self._block.estimate(self._code)
-        if ended is None:
-            self._one_by_one()
-        else:
-            self._found.status[0] = ended
-        return ended == problem.CONVERGED
+        self._block.estimate(self._code)
+        if self._has_exact and self._ends[STATUS] == problem.STALLED:
+            exact: Any = block_code(self._sensor, self._problem, True, SINGLE)
+            self._block.estimate(exact)
 
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
         """The reading from another start, in results of its own."""
-        found = problem.empty_results(len(rows), len(self._found.covariances) > 0)
-        given = problem.Readings(self._values, self._sigmas)
+        found = problem.empty_results(1, len(self._numbers) > COVARIANCE)
         asked = self._problem._replace(starts=starts)
-        estimate(self._sensor, given, self._plan.limits, asked, found)
+        estimate(self._sensor, self._given, self._plan.limits, asked, found)
         return found
-
-    def _run_exactly(self) -> bool:
-        """From the last start, with derivatives that leave nothing out, for where steps without
-        them stall; whether the block has found the pose."""
-        code = None if self._block is None else self._block_code(exact=True)
-        if code is not None and self._block.estimate(code) == problem.CONVERGED:
-            return True
-        self._estimate(evaluators.linearisation(self._sensor))
-        return False
 
 
 def _solver(

@@ -6,9 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model.blocks import address_of
 from ..model.threads import part_of
-from ..optics import limits as outlines
 
 Array = Any
 
@@ -81,7 +79,7 @@ WEIGHTS, TRIAL = range(2)
 class Workspace(NamedTuple):
     """Memory that all estimates of a batch reuse.
 
-    layers: (LAYERS, 10, 10).  outlines: see `model.kernels`.
+    layers: (LAYERS, 10, 10).  outlines: for the model.
     """
 
     layers: Array
@@ -89,7 +87,7 @@ class Workspace(NamedTuple):
 
 
 class CompiledModel(NamedTuple):
-    """address: of a model of `model.evaluators`, or a function that does its work.
+    """address: a function that does the work of a model.
 
     packed: the sensor's vectors."""
 
@@ -119,100 +117,6 @@ class Results(NamedTuple):
     covariances: Array
 
 
-class TaskTable(NamedTuple):
-    """What `kernels.solve_rows` works on, as 64-bit integers.
-
-    Addresses of a model and of arrays; how many readings and unknowns there are, and rows of arrays
-    that may have fewer; and numbers of `ScreeningLimits` and `FitProblem`.
-    """
-
-    model: Any
-    packed: Any
-    values: Any
-    sigmas: Any
-    noise: Any
-    light: Any
-    half_sizes: Any
-    rounding: Any
-    means: Any
-    weight: Any
-    free: Any
-    starts: Any
-    states: Any
-    used: Any
-    status: Any
-    steps: Any
-    residuals: Any
-    covariances: Any
-    layers: Any
-    outlines: Any
-    readings: Any
-    rows_of_sigmas: Any
-    rows_of_means: Any
-    unknowns: Any
-    rows_of_starts: Any
-    rows_of_covariances: Any
-    eight: Any
-    previous: Any
-    max_steps: Any
-    damped: Any
-    accept_unchecked: Any
-
-
-#: Where each is in memory.
-PLACES = TaskTable(*range(len(TaskTable._fields)))
-
-
-class RowTask:
-    """What `kernels.solve_rows` works on, arrays by their addresses; `address` is what it takes.
-
-    The arrays are kept for as long as the task is.
-    """
-
-    def __init__(
-        self,
-        model: CompiledModel,
-        readings: Readings,
-        limits: ScreeningLimits,
-        problem: FitProblem,
-        results: Results,
-        memory: Workspace,
-    ) -> None:
-        self.parts = (model, readings, limits, problem, results, memory)
-        arrays = {
-            "packed": model.packed,
-            "values": readings.values,
-            "sigmas": readings.sigmas,
-            "noise": limits.noise,
-            "light": limits.light,
-            "half_sizes": limits.half_sizes,
-            "rounding": limits.rounding,
-            "means": problem.means,
-            "weight": problem.weight,
-            "free": problem.free,
-            "starts": problem.starts,
-            **results._asdict(),
-            **memory._asdict(),
-        }
-        table = TaskTable(
-            model=model.address,
-            **{name: address_of(array) for name, array in arrays.items()},
-            readings=len(readings.values),
-            rows_of_sigmas=len(readings.sigmas),
-            rows_of_means=len(problem.means),
-            unknowns=len(problem.free),
-            rows_of_starts=len(problem.starts),
-            rows_of_covariances=len(results.covariances),
-            eight=limits.eight,
-            previous=problem.previous,
-            max_steps=problem.max_steps,
-            damped=problem.damped,
-            accept_unchecked=problem.accept_unchecked,
-        )
-        self.table = np.array(table, np.int64)
-        self.address = address_of(self.table)
-
-
 def empty_results(count: int, covariance: bool) -> Results:
     return Results(
         states=np.empty((count, 9)),
@@ -221,14 +125,6 @@ def empty_results(count: int, covariance: bool) -> Results:
         steps=np.empty(count, np.int32),
         residuals=np.empty(count),
         covariances=np.empty((count, 8, 8) if covariance else (0, 0, 0)),
-    )
-
-
-def workspace() -> Workspace:
-    """Memory for the estimates of one thread."""
-    return Workspace(
-        np.empty((LAYERS, 10, 10)),
-        np.empty((3, outlines.MOST_SIDES, outlines.COLUMNS)),
     )
 
 

@@ -283,41 +283,16 @@ def solution(
     )
 
 
-class FirstRow:
-    """What was found for the first of some readings, whose arrays are used again, as a `Solution`.
-
-    Made once; a live loop asks for the solution of one reading at a time.
-    """
-
-    def __init__(self, found: problem.Results, chance: Chance) -> None:
-        self.chance = chance
-        numbers = (found.status, found.states[:, 8], found.steps, found.residuals)
-        status, power, steps, residual = (array[:1].reshape(()) for array in numbers)
-        self.views = found.states[0, :8], status, power, found.used[0], steps, residual
-        self.covariance = found.covariances[0] if len(found.covariances) else None
-
-    def solution(self, parts: UncertaintyParts | None = None) -> Solution:
-        """In arrays of its own.  parts: arrays of its own."""
-        covariance = None if self.covariance is None else self.covariance.copy()
-        state, status, power, used, steps, residual = (view.copy() for view in self.views)
-        checks = self.chance.checks(used)
-        limit = self.chance.limits(checks)
-        known: Any = ()
-        if parts is not None:
-            known = parts.noise[0], parts.calibration[0], np.array(parts.degrees_of_freedom)
-        return Solution(
-            state, status, power, used, steps, residual, checks, limit, covariance, *known
-        )
-
-
-#: Where the numbers of `SolutionOfOne` are: the state and the power, then steps and what is left,
-#: then the checks and the limit, and the covariance if there is one.
-ITERATIONS, RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(9, 14)
+#: Where the numbers of `SolutionOfOne` are: the state and the power, then how the estimate has
+#: ended, which detectors were used, and what is left, then the checks and the limit, and the
+#: covariance if there is one.
+STATUS, ITERATIONS, USED = 9, 10, 11
+RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 FIELDS: dict[str, Callable[[Floats], Any]] = {
     "state": lambda numbers: numbers[:8],
-    "status": lambda numbers: np.array(problem.CONVERGED, np.int8),
+    "status": lambda numbers: np.array(numbers[STATUS], np.int8),
     "power": lambda numbers: np.array(numbers[8]),
-    "used": lambda numbers: np.ones(3, np.bool_),
+    "used": lambda numbers: numbers[USED:RESIDUAL] > 0,
     "iterations": lambda numbers: np.array(numbers[ITERATIONS], np.int32),
     "residual": lambda numbers: np.array(numbers[RESIDUAL]),
     "checks": lambda numbers: np.array(numbers[CHECKS], np.int8),
@@ -345,7 +320,7 @@ def results_of(numbers: Floats) -> problem.Results:
 
 
 class SolutionOfOne(Solution):
-    """That of a reading which converged, all detectors lit; made of the numbers that a block left.
+    """That of one reading, made of the numbers that a block left.
 
     A field is made when it is first asked for: to make all nine takes as long as the estimate, and
     a loop asks for two or three.

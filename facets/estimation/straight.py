@@ -1,4 +1,4 @@
-"""Small linear algebra as straight code: matrices are lists of numbers that write instructions.
+"""Small linear algebra as straight code: matrices are lists of numbers of any kind.
 
 Lower triangles are lists of rows, each as long as its number plus one. Lengths are those of the
 lists, so that nothing is left of the loops.
@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ..scalars.dispatch import maximum
 from .normal_equations import MIN_PIVOT_SHARE
 
+#: A lesser pivot is none.
+LEAST_PIVOT = 1e-300
+
 Numbers = list[Any]
-Triangle = list[Numbers]
+Triangle = Sequence[Sequence[Any]]
 
 
 def product(a: Sequence[Any], b: Sequence[Any]) -> Any:
@@ -23,67 +27,72 @@ def product(a: Sequence[Any], b: Sequence[Any]) -> Any:
     return product(a[:half], b[:half]) + product(a[half:], b[half:])
 
 
-def normal_equations(columns: list[Numbers], residuals: Numbers) -> tuple[Triangle, Numbers]:
+def normal_equations(
+    columns: Sequence[Sequence[Any]], residuals: Numbers
+) -> tuple[list[Numbers], Numbers]:
     """J'J and J'r from the columns of J."""
     matrix = [[product(a, b) for b in columns[: i + 1]] for i, a in enumerate(columns)]
     return matrix, [product(column, residuals) for column in columns]
 
 
-def cholesky(code: Any, matrix: Triangle) -> tuple[Triangle, Any]:
-    """L with L L' = matrix, its diagonal as its inverse; and whether each pivot can be trusted."""
-    factor: Triangle = []
-    fine = None
-    for i, row in enumerate(matrix):
+def factorise(matrix: Triangle, damping: Any) -> tuple[Triangle, Any]:
+    """L with L D L' = matrix, its diagonal raised by `damping` of itself, whose diagonal is 1 and
+    holds the inverse of D; and whether each pivot can be trusted.
+
+    Without roots, for which the next row would wait.
+    """
+    factor: list[tuple[Any, ...]] = []
+    fine: Any = None
+    for *row, whole in matrix:
+        pivot = whole = whole * (1 + damping)
         own: Numbers = []
-        for j in range(i):
-            rest = row[j]
-            for k in range(j):
-                rest = rest - own[k] * factor[j][k]
-            own.append(rest * factor[j][j])
-        pivot = row[i]
-        for each in own:
-            pivot = pivot - each * each
-        trusted = pivot > row[i] * MIN_PIVOT_SHARE
+        scaled: Numbers = []
+        for known, rest in zip(factor, row, strict=True):
+            for one, other in zip(scaled, known, strict=False):
+                rest = rest - one * other
+            scaled.append(rest)
+            own.append(rest * known[-1])
+        for one, other in zip(scaled, own, strict=True):
+            pivot = pivot - one * other
+        trusted = pivot > MIN_PIVOT_SHARE * whole
         fine = trusted if fine is None else fine & trusted
-        own.append(1 / code.function("sqrt", pivot))
-        factor.append(own)
-    return factor, fine
+        factor.append((*own, 1 / maximum(pivot, LEAST_PIVOT)))
+    return tuple(factor), fine
 
 
-def solution(factor: Triangle, right: Numbers) -> tuple[Numbers, Any]:
-    """The solution of L L' x = right, and by how much x lessens the sum of squares."""
+def solution(factor: Triangle, right: Sequence[Any]) -> tuple[Numbers, Any]:
+    """The solution of L D L' x = right, and by how much x lessens the sum of squares."""
     middle: Numbers = []
+    found: Numbers = []
     gain: Any = 0.0
     for row, rest in zip(factor, right, strict=True):
         for each, known in zip(row, middle, strict=False):
             rest = rest - each * known
-        middle.append(rest * row[-1])
-        gain = gain + middle[-1] * middle[-1]
-    found: Numbers = [None] * len(right)
-    for i in range(len(right) - 1, -1, -1):
-        rest = middle[i]
-        for k in range(i + 1, len(right)):
-            rest = rest - factor[k][i] * found[k]
-        found[i] = rest * factor[i][i]
+        middle.append(rest)
+        found.append(rest * row[-1])
+        gain = gain + rest * found[-1]
+    for i in range(len(found) - 1, -1, -1):
+        for k in range(i + 1, len(found)):
+            found[i] = found[i] - factor[k][i] * found[k]
     return found, gain
 
 
 def inverse(factor: Triangle) -> list[Numbers]:
-    """(L L')^-1, whole."""
+    """(L D L')^-1, whole."""
     size = len(factor)
-    below: Triangle = [[None] * (i + 1) for i in range(size)]
+    below: list[Numbers] = [[None] * i for i in range(size)]  # L^-1 without its diagonal
     for j in range(size):
-        below[j][j] = factor[j][j]
         for i in range(j + 1, size):
-            rest = factor[i][j] * below[j][j]
+            rest = factor[i][j]
             for k in range(j + 1, i):
                 rest = rest + factor[i][k] * below[k][j]
-            below[i][j] = -(rest * factor[i][i])
+            below[i][j] = -rest
     whole: list[Numbers] = [[None] * size for _ in range(size)]
     for i in range(size):
+        scaled = [below[k][i] * factor[k][-1] for k in range(i + 1, size)]
         for j in range(i + 1):
-            total = below[i][i] * below[i][j]
-            for k in range(i + 1, size):
-                total = total + below[k][i] * below[k][j]
+            total = factor[i][-1] if j == i else factor[i][-1] * below[i][j]
+            for k, each in enumerate(scaled, i + 1):
+                total = total + each * below[k][j]
             whole[i][j] = whole[j][i] = total
     return whole

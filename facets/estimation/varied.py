@@ -1,6 +1,6 @@
 """Solve readings of which each has a sensor of its own: the draws of a calibration's parameters.
 
-Blocks do nearly all of them. What blocks leave is solved one by one, with a `Sensor` for each.
+Blocks do nearly all of them. Light that is cut is solved one by one, with a `Sensor` for each.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge, Prior
 from ..core.units import Floats
-from ..model.blocks import lanes
 from ..model.varied import VariedSensors
 from . import blocks, problem
 from .block_task import Form
@@ -44,7 +43,9 @@ def solve_each(
     ) -> problem.Results:
         found = problem.empty_results(len(some.values), False)
         own, known = sensors.rows(which), knowledge_of(knowledge, which)
-        left = estimate_in_blocks(own, some, plan.limits, questions, found)
+        left = np.arange(len(some.values))
+        if own.kind is not None and len(left):
+            left = estimate_in_blocks(own, own.kind, some, plan.limits, questions, found)
         estimate_singly(own, left, some.values, known, questions, found)
         return found
 
@@ -61,40 +62,31 @@ def solve_each(
 
 def estimate_in_blocks(
     sensors: VariedSensors,
+    kind: str,
     readings: problem.Readings,
     limits: problem.ScreeningLimits,
     request: problem.FitProblem,
     found: problem.Results,
 ) -> Any:
-    """Fill `found`; return the numbers of the rows that are left, whose results mean nothing.
+    """Fill `found`, as `estimates.estimate` does.
 
-    Under real light with damped steps, and with exact derivatives where these stall, as in
-    `estimates.estimate`.
+    Returns the numbers of the rows without light where they begin: their sensors may be none that
+    can be.
     """
-    count, kind = len(readings.values), sensors.kind
-    left = np.arange(count)
-    if kind is None or not blocks.is_supported(request) or count == 0:
-        return left
 
-    def run(which: Any, exact: bool, patient: bool) -> Any:
-        """Estimate some rows; return the numbers of those that are left."""
+    def run(which: Any, exact: bool) -> None:
         code = blocks.kernel(Form(tuple(request.free.tolist()), kind, exact, varied=True))
-        own = len(which)
-        rows = which[np.minimum(np.arange(-(-own // lanes()) * lanes()), own - 1)]
-        some, questions = problem.some_rows(rows, readings, request)
-        part = problem.empty_results(len(rows), False)
-        packed = sensors.rows(rows).pack(kind)
-        again = blocks.estimate(code, packed, some, limits, questions, part, patient)
-        problem.put_rows(found, which, problem.Results(*(array[:own] for array in part)))
-        return which[again[again < own]]
+        some, questions = problem.some_rows(which, readings, request)
+        part = problem.empty_results(len(which), False)
+        blocks.estimate(code, sensors.rows(which).pack(kind), some, limits, questions, part)
+        problem.put_rows(found, which, part)
 
-    left = run(left, exact=False, patient=False)
-    if kind == "plain":
-        return left
-    if len(left):
-        left = run(left, exact=False, patient=True)
-    stalled = np.setdiff1d(np.flatnonzero(found.status == problem.STALLED), left)
-    return np.union1d(left, run(stalled, exact=True, patient=True)) if len(stalled) else left
+    run(np.arange(len(readings.values)), False)
+    unlit = (found.status == problem.OUT_OF_RANGE) & (found.steps == 0) & found.used.all(axis=1)
+    stalled = np.flatnonzero(found.status == problem.STALLED)
+    if len(stalled) and kind != "plain":
+        run(stalled, True)
+    return np.flatnonzero(unlit)
 
 
 def estimate_singly(

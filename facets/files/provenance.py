@@ -19,7 +19,7 @@ from .tables import Whole
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-PACKAGES = ("numpy", "scipy", "numba")
+PACKAGES = ("numpy", "scipy", "llvmlite")
 
 
 def command_line() -> str:

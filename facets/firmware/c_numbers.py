@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..scalars.nesting import leaves, nest
@@ -44,13 +44,18 @@ def is_wide(*parts: Numbers) -> bool:
 
 
 class CWriter(Tracer):
-    """Collects the statements of one C function."""
+    """Collects the statements of one C function.
+
+    functions: the texts of the functions that it calls, and of their tables, by what they are made
+    of; in an order in which they can stand in a file.
+    """
 
     drops_zeros = True
 
-    def __init__(self) -> None:
+    def __init__(self, functions: dict[Any, tuple[str, Numbers]] | None = None) -> None:
         super().__init__()
         self.statements: list[str] = []
+        self.functions = {} if functions is None else functions
         self._count = 0
         self._indent = "    "
 
@@ -92,43 +97,56 @@ class CWriter(Tracer):
     def combine(self, how: str, *conditions: Condition) -> Condition:
         return Condition(self, CONNECTIVES[how].format(*(each.ir for each in conditions)))
 
-    def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """Call a C function of this name; its results are nested like `like`."""
-        wanted = list(leaves(like))
-        place = self._new("f")
-        given = ", ".join(self.text(each) for each in leaves(arguments))
-        self._write(f"facets_real {place}[{len(wanted)}];")
-        self._write(f"facets_{function.__name__}({given}, {place});")
-        found = iter([Value(self, f"{place}[{n}]") for n in range(len(wanted))])
-        return nest(like, found)
-
-    rarely = call
-
-    def choose(
-        self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
+    def where_any(
+        self,
+        condition: Condition,
+        other: Numbers,
+        function: Callable[..., Any],
+        *arguments: Numbers,
     ) -> Numbers:
-        """Result of one of two functions, between which the C code branches."""
+        """See `dispatch.where_any`; the function is a C function."""
+        count = len(list(leaves(other)))
+        if function not in self.functions:
+            self.functions[function] = write_function(function, arguments, self.functions), other
         place = self._new("c")
-        first = len(self.statements)
-        like, size = None, 0
-        for head, way in ((f"if ({condition.ir}) {{", then), ("} else {", other)):
-            self._write(head)
-            like = self._branch(way, place)
-            size = len(list(leaves(like)))
+        self._write(f"facets_real {place}[{count}];")
+        called = ", ".join([*map(self.text, leaves(arguments)), place])
+        self._write(f"if ({condition.ir}) {{")
+        self._write(f"    facets_{function.__name__}({called});")
+        self._write("} else {")
+        for n, number in enumerate(leaves(other)):
+            self._write(f"    {place}[{n}] = {self.text(number)};")
         self._write("}")
-        self.statements.insert(first, f"{self._indent}facets_real {place}[{size}];")
-        return nest(like, iter([Value(self, f"{place}[{n}]") for n in range(size)]))
+        return nest(other, iter([Value(self, f"{place}[{n}]") for n in range(count)]))
 
-    def _branch(self, way: Callable[[], Numbers], place: str) -> Numbers:
-        """Write one branch of `choose`."""
-        indent = self._indent
+    def sum_over(
+        self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
+    ) -> Numbers:
+        """See `dispatch.sum_over`; a loop in C."""
+        name, place, row = self._table(table), self._new("c"), self._new("n")
+        first, indent = len(self.statements), self._indent
+        self._write(f"for (int {row} = 0; {row} < {len(table)}; {row}++) {{")
         self._indent += "    "
         with self.scope():
-            found = way()
-        for n, each in enumerate(leaves(found)):
-            self._write(f"{place}[{n}] = {self.text(each)};")
+            numbers = (Value(self, f"{name}[{row}][{n}]") for n, _ in enumerate(table[0]))
+            found = function(*numbers, *arguments)
+            for n, number in enumerate(leaves(found)):
+                self._write(f"{place}[{n}] += {self.text(number)};")
         self._indent = indent
-        return found
+        self._write("}")
+        count = len(list(leaves(found)))
+        self.statements.insert(first, f"{indent}facets_real {place}[{count}] = {{R(0.0)}};")
+        return nest(found, iter([Value(self, f"{place}[{n}]") for n in range(count)]))
+
+    def _table(self, table: Sequence[Sequence[float]]) -> str:
+        names = [key for key in self.functions if isinstance(key, tuple)]
+        key = "table", id(table)
+        name = f"TABLE_{names.index(key) if key in names else len(names)}"
+        rows = ",\n".join("    {" + ", ".join(map(number, row)) + "}" for row in table)
+        size = f"[{len(table)}][{len(table[0])}]"
+        text = f"static const facets_real {name}{size} = {{\n{rows}\n}};"
+        self.functions.setdefault(key, (text, None))
+        return name
 
     def put(self, place: str, part: Numbers) -> None:
         """Write one result of the function."""
@@ -150,6 +168,23 @@ class CWriter(Tracer):
 
     def _write(self, statement: str) -> None:
         self.statements.append(self._indent + statement)
+
+
+def write_function(
+    function: Callable[..., Any], arguments: Numbers, functions: dict[Any, tuple[str, Numbers]]
+) -> str:
+    """A C function of plain numbers, nested like `arguments`, that fills an array."""
+    writer = CWriter(functions)
+    names = [f"p{n}" for n, _ in enumerate(leaves(arguments))]
+    found = function(*nest(arguments, map(writer.variable, names)))
+    for n, each in enumerate(leaves(found)):
+        writer.put(f"found[{n}]", each)
+    given = ", ".join(f"facets_real {name}" for name in names)
+    head = f"static void facets_{function.__name__}({given}, facets_real *found)"
+    kept = prune_statements(writer.statements)
+    used = set(re.findall(r"\bp\d+\b", "\n".join(kept)))
+    unused = [f"    (void){name};" for name in names if name not in used]
+    return "\n".join([head, "{", *unused, *kept, "}"])
 
 
 #: Pattern of a statement that computes one number, with its name.

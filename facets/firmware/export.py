@@ -13,16 +13,17 @@ from .vectors import TestVectors, make_vectors
 #: Sizes for the shipped configuration `bench`: GCC 12.2 with -O2, instructions counted by QEMU 7.2.
 COSTS = """\
 For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU counts; a Cortex-M7 at
-600 MHz with one instruction a cycle would need 18 us for a step):
+600 MHz with one instruction a cycle would need 17 us for a step):
 
 | core | precision | code | stack | instructions of a step | from the last pose | from zero |
 | --- | --- | --- | --- | --- | --- | --- |
-| Cortex-M7 | double | 20 kB | 5.8 kB | 11,100 | 11,200 | 64,000 in 6 steps |
-| Cortex-M7 | single | 19 kB | 3.0 kB | 11,000 | 11,200 | 54,000 in 5 steps |
-| Cortex-M4F | single | 21 kB | 3.0 kB | 32,500 | 32,500 | 156,000 in 5 steps |
+| Cortex-M7 | double | 29 kB | 5.8 kB | 10,100 | 10,300 | 60,000 in 6 steps |
+| Cortex-M7 | single | 29 kB | 3.0 kB | 10,500 | 10,700 | 53,000 in 5 steps |
+| Cortex-M4F | single | 31 kB | 3.0 kB | 31,700 | 31,800 | 153,000 in 5 steps |
 
-Without the C library's `erf`, `exp` and their like, which add some 20 kB. The Cortex-M4F has no
-double precision, in which the last part of each reading is computed in either build."""
+Without the C library's `exp`, `atan2` and their like; the light far off the beam's centre takes
+10 kB. The Cortex-M4F has no double precision, in which the last part of each reading is computed in
+either build."""
 
 #: The other files of the folder, by their paths in it and in the package; `.in` is taken away. They
 #: are named one by one, because an installed package's folders hold more than was put there: pip

@@ -21,9 +21,11 @@ from .c_numbers import CONSTANT, CWriter, prune_statements
 
 
 class ModelText(NamedTuple):
-    """statements: body of `facets_linearise`.  operations: count of its computed numbers."""
+    """statements: body of `facets_linearise`.  functions: that it calls.  operations: count of its
+    computed numbers."""
 
     statements: str
+    functions: str
     operations: int
 
 
@@ -51,4 +53,6 @@ def model_text(sensor: Sensor) -> ModelText:
                 writer.put(f"found[{1 + row}][{c}]", derivatives[i][c])
             writer.put(f"found[{1 + row}][8]", power_derivative(vectors, values, k, i))
     statements = prune_statements(writer.statements)
-    return ModelText("\n".join(statements), sum(map(bool, map(CONSTANT.match, statements))))
+    functions = "\n\n".join(text for text, _ in writer.functions.values())
+    operations = sum(map(bool, map(CONSTANT.match, statements)))
+    return ModelText("\n".join(statements), functions, operations)

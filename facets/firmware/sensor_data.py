@@ -10,16 +10,8 @@ from ..detectors.correction import coefficients, is_corrected
 from ..detectors.counts import counts_per_ampere
 from ..detectors.noise import CHARGE, current_variances, has_two_layers, power_floor
 from ..estimation.doubts import has_fold
-from ..model.arrays import half_sizes, parameters
-from ..optics.forward import build_geometry, mirror_edges, project_to_sigmas
-from ..optics.half_normal import TABLE
-from ..optics.tail_quadrature import NARROW_RAD, SLICES
-from ..optics.vectors import unit_vector
+from ..model.arrays import half_sizes
 from .c_numbers import number
-
-#: Facets seen along the beam must open by this angle (rad) more than the narrowest wedge for which
-#: the C code's series hold, so that the mirror may tilt.
-TILT_RAD = 0.1
 
 
 def refuse_sensor(sensor: Sensor) -> None:
@@ -44,27 +36,11 @@ def refuse_sensor(sensor: Sensor) -> None:
             "the detectors are tetra-lateral, whose places follow from an iteration that is not "
             "part of the C code; use duo-lateral or pincushion detectors"
         )
-    narrowest = float(np.min(facet_angles(sensor)))
-    if narrowest < NARROW_RAD + TILT_RAD:
-        raise InputError(
-            f"a facet's opening, seen along the beam, is {np.degrees(narrowest):.0f} degrees; "
-            f"the C code is for {np.degrees(NARROW_RAD + TILT_RAD):.0f} degrees or more"
-        )
     if has_fold(sensor):
         raise InputError(
             "in this head the determinant of Eq. (11) changes its sign, so that two poses may give "
             "one reading, which the C code could not tell; see `facets jacobian`"
         )
-
-
-def facet_angles(sensor: Sensor) -> list[float]:
-    """The angles between the edges of each facet, seen along the beam in its sigmas, rad."""
-    vectors = build_geometry(parameters(sensor))
-    seen = [
-        complex(*unit_vector(project_to_sigmas(vectors, edge)))
-        for edge in mirror_edges(vectors.normals)
-    ]
-    return [float(np.angle(seen[(k + 1) % 3] / seen[k]) % (2 * np.pi)) for k in range(3)]
 
 
 def sensor_data(sensor: Sensor) -> str:
@@ -75,8 +51,6 @@ def sensor_data(sensor: Sensor) -> str:
         define("FARTHEST", distance, "mm, of a detector"),
         define("POWER_FLOOR", power_floor(sensor), "mW, standard deviation without light"),
         array("HALF_SIZES", half_sizes(sensor), "mm, along y and z"),
-        array("HALF_NORMAL", TABLE),
-        array("SLICES", SLICES, "nodes and weights"),
         noise_data(sensor),
         correction_data(sensor),
     ]

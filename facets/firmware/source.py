@@ -49,8 +49,12 @@ def fill_template(text: str, about: Provenance) -> str:
 LICENCE = "MIT"
 
 MODEL = """\
+/* The light far off the beam's centre, and on a facet that holds little of it. Generated, as what
+ * follows, from the text of the optics: `far_side`, `tail_wedge` and what these call. */
+{functions}
+
 /* found: in the first row the readings at x, a state and the power; below, their derivatives by
- * each of these, a reading a row. Generated from the text of the optics. */
+ * each of these, a reading a row. */
 static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
 {{
 {statements}
@@ -70,8 +74,8 @@ def write_source(sensor: Sensor, about: Provenance) -> CSource:
         '#include "facets.h"',
         template("numbers.h.in"),
         "/* The sensor. */\n" + sensor_data(sensor) + "\n",
-        template("light.c"),
-        MODEL.format(statements=model.statements),
+        MODEL.format(functions=model.functions, statements=model.statements),
+        "static facets_real square(facets_real x) { return x * x; }\n"
         "static int finite_number(facets_real x) { return x - x == R(0.0); }\n",
         template("counts.c"),
         template("estimator.c"),

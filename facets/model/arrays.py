@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -20,8 +20,8 @@ from ..optics.parameters import BEAM, FACET, PSD
 from ..optics.parameters import parameter_axes as axes_of
 from ..scalars.dual import Dual
 from ..scalars.nesting import leaves, nest
-from . import blocks, evaluators, packing
-from .kinds import block_kind, lit_kind
+from . import blocks, packing
+from .kinds import LIT, kind_of, lit_kind
 from .threads import share
 
 
@@ -163,30 +163,19 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
             build_geometry(parameters(sensor), openings(sensor), light) for light in (plain, varied)
         )
         own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor, profiled)}"
-        out[:, :, wanted] = slopes_at(name, vectors, moved, own, len(wanted), rows)
+        out[:, :, wanted] = slopes_at(name, vectors, own, len(wanted), rows)
     return out.reshape(*shape, 9, len(EFFECTS))
 
 
-def slopes_at(
-    name: str, vectors: Geometry, moved: Any, varied: Floats, count: int, states: Floats
-) -> Floats:
+def slopes_at(name: str, vectors: Geometry, varied: Floats, count: int, states: Floats) -> Floats:
     """The derivatives of the readings at states (n, 8), nothing cut: (n, 9, count).
 
-    name: of a kernel of `blocks.slopes`.  moved: the sensor's vectors with their derivatives by the
-    `count` variables.  varied: the same as an array.
+    name, varied: of a kernel of `blocks.slopes`.
     """
     plain, found = packing.pack(vectors), np.empty((len(states), 9, count))
     if len(states) == 0:
         return found
-    left = blocks.slopes(name, plain, varied, states, found)
-    if len(left):
-        from . import as_text
-
-        left = as_text.fill_slopes(name, vectors, moved, states, found, np.asarray(left))
-    if len(left):
-        rest = np.empty((len(left), *found.shape[1:]))
-        evaluators.slopes(name, plain, varied, np.ascontiguousarray(states[left]), rest)
-        found[left] = rest
+    blocks.slopes(name, plain, varied, states, found)
     return found
 
 
@@ -200,7 +189,7 @@ def openings(sensor: Sensor) -> Openings:
 def packed_vectors(sensor: Sensor) -> Floats:
     """The sensor's vectors as one array for the kernels, made once per sensor and process."""
     known: Floats | None = sensor.__dict__.get("_packed")
-    if known is None or not packing.is_of_this_process(known):
+    if known is None:
         known = sensor.__dict__["_packed"] = packing.pack(geometry_of(sensor))
     return known
 
@@ -280,66 +269,37 @@ def readings(
             )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     out = np.empty((len(rows), 9))
-    name, model = kernel_name(sensor, "readings"), evaluators.readings(sensor)
-    share(block_evaluator(sensor, name, model, rows, out), len(rows), threads)
+    evaluate(sensor, "readings", rows, out, threads)
     return out.reshape(*shape, 9)
 
 
-def kernel_name(sensor: Sensor, name: str) -> str | None:
-    """Return the kernel's name in `blocks.kernel` for a sensor; None if blocks do not support
-    it."""
-    kind = block_kind(sensor)
+def kernel_name(sensor: Sensor, name: str) -> str:
+    """Return the name in `blocks.kernel` of results of a sensor: readings, derivatives, ..."""
+    kind = kind_of(sensor)
     if name == "footprints":
-        return None if sensor.light.on else name
-    if kind == "plain":
-        return name.removeprefix("approximate_")
-    return None if kind is None else f"{name}_of_{kind}"
+        return "footprints_of_light" if sensor.light.on else name
+    if kind in LIT:
+        return f"{name}_of_{kind}"
+    name = name.removeprefix("approximate_")
+    return name if kind == "plain" else f"{name}_of_{kind}"
 
 
 def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats | None:
-    """Evaluate a single state (8,) by a block, for loops that need one state at a time.
+    """Evaluate a single state (8,), for loops that need one state at a time.
 
-    Returns None for a state that is not finite or that the block cannot compute.
+    Returns None for other states.
     """
     one = as_floats(state, "state", 8)
-    kernel = kernel_name(sensor, name)
-    if one.shape != (8,) or threads < 0 or kernel is None:
+    if one.shape != (8,) or threads < 0:
         return None
-    return blocks.run_one(kernel, packed_vectors(sensor), one)
+    return blocks.run_one(kernel_name(sensor, name), packed_vectors(sensor), one)
 
 
-def block_evaluator(
-    sensor: Sensor,
-    name: str | None,
-    model: str,
-    states: Floats,
-    out: Floats,
-    one_by_one: Callable[[str, Floats, Floats, Floats], None] = evaluators.fill,
-) -> Callable[[slice], None]:
-    """Return the function that fills a part of `out` for states (n, 8), by blocks where these
-    support the sensor.
-
-    name: of the block's results, see `blocks.kernel`, or None.  model: of `evaluators`, by which
-    `one_by_one` fills the rest, except for a few states that Python computes sooner.
-    """
-    vectors = packed_vectors(sensor)
-    if name is None:
-        return lambda part: one_by_one(model, vectors, states[part], out[part])
-    blocks.kernel(name)  # Compile once, before threads need the kernel.
-
-    def run(part: slice) -> None:
-        rows, found = states[part], out[part]
-        left = blocks.run(name, vectors, rows, found)
-        if len(left):
-            from . import as_text
-
-            left = as_text.fill(name, model, geometry_of(sensor), rows, found, np.asarray(left))
-        if len(left):
-            rest = np.empty((len(left), *found.shape[1:]))
-            one_by_one(model, vectors, rows[left], rest)
-            found[left] = rest
-
-    return run
+def evaluate(sensor: Sensor, name: str, states: Floats, out: Floats, threads: int) -> None:
+    """Fill `out` for states (n, 8).  name: of results, see `kernel_name`."""
+    vectors, kernel = packed_vectors(sensor), kernel_name(sensor, name)
+    blocks.kernel(kernel)  # Compile once, before threads need it.
+    share(lambda part: blocks.run(kernel, vectors, states[part], out[part]), len(states), threads)
 
 
 @check_arguments
@@ -381,25 +341,11 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = True) -> Floats:
     """The Jacobian (n, 9, 8) at states (n, 8).
 
-    near: use `evaluators.approximate_linearisation`, which is exact for ideal light.
+    near: under real light, that of `bench_gradient.linearise_nearly`.
     """
     out = np.empty((len(states), 9, 8))
-    name = kernel_name(sensor, "approximate_derivatives" if near else "derivatives")
-    model = (evaluators.approximate_linearisation if near else evaluators.linearisation)(sensor)
-    share(block_evaluator(sensor, name, model, states, out, fill_derivatives), len(states), threads)
+    evaluate(sensor, "approximate_derivatives" if near else "derivatives", states, out, threads)
     return out
-
-
-#: Index of the beam's power in a sensor's packed vectors: behind the beam's direction.
-POWER = 3
-
-
-def fill_derivatives(model: str, vectors: Floats, states: Floats, found: Floats) -> None:
-    """Fills rows of `found` (n, 9, 8) by a model of `evaluators`; NaN where there is no reading."""
-    given, whole = np.full((len(states), 9), vectors[POWER]), np.empty((len(states), 10, 10))
-    given[:, :8] = states
-    evaluators.fill(model, vectors, given, whole)
-    found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
 
 @check_arguments
@@ -430,21 +376,13 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     if sensor.light.on and sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
     vectors = geometry_of(sensor)
-    if sensor.light.on:
-        moved = dual_geometry(sensor)
-        own = packing.pack_slopes(moved)
-        lit = slopes_at(f"slopes_of_{lit_kind(sensor)}", vectors, moved, own, 30, rows)
-        return lit.reshape(*shape, 9, 30)
-    axes = axes_of(parameters(sensor))
-    own = np.array([number + 0.0 for number in leaves(axes)])
-    out = slopes_at("slopes_by_parameters", vectors, axes, own, 30, rows)
-    if sensor.apertures.cut:
-        from .kernels import differentiate_cut
-
-        differentiate_cut(
-            packed_vectors(sensor), packing.carry(vectors, dual_geometry(sensor)), rows, out
-        )
-    return out.reshape(*shape, 9, 30)
+    kind = kind_of(sensor)
+    if kind == "plain":
+        axes = axes_of(parameters(sensor))
+        name, own = "slopes_by_parameters", np.array([number + 0.0 for number in leaves(axes)])
+    else:
+        name, own = f"slopes_of_{kind}", packing.pack_slopes(dual_geometry(sensor))
+    return slopes_at(name, vectors, own, 30, rows).reshape(*shape, 9, 30)
 
 
 def half_sizes(sensor: Sensor) -> Floats:
@@ -554,8 +492,7 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
         return found
     rows, shape = as_rows(state, 8, "state")
     out = np.empty((len(rows), 3, 5))
-    name, model = kernel_name(sensor, "footprints"), evaluators.footprints(sensor)
-    share(block_evaluator(sensor, name, model, rows, out), len(rows), threads)
+    evaluate(sensor, "footprints", rows, out, threads)
     return out.reshape(*shape, 3, 5)
 
 

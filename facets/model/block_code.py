@@ -8,21 +8,32 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, forward, gradient, parameters
-from ..optics.footprint import collimated_slopes, footprint
-from ..optics.forward import Geometry, Scene, dark_scene
+from ..optics import bench_gradient, bench_light, cut, forward, gradient, parameters
+from ..optics.curved_light import apparent_scene
+from ..optics.footprint import collimated_slopes, curved_slopes, footprint
+from ..optics.forward import Geometry, dark_scene
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lanes import LaneMemory, LaneWriter
 from ..scalars.machine import DOUBLE, LONG, MachineWriter, write_loop
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
-from .kinds import LIT
-from .packing import AXES, PACKED, PARALLEL, carry_slopes, is_ideal, vectors_at, vectors_of
+from .kinds import CUT, LIT
+from .packing import (
+    AXES,
+    EXAMPLE,
+    PACKED,
+    PARALLEL,
+    carry_slopes,
+    is_cut,
+    is_ideal,
+    vectors_at,
+    vectors_of,
+)
 
 #: Writes the computation of a block of poses: from the sensor's vectors, with pointers to the input
 #: and the output.
@@ -45,15 +56,13 @@ def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
 
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
-        left = builder.inttoptr(arguments[3], ir.PointerType(LONG))
-        with write_loop(builder, arguments[4]) as index:
+        with write_loop(builder, arguments[3]) as index:
             code = LaneWriter(builder, lanes)
             here, there = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, lanes * numbers))])
                 for pointer, numbers in ((asked, 8), (results, found))
             )
             formula(code, load(code, packed), here, there)
-            builder.store(code.bits(code.left), builder.gep(left, [index]))
 
     return write
 
@@ -65,7 +74,9 @@ def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """Write nine readings to a row of `found` for each row of eight numbers of a state."""
     state = code.load_rows(states, 8, 8)
-    text = readings_uncut if is_ideal(vectors) else bench_light.readings
+    text = cut.readings if is_cut(vectors) else bench_light.readings
+    if is_ideal(vectors) and not is_cut(vectors):
+        text = readings_uncut
     code.store_rows(list(leaves(text(vectors, tuple(state)))), found, 9)
 
 
@@ -100,23 +111,45 @@ def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
 def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """Write fifteen numbers to a row of `found` for each state, five of `footprint` for each
     spot."""
-    at = dark_scene(vectors, tuple(code.load_rows(states, 8, 8)))
+    at, spread = dark_scene(vectors, tuple(code.load_rows(states, 8, 8))), collimated_slopes
+    if not is_ideal(vectors):
+        at, spread = apparent_scene(vectors, at), curved_slopes
     ends: list[Any] = []
     for k in range(3):
-        *edges, out = footprint(vectors, at, k, collimated_slopes(vectors, at, k))
+        *edges, out = footprint(vectors, at, k, spread(vectors, at, k))
         landed = code.compare("==", edges[0], edges[0])  # Lanes subtract x - x to get zero, or NaN.
         ends += [*edges, code.select(landed, out, nan)]
     code.store_rows(ends, found, 15)
 
 
+class ExactText(NamedTuple):
+    """The text of readings with derivatives that leave nothing out, of a kind of light.
+
+    scene: of vectors and a state, what follows needs.  readings: from vectors and that.  slopes: of
+    vectors and a state that carry derivatives, and of that without them.
+    """
+
+    scene: Callable[..., Any]
+    readings: Callable[..., Any]
+    slopes: Callable[..., Any]
+
+
+BENCH = ExactText(bench_light.scene, bench_light.scene_readings, bench_gradient.reading_slopes)
+OF_CUT = ExactText(cut.cut_scene, cut.scene_readings, cut.reading_slopes)
+
+
+def exact_text(vectors: Geometry) -> ExactText:
+    """Of real light, or of light that apertures cut."""
+    return OF_CUT if is_cut(vectors) else BENCH
+
+
 @contextmanager
 def each_component(
-    code: LaneWriter, vectors: Geometry, state: Sequence[Value], at: Scene, count: int
+    code: LaneWriter, vectors: Geometry, state: Sequence[Value], at: Any, count: int
 ) -> Iterator[tuple[Any, list[Value]]]:
-    """Write a loop over the first components of the state, with the exact derivatives by each under
-    real light.
+    """Write a loop over the first components of the state, with the exact derivatives by each.
 
-    at: from `bench_light.scene`.
+    at: from the `scene` of `exact_text`.
     """
     with code.loop(ir.Constant(LONG, count)) as component:
         moved = []
@@ -124,15 +157,23 @@ def each_component(
             own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
             slope = code.spread(code.builder.uitofp(own, DOUBLE)) if c < count else 0.0
             moved.append(Dual(number, slope))
-        yield component, list(leaves(bench_gradient.reading_slopes(vectors, tuple(moved), at)))
+        yield component, list(leaves(exact_text(vectors).slopes(vectors, tuple(moved), at)))
 
 
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """Write the exact derivatives under real light, one component after the other."""
+    """Write the exact derivatives, one component after the other."""
     state = code.load_rows(states, 8, 8)
-    at = bench_light.scene(vectors, tuple(state))
+    text = exact_text(vectors)
+    at = text.scene(vectors, tuple(state))
+    values = list(leaves(text.readings(vectors, at)))
     with each_component(code, vectors, state, at, 8) as (component, slopes):
-        code.store_column(slopes, found, component, ir.Constant(LONG, 8))
+        code.store_column(where_read(code, values, slopes), found, component, ir.Constant(LONG, 8))
+
+
+def where_read(code: LaneWriter, values: list[Value], slopes: list[Value]) -> list[Value]:
+    """The derivatives of readings; NaN where there is no reading."""
+    pairs = zip(values, slopes, strict=True)
+    return [code.select(code.compare("==", value, value), slope, nan) for value, slope in pairs]
 
 
 def linearise_exactly(
@@ -140,8 +181,9 @@ def linearise_exactly(
 ) -> list[tuple[Any, list[list[Value]]]]:
     """Readings and their derivatives by the first `count` components of the state, detector by
     detector as `bench_gradient.linearise` gives them."""
-    at = bench_light.scene(vectors, tuple(state))
-    values = bench_light.scene_readings(vectors, at)
+    text = exact_text(vectors)
+    at = text.scene(vectors, tuple(state))
+    values = text.readings(vectors, at)
     memory = LaneMemory(code, 9 * count)
     with each_component(code, vectors, state, at, count) as (component, slopes):
         for row, slope in enumerate(slopes):
@@ -158,14 +200,12 @@ SlopesFormula = Callable[[LaneWriter, Geometry, tuple[Value, ...], Any, Any, Any
 
 def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
     """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of the
-    varied vectors, of states, results and bits, of the number of copies, and of the number of
-    blocks."""
+    varied vectors, of states and results, of the number of copies, and of the number of blocks."""
 
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
-        left = builder.inttoptr(arguments[4], ir.PointerType(LONG))
-        copies = arguments[5]
-        with write_loop(builder, arguments[6]) as index:
+        copies = arguments[4]
+        with write_loop(builder, arguments[5]) as index:
             code = LaneWriter(builder, lanes)
             rows = builder.mul(index, ir.Constant(LONG, lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
@@ -173,22 +213,22 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
             there = builder.gep(found, [builder.mul(rows, numbers)])
             state = tuple(code.load_rows(here, 8, 8))
             formula(code, vectors_of(code, packed, kind), state, varied, there, copies)
-            builder.store(code.bits(code.left), builder.gep(left, [index]))
 
     return write
 
 
 def slopes_by_copies(kind: str) -> LaneWrite:
-    """Write derivatives by differences of complex copies of a sensor, under real light."""
+    """Write derivatives by what the sensor's vectors answer to variables."""
 
     def formula(
         code: LaneWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
     ) -> None:
-        at = bench_light.scene(vectors, state)
+        text = exact_text(vectors)
+        at = text.scene(vectors, state)
         with code.loop(copies) as copy:
             row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
             moved = carry_slopes(vectors, vectors_of(code, row, kind))
-            slopes = bench_gradient.reading_slopes(moved, state, at)
+            slopes = text.slopes(moved, state, at)
             code.store_column(list(leaves(slopes)), found, copy, copies)
 
     return each_block_of_slopes(formula, kind)
@@ -217,18 +257,24 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
         return {
             "readings": readings, "derivatives": derivatives, "slopes_by_parameters": slopes
         }  # fmt: skip
-    return {
+    found = {
         f"slopes_of_{kind}": slopes_by_copies(kind),
         f"readings_of_{kind}": readings,
-        f"approximate_derivatives_of_{kind}": derivatives,
         f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
     }
+    return found if kind in CUT else {**found, f"approximate_derivatives_of_{kind}": derivatives}
+
+
+def footprints_of(example: Geometry) -> LaneWrite:
+    """example: the arrangement of the vectors, of parallel rays or of any."""
+    return each_block(
+        write_footprints, lambda code, pointer: vectors_at(code, pointer, example), 15
+    )
 
 
 LOOPS: dict[str, LaneWrite] = {
-    "footprints": each_block(
-        write_footprints, lambda code, pointer: vectors_at(code, pointer, PARALLEL), 15
-    )
+    "footprints": footprints_of(PARALLEL),
+    "footprints_of_light": footprints_of(EXAMPLE),
 }
-for _kind in ("plain", *LIT):
+for _kind in ("plain", *LIT, *CUT):
     LOOPS.update(loops_of(_kind))

@@ -1,9 +1,7 @@
 """The model at many states, a block of them at a time, by machine code of `block_code`.
 
-Each lane of the processor computes one pose (`scalars.lanes`). Poses that a block cannot compute,
-because a facet is faint, the apex far off the beam or the mirror turned far, are left to
-`evaluators`, which computes one state at a time. The result of a pose does not depend on the others
-in its block, nor on their number.
+Each lane of the processor computes one pose (`scalars.lanes`). The result of a pose does not depend
+on the others in its block, nor on their number.
 """
 
 from __future__ import annotations
@@ -63,11 +61,10 @@ def task_of(name: str) -> str:
 def kernel(name: str, width: int | None = None) -> Callable[..., None]:
     """Return one of `block_code.LOOPS`, compiled if needed.
 
-    It is a function of the addresses of a sensor's vectors, of states, of the results, and of a
-    64-bit integer for each block whose bits tell which lanes are left over; and of the number of
-    blocks. width: of a block; `lanes()` unless given.
+    It is a function of the addresses of a sensor's vectors, of states and of the results, and of
+    the number of blocks. width: of a block; `lanes()` unless given.
     """
-    return load_code(name, 5, width)
+    return load_code(name, 4, width)
 
 
 def load_code(name: str, count: int, width: int | None = None) -> Callable[..., None]:
@@ -84,12 +81,12 @@ def load_code(name: str, count: int, width: int | None = None) -> Callable[..., 
 @once
 def slopes_kernel(name: str) -> Callable[..., None]:
     """Return a kernel of `slopes`, see `block_code.each_block_of_slopes`."""
-    return load_code(name, 7)
+    return load_code(name, 6)
 
 
-def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> Any:
+def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
     """Fills found (n, 9, m): the derivatives of the readings at states (n, 8) by m parameters of a
-    sensor; return the numbers of the states that are left over.
+    sensor.
 
     name: of a kernel: "slopes_of_KIND", KIND of `kinds.LIT`, where `varied` (m, ...) is how much
     each number of `vectors` answers to a parameter; or "slopes_by_parameters", where it is
@@ -97,15 +94,13 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Fl
     """
     code, copies = slopes_kernel(name), found.shape[2]
     whole, short = divmod(len(states), lanes())
-    left = np.zeros(whole + 1, np.int64)
     if whole:
-        code(*map(address_of, (vectors, varied, states, found, left)), copies, whole)
+        code(*map(address_of, (vectors, varied, states, found)), copies, whole)
     if short:
         rows = states[np.minimum(np.arange(-short, lanes() - short), -1)]
         out = np.empty((lanes(), *found.shape[1:]))
-        code(*map(address_of, (vectors, varied, rows, out, left[-1:])), copies, 1)
+        code(*map(address_of, (vectors, varied, rows, out)), copies, 1)
         found[-short:] = out[:short]
-    return lanes_of(left, len(states))
 
 
 class BlockMemory:
@@ -116,15 +111,14 @@ class BlockMemory:
 
     def __init__(self, width: int | None = None) -> None:
         size = width or lanes()
-        self.rows, self.left = np.empty((size, 8)), np.empty(1, np.int64)
+        self.rows = np.empty((size, 8))
         found = np.empty(72 * size)
         self.found = {
             "readings": found[: 9 * size].reshape(size, 9),
             "derivatives": found.reshape(size, 9, 8),
             "footprints": found[: 15 * size].reshape(size, 3, 5),
         }
-        self.addresses = [address_of(array) for array in (self.rows, found, self.left)]
-        self.bits = self.left.data
+        self.addresses = [address_of(array) for array in (self.rows, found)]
         self._vectors: Any = None
         self._address = 0
 
@@ -138,45 +132,33 @@ class BlockMemory:
         return self._address
 
 
-def run_rest(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
-    """Fill `found` for less than a block of states; return a bit for each state that is left
-    over."""
+def run_rest(name: str, vectors: Floats, states: Floats, found: Floats) -> None:
+    """Fill `found` for less than a block of states."""
     memory, short = RESTS.take(), len(states)
     memory.rows[:short] = states
     memory.rows[short:] = states[-1]
     kernel(name)(memory.address_of_vectors(vectors), *memory.addresses, 1)
     found[:] = memory.results(name)[:short]
-    bits = memory.bits[0] & ((1 << short) - 1)
     RESTS.put_back(memory)
-    return bits
 
 
-def run_one(name: str, vectors: Floats, state: Floats) -> Floats | None:
-    """Return the results at one state (8,); None if the block leaves it over."""
+def run_one(name: str, vectors: Floats, state: Floats) -> Floats:
+    """Return the results at one state (8,)."""
     memory = SINGLES.take()
     memory.rows[:] = state
     kernel(name, SINGLE)(memory.address_of_vectors(vectors), *memory.addresses, 1)
-    found: Floats | None = None if memory.bits[0] else memory.results(name)[0].copy()
+    found: Floats = memory.results(name)[0].copy()
     SINGLES.put_back(memory)
     return found
 
 
-def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
-    """Fill `found` for states (n, 8); return the numbers of the states that are left over."""
+def run(name: str, vectors: Floats, states: Floats, found: Floats) -> None:
+    """Fill `found` for states (n, 8)."""
     whole, short = divmod(len(states), lanes())
-    left = np.zeros(whole + 1, np.int64)
     if whole:
-        kernel(name)(*map(address_of, (vectors, states, found, left)), whole)
+        kernel(name)(*map(address_of, (vectors, states, found)), whole)
     if short:
-        left[-1] = run_rest(name, vectors, states[-short:], found[-short:])
-    return lanes_of(left, len(states))
-
-
-def lanes_of(bits: Any, count: int) -> Any:
-    """The numbers of the lanes whose bits are set, without padding."""
-    if not bits.any():
-        return np.empty(0, np.intp)
-    return np.flatnonzero(((bits[:, None] >> np.arange(lanes())) & 1).ravel()[:count])
+        run_rest(name, vectors, states[-short:], found[-short:])
 
 
 def address_of(array: Any) -> int:

@@ -17,14 +17,17 @@ LIT = {
 }
 
 
+#: The same of light that apertures cut, which knows no other effects; ideal light has none.
+CUT = {"cut": None, **{f"cut_{kind}": LIT[kind] for kind in LIT if not LIT[kind][2]}}
+
+
 def kind_of(sensor: Sensor) -> str:
-    """The kind of a sensor's light; cached per sensor."""
+    """The kind of a sensor's light: "plain", or one of LIT or CUT; cached per sensor."""
     known: str | None = sensor.__dict__.get("_kind")
     if known is None:
+        known = lit_kind(sensor) if sensor.light.on else "plain"
         if sensor.apertures.cut:
-            known = "cut_light" if sensor.light.on else "cut"
-        else:
-            known = lit_kind(sensor) if sensor.light.on else "plain"
+            known = f"cut_{known}" if sensor.light.on else "cut"
         sensor.__dict__["_kind"] = known
     return known
 
@@ -42,6 +45,6 @@ def lit_kind(sensor: Sensor, profiled: bool = False) -> str:
 
 
 def block_kind(sensor: Sensor) -> str | None:
-    """The kind of light of the formulas for blocks: "plain", or one of LIT; None where the light is
-    cut."""
+    """The kind of light of formulas with a sensor for each reading: "plain", or one of LIT; None
+    where the light is cut."""
     return None if sensor.apertures.cut else kind_of(sensor)

@@ -8,21 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.units import Booleans, Floats, Integers
+from ..core.units import Floats, Integers
 from ..optics.forward import Geometry, build_geometry
 from ..scalars.nesting import leaves
-from . import evaluators, rare
-from .arrays import fill_derivatives
 from .blocks import address_of, kernel, lanes
 from .packing import EXAMPLE
 
-#: The shape of a kernel's result at a state, and the model for states that blocks leave over.
+#: The shape of a kernel's result at a state.
 SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
-MODELS = {
-    "readings": "readings_of_plain",
-    "derivatives": "approximate_linearisation_of_plain",
-    "footprints": "footprints_of_plain",
-}
 
 
 def vectors_of(parameters: Floats) -> Floats:
@@ -33,7 +26,7 @@ def vectors_of(parameters: Floats) -> Floats:
 
 #: The parts of packed vectors that follow those that depend on the 30 parameters.
 VARIED = 7
-REST = np.array([*(number + 0.0 for number in leaves(EXAMPLE[VARIED:])), rare.ADDRESS.item()])
+REST = np.array([number + 0.0 for number in leaves(EXAMPLE[VARIED:])])
 
 
 def pack_all(vectors: Geometry, count: int) -> Floats:
@@ -57,40 +50,17 @@ def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Flo
     counts = np.bincount(owner, minlength=len(vectors))
     some = np.flatnonzero(counts)
     begins, blocks = (np.cumsum(counts) - counts)[some], -(-counts[some] // width)
-    first = np.cumsum(blocks) - blocks
     # The last block of a sensor reaches into the next one's states, whose own block overwrites
     # them.
     rows = np.concatenate([states, np.zeros((width, 8))])
     found = np.empty((len(rows), *SHAPES[name]))
-    bits = np.zeros(int(blocks.sum()), np.int64)
     for arguments in zip(
         (address_of(vectors) + vectors.strides[0] * some).tolist(),
         (address_of(rows) + rows.strides[0] * begins).tolist(),
         (address_of(found) + found.strides[0] * begins).tolist(),
-        (address_of(bits) + bits.strides[0] * first).tolist(),
         blocks.tolist(),
         strict=True,
     ):
         code(*arguments)
     results: Floats = found[: len(states)]
-    if bits.any():
-        lane = np.arange(len(states)) - np.repeat(begins, counts[some])
-        block = np.repeat(first, counts[some]) + lane // width
-        unfit = ((bits[block] >> (lane % width)) & 1) > 0
-        fill_unfit(name, vectors, owner, states, unfit, results)
     return results
-
-
-def fill_unfit(
-    name: str, vectors: Floats, owner: Integers, states: Floats, unfit: Booleans, found: Floats
-) -> None:
-    """Fill rows of `found` for states that no block computes, because a facet is faint there."""
-    fill = fill_derivatives if name == "derivatives" else evaluators.fill
-    numbers = np.flatnonzero(unfit)
-    if not len(numbers):
-        return
-    _, begins = np.unique(owner[numbers], return_index=True)
-    for mine in np.split(numbers, begins[1:]):
-        rows = np.empty((len(mine), *SHAPES[name]))
-        fill(MODELS[name], vectors[owner[mine[0]]], states[mine], rows)
-        found[mine] = rows

@@ -8,36 +8,26 @@ from typing import Any
 import numpy as np
 
 from ..optics.effects import LightOptions
-from ..optics.forward import Geometry, build_geometry
+from ..optics.forward import Geometry, Openings, build_geometry
 from ..optics.parameters import parameter_axes
-from ..scalars.dispatch import STEP
 from ..scalars.dual import Dual, value_and_slope
 from ..scalars.nesting import leaves, nest
-from . import rare
-from .kinds import LIT
+from .kinds import CUT, LIT
 
 #: An example of a sensor's vectors, for their arrangement.
 EXAMPLE = build_geometry((1.0,) * 30)
-#: The address of `rare.TABLE`, as a float.
-HERE = rare.ADDRESS.item()
-#: The number of numbers that `pack` makes from a sensor, before the address.
+#: The number of numbers that `pack` makes from a sensor.
 PACKED = len(list(leaves(EXAMPLE)))
 #: The same for the vectors' derivatives by the parameters.
 AXES = parameter_axes((1.0,) * 30)
-#: The number of numbers in an input row: of a state, or of a state and the beam's power.
-STATE, WITH_POWER = 8, 9
 #: The arrangement without apertures for parallel rays, and for any rays.
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
 
 def pack(vectors: Geometry) -> np.ndarray:
-    """Pack a sensor's vectors into one array, followed by the address of `rare.TABLE`.
-
-    The address is valid in this process.
-    """
-    numbers = np.array([number + 0.0 for number in leaves(vectors)])
-    return np.concatenate([numbers, rare.ADDRESS])
+    """Pack a sensor's vectors into one array."""
+    return np.array([number + 0.0 for number in leaves(vectors)])
 
 
 def row_size(kind: str) -> int:
@@ -61,32 +51,26 @@ def pack_slopes(vectors: Geometry) -> np.ndarray:
     return np.array([np.broadcast_to(slope, count) for slope in slopes]).T.copy()
 
 
-def carry(vectors: Geometry, moved: Geometry) -> np.ndarray:
-    """Copies of a sensor (m, ...) whose imaginary parts are their derivatives times STEP, for
-    Numba."""
-    return pack(vectors)[:-1] + 1j * STEP * pack_slopes(moved)
-
-
-def is_of_this_process(packed: np.ndarray) -> bool:
-    """Whether the address behind a sensor's vectors is that of this process.
-
-    As a float an address is a very small number, never NaN.
-    """
-    return packed.item(-1) == HERE  # type: ignore[no-any-return]
-
-
 def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
     """The vectors in memory (`vectors_at`) that formulas for a kind of light take: "plain", or one
-    of LIT."""
-    if kind not in LIT:
+    of LIT or CUT."""
+    if kind == "plain":
         return vectors_at(writer, pointer, PLAIN)  # type: ignore[no-any-return]
+    flags = {**LIT, **CUT}[kind]
+    if flags is None:
+        return vectors_at(writer, pointer, PARALLEL)  # type: ignore[no-any-return]
+    coated, polarised, profiled = flags
     whole = vectors_at(writer, pointer, EXAMPLE)
-    coated, polarised, profiled = LIT[kind]
     options = whole.light.options._replace(
         on=True, coated=coated, polarised=polarised, profiled=profiled
     )
-    light = whole.light._replace(options=options)
-    return whole._replace(openings=None, light=light)  # type: ignore[no-any-return]
+    found = whole._replace(light=whole.light._replace(options=options))
+    return found if kind in CUT else found._replace(openings=None)  # type: ignore[no-any-return]
+
+
+def is_cut(vectors: Any) -> bool:
+    """Whether formulas for light that apertures cut take these vectors."""
+    return vectors.openings is not None
 
 
 def is_ideal(vectors: Any) -> bool:
@@ -96,7 +80,7 @@ def is_ideal(vectors: Any) -> bool:
 
 def carry_slopes(values: Any, slopes: Any) -> Any:
     """Give vectors their derivatives; numbers that are always plain stay so."""
-    if isinstance(values, LightOptions) or values is None:
+    if isinstance(values, LightOptions | Openings) or values is None:
         return values
     if not isinstance(values, tuple):
         return Dual(values, slopes)

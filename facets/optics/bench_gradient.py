@@ -58,17 +58,31 @@ def moments_with_slope(
 ) -> Moments:  # fmt: skip
     """The result of `wedge.wedge` with derivatives. side1, side2 carry derivatives; real1, real2,
     moments are plain."""
-    mass, (cx, cy), (pxx, pxy, pyy), from_point = moments
-    qx, qy, turn1, turn2 = q[0].imag, q[1].imag, angle_slope(u1), angle_slope(u2)
-    mass1, (x1, y1) = turn_derivative((u1[0].real, u1[1].real), real1, mass, from_point)
-    mass2, (x2, y2) = turn_derivative((u2[0].real, u2[1].real), real2, mass, from_point)
-    of_mass = -mass * (cx * qx + cy * qy) - mass1 * turn1 + mass2 * turn2
-    of_x = pxx * qx + pxy * qy - x1 * turn1 + x2 * turn2
-    of_y = pxy * qx + pyy * qy - y1 * turn1 + y2 * turn2
+    mass, (cx, cy), (pxx, pxy, pyy), _ = moments
+    of_mass, of_x, of_y = wedge_slopes(q, (u1, u2), (real1, real2), moments)
     whole, x, y = Dual(mass, of_mass), Dual(cx, of_x), Dual(cy, of_y)
     of_xx, of_xy, of_yy = covariance_slope(q, u1, u2, side1, side2, whole)
     shift = Dual(pxx, of_xx), Dual(pxy, of_xy), Dual(pyy, of_yy)
     return whole, (x, y), shift, (x - q[0], y - q[1])
+
+
+def wedge_slopes(
+    q: Plane, sides: tuple[Plane, Plane], integrals: tuple[Side, Side], moments: Moments
+) -> Three:
+    """The derivatives of a wedge's mass and centroid, by what q and the sides carry.
+
+    integrals, moments: plain.
+    """
+    mass, (cx, cy), (pxx, pxy, pyy), from_point = moments
+    (u1, u2), (real1, real2) = sides, integrals
+    qx, qy, turn1, turn2 = q[0].imag, q[1].imag, angle_slope(u1), angle_slope(u2)
+    mass1, (x1, y1) = turn_derivative((u1[0].real, u1[1].real), real1, mass, from_point)
+    mass2, (x2, y2) = turn_derivative((u2[0].real, u2[1].real), real2, mass, from_point)
+    return (
+        -mass * (cx * qx + cy * qy) - mass1 * turn1 + mass2 * turn2,
+        pxx * qx + pxy * qy - x1 * turn1 + x2 * turn2,
+        pxy * qx + pyy * qy - y1 * turn1 + y2 * turn2,
+    )
 
 
 def covariance_slope(

@@ -26,7 +26,7 @@ Side = tuple[Any, Any, Any, Any]
 CENTRAL_SQUARED = 4.0
 
 
-def tables() -> tuple[list[float], list[float]]:
+def tables() -> tuple[tuple[float, ...], tuple[float, ...]]:
     """The factors of H^j, and those of r^2j, of the integral of D: with g_j = prod 2 i / (2 i + 1),
     DECAY_j g_j / 2^j and 1 / (g_j (2 j + 1))."""
     across, around, product = [], [], 1.0
@@ -34,7 +34,7 @@ def tables() -> tuple[list[float], list[float]]:
         product *= 2 * j / (2 * j + 1) if j else 1.0
         across.append(coefficient * product / 2**j)
         around.append(1 / (product * (2 * j + 1)))
-    return across, around
+    return tuple(across), tuple(around)
 
 
 ACROSS, AROUND = tables()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from math import exp, pi
+from math import pi
+
+from ..scalars.dispatch import exp
 
 Plane = tuple[float, float]
 
@@ -40,10 +42,10 @@ def normalise(q: Plane, u: Plane) -> tuple[float, float, float]:
 def gauss(x: float, missing: float) -> float:
     """exp(-(x + missing)^2 / 2), however large x."""
     square, square_missing = product(x, x)
-    return exp(-square / 2) * (1 - square_missing / 2 - x * missing)
+    return exp(-square / 2) * (1 - square_missing / 2 - x * missing)  # type: ignore[no-any-return]
 
 
 def gauss_of_point(q: Plane) -> float:
     """exp(-|q|^2 / 2) / 2 pi, however far the point."""
     square, missing = sum_of_products(q[0], q[0], q[1], q[1])
-    return exp(-square / 2) * (1 - missing / 2) / (2 * pi)
+    return exp(-square / 2) * (1 - missing / 2) / (2 * pi)  # type: ignore[no-any-return]

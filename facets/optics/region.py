@@ -10,130 +10,142 @@ normals and turns of a closed outline add up to zero and to a whole turn. With c
     M1 = -sum n (L - c (s1 - s0) / 2 pi)
     M0 = sum (G(s0, d) - G(s1, d)) + (1 - c) arcs
 
-where G is `wedge.swept_mass` and arcs (`arc_share`) the share of a whole turn that the arcs subtend
-from the centre: 1 or 0, as the centre lies inside or outside, less what the spans subtend.
+where G is `wedge.swept_mass` and arcs the share of a whole turn that the arcs subtend from the
+centre: 1 or 0, as the centre lies inside or outside, less what the spans subtend.
 
-A region is an array with a row for each side; the columns are named below. Good to some 1e-16 of
-the whole beam, not of the light in the region: one with less than `DIM` has no place. For floats.
+A region always has the same number of sides; one that bounds nothing lies FAR away. Good to some
+1e-16 of the whole beam, not of the light in the region: one with less than `DIM` has no place.
 """
 
 from __future__ import annotations
 
-from math import atan2, erf, erfc, exp, inf, isfinite, nan, pi, sqrt
-from typing import Any
+from math import nan, pi
+from typing import Any, NamedTuple
 
+from ..scalars.dispatch import Number, atan2, exp, select, sqrt, where_any
+from .half_normal import tail_integrals
+from .tail import WHOLE, swept_mass
 from .vectors import Plane
-from .wedge import swept_series
 
-Array = Any
+Three = tuple[Any, Any, Any]
 
-#: A side's line: its outward unit normal (two columns), and the distance of the beam's centre
-#: inside it.
-NORMAL, DISTANCE = 0, 2
-#: Contributions of a side's span: the moments of f along it of order 0, 1 and 2, ...
-LENGTH, FIRST, SECOND = 3, 4, 5
-#: ... the excess of f over its value on the disc's rim, the swept mass, and the ends of the span.
-EXCESS, SWEPT, LOW, HIGH = 6, 7, 8, 9
-
+#: A side this far from the beam's centre, in sigmas, bounds nothing, nor does a disc so wide.
+FAR = 1000.0
+#: Beyond all places on a side.
+ENDLESS = 1e100
 #: The share of the beam below which a cut region has no place, because nine digits of it are lost.
 DIM = 1e-7
 
 
-def span_ends(sides: Array, count: int, j: int, radius: float) -> tuple[float, float]:
-    """The ends of the span on which side j bounds the region; equal if it does not."""
-    x, y, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
-    low, high = -inf, inf
-    if radius < inf:
-        if abs(distance) >= radius:
-            return 0.0, 0.0
-        high = sqrt((radius - distance) * (radius + distance))
-        low = -high
-    for i in range(count):
-        if i == j:
-            continue
-        ox, oy = sides[i, NORMAL], sides[i, NORMAL + 1]
-        rate = oy * x - ox * y
-        rest = sides[i, DISTANCE] - distance * (ox * x + oy * y)
-        if rate > 0:
-            high = min(high, rest / rate)
-        elif rate < 0:
-            low = max(low, rest / rate)
-        # The line lies beyond a parallel side, or the same side occurs twice.
-        elif rest < 0 or (rest == 0 and i < j):
-            return 0.0, 0.0
-    return (low, high) if low < high else (0.0, 0.0)
+class SideLine(NamedTuple):
+    """A side's line: the distance of the beam's centre inside it, and its outward unit normal."""
+
+    distance: Any
+    x: Any
+    y: Any
 
 
-def erf_between(low: float, high: float) -> float:
-    """erf(high / sqrt 2) - erf(low / sqrt 2) without cancellation in the tails."""
-    root = sqrt(2.0)
-    if low > 0:
-        return erfc(low / root) - erfc(high / root)
-    if high < 0:
-        return erfc(-high / root) - erfc(-low / root)
-    return erf(high / root) - erf(low / root)
+#: What `region` gives of eight sides that bound nothing: of f along each, the moments of order 0, 1
+#: and 2.
+NO_SPANS: tuple[Three, ...] = ((0.0, 0.0, 0.0),) * 8
 
 
-def measure_sides(sides: Array, count: int, radius: float) -> None:
-    """Fill the columns from LENGTH on for the first `count` sides."""
-    for j in range(count):
-        low, high = span_ends(sides, count, j, radius)
-        if low == high:
-            for column in range(LENGTH, HIGH + 1):
-                sides[j, column] = 0.0
-        else:
-            measure_span(sides, j, low, high, radius)
+def region(sides: tuple[SideLine, ...], radius: Number) -> tuple[Any, Plane, tuple[Three, ...]]:
+    """Mass and centroid of the light inside the sides and the disc, NaN where it has no place; and
+    the moments of f of order 0, 1 and 2 along each side."""
+    bounded = radius < FAR
+    rim = select(bounded, exp(-radius * radius / 2), 0.0)
+    lows, highs = spans(sides, radius)
+    mass, x, y, arcs, inside = 0.0, 0.0, 0.0, 0.0, 1.0
+    moments = []
+    for side, low, high in zip(sides, lows, highs, strict=True):
+        inside = select(side.distance < 0, 0.0, inside)
+        nothing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        alive = (low < high) & (side.distance < FAR)
+        swept, excess, arc, length, first, second = where_any(
+            alive, nothing, span, low, high, side.distance, rim
+        )
+        mass, arcs = mass + swept, arcs + arc
+        x, y = x - side.x * excess, y - side.y * excess
+        moments.append((length, first, second))
+    mass = mass + (1 - rim) * (inside - arcs)
+    seen = mass > DIM
+    share = select(seen, 1 / select(seen, mass, 1.0), nan)
+    return select(mass > 0, mass, 0.0), (x * share, y * share), tuple(moments)
 
 
-def measure_span(sides: Array, j: int, low: float, high: float, radius: float) -> None:
-    distance, root = sides[j, DISTANCE], sqrt(2.0)
-    across, within = exp(-distance * distance / 2), erf(distance / root)
+def spans(sides: tuple[SideLine, ...], radius: Number) -> tuple[list[Any], list[Any]]:
+    """Where the other sides and the disc leave a span of each side; low is not below high where
+    they leave none."""
+    lows, highs = [], []
+    for side in sides:
+        square = (radius - side.distance) * (radius + side.distance)
+        meets = square > 0
+        half = select(radius < FAR, sqrt(select(meets, square, 0.0)), ENDLESS)
+        lows.append(-half)
+        highs.append(half)
+    for j, side in enumerate(sides):
+        for i, other in enumerate(sides[:j]):
+            cosine = side.x * other.x + side.y * other.y
+            turn = other.y * side.x - other.x * side.y
+            lows[j], highs[j] = cut_span(
+                lows[j], highs[j], other.distance - side.distance * cosine, turn, other
+            )
+            lows[i], highs[i] = cut_span(
+                lows[i], highs[i], side.distance - other.distance * cosine, -turn, side
+            )
+    return lows, highs
+
+
+def cut_span(low: Number, high: Number, rest: Number, rate: Number, other: SideLine) -> Plane:
+    """What another side leaves of a span: where rest - rate s > 0."""
+    counts = other.distance < FAR
+    crosses = abs(rate) > 0
+    end = rest / select(crosses, rate, 1.0)
+    upper = select(rate > 0, end, select((rest < 0) & (rate <= 0) & (rate >= 0), low, high))
+    lower = select(rate < 0, end, low)
+    high = select(counts & (upper < high), upper, high)
+    low = select(counts & (lower > low), lower, low)
+    return low, high
+
+
+def span(low: Number, high: Number, d: Number, rim: Number) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """Of a side from low to high: what it sweeps over, the excess of f along it over the density on
+    the disc's rim, the share of a turn that it subtends, and the moments of f of order 0, 1 and 2.
+
+    rim: exp(-radius^2 / 2).
+    """
+    across = exp(-d * d / 2)
     to_low, to_high = exp(-low * low / 2), exp(-high * high / 2)
+    tail_low, tail_high = (
+        to_low * tail_integrals(abs(low))[0],
+        to_high * tail_integrals(abs(high))[0],
+    )
+    both = select(
+        low > 0,
+        tail_low - tail_high,
+        select(high < 0, tail_high - tail_low, WHOLE - tail_low - tail_high),
+    )
+    length = across * both / (2 * pi)
     at_low, at_high = across * to_low / (2 * pi), across * to_high / (2 * pi)
-    length = across * erf_between(low, high) / (2 * sqrt(2 * pi))
-    sides[j, LENGTH], sides[j, FIRST], sides[j, SECOND] = length, at_low - at_high, length
-    if isfinite(low):
-        sides[j, SECOND] += low * at_low
-    if isfinite(high):
-        sides[j, SECOND] -= high * at_high
-    sides[j, EXCESS] = length
-    if radius < inf:
-        sides[j, EXCESS] -= exp(-radius * radius / 2) * (high - low) / (2 * pi)
-    sides[j, LOW], sides[j, HIGH] = low, high
-    sides[j, SWEPT] = swept_series(low, distance, to_low, across, erfc(low / root), within)
-    sides[j, SWEPT] -= swept_series(high, distance, to_high, across, erfc(high / root), within)
+    excess = length - select(rim > 0, rim * (high - low) / (2 * pi), 0.0)
+    swept = swept_mass(low, d, to_low, across, tail_low)
+    swept = swept - swept_mass(high, d, to_high, across, tail_high)
+    arc = atan2(d * (high - low), d * d + low * high) / (2 * pi)
+    return swept, excess, arc, length, at_low - at_high, length + low * at_low - high * at_high
 
 
-def arc_share(sides: Array, count: int) -> float:
-    """The share of a whole turn that the outline's arcs subtend from the beam's centre."""
-    share = 1.0
-    for j in range(count):
-        if sides[j, DISTANCE] < 0:
-            share = 0.0
-    for j in range(count):
-        low, high, distance = sides[j, LOW], sides[j, HIGH], sides[j, DISTANCE]
-        if low == high:
-            continue
-        if high == inf:
-            share -= atan2(distance, low) / (2 * pi)
-        elif low == -inf:
-            share -= atan2(distance, -high) / (2 * pi)
-        else:
-            share -= atan2(distance * (high - low), distance * distance + low * high) / (2 * pi)
-    return share
+def slopes_of_region(
+    lines: tuple[Any, ...], moments: tuple[Three, ...], mass: Number, centroid: Plane
+) -> Three:
+    """The derivatives of mass and centroid.
 
-
-def region_light(sides: Array, count: int, radius: float) -> tuple[float, Plane]:
-    """Mass and centroid of the light inside the sides and the disc; NaN where it has no place."""
-    mass = x = y = 0.0
-    closed = radius == inf
-    for j in range(count):
-        mass += sides[j, SWEPT]
-        x -= sides[j, NORMAL] * sides[j, EXCESS]
-        y -= sides[j, NORMAL + 1] * sides[j, EXCESS]
-        closed = closed and isfinite(sides[j, LOW]) and isfinite(sides[j, HIGH])
-    if not closed:
-        mass += (1 - exp(-radius * radius / 2)) * arc_share(sides, count)
-    if not mass > DIM:
-        return max(mass, 0.0), (nan, nan)
-    return mass, (x / mass, y / mass)
+    lines: of each side d, x, y, the derivative of d, and the angle by which it turns.  moments: of
+    f along the sides, from `region`.
+    """
+    m, x, y = 0.0, 0.0, 0.0
+    for (d, nx, ny, of_d, turn), (length, first, second) in zip(lines, moments, strict=True):
+        zeroth, rise = of_d * length - turn * first, of_d * first - turn * second
+        m = m + zeroth
+        x, y = x + (nx * d * zeroth - ny * rise), y + (ny * d * zeroth + nx * rise)
+    return m, (x - centroid[0] * m) / mass, (y - centroid[1] * m) / mass

@@ -1,32 +1,33 @@
 """Elementary functions for every number type that the optics is run with.
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
-They then run as plain floats, as numbers that write code (`tracing`), inside loops that Numba
-compiles (`model.jit` gives each function here a compiled twin), and in high precision (mpmath);
-what is only geometry runs on arrays and as rigorous intervals (`intervals`), too. A formula holds
-no decimal literal, because a rounded constant would spoil a 40-digit run.
+They then run as plain floats, as numbers that write code (`tracing`), and in high precision
+(mpmath); what is only geometry runs on arrays and as rigorous intervals (`intervals`), too. A
+formula holds no decimal literal, because a rounded constant would spoil a 40-digit run.
 
-A derivative is carried along by `dual.Dual`, over numbers of these kinds; in loops that Numba
-compiles, times STEP in the imaginary parts of complex numbers.
+A derivative is carried along by `dual.Dual`, over numbers of these kinds.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy
 
-Number = Any
+from .nesting import leaves
 
-#: The factor of a derivative in a complex number's imaginary part: so small that its square
-#: vanishes.
-STEP = 1e-30
+Number = Any
 
 
 def is_float(x: Number) -> bool:
     return isinstance(x, float | int)
+
+
+def has_more_digits(x: Number) -> bool:
+    """Whether numbers of this type have more digits than a float, for which polynomials are."""
+    return hasattr(x, "context")
 
 
 def is_dual(x: Number) -> bool:
@@ -35,12 +36,12 @@ def is_dual(x: Number) -> bool:
 
 def library(x: Number) -> Any:
     """Return the module that has the elementary functions for a number of this type."""
+    if type(x).__module__ == "numpy":
+        return numpy
     if is_float(x):
         return math
     if hasattr(x, "context"):
         return x.context
-    if type(x).__module__ == "numpy":
-        return numpy
     if hasattr(x, "library"):  # `dual.Dual` and `tracing.Value` name their modules
         return x.library
     from . import intervals
@@ -77,7 +78,7 @@ def erfc(x: Number) -> Number:
 
 
 def atan2(y: Number, x: Number) -> Number:
-    return library(y if is_dual(y) else x).atan2(y, x)
+    return library(y if is_dual(y) or is_float(x) else x).atan2(y, x)
 
 
 def real(x: Number) -> Number:
@@ -101,6 +102,27 @@ def select(condition: Any, a: Number, b: Number) -> Number:
     if isinstance(condition, numpy.ndarray):
         return numpy.where(condition, a, b)
     return a if condition else b
+
+
+def where_any(condition: Any, other: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+    """`function(*arguments)` where the condition holds, else `other`, numbers nested likewise.
+
+    Code for several poses runs the function only where one of them needs it.
+    """
+    if hasattr(condition, "writer"):
+        return condition.writer.where_any(condition, other, function, *arguments)
+    return function(*arguments) if condition else other
+
+
+def sum_over(
+    function: Callable[..., Any], table: Sequence[tuple[float, float]], *arguments: Any
+) -> Any:
+    """The sums of what a function gives for each row of a table and further arguments."""
+    for number in leaves(arguments):
+        if hasattr(number, "writer"):
+            return number.writer.sum_over(function, table, *arguments)
+    rows = [function(*row, *arguments) for row in table]
+    return tuple(map(sum, zip(*rows, strict=True)))
 
 
 def holds_anywhere(condition: Any) -> bool:

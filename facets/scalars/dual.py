@@ -2,7 +2,6 @@
 
 They work over scalars of any kind: floats, with an array of slopes by many variables at once, and
 numbers that write machine code. A slope that is the plain number 0 remains 0, and costs nothing.
-Compiled loops of Numba use complex numbers instead (`dispatch.carrying`), with the same formulas.
 """
 
 from __future__ import annotations

@@ -2,17 +2,16 @@
 
 A `LaneWriter` runs the optics' formulas once, as `machine.MachineWriter` does, but its numbers are
 LLVM's vectors with a lane for each pose. There are no branches: both alternatives are computed, and
-each lane selects its own. A formula that is valid for most poses only, such as a polynomial on its
-interval, records the invalid lanes (`leave`), which other code then computes anew. The result of a
-lane depends on no other lane, and on no processor: the code uses only additions, multiplications,
-divisions and roots, each rounded by IEEE 754.
+each lane selects its own; what few poses need is a function, which is called where any lane needs
+it (`where_any`). The result of a lane depends on no other lane, and on no processor: the code
+uses only additions, multiplications, divisions and roots, each rounded by IEEE 754.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -20,8 +19,8 @@ from llvmlite import ir
 
 from . import polynomials
 from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter, Repetition, do_while, write_loop
-from .nesting import Numbers
-from .tracing import Condition, Value
+from .nesting import Numbers, leaves, nest
+from .tracing import Condition, Value, key_of
 
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
@@ -33,13 +32,17 @@ BITS_OF_ROOT_OF_HALF = int.from_bytes(struct.pack("<d", math.sqrt(0.5)), "little
 #: The logarithm of 2, as a number with 21 zero bits at its end, whose products with exponents are
 #: exact, and the remainder.
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
+#: The series of the exponential function, to all digits for half of ln 2; below the least exponent
+#: it is 0.
+EXPONENTIAL_SERIES = tuple(1 / math.factorial(n) for n in range(14))
+LEAST_EXPONENT = -700.0
 
 
-class Unfilled:
-    """Placeholder for numbers that other code has to compute."""
-
-
-UNFILLED = Unfilled()
+#: A quarter turn in three parts, of which the first two end in zero bits: their products with whole
+#: numbers are exact.
+QUARTERS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
+#: Added to a number, it leaves the whole number that is nearest in the last bits.
+ROUNDING = 1.5 * 2.0**52
 
 
 def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
@@ -76,10 +79,7 @@ def join(builder: Any, vectors: list[Any]) -> Any:
 
 
 class LaneWriter(MachineWriter):
-    """lanes: number of poses.  `left`: the lanes whose numbers are invalid.
-
-    A lane with a number that is not finite gives no valid result: the caller has to leave it.
-    """
+    """lanes: number of poses."""
 
     drops_zeros = True
     shares_reciprocals = True
@@ -88,8 +88,8 @@ class LaneWriter(MachineWriter):
         super().__init__(builder)
         self.lanes = lanes
         self.kind = ir.VectorType(DOUBLE, lanes)
-        self.left = self.same(False)
-        self._here: list[Condition] = []
+        #: The functions of the module, and how their results are nested.
+        self._functions: dict[Hashable, tuple[Any, Numbers]] = {}
 
     def same(self, truth: Any) -> Condition:
         """Broadcast a truth to all lanes. truth: a bool, or a bit of the generated code."""
@@ -192,95 +192,158 @@ class LaneWriter(MachineWriter):
         bits = self.builder.bitcast(condition.ir, ir.IntType(self.lanes))
         return self.builder.zext(bits, LONG)
 
-    def leave(self, condition: Condition) -> None:
-        """Add to `left` the lanes in which the condition holds and whose branch is selected."""
-        for other in self._here:
-            condition = condition & other
-        self.left = self.left | condition
-
     @contextmanager
     def loop(self, count: Any) -> Iterator[Any]:
         """Write a loop as `machine.write_loop` does: values from before it are known within it, and
         values from within it are not known after it."""
-        with self._round() as begin, write_loop(self.builder, count) as number, begin():
+        with self.scope(), write_loop(self.builder, count) as number:
             yield number
 
     @contextmanager
     def do_while(self) -> Iterator[Repetition]:
         """Write a loop as `machine.do_while` does, with the same known values as in `loop`."""
-        with self._round() as begin, do_while(self.builder) as repetition, begin():
+        with self.scope(), do_while(self.builder) as repetition:
             yield repetition
 
-    @contextmanager
-    def _round(self) -> Iterator[Callable[[], Any]]:
-        """Enclose a loop; yield a function that encloses its body. Rounds pass on `left`."""
-        left = LaneFlag(self, self.left)
-
-        @contextmanager
-        def begin() -> Iterator[None]:
-            self.left = left.get()
-            yield
-            left.set(self.left)
-
-        with self.scope():
-            yield begin
-        self.left = left.get()
-
-    def choose(
-        self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
+    def where_any(
+        self,
+        condition: Condition,
+        other: Numbers,
+        function: Callable[..., Any],
+        *arguments: Numbers,
     ) -> Numbers:
-        """Select in each lane the result of one of two functions; both are computed."""
-        ways = [self._take_way(condition, then), self._take_way(~condition, other)]
-        return self._merge_lanes(condition, *ways)
+        """See `dispatch.where_any`; the function is called if any lane needs it."""
+        cells = [LaneMemory(self, 1) for _ in leaves(other)]
+        for cell, number in zip(cells, leaves(other), strict=True):
+            cell[0] = number
+        with self.builder.if_then(self.any(condition), likely=False), self.scope():
+            found = self.call(function, *arguments)
+            for cell, new, old in zip(cells, leaves(found), leaves(other), strict=True):
+                cell[0] = self.select(condition, new, old)
+        return nest(other, iter([cell[0] for cell in cells]))
 
-    def _take_way(self, condition: Condition, way: Callable[[], Numbers]) -> Numbers:
-        self._here.append(condition)
-        try:
-            return way()
-        finally:
-            self._here.pop()
+    def call(self, function: Callable[..., Any], *arguments: Numbers) -> Numbers:
+        """Call a function of lanes, which the module has once."""
+        given = list(leaves(arguments))
+        code, like = self._function(function, arguments)
+        inputs, outputs = LaneMemory(self, len(given)), LaneMemory(self, len(list(leaves(like))))
+        for n, number in enumerate(given):
+            inputs[n] = number
+        self.builder.call(code, [inputs.address(0), outputs.address(0)])
+        return nest(like, iter([outputs[n] for n, _ in enumerate(leaves(like))]))
 
-    def _merge_lanes(self, condition: Condition, then: Numbers, other: Numbers) -> Numbers:
-        if then is UNFILLED or other is UNFILLED:
-            return other if then is UNFILLED else then
-        if isinstance(then, tuple):
-            pairs = zip(then, other, strict=True)
-            return tuple(self._merge_lanes(condition, a, b) for a, b in pairs)
-        return self.select(condition, then, other)
+    def _function(self, function: Callable[..., Any], arguments: Numbers) -> tuple[Any, Numbers]:
+        known = self._functions.get(function)
+        if known is None:
+            known = self._functions[function] = self._write_function(function, arguments)
+        return known
 
-    def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """Leave these lanes to other code."""
-        self.leave(self.same(True))
-        return UNFILLED
+    def _write_function(
+        self, function: Callable[..., Any], arguments: Numbers
+    ) -> tuple[Any, Numbers]:
+        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(self.kind)] * 2)
+        code = ir.Function(self.builder.module, kind, f"{function.__name__}_{len(self._functions)}")
+        code.linkage = "internal"
+        code.attributes.add("noinline")
+        inner = type(self)(ir.IRBuilder(code.append_basic_block("entry")), self.lanes)
+        inner._functions = self._functions
+        inputs, outputs = (LaneMemory(inner, place=place) for place in code.args)
+        given = (inputs[n] for n, _ in enumerate(leaves(arguments)))
+        like = function(*nest(arguments, given))
+        for n, number in enumerate(leaves(like)):
+            outputs[n] = number
+        inner.builder.ret_void()
+        return code, like
+
+    def sum_over(
+        self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
+    ) -> Numbers:
+        """See `dispatch.sum_over`."""
+        width = len(table[0])
+        memory = self._table(table)
+        with self.builder.goto_entry_block():
+            place = self.builder.alloca(LONG)
+        self.builder.store(ir.Constant(LONG, 0), place)
+        sums: list[LaneMemory] = []
+        with self.scope(), do_while(self.builder) as repetition:
+            at = self.builder.load(place)
+            row = self.builder.gep(memory, [at])
+            found = function(*(self.load(row, n) for n in range(width)), *arguments)
+            for number in leaves(found):
+                sums.append(LaneMemory(self, 1))
+                sums[-1].begin(0.0)
+                sums[-1][0] = sums[-1][0] + number
+            at = self.builder.add(at, ir.Constant(LONG, width))
+            self.builder.store(at, place)
+            end = ir.Constant(LONG, width * len(table))
+            repetition.again = self.builder.icmp_signed("<", at, end)
+        return nest(found, iter([each[0] for each in sums]))
+
+    def _table(self, table: Sequence[Sequence[float]]) -> Any:
+        """A table's numbers in the module's memory, row by row."""
+        numbers = [float(number) for row in table for number in row]
+        name, kind = f"table_{id(table)}", ir.ArrayType(DOUBLE, len(numbers))
+        known = self.builder.module.globals.get(name)
+        if known is None:
+            known = ir.GlobalVariable(self.builder.module, kind, name)
+            known.linkage, known.global_constant = "internal", True
+            known.initializer = ir.Constant(kind, numbers)
+        return self.builder.bitcast(known, ir.PointerType(DOUBLE))
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
-        """Write the function anew, since the lanes that it leaves depend on the place; its parts
-        once."""
         if name in INTRINSICS:
             return super().write_function(name, *arguments)
-        written: Callable[..., Value] = getattr(self, f"_{name}")
-        return written(*arguments)
+        given = (
+            each if isinstance(each, Value) else Value(self, self.constant(each))
+            for each in arguments
+        )
+        key = (name, *map(key_of, arguments))
+        return self.once(key, getattr(self, f"_{name}"), *given)  # type: ignore[no-any-return]
 
     def _sin(self, x: Value) -> Value:
-        self.leave(~(abs(x) < 1))
-        return polynomials.sine(x)  # type: ignore[no-any-return]
+        return self._turn(x)[0]  # type: ignore[no-any-return]
 
     def _cos(self, x: Value) -> Value:
-        self.leave(~(abs(x) < 1))
-        return polynomials.cosine(x)  # type: ignore[no-any-return]
+        return self._turn(x)[1]  # type: ignore[no-any-return]
+
+    def _turn(self, x: Value) -> Any:
+        return self.once(("turn", x), self._sine_and_cosine, x)
+
+    def _sine_and_cosine(self, x: Value) -> Any:
+        usual = polynomials.sine(x), polynomials.cosine(x)
+        return self.where_any(abs(x) > 1, usual, reduced_turn, x)
+
+    def nearest_whole(self, x: Value) -> tuple[Value, Any]:
+        """The nearest whole number, and an integer vector with its last bits."""
+        scaled = x + ROUNDING
+        bits = self.builder.bitcast(scaled.ir, ir.VectorType(LONG, self.lanes))
+        return scaled - ROUNDING, bits
+
+    def has_bit(self, bits: Any, bit: int, more: int = 0) -> Condition:
+        """In which lanes an integer, and `more`, has a bit."""
+        added = self.builder.add(bits, self._whole(more))
+        masked = self.builder.and_(added, self._whole(bit))
+        return Condition(self, self.builder.icmp_signed("!=", masked, self._whole(0)))
+
+    def _whole(self, number: int) -> Any:
+        return ir.Constant(ir.VectorType(LONG, self.lanes), [number] * self.lanes)
+
+    def _exp(self, x: Value) -> Value:
+        """To all digits; 0 where x is below -700."""
+        e, bits = self.nearest_whole(x * (1 / math.log(2)))
+        rest = (x - e * LN2_HIGH) - e * LN2_LOW
+        power = self.builder.shl(bits, self._whole(MANTISSA_BITS))
+        part = polynomials.polynomial(rest, EXPONENTIAL_SERIES)
+        whole = self.builder.bitcast(part.ir, power.type)
+        found = Value(self, self.builder.bitcast(self.builder.add(whole, power), self.kind))
+        return self.select(x < LEAST_EXPONENT, 0.0, found)  # type: ignore[no-any-return]
 
     def _log(self, x: Value) -> Value:
-        """The logarithm of positive numbers to all digits; other lanes are left.
+        """The logarithm of positive numbers to all digits; NaN of others.
 
         x = m 2^e with m between the roots of 1/2 and 2.
         """
-        self.leave(~((x > SMALLEST) & (x < math.inf)))
-        whole = ir.VectorType(LONG, self.lanes)
-
-        def same(number: int) -> Any:
-            return ir.Constant(whole, [number] * self.lanes)
-
-        build = self.builder
+        build, same, whole = self.builder, self._whole, ir.VectorType(LONG, self.lanes)
         bits = build.sub(build.bitcast(x.ir, whole), same(BITS_OF_ROOT_OF_HALF))
         power = build.ashr(bits, same(MANTISSA_BITS))
         part = build.add(
@@ -289,7 +352,8 @@ class LaneWriter(MachineWriter):
         m = Value(self, build.bitcast(part, self.kind))
         e = Value(self, build.sitofp(power, self.kind))
         rest = polynomials.logarithm((m - 1) / (m + 1)) + e * LN2_LOW
-        return e * LN2_HIGH + rest  # type: ignore[no-any-return]
+        valid = (x > SMALLEST) & (x < math.inf)
+        return self.select(valid, e * LN2_HIGH + rest, math.nan)  # type: ignore[no-any-return]
 
     def _atan2(self, y: Value, x: Value) -> Value:
         high, wide = abs(y), abs(x)
@@ -302,37 +366,42 @@ class LaneWriter(MachineWriter):
         return self.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
 
 
+def reduced_turn(x: Value) -> Any:
+    """Sine and cosine of larger angles, from the rest to whole quarter turns."""
+    code = x.writer
+    quarters, bits = code.nearest_whole(x * (2 / math.pi))
+    rest = x
+    for part in QUARTERS:
+        rest = rest - quarters * part
+    sine, cosine = polynomials.sine(rest), polynomials.cosine(rest)
+    odd = code.has_bit(bits, 1)
+    sine, cosine = code.select(odd, cosine, sine), code.select(odd, sine, cosine)
+    back, left = code.has_bit(bits, 2), code.has_bit(bits, 2, 1)
+    return code.select(back, -sine, sine), code.select(left, -cosine, cosine)
+
+
 class LaneMemory:
     """Numbers of all lanes in the code's own memory, which a loop passes to its next round."""
 
-    def __init__(self, code: LaneWriter, size: int) -> None:
-        self.code = code
-        with code.builder.goto_entry_block():
-            self._place = code.builder.alloca(code.kind, size)
+    def __init__(self, code: LaneWriter, size: int = 1, place: Any = None) -> None:
+        """place: of numbers that are there already."""
+        self.code, self._place = code, place
+        if place is None:
+            with code.builder.goto_entry_block():
+                self._place = code.builder.alloca(code.kind, size)
+
+    def begin(self, number: float) -> None:
+        """Store a plain number at its first place before anything else runs."""
+        with self.code.builder.goto_entry_block():
+            self[0] = number
 
     def __getitem__(self, index: Any) -> Value:
-        return Value(self.code, self.code.builder.load(self._address(index)))
+        return Value(self.code, self.code.builder.load(self.address(index)))
 
     def __setitem__(self, index: Any, number: Value | float) -> None:
-        self.code.builder.store(self.code.value(number), self._address(index))
+        self.code.builder.store(self.code.value(number), self.address(index))
 
-    def _address(self, index: Any) -> Any:
+    def address(self, index: Any) -> Any:
         """index: a number, or a number of the generated code."""
         where = ir.Constant(LONG, index) if isinstance(index, int) else index
         return self.code.builder.gep(self._place, [where])
-
-
-class LaneFlag:
-    """A condition for each lane, in the code's own memory."""
-
-    def __init__(self, code: LaneWriter, first: Condition) -> None:
-        self.code = code
-        with code.builder.goto_entry_block():
-            self._place = code.builder.alloca(first.ir.type)
-        self.set(first)
-
-    def get(self) -> Condition:
-        return Condition(self.code, self.code.builder.load(self._place))
-
-    def set(self, condition: Condition) -> None:
-        self.code.builder.store(condition.ir, self._place)

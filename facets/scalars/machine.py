@@ -1,17 +1,16 @@
-"""Writes a formula as LLVM's instructions, for one pose. See `tracing`.
+"""Writes a formula as LLVM's instructions. See `tracing`.
 
 The formulas are not parsed, typed or inlined, which takes a compiler for Python ten times as long.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
-from .nesting import Numbers
 from .tracing import Condition, Tracer, Value, key_of
 
 DOUBLE = ir.DoubleType()
@@ -80,37 +79,6 @@ class MachineWriter(Tracer):
     def store(self, number: Value | float, pointer: Any, index: int) -> None:
         place = self.builder.gep(pointer, [ir.Constant(LONG, index)])
         self.builder.store(self.value(number), place)
-
-    @contextmanager
-    def loop(self, count: Any) -> Iterator[Any]:
-        """Write a loop as `write_loop` does. Values from within it are not known after it.
-
-        Nor are values from before it known within: registers full of them cost more than
-        recomputation, and LLVM itself moves out of the loop what is worth it.
-        """
-        with self.scope(), write_loop(self.builder, count) as number:
-            self._known = {}
-            yield number
-
-    def choose(
-        self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
-    ) -> Numbers:
-        """Choose the result of one of two functions by a branch."""
-        ways, ends = [], []
-        with self.builder.if_else(condition.ir) as blocks:
-            for block, way in zip(blocks, (then, other), strict=True):
-                with block, self.scope():
-                    ways.append(way())
-                    ends.append(self.builder.block)
-        return self._merge(ways, ends)
-
-    def _merge(self, ways: list[Numbers], ends: list[Any]) -> Numbers:
-        if isinstance(ways[0], tuple):
-            return tuple(self._merge(list(parts), ends) for parts in zip(*ways, strict=True))
-        phi = self.builder.phi(DOUBLE)
-        for way, end in zip(ways, ends, strict=True):
-            phi.add_incoming(self.value(way), end)
-        return Value(self, phi)
 
 
 #: The prefix of the names of the blocks with which `write_loop` begins.

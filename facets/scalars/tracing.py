@@ -4,7 +4,7 @@ A formula of the optics, run once with such numbers, becomes straight code. `Tra
 functions that all writers share: it omits operations that need no instruction, and writes no
 instruction twice. A writer derives from it and writes the individual instructions:
 
-- `machine.MachineWriter` LLVM's code for one pose, with branches;
+- `machine.MachineWriter` LLVM's code, of which it is the base;
 - `lanes.LaneWriter` LLVM's code for several poses at once, without branches;
 - `firmware.c_numbers.CWriter` C.
 
@@ -12,8 +12,7 @@ Operations come in the order of the formulas, and each rule gives the same bits 
 that it replaces, except for two rules that a writer has to enable:
 
 - `drops_zeros`: 0 x is 0, x + 0 is x, and x - x is 0. Exact for finite x but for the sign of a
-  zero; a NaN or an infinity of x is lost. So a lane with such an x has to be left by another rule
-  (`LaneWriter.leave`), and the C code is called with finite numbers only.
+  zero; a NaN or an infinity of x is lost, so that a formula must not count on it.
 - `shares_reciprocals`: a / b is a times 1 / b, which is written once for all a. It costs half a
   unit in the last digit more.
 
@@ -25,7 +24,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -113,7 +112,7 @@ class Condition:
         return self.writer.combine("not", self)  # type: ignore[no-any-return]
 
     def __bool__(self) -> bool:
-        raise TypeError("a formula asks what only its code will know; use its writer's `choose`")
+        raise TypeError("a formula asks what only its code will know; use `select`")
 
 
 class Tracer:
@@ -150,18 +149,20 @@ class Tracer:
         """Combine conditions.  how: "and" or "or" of two, or "not" of one."""
         raise NotImplementedError
 
-    def choose(
-        self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
+    def where_any(
+        self,
+        condition: Condition,
+        other: Numbers,
+        function: Callable[..., Any],
+        *arguments: Numbers,
     ) -> Numbers:
-        """Choose the result of one of two functions, each a `scope` if only one of them runs."""
+        """See `dispatch.where_any`."""
         raise NotImplementedError
 
-    def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """Call a separately compiled function; its results are in tuples nested like `like`."""
-        raise NotImplementedError
-
-    def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """Call a function that is seldom needed, as `call` does."""
+    def sum_over(
+        self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
+    ) -> Numbers:
+        """See `dispatch.sum_over`."""
         raise NotImplementedError
 
     # Methods that all writers share.

@@ -221,18 +221,6 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
         bare.uncertainty  # noqa: B018
 
 
-def test_most_readings_stay_in_their_blocks(readings, monkeypatch):
-    """What blocks leave takes five times as long."""
-    counts = []
-
-    def count(model, sensor, readings, *_):
-        counts.append(len(readings.values))
-
-    monkeypatch.setattr(estimates, "one_by_one", count)
-    facets.solve(SENSOR, facets.add_noise(SENSOR, readings, np.random.default_rng(3)))
-    assert sum(counts) < 0.2 * len(readings)
-
-
 def test_threads_do_not_change_bits_and_what_fails_in_one_is_raised(readings, monkeypatch):
     one, two = (facets.solve(SENSOR, readings, threads=count) for count in (1, 2))
     np.testing.assert_array_equal(one.state, two.state)

@@ -190,7 +190,6 @@ def test_a_controller_finds_the_same_poses(folder, core):
         ({"light": BenchLight(delays=(0.0, 1e-5, 0.0))}, "delays"),
         ({"electronics": facets.Electronics(kind="tetra-lateral")}, "tetra-lateral"),
         ({"psds": tuple(replace(psd, height=20.0) for psd in PAPER.psds)}, "misses"),
-        ({"facets": (replace(PAPER.facets[0], inclination=0.1), *STEEP)}, "opening"),
         ({"facets": SINGULAR.facets, "psds": SINGULAR.psds}, "two"),
     ],
 )

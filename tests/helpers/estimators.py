@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import product
@@ -25,8 +24,20 @@ from hypothesis import strategies as st
 
 import facets
 from facets import Knowledge, Prior, Status, firmware, pictures
-from facets.estimation import estimates, knowledge_of, solve_each
-from facets.model import VariedSensors, effects, parameters
+from facets.estimation import (
+    SCALES,
+    Form,
+    ask,
+    estimate,
+    estimates,
+    knowledge_of,
+    linearise,
+    scales_of,
+    solve_each,
+)
+from facets.estimation.problem import Results, some_rows
+from facets.model import VariedSensors, effects, geometry_of, parameters
+from facets.scalars.nesting import nest
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 NODE = shutil.which("node")
@@ -132,20 +143,42 @@ def solve_elsewhere(question: Question) -> Answer:
     return Answer(*(np.concatenate(values)[back] for values in zip(*answers, strict=True)))
 
 
-@contextmanager
-def without_blocks(as_text: bool):  # type: ignore[no-untyped-def]
-    """Estimate readings one by one: as interpreted Python, or compiled."""
+def solve_floats(question: Question) -> Answer:
+    """By the text of a step over floats, without covariances; where numbers grow too large for
+    Python, and with exact derivatives, as `facets.solve` does."""
+    vectors, blocks, code = geometry_of(question.sensor), estimates.blocks, estimates.block_code
+
+    def way(form: Form, packed: Any, *given: Any, **options: Any) -> None:
+        readings, limits, request, found = given
+        scales = nest(SCALES, iter(scales_of(readings, limits, request).tolist()))
+        weights = 1 / readings.sigmas if len(readings.sigmas) else readings.values
+        rows_of_each = (readings.values, weights, request.means, request.starts)
+        for n in range(len(readings.values)):
+            values, own, mean, start = (rows[n % len(rows)].tolist() for rows in rows_of_each)
+            asked, status, used = ask(form, values, own, mean, scales)
+            try:
+                end = estimate(start, asked, status, lambda x: linearise(None, vectors, x, form))
+            except (ArithmeticError, ValueError):
+                some, rest = some_rows(np.array([n]), readings, request)
+                one = Results(*(part[n : n + 1] for part in found))
+                usual(code(question.sensor, request), packed, some, limits, rest, one, True)
+                continue
+            has_pose = end.status == Status.CONVERGED
+            found.status[n], found.steps[n], found.used[n] = end.status, end.steps, used
+            found.states[n] = end.end if has_pose else np.nan
+            found.residuals[n] = max(end.cost - end.gain, 0.0) ** 0.5 if has_pose else np.nan
+
+    def form_of(sensor: Any, request: Any, exact: bool = False, width: Any = None) -> Any:
+        kind = estimates.kind_of(sensor)
+        return None if exact or kind is None else Form(tuple(request.free.tolist()), kind)
+
+    usual = blocks.estimate
     with (
-        patch.object(estimates, "block_code", lambda *_, **__: None),
-        patch.object(estimates.as_text, "is_text_faster", lambda *_: as_text),
+        np.errstate(all="ignore"),
+        patch.object(estimates, "block_code", form_of),
+        patch.object(blocks, "estimate", way),
     ):
-        yield
-
-
-def solve_rows(question: Question, as_text: bool = False) -> Answer:
-    """As what blocks of readings leave is solved."""
-    with without_blocks(as_text):
-        return solve_batch(question)
+        return solve_batch(question)._replace(covariance=None)
 
 
 def solve_varied(question: Question) -> Answer:
@@ -326,12 +359,8 @@ EXECUTIONS = {
         can_answer=lambda question: question.is_alike() and isinstance(question.start, str),
     ),
     "other batches": Execution(solve_elsewhere, can_answer=Question.is_of_each),
-    "rows": Execution(solve_rows, sigmas=1e-6, spread=1e-5),
-    "rows as text": Execution(
-        partial(solve_rows, as_text=True),
-        sigmas=1e-6,
-        spread=1e-5,
-        can_answer=lambda question: question.is_of_each() and not question.sensor.apertures.cut,
+    "step over floats": Execution(
+        solve_floats, sigmas=1e-6, can_answer=Question.is_of_each, effort=2
     ),
     "a sensor for each": Execution(solve_varied, sigmas=1e-6, can_answer=Question.is_plain),
     "C, double": Execution(

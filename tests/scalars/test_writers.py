@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from llvmlite import binding, ir
 
-from facets.scalars import dual, lanes, machine
+from facets.scalars import dispatch, dual, lanes, machine
 
 pytestmark = pytest.mark.installed
 VALUES = (0.0, -0.0, 1.5, -7.3, 1e-310, 1e300, math.inf, -math.inf, math.nan)
@@ -89,20 +89,23 @@ def test_each_lane_computes_as_floats_do():
         )
 
 
-def test_what_one_branch_computes_is_computed_anew_in_the_other_and_after():
-    writer, asked, results = new_function(machine.MachineWriter)
-    x, y = (writer.load(asked, n) for n in range(2))
-    product = writer.choose(
-        x > 0,
-        lambda: writer.choose(y > 0, lambda: x * y + 1, lambda: x * y + x / y),
-        lambda: -(x * y),
-    )
-    for n, number in enumerate((product, x * y, -(x * y))):
-        writer.store(number, results, n)
+def swapped_sum(x, y):
+    return x * y + y, dispatch.sum_over(weighted, ((1.0, 2.0), (3.0, 4.0)), x)[0]
+
+
+def weighted(node, weight, x):
+    return (node * weight * x,)
+
+
+def test_what_few_lanes_need_is_called_for_them_and_computed_anew_after():
+    writer, asked, results = new_function(lane_writer)
+    x, y = writer.load_rows(asked, 2, 2)
+    first, second = dispatch.where_any(x > 0, (x, y), swapped_sum, y, x)
+    writer.store_rows([first, second, x * y], results, 3)
     run = compiled(writer)  # LLVM refuses a number that is not computed on every way
-    assert run([2, 3], 3) == [7, 6, -6]
-    assert run([2, -4], 3) == [-8.5, -8, 8]
-    assert run([-2, 3], 3) == [6, -6, 6]
+    rows = [[2, 3], [-1, 5], [4, -2], [0, 1]]
+    assert run(rows, 12) == [8, 42, 6, -1, 5, -5, -4, -28, -8, 0, 1, 0]
+    assert run([[-1, 2]] * 4, 12) == [-1, 2, -2] * 4
 
 
 def test_lanes_leave_out_zeros():
@@ -116,5 +119,5 @@ def test_lanes_leave_out_zeros():
 
 def test_a_formula_can_not_ask_what_only_its_code_will_know():
     writer, asked, _ = new_function(machine.MachineWriter)
-    with pytest.raises(TypeError, match="choose"):
+    with pytest.raises(TypeError, match="select"):
         bool(writer.load(asked, 0) > 0)

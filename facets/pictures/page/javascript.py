@@ -44,6 +44,8 @@ KNOWN: dict[Any, str] = {
     dispatch.nan_unless_positive: "defined",
     dispatch.maximum: "larger",
     dispatch.select: "choose",
+    dispatch.where_any: "whereAny",
+    dispatch.sum_over: "sumOver",
     dispatch.holds_anywhere: "Boolean",
     dispatch.real: "Number",
     abs: "Math.abs",
@@ -244,6 +246,8 @@ class Function:
             return None
         if self.value_of(test.func.id) is dispatch.is_float and not self.carries:
             return True
+        if self.value_of(test.func.id) is dispatch.has_more_digits:
+            return False
         return False if test.func.id == "hasattr" else None
 
     def statement(self, node: ast.stmt, depth: int) -> list[str]:
@@ -395,16 +399,20 @@ class Function:
         value = self.expression(node.value)
         index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         for each in index:
-            if isinstance(each, ast.UnaryOp) or getattr(each, "step", None):
-                raise self.refuse(node)
-            value += (
-                self.part(each) if isinstance(each, ast.Slice) else f"[{self.expression(each)}]"
-            )
+            if isinstance(each, ast.Slice):
+                value = self.part(value, each)
+            elif isinstance(each, ast.UnaryOp):
+                value += f".at({self.expression(each)})"
+            else:
+                value += f"[{self.expression(each)}]"
         return value
 
-    def part(self, node: ast.Slice) -> str:
+    def part(self, value: str, node: ast.Slice) -> str:
+        if node.step:
+            ends = (self.expression(end) if end else "null" for end in (node.lower, node.upper))
+            return f"everyNth({value}, {', '.join(ends)}, {self.expression(node.step)})"
         start = self.expression(node.lower) if node.lower else "0"
-        return f".slice({start}{f', {self.expression(node.upper)}' if node.upper else ''})"
+        return f"{value}.slice({start}{f', {self.expression(node.upper)}' if node.upper else ''})"
 
     def comprehension(self, node: ast.ListComp | ast.GeneratorExp) -> str:
         (loop,) = node.generators

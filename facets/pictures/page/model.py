@@ -23,11 +23,9 @@ from ...optics import (
     bench_gradient,
     bench_light,
     curved_light,
-    cut_light,
-    detected,
+    cut,
     forward,
     gradient,
-    limits,
     rays,
 )
 from . import clearance
@@ -38,23 +36,26 @@ from .rig_data import bodies
 class Texts(NamedTuple):
     """The optics' texts of one kind of light.
 
-    linearise: the derivatives with which the solver steps.  slopes: the exact ones, where those
-    leave terms out.
+    linearise: the derivatives with which the solver steps; None for the exact ones.  exact: what
+    makes those, for where the others leave terms out: a scene, its readings, and their slopes.
     """
 
     readings: Callable[..., Any]
-    linearise: Callable[..., Any]
-    slopes: tuple[Callable[..., Any], ...] = ()
+    linearise: Callable[..., Any] | None
+    exact: tuple[Callable[..., Any], ...] = ()
 
 
+CUT = Texts(cut.readings, None, (cut.cut_scene, cut.scene_readings, cut.reading_slopes))
 #: Of ideal light, of truncated light, of a bench's light, and of both.
 TEXTS: dict[tuple[bool, bool], Texts] = {
     (False, False): Texts(forward.readings, gradient.linearise),
-    (True, False): Texts(detected.readings, detected.linearise_where_cut),
+    (True, False): CUT,
     (False, True): Texts(
-        bench_light.readings, bench_gradient.linearise_nearly, (bench_gradient.reading_slopes,)
+        bench_light.readings,
+        bench_gradient.linearise_nearly,
+        (bench_light.scene, bench_light.scene_readings, bench_gradient.reading_slopes),
     ),
-    (True, True): Texts(cut_light.readings, cut_light.linearise),
+    (True, True): CUT,
 }
 #: The functions with which `light.js` draws.
 DRAWN = (
@@ -104,8 +105,6 @@ const NOMINAL = {sensor};
 const EFFECTS = {effects};
 const SOLVER = {solver};
 const RANGE = {range};
-// Where the outlines of light that is cut are kept.
-const workspace = zeros(3, {most}, {columns});
 // Readings with their derivatives by the state, of the kind with which the solver steps.
 const linearise = (geometry, state) => {linearise};
 // The same with nothing left out, for where steps stall; null where they leave out nothing.
@@ -117,7 +116,7 @@ const lineariseExactly = {exactly};
 {ranging}
 // The sensor at rest, as vectors, and what follows from it.
 let sensor, geometry, solver, ranges;
-const readings = (state) => {readings}(geometry, state{workspace}).flat();
+const readings = (state) => {readings}(geometry, state).flat();
 function change(given) {{
   sensor = given;
   geometry = arrays_geometry_under(sensor, EFFECTS);
@@ -159,13 +158,13 @@ return {{
 
 
 #: As `bench_gradient.linearise`, whose variables NumPy makes.
-EXACTLY = """(geometry, state) => {
-  const at = bench_light_scene(geometry, state);
+EXACTLY = """(geometry, state) => {{
+  const at = {scene}(geometry, state);
   const unit = (n) => state.map((_, c) => (c === n ? 1 : 0));
   const variables = state.map((x, n) => new Dual(x, unit(n)));
-  const slopes = bench_gradient_reading_slopes_carrying(geometry, variables, at);
-  return zip(bench_light_scene_readings(geometry, at), slopes);
-}"""
+  const slopes = {slopes}(geometry, variables, at);
+  return zip({readings}(geometry, at), slopes);
+}}"""
 
 
 def text_of(name: str) -> str:
@@ -178,13 +177,17 @@ def model(sensor: Sensor, rules: Rules | None = None) -> str:
 
     rules: of the range; by default those of a configuration that states none.
     """
-    cut = sensor.apertures.cut
-    readings, linearise, slopes = TEXTS[cut, sensor.light.on]
-    workspace = ", workspace" if cut else ""
-    lit = (bench_light.scene, bench_light.scene_readings) if slopes else ()
+    texts, exactly = TEXTS[sensor.apertures.cut, sensor.light.on], "null"
+    if texts.exact:
+        scene, values, slopes = texts.exact
+        exactly = EXACTLY.format(
+            scene=name_of(scene), readings=name_of(values), slopes=name_of(slopes, True)
+        )
+    stepping = name_of(texts.linearise) if texts.linearise else f"({exactly})"
+    plain = [each for each in (texts.readings, texts.linearise, *texts.exact[:2]) if each]
     return MODEL.format(
-        numbers=text_of("numbers.js") + (text_of("dual.js") if sensor.light.on else ""),
-        texts=javascript(readings, linearise, *DRAWN, *SOLVED, *lit, carrying=slopes),
+        numbers=text_of("numbers.js") + (text_of("dual.js") if texts.exact else ""),
+        texts=javascript(*plain, *DRAWN, *SOLVED, carrying=texts.exact[2:]),
         sensor=literal(as_data(sensor)),
         effects=literal(arrays.light_numbers(sensor) if sensor.light.on else None),
         solver=literal(solver_data(sensor)),
@@ -193,12 +196,9 @@ def model(sensor: Sensor, rules: Rules | None = None) -> str:
         light=text_of("light.js"),
         noise=text_of("noise.js"),
         solving=text_of("solver.js"),
-        readings=name_of(readings),
-        linearise=f"{name_of(linearise)}(geometry, state{workspace})",
-        exactly=EXACTLY if slopes else "null",
-        workspace=workspace,
-        most=limits.MOST_SIDES,
-        columns=limits.COLUMNS,
+        readings=name_of(texts.readings),
+        linearise=f"{stepping}(geometry, state)",
+        exactly=exactly if texts.linearise else "null",
     )
 
 

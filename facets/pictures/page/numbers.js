@@ -6,6 +6,22 @@ function most(...values) { return values.reduce((a, b) => (b > a ? b : a)); }
 function larger(a, b) { return a > b ? a : b; }
 function choose(condition, a, b) { return condition ? a : b; }
 
+// `other` unless the condition holds; else what the function gives.
+function whereAny(condition, other, give, ...given) { return condition ? give(...given) : other; }
+// The sums of what a function gives for each row of a table and further arguments.
+function sumOver(give, table, ...given) {
+  return table.map((row) => give(...row, ...given)).reduce((a, b) => a.map((x, n) => x + b[n]));
+}
+
+// Python's list[start:end:step]; an end that is null is left out.
+function everyNth(list, start, end, step) {
+  const place = (n, usual) => (n === null ? usual : n < 0 ? n + list.length : n);
+  const begin = place(start, step > 0 ? 0 : list.length - 1), found = [];
+  const stop = place(end, step > 0 ? list.length : -1);
+  for (let n = begin; step > 0 ? n < stop : n > stop; n += step) found.push(list[n]);
+  return found;
+}
+
 function range(count) { return Array.from({length: count}, (_, n) => n); }
 function zip(first, ...others) { return first.map((x, n) => [x, ...others.map((list) => list[n])]); }
 function enumerate(list) { return list.map((x, n) => [n, x]); }

@@ -11,7 +11,7 @@
 // arguments, as facets.estimation.plan makes them, and its results in words.
 
 const Solver = (() => {
-  const memory = {layers: zeros(9, 10, 10), outlines: workspace};
+  const memory = {layers: zeros(9, 10, 10), outlines: null};
   const nothing = (...shape) => (shape.length === 1 ? Array(shape[0]).fill(NaN)
     : Array.from({length: shape[0]}, () => nothing(...shape.slice(1))));
 

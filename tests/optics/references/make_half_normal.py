@@ -1,14 +1,14 @@
-"""Makes the table of `facets.optics.half_normal`: python make_half_normal.py > half_normal.txt
+"""Makes the polynomial of `facets.optics.half_normal`: python make_half_normal.py > half_normal.txt
 
-I2(a) = int s^2 exp(-s^2/2 - a s) ds from 0 up, over z^3 with z = 4 / (4 + a), as a polynomial of
-the tenth degree on each sixteenth of 0 < z < 1, in what z is from the sixteenth's middle, in
-sixteenths. Chebyshev interpolation in 60 digits; what it leaves out is below 1e-17.
+I2(a) = int s^2 exp(-s^2/2 - a s) ds from 0 up, over z^3 with z = 4 / (4 + a), as a polynomial in
+2 z - 1 for 0 < z < 1, lowest power first. Chebyshev interpolation in 60 digits; what it leaves out
+is below 1e-17.
 """
 
 import mpmath as mp
 
 mp.mp.dps = 60
-PIECES, TERMS = 16, 11
+TERMS = 28
 
 
 def second(a: mp.mpf) -> mp.mpf:
@@ -25,12 +25,11 @@ def second(a: mp.mpf) -> mp.mpf:
     return second_ratio * first_ratio / (a + first_ratio)
 
 
-def piece(number: int) -> list[mp.mpf]:
-    """The coefficients of one piece, lowest power first."""
-    nodes = [mp.cos(mp.pi * (2 * k + 1) / (2 * TERMS)) / 2 for k in range(TERMS)]
+def coefficients() -> list[mp.mpf]:
+    nodes = [mp.cos(mp.pi * (2 * k + 1) / (2 * TERMS)) for k in range(TERMS)]
     matrix, values = mp.matrix(TERMS, TERMS), mp.matrix(TERMS, 1)
     for k, node in enumerate(nodes):
-        z = (number + node + mp.mpf(1) / 2) / PIECES
+        z = (node + 1) / 2
         values[k] = second(4 / z - 4) / z**3
         for power in range(TERMS):
             matrix[k, power] = node**power
@@ -38,8 +37,5 @@ def piece(number: int) -> list[mp.mpf]:
 
 
 if __name__ == "__main__":
-    for number in range(PIECES):
-        print("    (")
-        for coefficient in piece(number):
-            print(f"        {float(coefficient)!r},")
-        print("    ),")
+    for coefficient in coefficients():
+        print(f"    {float(coefficient)!r},")
