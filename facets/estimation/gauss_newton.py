@@ -1,8 +1,8 @@
-"""One reading, one estimate: the damped Gauss-Newton iteration behind `facets.solve`.
+"""One reading, one estimate: the damped Gauss-Newton iteration of `step`, with loops and arrays.
 
-Text for `kernels`, which compiles it; a few readings are solved by it as it stands. The unknowns
-are the eight components of the state and the beam's power; `free` lists those that are asked for.
-Every row is in units of its standard deviation, so that the sum of squares is a chi-square.
+The page of a rig runs it, as JavaScript. The unknowns are the eight components of the state and the
+beam's power; `free` lists those that are asked for. Every row is in units of its standard
+deviation, so that the sum of squares is a chi-square.
 
 A step of the beam's place takes the mirror along: what the readings tell of it then hardly depends
 on what they tell of the mirror's place in the beam, and the equations keep their digits.
@@ -55,7 +55,7 @@ TRY, REDAMP = -1, -2
 
 
 def evaluate_model(model: CompiledModel, x: Array, found: Array, outlines: Array) -> None:
-    """Fills found (10, 10) at x (9,), a state and the power, as a model of `evaluators` does.
+    """Fills found (10, 10) at x (9,), a state and the power, as the page does.
 
     In text the model's address is a function.
     """

@@ -1,8 +1,7 @@
-"""Machine code of straight text, compiled and stored by llvmlite, and called from Python.
+"""Machine code of the optics' text, compiled and stored by llvmlite, and called from Python.
 
-It does not need Numba, whose import takes longer than most commands. Code is compiled for the
-processor that runs it; the environment variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES apply as for
-Numba.
+Code is compiled for the processor that runs it, or for that of the environment variables
+NUMBA_CPU_NAME and NUMBA_CPU_FEATURES.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The light along a side near the beam's centre, as polynomials: no branch, no loop.
 
-The result of `wedge.side_near` without library functions and with a series of fixed length, for
-code that computes several poses at once. With A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass
-that a side sweeps over is
+The result of `wedge.side` without library functions and with a series of fixed length. With
+A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass that a side sweeps over is
 
     erf(h / sqrt 2) / 4 - a h / 4 pi  int_0^1 D((H + A u^2) / 2) du,   D(z) = (1 - exp(-z)) / z,
 
