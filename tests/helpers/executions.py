@@ -272,8 +272,10 @@ EXECUTIONS = [
     Execution("machine code", machine_code, {"readings": 4, "footprints": 50, **SLOPES},
               ("ideal",)),
     Execution("machine code of a bench", machine_code,
-              {"readings": 4, "footprints": 50, "approximate_jacobian": 1e3, **BENCH_SLOPES},
-              BENCH, BENCH),
+              {"readings": 4, "footprints": 50}, BENCH, BENCH),
+    # Of a facet with hardly any light, derivatives by the edges' effects cancel.
+    Execution("derivatives of a bench", machine_code,
+              {"approximate_jacobian": 1e3, **BENCH_SLOPES}, BENCH, BENCH, states=BRIGHT),
     Execution("2 lanes", partial(in_lanes, 2), BITS, slow=BENCH, reference=machine_code),
     Execution("4 lanes", partial(in_lanes, 4), BITS, slow=BENCH, reference=machine_code),
     Execution("8 lanes", partial(in_lanes, 8), BITS, slow=BENCH, reference=machine_code),
