@@ -50,11 +50,10 @@ def floor() -> Callable[[Array, Array, Array], None]:
     def make() -> LaneWrite:
         return each_block(write, lambda code, pointer: vectors_of(code, pointer, "plain"), 1)
 
-    code = blocks.lane_code("floor", blocks.lanes(), 5, make, Path(__file__))
+    code = blocks.lane_code("floor", blocks.lanes(), 4, make, Path(__file__))
 
     def work(vectors: Array, states: Array, out: Array) -> None:
         count = len(states) // blocks.lanes()
-        left = np.empty(count, np.int64)
-        code(*map(blocks.address_of, (vectors, states, out, left)), count)
+        code(*map(blocks.address_of, (vectors, states, out)), count)
 
     return work
