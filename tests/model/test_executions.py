@@ -40,7 +40,8 @@ def states(draw, kinds):
 
 def units(task: str, sensor: facets.Sensor, at: np.ndarray, exact: np.ndarray) -> np.ndarray:
     """One rounding of what is compared: of readings, what a rounding of the state moves them by and
-    that of a way of 200 mm; of derivatives, of the largest of the places or powers in a column."""
+    their own, of a place that of a way of 200 mm at least; of derivatives, of the largest of the
+    places or powers in a column."""
     if task == "footprints":
         far = np.maximum(256, np.abs(np.nan_to_num(at, posinf=0, neginf=0)).max(axis=1))
         # A rounding of the mirror's turn moves a spot by the square of its way over the distance.
@@ -50,7 +51,7 @@ def units(task: str, sensor: facets.Sensor, at: np.ndarray, exact: np.ndarray) -
     if task == "readings":
         slopes = np.abs(np.nan_to_num(arrays.derivatives(sensor, at)))
         moved = slopes @ [10, 10, 10, 1, 1, 1, 10, 10]
-        return EPSILON * (moved + np.where(power, np.abs(exact), 200))
+        return EPSILON * (moved + np.maximum(np.abs(exact), np.where(power, 0, 200)))
     size, unit = np.abs(np.nan_to_num(exact)), np.empty(exact.shape)
     # Terms cancel that are as large as the way to the mirror.
     far = np.abs(np.nan_to_num(at, posinf=0, neginf=0)).max(axis=1)[:, None, None]
