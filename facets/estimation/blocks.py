@@ -127,7 +127,8 @@ def run_blocks(code: Code, arrays: Sequence[Array], patient: bool) -> None:
     _, _, values, _, means, starts, *_ = arrays
     count = len(values)
     own = (True, len(means) == count, len(starts) == count)
-    code(address_of(task_of(arrays, (*own, patient), count // lanes())))
+    task = task_of(arrays, (*own, patient), count // lanes())  # kept while the code runs
+    code(address_of(task))
 
 
 def estimate_late(
