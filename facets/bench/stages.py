@@ -7,8 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..model import blocks
 from ..model.block_code import LaneWrite, each_block
 from ..model.packing import vectors_of
