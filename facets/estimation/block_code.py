@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import ir
 
-from ..model.block_code import LaneWrite, linearise_exactly, pointers_to, power_derivative
+from ..model.block_code import LaneWrite, linearise_exactly, pointers_to
 from ..model.kinds import CUT
 from ..model.packing import row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
@@ -19,10 +19,9 @@ from ..optics.forward import replace_power
 from ..scalars.lanes import LaneMemory, LaneWriter
 from ..scalars.machine import LONG, write_loop
 from ..scalars.nesting import leaves, nest
-from . import straight
 from .block_task import SCALES, BlockTask, Form
 from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, UNKNOWNS
-from .step import MIN_DAMPING, State, ask, begin, step
+from .step import MIN_DAMPING, State, ask, begin, by_unknowns, covariance_of, left_over, step
 
 Numbers = list[Any]
 
@@ -77,13 +76,13 @@ def write_results(code: LaneWriter, form: Form, end: State, used: Numbers, rows:
     def write(name: str, numbers: Sequence[Any]) -> None:
         rows.write(name, [code.select(converged, number, nan) for number in numbers])
 
-    left = end.cost - end.gain
     write("states", end.end)
-    write("residuals", [code.function("sqrt", code.select(left > 0, left, 0.0))])
+    write("residuals", [left_over(end)])
     rows.write("ends", [end.status, end.steps, *used])
     wanted = code.builder.icmp_signed("!=", task.covariances, ir.Constant(LONG, 0))
     with code.builder.if_then(wanted), code.scope():
-        write("covariances", covariance_of(end.factor, form.free))
+        covariance = covariance_of(end.factor, form.free)
+        write("covariances", [each for row in covariance for each in row])
 
 
 class LoadedRows(NamedTuple):
@@ -130,10 +129,7 @@ class BlockRows:
 def linearise(
     code: Any, vectors: Any, x: Sequence[Any], form: Form
 ) -> list[tuple[Sequence[Any], list[Numbers]]]:
-    """Readings, and their derivatives by the free unknowns, for detectors A, B and C.
-
-    The beam's place takes the mirror along, see `step`.
-    """
+    """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     vectors = replace_power(vectors, x[8])
     text: Any
@@ -143,32 +139,4 @@ def linearise(
         text = linearise_exactly(code, vectors, state, len(places))
     else:
         text = bench_gradient.linearise_nearly(vectors, state)
-    found = []
-    for k, (values, derivatives) in enumerate(text):
-        rows = [[row[c] + row[c - 6] if c > 5 else row[c] for c in places] for row in derivatives]
-        if 8 in form.free:
-            for i, row in enumerate(rows):
-                row.append(power_derivative(vectors, values, k, i))
-        found.append((values, rows))
-    return found
-
-
-def covariance_of(factor: straight.Triangle, free: Sequence[int]) -> Numbers:
-    """That of the free unknowns at its places in that of the state, (8, 8), row by row."""
-    steps = straight.inverse(factor)
-    covariance: list[Numbers] = [[0.0] * 8 for _ in range(8)]
-    for i, a in enumerate(free):
-        for j, b in enumerate(free):
-            if max(a, b) < 8:
-                covariance[a][b] = steps[i][j]
-    take_along(covariance, [c for c in (6, 7) if c in free])
-    return [each for row in covariance for each in row]
-
-
-def take_along(covariance: list[Numbers], places: Sequence[int]) -> None:
-    """The mirror's place is that in the beam and the beam's, added."""
-    for c in places:
-        for b in range(8):
-            covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]
-        for a in range(8):
-            covariance[a][c - 6] = covariance[a][c - 6] + covariance[a][c]
+    return by_unknowns(vectors, text, form.free)

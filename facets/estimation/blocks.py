@@ -45,7 +45,6 @@ PARTS = (
     "problem.py",
     "step.py",
     "straight.py",
-    "normal_equations.py",
 )
 
 

@@ -69,32 +69,6 @@ class ScreeningLimits(NamedTuple):
     rounding: Array
 
 
-#: The layers of a workspace: what the model gives, the weighted Jacobian's columns and residuals,
-#: the normal equations here and at the step that is tried, and what is made of them.
-FOUND, COLUMNS, HERE, THERE, FACTOR, INVERSE, COVARIANCE, VECTORS, LAYERS = range(9)
-#: The rows of the layer VECTORS.
-WEIGHTS, TRIAL = range(2)
-
-
-class Workspace(NamedTuple):
-    """Memory that all estimates of a batch reuse.
-
-    layers: (LAYERS, 10, 10).  outlines: for the model.
-    """
-
-    layers: Array
-    outlines: Array
-
-
-class CompiledModel(NamedTuple):
-    """address: a function that does the work of a model.
-
-    packed: the sensor's vectors."""
-
-    address: Any
-    packed: Array
-
-
 class Readings(NamedTuple):
     """values: (n, 9) mm, mW.  sigmas: (n, 9) their standard deviations; empty where those of
     `ScreeningLimits` hold."""

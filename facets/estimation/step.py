@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import select
-from ..scalars.nesting import leaves, nest
+from ..optics.forward import Geometry, power_derivative
+from ..scalars.dispatch import select, select_each, sqrt
 from . import straight
 from .block_task import Form, Scales
 from .problem import (
@@ -92,12 +92,6 @@ class State(NamedTuple):
     status: Any
 
 
-def choose(condition: Any, a: Any, b: Any) -> Any:
-    """`select` of nested numbers."""
-    pairs = zip(leaves(a), leaves(b), strict=True)
-    return nest(a, (select(condition, one, other) for one, other in pairs))
-
-
 def detector_fault(numbers: Sequence[Any], least: Any, half_sizes: Sequence[Any]) -> Any:
     """What is wrong with the numbers of a detector; CONVERGED where nothing is.
 
@@ -153,13 +147,30 @@ def ask(
 def begin(start: Sequence[Any], form: Form, status: Any) -> State:
     """The state before the first step."""
     size, here, zero = len(form.free), tuple(start), 0.0
-    triangle = tuple((zero,) * (i + 1) for i in range(size))
+    triangle = tuple(tuple(zero for _ in range(i + 1)) for i in range(size))
     return State(
         here=here, end=here, gain=zero, factor=triangle,
-        normal=(triangle, (zero,) * size) if form.keeps_equations else (),
+        normal=(triangle, tuple(zero for _ in triangle)) if form.keeps_equations else (),
         cost=zero, dark=zero, earlier=zero, since=zero, damping=zero, blind=zero, steps=zero,
         again=1.0, status=status,
     )  # fmt: skip
+
+
+def by_unknowns(vectors: Geometry, detectors: Any, free: Sequence[int]) -> Any:
+    """What each detector reads with the derivatives by the free unknowns, from those by the state.
+
+    The beam's place takes the mirror along.
+    """
+    found: list[Any] = []
+    for k, (values, derivatives) in enumerate(detectors):
+        rows = []
+        for i, row in enumerate(derivatives):
+            slopes = [row[c] + row[c - 6] if c > 5 else row[c] for c in free if c < 8]
+            if 8 in free:
+                slopes.append(power_derivative(vectors, values, k, i))
+            rows.append(slopes)
+        found.append((values, rows))
+    return found
 
 
 def equations(x: Sequence[Any], question: Question, linearise: Linearise) -> tuple[Any, Any, Any]:
@@ -186,7 +197,7 @@ def equations(x: Sequence[Any], question: Question, linearise: Linearise) -> tup
             matrix[j][j] = matrix[j][j] + weight * weight
             right[j] = right[j] + weight * residual
             cost = cost + residual * residual
-    return (tuple(map(tuple, matrix)), tuple(right)), cost, dark
+    return (tuple(tuple(row) for row in matrix), tuple(right)), cost, dark
 
 
 def step(state: State, question: Question, linearise: Linearise) -> State:
@@ -195,12 +206,12 @@ def step(state: State, question: Question, linearise: Linearise) -> State:
     A step that is refused is made again from the best so far, with more damping; where equations
     are not kept, they are first made once more.
     """
-    at = choose(state.again > 0.5, state.here, state.end)
+    at = select_each(state.again > 0.5, state.here, state.end)
     normal, cost, dark = equations(at, question, linearise)
     going = ready = state.status < CONVERGED
     judged, better = compare_end(state, at, cost, dark, question)
     if question.form.keeps_equations:
-        normal = choose(better, normal, state.normal)
+        normal = select_each(better, normal, state.normal)
         judged = judged._replace(normal=normal)
     else:
         ready = better
@@ -220,7 +231,7 @@ def compare_end(
     within = (rise < 0) | (rise * rise < 4 * state.cost * small)  # cost < (root + root)**2
     lit = (state.dark > 0.5) | (dark < 0.5)
     better = going & ((bold & (cost < HUGE)) | (within & lit))
-    here, cost, dark = choose(better, (at, cost, dark), (state.here, state.cost, state.dark))
+    here, cost, dark = select_each(better, (at, cost, dark), (state.here, state.cost, state.dark))
     fresh = going & (state.again < 0.5)
     less = select(state.damping > MIN_DAMPING, state.damping / DAMPING_FACTOR, 0.0)
     more = select(state.damping > 0, state.damping * DAMPING_FACTOR, FIRST_DAMPING)
@@ -289,3 +300,26 @@ def estimate(
     while state.status == GOING:
         state = step(state, question, linearise)
     return state
+
+
+def left_over(end: State) -> Any:
+    """The residual of a state that has converged, in standard deviations."""
+    left = end.cost - end.gain
+    return sqrt(select(left > 0, left, 0.0))
+
+
+def covariance_of(factor: straight.Triangle, free: Sequence[int]) -> list[list[Any]]:
+    """That of the free unknowns at its places in that of the state, (8, 8)."""
+    steps = straight.inverse(factor)
+    covariance = [[0.0 for _ in range(8)] for _ in range(8)]
+    for i, a in enumerate(free):
+        for j, b in enumerate(free):
+            if max(a, b) < 8:
+                covariance[a][b] = steps[i][j]
+    if 6 in free:  # the mirror's place is that in the beam and the beam's, added
+        for c in (6, 7):
+            for b in range(8):
+                covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]
+            for a in range(8):
+                covariance[a][c - 6] = covariance[a][c - 6] + covariance[a][c]
+    return covariance

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..scalars.dispatch import maximum
-from .normal_equations import MIN_PIVOT_SHARE
 
+#: A pivot that is less than this share of its diagonal element has no digits that rounding leaves:
+#: the condition number of J, columns scaled, is then above some 1e6.
+MIN_PIVOT_SHARE = 1e-13
 #: A lesser pivot is none.
 LEAST_PIVOT = 1e-300
 
@@ -43,11 +45,11 @@ def factorise(matrix: Triangle, damping: Any) -> tuple[Triangle, Any]:
     """
     factor: list[tuple[Any, ...]] = []
     fine: Any = None
-    for *row, whole in matrix:
-        pivot = whole = whole * (1 + damping)
+    for row in matrix:
+        pivot = whole = row[-1] * (1 + damping)
         own: Numbers = []
         scaled: Numbers = []
-        for known, rest in zip(factor, row, strict=True):
+        for known, rest in zip(factor, row[:-1], strict=True):
             for one, other in zip(scaled, known, strict=False):
                 rest = rest - one * other
             scaled.append(rest)
@@ -66,7 +68,7 @@ def solution(factor: Triangle, right: Sequence[Any]) -> tuple[Numbers, Any]:
     found: Numbers = []
     gain: Any = 0.0
     for row, rest in zip(factor, right, strict=True):
-        for each, known in zip(row, middle, strict=False):
+        for known, each in zip(middle, row, strict=False):
             rest = rest - each * known
         middle.append(rest)
         found.append(rest * row[-1])
@@ -80,16 +82,17 @@ def solution(factor: Triangle, right: Sequence[Any]) -> tuple[Numbers, Any]:
 def inverse(factor: Triangle) -> list[Numbers]:
     """(L D L')^-1, whole."""
     size = len(factor)
-    below: list[Numbers] = [[None] * i for i in range(size)]  # L^-1 without its diagonal
+    below: list[Numbers] = [[0.0 for _ in range(i)] for i in range(size)]  # L^-1, diagonal left out
     for j in range(size):
         for i in range(j + 1, size):
             rest = factor[i][j]
             for k in range(j + 1, i):
                 rest = rest + factor[i][k] * below[k][j]
             below[i][j] = -rest
-    whole: list[Numbers] = [[None] * size for _ in range(size)]
+    whole: list[Numbers] = [[0.0 for _ in range(size)] for _ in range(size)]
     for i in range(size):
-        scaled = [below[k][i] * factor[k][-1] for k in range(i + 1, size)]
+        after = zip(below[i + 1 :], factor[i + 1 :], strict=True)
+        scaled = [row[i] * known[-1] for row, known in after]
         for j in range(i + 1):
             total = factor[i][-1] if j == i else factor[i][-1] * below[i][j]
             for k, each in enumerate(scaled, i + 1):

@@ -11,7 +11,7 @@ import numpy as np
 from ..optics import bench_gradient, bench_light, cut, forward, gradient
 from ..optics.curved_light import apparent_scene
 from ..optics.footprint import collimated_slopes, curved_slopes, footprint
-from ..optics.forward import Geometry, dark_scene, power_derivative
+from ..optics.forward import Geometry, dark_scene
 from ..scalars.dual import Dual
 from ..scalars.nesting import leaves
 
@@ -68,19 +68,3 @@ FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
     function.__name__: function
     for function in (readings, derivatives, approximate_derivatives, footprints)
 }
-
-
-def put_linearisation(geometry: Geometry, detectors: Any, found: Any) -> None:
-    """Put the values in the first row of found (10, 10), then each one's derivatives by the eight
-    components of the state and the beam's power."""
-    lit = geometry.light.options.on
-    for k in range(3):
-        values, rows = detectors[k]
-        for i in range(3):
-            n = 3 * k + i
-            found[0, n] = values[i]
-            for c in range(8):
-                found[1 + n, c] = rows[i][c]
-            found[1 + n, 8] = 0.0 if i < 2 else values[i] / geometry.power
-            if lit:
-                found[1 + n, 8] = power_derivative(geometry, values, k, i)

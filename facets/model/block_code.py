@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, cut, forward, gradient, parameters
+from ..optics import bench_gradient, bench_light, cut, gradient, parameters
 from ..optics.curved_light import apparent_scene
 from ..optics.footprint import collimated_slopes, curved_slopes, footprint
 from ..optics.forward import Geometry, dark_scene
@@ -89,13 +89,6 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
     state = code.load_rows(states, 8, 8)
     text = gradient.linearise if is_ideal(vectors) else bench_gradient.linearise_nearly
     code.store_rows(lit_rows(code, text(vectors, tuple(state))), found, 72)
-
-
-def power_derivative(vectors: Geometry, values: Any, k: int, i: int) -> Any:
-    """The derivative of number i of detector k's `values` by the beam's power."""
-    if is_ideal(vectors):
-        return values[2] / vectors.power if i == 2 else 0.0
-    return forward.power_derivative(vectors, values, k, i)
 
 
 def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy
 
-from .nesting import leaves
+from .nesting import leaves, nest
 
 Number = Any
 
@@ -102,6 +102,12 @@ def select(condition: Any, a: Number, b: Number) -> Number:
     if isinstance(condition, numpy.ndarray):
         return numpy.where(condition, a, b)
     return a if condition else b
+
+
+def select_each(condition: Any, a: Any, b: Any) -> Any:
+    """`select` of numbers that are nested likewise."""
+    pairs = zip(leaves(a), leaves(b), strict=True)
+    return nest(a, (select(condition, one, other) for one, other in pairs))
 
 
 def where_any(condition: Any, other: Any, function: Callable[..., Any], *arguments: Any) -> Any:

@@ -271,8 +271,9 @@ IDEAL = ("readings", "jacobian", "footprints", "parameter_jacobian")
 EXECUTIONS = [
     Execution("machine code", machine_code, {"readings": 4, "footprints": 50, **SLOPES},
               ("ideal",)),
+    # What 40 digits are from floats, floats may be from other floats.
     Execution("machine code of a bench", machine_code,
-              {"readings": 4, "footprints": 50}, BENCH, BENCH),
+              {"readings": 8, "footprints": 50}, BENCH, BENCH),
     # Of a facet with hardly any light, derivatives by the edges' effects cancel.
     Execution("derivatives of a bench", machine_code,
               {"approximate_jacobian": 1e3, **BENCH_SLOPES}, BENCH, BENCH, states=BRIGHT),
@@ -291,7 +292,6 @@ EXECUTIONS = [
               sensors=2, states=BRIGHT, program="gcc"),
     Execution("JavaScript", javascript, {"readings": 4}, ("ideal",), examples=2, rows=40,
               program="node"),
-    # What 40 digits are from floats, floats may be from other floats.
     Execution("JavaScript of a bench", javascript, {"readings": 8}, BENCH, examples=2, rows=40,
               program="node"),
     Execution("JavaScript of cut light", javascript, {"readings": 200}, ("cut", "cut and coated"),

@@ -15,6 +15,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 from multiprocessing import forkserver, reduction
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,10 @@ from unittest.mock import patch
 
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["prepared"])
+
+
+#: Two threads that exchange the environment at once would leave one's behind.
+BEGINNING = threading.Lock()
 
 
 class Stream(int):
@@ -47,7 +52,7 @@ class Forked(FORKS.Process):  # type: ignore[name-defined, misc]
         self.words, self.cwd, self.env, self.limit = words, cwd, env, limit
         self.streams = Stream(out), Stream(err)
         # or it would find neither `prepared` nor, in a copy of the sources, the copy
-        with patch.dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path))):
+        with BEGINNING, patch.dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path))):
             forkserver.ensure_running()
         self.start()
 

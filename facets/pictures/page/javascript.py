@@ -44,6 +44,7 @@ KNOWN: dict[Any, str] = {
     dispatch.nan_unless_positive: "defined",
     dispatch.maximum: "larger",
     dispatch.select: "choose",
+    dispatch.select_each: "choose",
     dispatch.where_any: "whereAny",
     dispatch.sum_over: "sumOver",
     dispatch.holds_anywhere: "Boolean",
@@ -416,10 +417,10 @@ class Function:
 
     def comprehension(self, node: ast.ListComp | ast.GeneratorExp) -> str:
         (loop,) = node.generators
-        if loop.ifs:
-            raise self.refuse(node)
-        each = f"({self.target(loop.target)}) => {self.expression(node.elt)}"
-        return f"Array.from({self.expression(loop.iter)}, {each})"
+        target, found = self.target(loop.target), self.expression(loop.iter)
+        for condition in loop.ifs:
+            found = f"Array.from({found}).filter(({target}) => {self.expression(condition)})"
+        return f"Array.from({found}, ({target}) => {self.expression(node.elt)})"
 
     def attribute(self, node: ast.Attribute) -> str:
         if isinstance(node.value, ast.Name) and node.value.id not in self.locals:
@@ -432,6 +433,8 @@ class Function:
 
     def call(self, node: ast.Call) -> str:
         found = self.callee(node.func)
+        if isinstance(node.func, ast.Name) and node.func.id in self.locals:
+            return f"{_safe(node.func.id)}({', '.join(map(self.expression, node.args))})"
         if found is len:
             return f"{self.expression(node.args[0])}.length"
         if found is getattr:
@@ -488,7 +491,7 @@ class Function:
     def callee(self, node: ast.expr) -> Any:
         """Return the called function, resolved as Python does."""
         if isinstance(node, ast.Name):
-            return self.value_of(node.id)
+            return None if node.id in self.locals else self.value_of(node.id)
         owner = node.value if isinstance(node, ast.Attribute) else None
         if isinstance(owner, ast.Name) and owner.id not in self.locals:
             return getattr(self.value_of(owner.id), node.attr, None)  # type: ignore[attr-defined]

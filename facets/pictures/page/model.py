@@ -16,9 +16,11 @@ from ...core.names import FINE_UNITS
 from ...core.rules import Rules
 from ...core.sensor import Sensor
 from ...detectors import noise
-from ...estimation import chance, doubts, gauss_newton, plan
+from ...estimation import chance, doubts, plan, step
+from ...estimation.block_task import Form
 from ...estimation.solution import Status
-from ...model import arrays, as_text
+from ...model import arrays
+from ...model.kinds import kind_of
 from ...optics import (
     bench_gradient,
     bench_light,
@@ -70,13 +72,16 @@ DRAWN = (
 SOLVED = (
     arrays.geometry_under,
     forward.replace_power,
-    as_text.put_linearisation,
     plan.limits_under,
     noise.simple_place_variance,
     noise.simple_power_variance,
     noise.two_layer_place_variance,
     noise.two_layer_power_variance,
-    gauss_newton.estimate_each,
+    step.ask,
+    step.by_unknowns,
+    step.estimate,
+    step.left_over,
+    step.covariance_of,
     clearance.ends_of_spots,
     clearance.spot_clearance,
     clearance.light_clearance,
@@ -216,13 +221,14 @@ def as_data(thing: Any) -> Any:
 def solver_data(sensor: Sensor) -> dict[str, Any]:
     """The numbers of an estimate that do not change with the sensor's place and size.
 
-    plans: by what is known of beam and power.  limits: of the readings.  noise: see
-    `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then says.
+    keeps: see `Form`.  plans: by what is known of beam and power.  limits: of the readings.
+    noise: see `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then says.
     refusal: why the page
     cannot solve; empty where it can.
     """
     found = plan.make_limits(sensor, False)
     return {
+        "keeps": Form((), kind_of(sensor)).keeps_equations,
         "plans": {
             f'"{beam} {power}"': plan_data(sensor, Knowledge(beam=beam, power=power))
             for beam, power in product(BEAM, POWER)

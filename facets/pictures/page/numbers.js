@@ -24,7 +24,7 @@ function everyNth(list, start, end, step) {
 
 function range(count) { return Array.from({length: count}, (_, n) => n); }
 function zip(first, ...others) { return first.map((x, n) => [x, ...others.map((list) => list[n])]); }
-function enumerate(list) { return list.map((x, n) => [n, x]); }
+function enumerate(list, first = 0) { return list.map((x, n) => [first + n, x]); }
 
 // An array of zeros as nested lists: zeros(3, 4) has three rows of four.
 function zeros(count, ...more) {

@@ -7,11 +7,10 @@
 //         uncertainty}; lengths in mm, angles in rad, power in mW; NaN where there is no pose.
 //   solver.refusal({beam, power})   why this page cannot solve so; "" where it can
 //
-// gauss_newton_estimate_each and all that it calls are the package's text. Here are only its
-// arguments, as facets.estimation.plan makes them, and its results in words.
+// step_estimate and all that it calls are the package's text. Here are only its arguments, as
+// facets.estimation.plan makes them, and its results in words.
 
 const Solver = (() => {
-  const memory = {layers: zeros(9, 10, 10), outlines: null};
   const nothing = (...shape) => (shape.length === 1 ? Array(shape[0]).fill(NaN)
     : Array.from({length: shape[0]}, () => nothing(...shape.slice(1))));
 
@@ -38,15 +37,6 @@ const Solver = (() => {
   function create(sensor, geometry) {
     const {floor, light} = SOLVER.limits;
     const limits = plan_limits_under(sensor, floor, light, false);
-    const model = (derivatives) => ({
-      packed: null,
-      address(x, found) {
-        const powered = forward_replace_power(geometry, x[8]);
-        as_text_put_linearisation(powered, derivatives(powered, x.slice(0, 8)), found);
-      },
-    });
-    const near = model(linearise), exact = lineariseExactly && model(lineariseExactly);
-
     function start(plan, values, place) {
       const means = [...place || plan.means.slice(0, 2), plan.power ? sensor.beam.power : plan.means[2]];
       const seen = values.filter((value, n) => n % 3 === 2 && !Number.isNaN(value))
@@ -90,40 +80,33 @@ const Solver = (() => {
       const plan = SOLVER.plans[`${beam} ${power}`];
       const {means, begin} = start(plan, values, beam === "known" && place);
       if (first) begin.splice(0, 6, ...first.slice(0, 6));
-      const problem = {
-        means: [means], weight: plan.weights, free: plan.free, starts: [begin],
-        previous: false, max_steps: 50, damped: true, accept_unchecked: false,
+      const weighed = sensor.electronics !== null;
+      const scales = {
+        ...limits, weight: plan.weights, weighed, checks: plan.none, accepts: false, damped: true, most_steps: 50,
       };
-      const sigmas = sensor.electronics ? [Noise.deviations(sensor, values)] : [];
-      const readings = {values: [values], sigmas};
-      let results = estimate(near, readings, problem);
-      if (exact && SOLVER.statuses[results.status[0]] === "stalled") {
-        results = estimate(exact, readings, problem);
-      }
-      return told(plan, results);
+      const weights = weighed ? Noise.deviations(sensor, values).map((sigma) => 1 / sigma) : values;
+      const form = {free: plan.free, keeps_equations: SOLVER.keeps};
+      const [question, status, used] = step_ask(form, values, weights, means, scales);
+      const estimate = (derivatives) => step_estimate(begin, question, status, (x) => {
+        const powered = forward_replace_power(geometry, x[8]);
+        return step_by_unknowns(powered, derivatives(powered, x.slice(0, 8)), plan.free);
+      });
+      let end = estimate(linearise);
+      if (lineariseExactly && SOLVER.statuses[end.status] === "stalled") end = estimate(lineariseExactly);
+      return told(plan, end, used.map(Boolean));
     }
 
-    function estimate(model, readings, problem) {
-      const results = {
-        states: zeros(1, 9), used: zeros(1, 3), status: [0], steps: [0], residuals: [0],
-        covariances: zeros(1, 8, 8),
-      };
-      gauss_newton_estimate_each(model, readings, limits, problem, results, memory);
-      return results;
-    }
-
-    function told(plan, results) {
-      const used = results.used[0].map(Boolean), count = used.filter(Boolean).length;
-      const ended = SOLVER.statuses[results.status[0]];
-      const cut = ended === "converged" && isCut(results.states[0], used);
+    function told(plan, end, used) {
+      const count = used.filter(Boolean).length, ended = SOLVER.statuses[end.status];
+      const cut = ended === "converged" && isCut(end.end, used);
       const status = cut ? "out of range" : ended, converged = status === "converged";
-      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks];
-      const covariance = converged ? results.covariances[0] : nothing(8, 8);
+      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks], residual = step_left_over(end);
+      const covariance = converged ? step_covariance_of(end.factor, plan.free) : nothing(8, 8);
       return {
-        status, converged, ok: converged && !(results.residuals[0] > limit),
-        state: converged ? results.states[0].slice(0, 8) : nothing(8),
-        power: converged ? results.states[0][8] : NaN, used, steps: results.steps[0],
-        residual: converged ? results.residuals[0] : NaN, checks, limit, covariance,
+        status, converged, ok: converged && !(residual > limit),
+        state: converged ? end.end.slice(0, 8) : nothing(8),
+        power: converged ? end.end[8] : NaN, used, steps: end.steps,
+        residual: converged ? residual : NaN, checks, limit, covariance,
         uncertainty: covariance.map((row, n) => Math.sqrt(row[n])),
       };
     }
