@@ -90,6 +90,22 @@ class LaneWriter(MachineWriter):
         self.kind = ir.VectorType(DOUBLE, lanes)
         #: The functions of the module, and how their results are nested.
         self._functions: dict[Hashable, tuple[Any, Numbers]] = {}
+        #: The factors of the products.
+        self._factors: dict[Value | float, tuple[Value | float, ...]] = {}
+
+    def write(self, operation: str, *operands: Value | float) -> Value:
+        """A sum with a product is rounded once, on every processor: decision 13."""
+        if operation in ("add", "subtract"):
+            for part, other in (operands, operands[::-1]):
+                if part in self._factors:
+                    a, b = self._factors[part]
+                    if operation == "subtract":
+                        a, other = (a, -other) if part is operands[0] else (-a, other)
+                    return self._write_intrinsic("fma", a, b, other)
+        found = super().write(operation, *operands)
+        if operation == "multiply":
+            self._factors[found] = operands
+        return found
 
     def same(self, truth: Any) -> Condition:
         """Broadcast a truth to all lanes. truth: a bool, or a bit of the generated code."""

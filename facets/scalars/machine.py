@@ -56,12 +56,12 @@ class MachineWriter(Tracer):
         key = (name, *map(key_of, arguments))
         return self.once(key, self._write_intrinsic, name, *arguments)  # type: ignore[no-any-return]
 
-    def _write_intrinsic(self, name: str, x: Value) -> Value:
+    def _write_intrinsic(self, name: str, *arguments: Value | float) -> Value:
         full = f"llvm.{name}.{'f64' if self.lanes == 1 else f'v{self.lanes}f64'}"
-        module = self.builder.module
-        known = module.globals.get(full)
-        kind = ir.FunctionType(self.kind, [self.kind])
-        return Value(self, self.builder.call(known or ir.Function(module, kind, full), [x.ir]))
+        module, given = self.builder.module, list(map(self.value, arguments))
+        kind = ir.FunctionType(self.kind, [self.kind] * len(given))
+        known = module.globals.get(full) or ir.Function(module, kind, full)
+        return Value(self, self.builder.call(known, given))
 
     def write_comparison(self, how: str, a: Value | float, b: Value | float) -> Condition:
         return Condition(self, self.builder.fcmp_ordered(how, self.value(a), self.value(b)))
