@@ -83,7 +83,7 @@ mutants: .venv/developed
 # What asserts on numbers, with machine code and linear algebra for the plainest processor: other
 # instructions, another order of sums, other rounding.
 portable: .venv/developed
-	OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=x86-64 NUMBA_CACHE_DIR=build/portable \
+	OPENBLAS_CORETYPE=Prescott FACETS_CPU=x86-64 FACETS_CACHE_DIR=build/portable \
 	  $(BIN)/pytest -n auto --dist loadfile tests/optics/test_wedge.py tests/estimation/test_solver.py \
 	  tests/characterization/test_singularity.py
 

@@ -139,7 +139,7 @@ def first(expression: str) -> float:
     with tempfile.TemporaryDirectory() as empty:
         before = child_cpu_seconds()
         subprocess.run(
-            [sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": empty},
+            [sys.executable, "-c", code], env={**os.environ, "FACETS_CACHE_DIR": empty},
             stderr=subprocess.DEVNULL, check=True,
         )  # fmt: skip
         return child_cpu_seconds() - before

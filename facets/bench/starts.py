@@ -54,7 +54,7 @@ def row(name: str, arguments: list[str], folder: Path) -> Row:
     first, again = np.nan, np.nan
     found = {"start": name, "first_cpu_s": first, "first_s": first, "cpu_s": again, "s": again}
     with tempfile.TemporaryDirectory() as empty:
-        cache = {"NUMBA_CACHE_DIR": empty}
+        cache = {"FACETS_CACHE_DIR": empty}
         if name in FIRST_USES:
             found["first_cpu_s"], found["first_s"] = run(arguments, folder, cache)
         found["cpu_s"], found["s"] = run(arguments, folder, cache)

@@ -35,7 +35,7 @@ def code_folder(maker: str, *files: str | Path | None) -> tuple[Path, object]:
     for file in text_of(tuple(Path(file) for file in files if file)):
         text.update(file.read_bytes())
     name = text.hexdigest()[:16]
-    base = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("facets-6dof")
+    base = os.environ.get("FACETS_CACHE_DIR") or platformdirs.user_cache_dir("facets-6dof")
     folder = Path(base) / name
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """Machine code of the optics' text, compiled and stored by llvmlite, and called from Python.
 
 Code is compiled for the processor that runs it, or for that of the environment variables
-NUMBA_CPU_NAME and NUMBA_CPU_FEATURES.
+FACETS_CPU and FACETS_CPU_FEATURES.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ def path_of(name: str, folder: Path) -> Path:
 @cache
 def processor() -> tuple[str, str, str]:
     """The processor's name and features in LLVM's words, and a short name for both."""
-    name = os.environ.get("NUMBA_CPU_NAME") or "host"
-    features = os.environ.get("NUMBA_CPU_FEATURES")
+    name = os.environ.get("FACETS_CPU") or "host"
+    features = os.environ.get("FACETS_CPU_FEATURES")
     if features is None:
         features = host_features() if name == "host" else ""
     name = llvm.get_host_cpu_name() if name == "host" else name.replace("generic", "")

@@ -85,7 +85,7 @@ def test_the_command_that_export_c_prints_can_be_copied(tmp_path):
 @pytest.mark.parametrize("home", ["/dev/null", None])
 def test_a_program_runs_without_a_home(home, tmp_path):
     """A system's service has none, or one that cannot be written."""
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("XDG_", "NUMBA_"))}
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("XDG_", "FACETS_"))}
     env.pop("HOME", None)
     if home:
         env["HOME"] = home
@@ -98,7 +98,7 @@ def test_a_program_runs_without_a_home(home, tmp_path):
 
 
 def test_two_processes_may_compile_first_at_the_same_time(tmp_path):
-    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "the cache")}
+    env = {**os.environ, "FACETS_CACHE_DIR": str(tmp_path / "the cache")}
     words = [PROGRAM, "simulate", "paper", "--motion", "multi-axis", "-d"]
     both = [
         subprocess.Popen([*words, name], cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True)

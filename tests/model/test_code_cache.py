@@ -36,17 +36,17 @@ def test_only_a_first_use_compiles_for_a_processor_wherever_the_text_lies(tmp_pa
     package, cache = Path(facets.__file__).parent, tmp_path / "cache"
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(package, tmp_path / "elsewhere" / "facets", ignore=ignored)
-    first = run(f"{READ}{SOLVE}", NUMBA_CACHE_DIR=cache)
+    first = run(f"{READ}{SOLVE}", FACETS_CACHE_DIR=cache)
     assert first.stderr.count("compiling") == 1
     other = run(
-        f"sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n{READ}{SOLVE}", NUMBA_CACHE_DIR=cache
+        f"sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n{READ}{SOLVE}", FACETS_CACHE_DIR=cache
     )
     assert other.stderr == ""
     (file, *results), (other_file, *same) = first.stdout.split(), other.stdout.split()
     assert (Path(file).parent, Path(other_file).parent.parent) == (package, tmp_path / "elsewhere")
     assert results == same
     plain = "x86-64" if platform.machine() in ("x86_64", "AMD64") else "generic"
-    assert "compiling" in run(READ, NUMBA_CACHE_DIR=cache, NUMBA_CPU_NAME=plain).stderr
+    assert "compiling" in run(READ, FACETS_CACHE_DIR=cache, FACETS_CPU=plain).stderr
 
 
 def test_plain_readings_and_poses_are_had_without_numba():
@@ -83,16 +83,16 @@ for spoilt in (code[:1000], b"", code[:-1] + bytes([code[-1] ^ 1])):
 assert [path.suffix for path in kept.parent.iterdir()] == [".o"]
 print("done")
 """
-    assert run(LOAD + spoil, NUMBA_CACHE_DIR=tmp_path).stdout == "done\n"
+    assert run(LOAD + spoil, FACETS_CACHE_DIR=tmp_path).stdout == "done\n"
 
 
 def test_a_disk_that_is_full_or_cannot_be_written_keeps_nothing_and_does_no_harm(tmp_path):
     pytest.importorskip("resource")
     (tmp_path / "file").write_text("")
     full = "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)); load(); "
-    elsewhere = f"import os; os.environ['NUMBA_CACHE_DIR'] = {str(tmp_path / 'file' / 'cache')!r}\n"
+    elsewhere = f"import os; os.environ['FACETS_CACHE_DIR'] = {str(tmp_path / 'file' / 'cache')!r}\n"
     assert (
-        run(f"{LOAD}{full}{elsewhere}load(); print('done')", NUMBA_CACHE_DIR=tmp_path).stdout
+        run(f"{LOAD}{full}{elsewhere}load(); print('done')", FACETS_CACHE_DIR=tmp_path).stdout
         == "done\n"
     )
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
@@ -100,7 +100,7 @@ def test_a_disk_that_is_full_or_cannot_be_written_keeps_nothing_and_does_no_harm
 
 def test_changed_text_is_compiled_anew(tmp_path, monkeypatch):
     """That of every file that compiled code calls into or is made by."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("FACETS_CACHE_DIR", str(tmp_path))
     changed, made, read = [], [], Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path.name in changed))
 

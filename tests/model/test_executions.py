@@ -156,6 +156,6 @@ def test_another_processors_code_has_the_same_bits():
     own = io.StringIO()
     with contextlib.redirect_stdout(own):
         exec(SCRIPT, {})
-    environment = {**os.environ, "NUMBA_CPU_NAME": "x86-64"}
+    environment = {**os.environ, "FACETS_CPU": "x86-64"}
     plain = subprocess.check_output([sys.executable, "-c", SCRIPT], env=environment, text=True)
     assert own.getvalue() == plain

@@ -222,9 +222,8 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
     """The numbers of an estimate that do not change with the sensor's place and size.
 
     keeps: see `Form`.  plans: by what is known of beam and power.  limits: of the readings.
-    noise: see `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then says.
-    refusal: why the page
-    cannot solve; empty where it can.
+    noise: see `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then
+    says.  refusal: why the page cannot solve; empty where it can.
     """
     found = plan.make_limits(sensor, False)
     return {
