@@ -21,7 +21,7 @@ from ..scalars.machine import LONG, write_loop
 from ..scalars.nesting import leaves, nest
 from .block_task import SCALES, BlockTask, Form
 from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, UNKNOWNS
-from .step import MIN_DAMPING, State, ask, begin, by_unknowns, covariance_of, left_over, step
+from .step import MIN_DAMPING, State, ask, begin, covariance_of, residual_of, step, unknown_slopes
 
 Numbers = list[Any]
 
@@ -77,7 +77,7 @@ def write_results(code: LaneWriter, form: Form, end: State, used: Numbers, rows:
         rows.write(name, [code.select(converged, number, nan) for number in numbers])
 
     write("states", end.end)
-    write("residuals", [left_over(end)])
+    write("residuals", [residual_of(end)])
     rows.write("ends", [end.status, end.steps, *used])
     wanted = code.builder.icmp_signed("!=", task.covariances, ir.Constant(LONG, 0))
     with code.builder.if_then(wanted), code.scope():
@@ -139,4 +139,4 @@ def linearise(
         text = linearise_exactly(code, vectors, state, len(places))
     else:
         text = bench_gradient.linearise_nearly(vectors, state)
-    return by_unknowns(vectors, text, form.free)
+    return unknown_slopes(vectors, text, form.free)

@@ -156,7 +156,7 @@ def begin(start: Sequence[Any], form: Form, status: Any) -> State:
     )  # fmt: skip
 
 
-def by_unknowns(vectors: Geometry, detectors: Any, free: Sequence[int]) -> Any:
+def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> Any:
     """What each detector reads with the derivatives by the free unknowns, from those by the state.
 
     The beam's place takes the mirror along.
@@ -302,7 +302,7 @@ def estimate(
     return state
 
 
-def left_over(end: State) -> Any:
+def residual_of(end: State) -> Any:
     """The residual of a state that has converged, in standard deviations."""
     left = end.cost - end.gain
     return sqrt(select(left > 0, left, 0.0))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..scalars.dispatch import Number, select
+from ..scalars.dispatch import Number, maximum, select
 from ..scalars.dual import Dual, value_and_slope
 from .bench_light import scene, scene_readings
 from .central import Side
@@ -90,10 +90,8 @@ def covariance_slope(
 ) -> Three:
     """The change of one less the light's covariance, as xx, xy, yy; 0 where there is less light
     than DIM."""
-    lit = whole.real > DIM
-    if not (hasattr(lit, "writer") or lit):
-        return 0.0, 0.0, 0.0
-    xx, xy, yy = (each.imag for each in closed_moments(q, u1, u2, side1, side2, whole)[2])
+    lit, some = whole.real > DIM, Dual(maximum(whole.real, DIM), whole.imag)
+    xx, xy, yy = (each.imag for each in closed_moments(q, u1, u2, side1, side2, some)[2])
     return select(lit, xx, 0.0), select(lit, xy, 0.0), select(lit, yy, 0.0)
 
 

@@ -39,7 +39,8 @@ def test_only_a_first_use_compiles_for_a_processor_wherever_the_text_lies(tmp_pa
     first = run(f"{READ}{SOLVE}", FACETS_CACHE_DIR=cache)
     assert first.stderr.count("compiling") == 1
     other = run(
-        f"sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n{READ}{SOLVE}", FACETS_CACHE_DIR=cache
+        f"sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n{READ}{SOLVE}",
+        FACETS_CACHE_DIR=cache,
     )
     assert other.stderr == ""
     (file, *results), (other_file, *same) = first.stdout.split(), other.stdout.split()
@@ -90,7 +91,9 @@ def test_a_disk_that_is_full_or_cannot_be_written_keeps_nothing_and_does_no_harm
     pytest.importorskip("resource")
     (tmp_path / "file").write_text("")
     full = "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)); load(); "
-    elsewhere = f"import os; os.environ['FACETS_CACHE_DIR'] = {str(tmp_path / 'file' / 'cache')!r}\n"
+    elsewhere = (
+        f"import os; os.environ['FACETS_CACHE_DIR'] = {str(tmp_path / 'file' / 'cache')!r}\n"
+    )
     assert (
         run(f"{LOAD}{full}{elsewhere}load(); print('done')", FACETS_CACHE_DIR=tmp_path).stdout
         == "done\n"

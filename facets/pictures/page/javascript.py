@@ -20,7 +20,7 @@ import json
 import math
 import textwrap
 from collections.abc import Callable, Iterable
-from types import BuiltinFunctionType, FunctionType, ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -228,28 +228,17 @@ class Function:
     # statements
 
     def block(self, statements: Iterable[ast.stmt], depth: int) -> list[str]:
-        """Return lines of JavaScript, without those after a statement that always returns."""
+        """Return lines of JavaScript, without those after a statement that returns."""
         lines: list[str] = []
         for statement in statements:
             lines += ["  " * depth + line for line in self.statement(statement, depth)]
-            if self.always_returns(statement):
+            if isinstance(statement, ast.Return):
                 break
         return lines
 
-    def always_returns(self, node: ast.stmt) -> bool:
-        if isinstance(node, ast.If) and self.answer_for_floats(node.test):
-            return any(map(self.always_returns, node.body))
-        return isinstance(node, ast.Return)
-
-    def answer_for_floats(self, test: ast.expr) -> bool | None:
-        """Evaluate a test of the number type for floats; None for any other test."""
-        if not isinstance(test, ast.Call) or not isinstance(test.func, ast.Name):
-            return None
-        if self.value_of(test.func.id) is dispatch.is_float and not self.carries:
-            return True
-        if self.value_of(test.func.id) is dispatch.has_more_digits:
-            return False
-        return False if test.func.id == "hasattr" else None
+    def asks_for_digits(self, test: ast.expr) -> bool:
+        """Whether a test asks if numbers have more digits than floats, which these have not."""
+        return isinstance(test, ast.Call) and self.callee(test.func) is dispatch.has_more_digits
 
     def statement(self, node: ast.stmt, depth: int) -> list[str]:
         """Return the lines of one statement, with its inner lines already indented."""
@@ -296,10 +285,9 @@ class Function:
         return [line.removeprefix(pad) for line in self.block(body, depth + 1)]
 
     def conditional(self, node: ast.If, depth: int) -> list[str]:
-        pad, decided = "  " * depth, self.answer_for_floats(node.test)
-        if decided is not None:
-            way = node.body if decided else node.orelse
-            return [line.removeprefix(pad) for line in self.block(way, depth)]
+        pad = "  " * depth
+        if self.asks_for_digits(node.test):
+            return [line.removeprefix(pad) for line in self.block(node.orelse, depth)]
         lines = [f"if ({self.expression(node.test)}) {{", *self.inner_block(node.body, depth, pad)]
         if node.orelse:
             lines += ["} else {", *self.inner_block(node.orelse, depth, pad)]
@@ -439,16 +427,10 @@ class Function:
             return f"{self.expression(node.args[0])}.length"
         if found is getattr:
             return "{}[{}]".format(*map(self.expression, node.args))
-        if isinstance(node.func, ast.Attribute) and found is None and node.func.attr == "append":
-            return f"{self.expression(node.func.value)}.push({self.expression(node.args[0])})"
         if isinstance(node.func, ast.Attribute) and found is None:
-            return self.call_of_tuple(node, node.func)
-        if found is float and isinstance(node.args[0], ast.Constant):
-            return literal(float(node.args[0].value))  # type: ignore[arg-type]
+            return self.call_of_method(node, node.func)
         if found is dispatch.pi:
             return "Math.PI"
-        if found is hasattr:
-            return "false"
         if found in self.known:
             given = ", ".join(map(self.expression, node.args))
             alone = found in (min, max) and len(node.args) == 1
@@ -458,23 +440,15 @@ class Function:
         name = self.module_value(found, found.__name__, found.__module__, node)
         return f"{name}({', '.join(self.ordered_arguments(found, node))})"
 
-    def call_of_tuple(self, node: ast.Call, method: ast.Attribute) -> str:
-        """Write a named tuple with other values, or the call of a function that is its field."""
+    def call_of_method(self, node: ast.Call, method: ast.Attribute) -> str:
+        """Write a named tuple with other values, or what makes a list longer."""
         owner = self.expression(method.value)
-        if method.attr == "_replace" and not node.args:
-            given = (f"{_safe(str(k.arg))}: {self.expression(k.value)}" for k in node.keywords)
-            return f"({{...{owner}, {', '.join(given)}}})"
-        if method.attr not in self.fields_of(method.value) or node.keywords:
+        if method.attr == "append":
+            return f"{owner}.push({self.expression(node.args[0])})"
+        if method.attr != "_replace" or node.args:
             raise self.refuse(node)
-        return f"{owner}.{method.attr}({', '.join(map(self.expression, node.args))})"
-
-    def fields_of(self, node: ast.expr) -> tuple[str, ...]:
-        """Return the fields of an argument that is annotated as a named tuple."""
-        for argument in self.definition.args.args:
-            if isinstance(node, ast.Name) and argument.arg == node.id and argument.annotation:
-                kind = self.value_of(ast.unparse(argument.annotation))
-                return getattr(kind, "_fields", ())
-        return ()
+        given = (f"{_safe(str(k.arg))}: {self.expression(k.value)}" for k in node.keywords)
+        return f"({{...{owner}, {', '.join(given)}}})"
 
     def ordered_arguments(self, function: Any, node: ast.Call) -> list[str]:
         """Return a call's arguments in the order of the function's parameters."""
@@ -519,8 +493,6 @@ class Function:
             constant = f"{module.rpartition('.')[2]}_{name}"
             self.constants[constant] = value
             return constant
-        if isinstance(value, BuiltinFunctionType) and value in KNOWN:
-            return KNOWN[value]
         raise self.refuse(node)
 
 

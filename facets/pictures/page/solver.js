@@ -89,7 +89,7 @@ const Solver = (() => {
       const [question, status, used] = step_ask(form, values, weights, means, scales);
       const estimate = (derivatives) => step_estimate(begin, question, status, (x) => {
         const powered = forward_replace_power(geometry, x[8]);
-        return step_by_unknowns(powered, derivatives(powered, x.slice(0, 8)), plan.free);
+        return step_unknown_slopes(powered, derivatives(powered, x.slice(0, 8)), plan.free);
       });
       let end = estimate(linearise);
       if (lineariseExactly && SOLVER.statuses[end.status] === "stalled") end = estimate(lineariseExactly);
@@ -100,7 +100,7 @@ const Solver = (() => {
       const count = used.filter(Boolean).length, ended = SOLVER.statuses[end.status];
       const cut = ended === "converged" && isCut(end.end, used);
       const status = cut ? "out of range" : ended, converged = status === "converged";
-      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks], residual = step_left_over(end);
+      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks], residual = step_residual_of(end);
       const covariance = converged ? step_covariance_of(end.factor, plan.free) : nothing(8, 8);
       return {
         status, converged, ok: converged && !(residual > limit),
