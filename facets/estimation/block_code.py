@@ -13,8 +13,9 @@ from llvmlite import ir
 
 from ..model.block_code import LaneWrite, linearise_exactly, pointers_to
 from ..model.kinds import CUT
-from ..model.packing import row_size, vectors_at, vectors_of
+from ..model.packing import is_ideal, row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
+from ..optics.effects import IDEAL
 from ..optics.forward import replace_power
 from ..scalars.lanes import LaneMemory, LaneWriter
 from ..scalars.machine import LONG, write_loop
@@ -126,9 +127,7 @@ class BlockRows:
         return build.gep(getattr(self.pointers, name), [first]), apart
 
 
-def linearise(
-    code: Any, vectors: Any, x: Sequence[Any], form: Form
-) -> list[tuple[Sequence[Any], list[Numbers]]]:
+def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:
     """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     vectors = replace_power(vectors, x[8])
@@ -139,4 +138,6 @@ def linearise(
         text = linearise_exactly(code, vectors, state, len(places))
     else:
         text = bench_gradient.linearise_nearly(vectors, state)
+    if is_ideal(vectors):  # whose light is not in memory
+        vectors = vectors._replace(light=IDEAL)
     return unknown_slopes(vectors, text, form.free)

@@ -157,7 +157,7 @@ def power_derivative(geometry: Geometry, values: Three, k: int, i: int) -> Numbe
     A place depends on it where background light of power B at c_B falls on the detector: d psi / dP
     = (psi - c_B) B / (power P).
     """
-    other = geometry.light.background[k] if geometry.light else (0, 0, 0)
+    other = geometry.light.background[k]
     if i == 2:
         return (values[2] - other[0]) / geometry.power
     if other[0] == 0:
