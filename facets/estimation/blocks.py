@@ -173,11 +173,13 @@ def task_of(arrays: Sequence[Array], flags: Sequence[bool], blocks: int) -> Arra
     return np.array(BlockTask._make((*places, *flags, blocks)), np.int64)
 
 
-class SingleBlock:
-    """A block for one reading at a time, whose memory is kept; all lanes have the same reading.
+class KeptBlocks:
+    """Blocks for a few readings at a time, whose memory is kept.
 
-    It reads what `readings` and `problem` have in their memory when it is asked.
-    numbers: what is found, at the places of `SolutionOfOne`; overwritten by the next reading.
+    It reads what `readings` and `problem` have in their memory when it is asked: a single reading,
+    which all lanes have, or as many as fill whole blocks.
+    numbers: what is found, overwritten by the next readings: what `SolutionOfOne` has of one, and
+    of several in the same order, each for all of them.
     """
 
     def __init__(
@@ -189,15 +191,17 @@ class SingleBlock:
         covariance: bool,
     ) -> None:
         self._readings, self._weights = readings, weights_of(readings)
-        self.numbers = np.zeros(COVARIANCE + (64 if covariance else 0))
+        count = self.count = len(readings.values)
+        self.numbers = np.zeros(count * (COVARIANCE + (64 if covariance else 0)))
         state, ends, residual, _, covariances = np.split(
-            self.numbers, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE)
+            self.numbers, np.multiply(count, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE))
         )
         arrays = (
             packed, scales_of(readings, limits, problem), readings.values, self._weights,
             problem.means, problem.starts, state, ends, residual, covariances,
         )  # fmt: skip
-        self._kept, self._task = arrays, task_of(arrays, (False, False, False, True), 1)
+        flags = (count > 1, False, False, True)
+        self._kept, self._task = arrays, task_of(arrays, flags, max(count // lanes(), 1))
         self._address = address_of(self._task)
 
     def estimate(self, code: Code) -> None:
@@ -205,6 +209,17 @@ class SingleBlock:
         if len(self._readings.sigmas):
             self._weights[:] = weights_of(self._readings)
         code(self._address)
+
+    def first_results(self, count: int) -> Results:
+        """What has been found of the first readings, in arrays of its own."""
+        state, ends, residual, covariances = self._kept[6:]
+        results = empty_results(count, len(covariances) > 0)
+        results.states[:] = state.reshape(-1, UNKNOWNS)[:count]
+        put_ends(ends.reshape(self.count, -1)[:count], results)
+        results.residuals[:] = residual[:count]
+        if len(covariances):
+            results.covariances[:] = covariances.reshape(-1, 8, 8)[:count]
+        return results
 
 
 def estimate_in_turn(
@@ -221,7 +236,7 @@ def estimate_in_turn(
     own = [np.empty((len(rows[:1]), rows.shape[1])) for rows in (*readings, *problem[:1])]
     starts = np.empty((1, UNKNOWNS))
     asked = problem._replace(means=own[2], starts=starts)
-    one = SingleBlock(packed, Readings(*own[:2]), limits, asked, len(results.covariances) > 0)
+    one = KeptBlocks(packed, Readings(*own[:2]), limits, asked, len(results.covariances) > 0)
     for n in range(len(readings.values)):
         given, questions = some_rows(slice(n, n + 1), readings, problem)
         for mine, its in zip(own, (*given, questions.means), strict=True):

@@ -15,10 +15,10 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import packed_vectors
-from ..model.blocks import SINGLE
+from ..model.blocks import SINGLE, lanes
 from ..model.threads import Pool
 from . import problem
-from .blocks import SingleBlock
+from .blocks import KeptBlocks
 from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate, needs_exactness
 from .plan import Plan, chance_of, make_plan, make_problem, start_states
@@ -109,6 +109,14 @@ class Solver:
         self._pool.put_back(prepared)
         return found
 
+    def solve_some(self, values: Floats) -> Solution | None:
+        """The poses of a few readings (n, 9) that are checked, from zero; None where more is to be
+        done than kept memory serves."""
+        prepared = self._pool.take()
+        found = prepared.solve_some(values)
+        self._pool.put_back(prepared)
+        return found
+
     def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
         """The start of `facets.solve` for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
@@ -155,12 +163,42 @@ class PreparedEstimate:
         self._seeks = sensor.light.on and self._problem.damped
         self._has_exact = needs_exactness(sensor)
         self._code: Any = block_code(sensor, self._problem, width=SINGLE)
-        self._block = SingleBlock(
+        self._block = KeptBlocks(
             packed_vectors(sensor), self._given, todo.limits, self._problem, covariance
         )
         self._numbers = self._block.numbers
         self._ends = self._numbers.data
         self._numbers[CHECKS:COVARIANCE] = self._chance.checks(np.ones(3, bool)), self._chance.limit
+        self._some: KeptBlocks | None = None
+        self._rows = self._given
+
+    def solve_some(self, values: Floats) -> Solution | None:
+        """The poses of a few readings (n, 9), from zero; None where blocks alone do not tell."""
+        if self._doubtful or self._unknown_power:
+            return None
+        count = len(values)
+        rows = -(-count // lanes()) * lanes()
+        if self._some is None or self._some.count != rows:
+            self._some = self._make_some(rows)
+        self._rows.values[:count], self._rows.values[count:] = values, values[-1]
+        if self._sensor.electronics is not None:
+            self._rows.sigmas[:] = standard_deviations(self._sensor, self._rows.values)
+        self._starts[:] = self._zero
+        self._some.estimate(block_code(self._sensor, self._problem))
+        found = self._some.first_results(count)
+        wandered = self._seeks and (found.steps > WANDERED).any()
+        if wandered or (self._has_exact and (found.status == problem.STALLED).any()):
+            return None
+        parts = add_calibration(self._sensor, self._plan, found)
+        return solution(found, (count,), self._chance, parts)
+
+    def _make_some(self, rows: int) -> KeptBlocks:
+        self._rows = problem.Readings(
+            np.empty((rows, 9)), np.empty((rows if len(self._sigmas) else 0, 9))
+        )
+        has_covariance = len(self._numbers) > COVARIANCE
+        packed, limits = packed_vectors(self._sensor), self._plan.limits
+        return KeptBlocks(packed, self._rows, limits, self._problem, has_covariance)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
         """The pose of a reading (9,), from `start` or else from zero.

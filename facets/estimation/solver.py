@@ -103,16 +103,30 @@ def solve(
     given = as_vectors(readings, 9, "readings")
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-    if given.ndim == 1 and isinstance(beam, str) and isinstance(power, str) and threads >= 0:
+    if isinstance(beam, str) and isinstance(power, str) and threads >= 0 and are_few(given, start):
         solver = find_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
-        return solver.solve_from(given, solver.start_state(start, given))
+        if given.ndim == 1:
+            return solver.solve_from(given, solver.start_state(start, given))
+        if (found := solver.solve_some(given)) is not None:
+            return found
     values, shape = as_rows(given, 9, "readings")
     todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
     starts = start_states(sensor, start, todo, values, shape)
     asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
     rows = problem.Readings(values, sigmas_of(sensor, values))
-    found = solve_rows(sensor, rows, todo, asked, covariance, threads)
-    return solution(found, shape, chance_of(sensor, todo), add_calibration(sensor, todo, found))
+    results = solve_rows(sensor, rows, todo, asked, covariance, threads)
+    parts = add_calibration(sensor, todo, results)
+    return solution(results, shape, chance_of(sensor, todo), parts)
+
+
+#: The memory of so many readings is kept.
+FEW = 64
+
+
+def are_few(readings: Floats, start: str | ArrayLike) -> bool:
+    """Whether a kept solver has memory for readings: for one, and for a few from zero."""
+    from_zero = isinstance(start, str) and start == "zero"
+    return readings.ndim == 1 or (readings.ndim == 2 and 0 < len(readings) <= FEW and from_zero)
 
 
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:

@@ -176,6 +176,7 @@ def solve_floats(question: Question) -> Answer:
     with (
         np.errstate(all="ignore"),
         patch.object(estimates, "block_code", form_of),
+        patch("facets.estimation.solver.FEW", 0),
         patch.object(blocks, "estimate", way),
     ):
         return solve_batch(question)._replace(covariance=None)

@@ -13,6 +13,7 @@ from functools import cache, partial
 from typing import Any
 from unittest.mock import patch
 
+import as_text
 import numpy as np
 from digits import differences, many_digits, precise
 from estimators import library, run_node, script
@@ -23,7 +24,6 @@ import facets
 from facets import BenchLight
 from facets.model import (
     arrays,
-    as_text,
     blocks,
     effects,
     geometry_of,

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import nan
 from typing import Any
 
 import numpy as np
 
-from ..optics import bench_gradient, bench_light, cut, forward, gradient
-from ..optics.curved_light import apparent_scene
-from ..optics.footprint import collimated_slopes, curved_slopes, footprint
-from ..optics.forward import Geometry, dark_scene
-from ..scalars.dual import Dual
-from ..scalars.nesting import leaves
+from facets.optics import bench_gradient, bench_light, cut, forward, gradient
+from facets.optics.curved_light import apparent_scene
+from facets.optics.footprint import collimated_slopes, curved_slopes, footprint
+from facets.optics.forward import Geometry, dark_scene
+from facets.scalars.dual import Dual
+from facets.scalars.nesting import leaves
 
 State = tuple[float, ...]
 
@@ -62,9 +62,3 @@ def footprints(geometry: Geometry, state: State) -> list[Sequence[float]]:
     if geometry.light.options.on:
         at, spread = apparent_scene(geometry, at), curved_slopes
     return [footprint(geometry, at, k, spread(geometry, at, k)) for k in range(3)]
-
-
-FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
-    function.__name__: function
-    for function in (readings, derivatives, approximate_derivatives, footprints)
-}
