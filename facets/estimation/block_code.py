@@ -114,17 +114,19 @@ class BlockRows:
 
     def read(self, name: str, width: int, own: Any) -> Numbers:
         """Rows of `width` numbers.  own: 1 where each lane has its own, 0 where all have one."""
-        return self.code.load_rows(*self._place(name, width, own), width)
+        apart = self.code.builder.mul(own, ir.Constant(LONG, width))
+        return self.code.load_rows(self._first_row(name, apart), apart, width)
 
     def write(self, name: str, numbers: Numbers) -> None:
-        self.code.store_rows(numbers, *self._place(name, len(numbers), self.task.own_rows))
+        build, asked = self.code.builder, self.task.apart
+        close = build.mul(self.task.own_rows, ir.Constant(LONG, len(numbers)))
+        is_asked = build.icmp_signed("!=", asked, ir.Constant(LONG, 0))
+        apart = build.select(is_asked, asked, close)
+        self.code.store_rows(numbers, self._first_row(name, apart), apart)
 
-    def _place(self, name: str, width: int, own: Any) -> tuple[Any, Any]:
-        """Where the rows begin, and how far they are apart."""
+    def _first_row(self, name: str, apart: Any) -> Any:
         build = self.code.builder
-        apart = build.mul(own, ir.Constant(LONG, width))
-        first = build.mul(self.first, apart)
-        return build.gep(getattr(self.pointers, name), [first]), apart
+        return build.gep(getattr(self.pointers, name), [build.mul(self.first, apart)])
 
 
 def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:

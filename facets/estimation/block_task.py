@@ -66,7 +66,8 @@ class BlockTask(NamedTuple):
     weights: any such rows, if the readings have none of their own.
     ends: of rows of five numbers: the status, the steps, and 1 for each detector used.
     own_rows, own_means, own_starts: whether each lane has rows of its own in the readings, weights
-    and results, in the means, and in the starts.
+    and results, in the means, and in the starts.  apart: by how many numbers the rows of all
+    results are apart; 0 where they follow one another.
     patient: whether a block waits for lanes that need many steps; else some have not ended.
     """
 
@@ -83,5 +84,6 @@ class BlockTask(NamedTuple):
     own_rows: Any
     own_means: Any
     own_starts: Any
+    apart: Any
     patient: Any
     blocks: Any

@@ -27,7 +27,7 @@ from .problem import (
     put_rows,
     some_rows,
 )
-from .solution import CHECKS, COVARIANCE, ITERATIONS, RESIDUAL, STATUS, results_of
+from .solution import COVARIANCE, ITERATIONS, RESIDUAL, STATUS, results_of
 from .step import GOING
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def run_blocks(code: Code, arrays: Sequence[Array], patient: bool) -> None:
     _, _, values, _, means, starts, *_ = arrays
     count = len(values)
     own = (True, len(means) == count, len(starts) == count)
-    task = task_of(arrays, (*own, patient), count // lanes())  # kept while the code runs
+    task = task_of(arrays, (*own, 0, patient), count // lanes())  # kept while the code runs
     code(address_of(task))
 
 
@@ -167,7 +167,7 @@ def pad_rows(rows: Array, first: int, n: int) -> Array:
     return rows[np.minimum(np.arange(first, first + lanes()), n - 1)]
 
 
-def task_of(arrays: Sequence[Array], flags: Sequence[bool], blocks: int) -> Array:
+def task_of(arrays: Sequence[Array], flags: Sequence[int], blocks: int) -> Array:
     """A `BlockTask` in memory.  arrays, flags: in its order; covariances may be empty."""
     places = [address_of(array) if array.size else 0 for array in arrays]
     return np.array(BlockTask._make((*places, *flags, blocks)), np.int64)
@@ -178,8 +178,8 @@ class KeptBlocks:
 
     It reads what `readings` and `problem` have in their memory when it is asked: a single reading,
     which all lanes have, or as many as fill whole blocks.
-    numbers: what is found, overwritten by the next readings: what `SolutionOfOne` has of one, and
-    of several in the same order, each for all of them.
+    numbers: what is found, a row of those of `LazySolution` for each; overwritten by the next
+    readings.
     """
 
     def __init__(
@@ -191,16 +191,14 @@ class KeptBlocks:
         covariance: bool,
     ) -> None:
         self._readings, self._weights = readings, weights_of(readings)
-        count = self.count = len(readings.values)
-        self.numbers = np.zeros(count * (COVARIANCE + (64 if covariance else 0)))
-        state, ends, residual, _, covariances = np.split(
-            self.numbers, np.multiply(count, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE))
-        )
+        count, width = len(readings.values), COVARIANCE + (64 if covariance else 0)
+        self.numbers = np.zeros((count, width))
+        row = self.numbers[0]
         arrays = (
             packed, scales_of(readings, limits, problem), readings.values, self._weights,
-            problem.means, problem.starts, state, ends, residual, covariances,
+            problem.means, problem.starts, row, row[STATUS:], row[RESIDUAL:], row[COVARIANCE:],
         )  # fmt: skip
-        flags = (count > 1, False, False, True)
+        flags = (count > 1, False, False, width if count > 1 else 0, True)
         self._kept, self._task = arrays, task_of(arrays, flags, max(count // lanes(), 1))
         self._address = address_of(self._task)
 
@@ -209,17 +207,6 @@ class KeptBlocks:
         if len(self._readings.sigmas):
             self._weights[:] = weights_of(self._readings)
         code(self._address)
-
-    def first_results(self, count: int) -> Results:
-        """What has been found of the first readings, in arrays of its own."""
-        state, ends, residual, covariances = self._kept[6:]
-        results = empty_results(count, len(covariances) > 0)
-        results.states[:] = state.reshape(-1, UNKNOWNS)[:count]
-        put_ends(ends.reshape(self.count, -1)[:count], results)
-        results.residuals[:] = residual[:count]
-        if len(covariances):
-            results.covariances[:] = covariances.reshape(-1, 8, 8)[:count]
-        return results
 
 
 def estimate_in_turn(
@@ -237,6 +224,7 @@ def estimate_in_turn(
     starts = np.empty((1, UNKNOWNS))
     asked = problem._replace(means=own[2], starts=starts)
     one = KeptBlocks(packed, Readings(*own[:2]), limits, asked, len(results.covariances) > 0)
+    numbers = one.numbers[0]
     for n in range(len(readings.values)):
         given, questions = some_rows(slice(n, n + 1), readings, problem)
         for mine, its in zip(own, (*given, questions.means), strict=True):
@@ -246,9 +234,9 @@ def estimate_in_turn(
             starts[:] = questions.starts
             starts[0, free] = begin[free]
             one.estimate(code)
-            steps += int(one.numbers[ITERATIONS])
-            if one.numbers[STATUS] == CONVERGED:
-                near = one.numbers[:UNKNOWNS].copy()
+            steps += int(numbers[ITERATIONS])
+            if numbers[STATUS] == CONVERGED:
+                near = numbers[:UNKNOWNS].copy()
                 break
-        one.numbers[ITERATIONS] = steps
-        put_rows(results, slice(n, n + 1), results_of(one.numbers))
+        numbers[ITERATIONS] = steps
+        put_rows(results, slice(n, n + 1), results_of(numbers))

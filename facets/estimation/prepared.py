@@ -26,14 +26,16 @@ from .solution import (
     CHECKS,
     COVARIANCE,
     ITERATIONS,
+    LIMIT,
     RESIDUAL,
     STATUS,
     USED,
+    LazySolution,
     Solution,
-    SolutionOfOne,
     results_of,
     solution,
 )
+from .uncertainty_parts import UncertaintyParts
 
 
 @check_arguments
@@ -162,11 +164,11 @@ class PreparedEstimate:
         self._doubtful = is_doubtful(sensor, todo.free)
         self._seeks = sensor.light.on and self._problem.damped
         self._has_exact = needs_exactness(sensor)
-        self._code: Any = block_code(sensor, self._problem, width=SINGLE)
+        self._code: Any = None  # made when it is asked for
         self._block = KeptBlocks(
             packed_vectors(sensor), self._given, todo.limits, self._problem, covariance
         )
-        self._numbers = self._block.numbers
+        self._numbers = self._block.numbers[0]
         self._ends = self._numbers.data
         self._numbers[CHECKS:COVARIANCE] = self._chance.checks(np.ones(3, bool)), self._chance.limit
         self._some: KeptBlocks | None = None
@@ -178,27 +180,43 @@ class PreparedEstimate:
             return None
         count = len(values)
         rows = -(-count // lanes()) * lanes()
-        if self._some is None or self._some.count != rows:
+        if self._some is None or len(self._some.numbers) != rows:
             self._some = self._make_some(rows)
         self._rows.values[:count], self._rows.values[count:] = values, values[-1]
         if self._sensor.electronics is not None:
             self._rows.sigmas[:] = standard_deviations(self._sensor, self._rows.values)
         self._starts[:] = self._zero
-        self._some.estimate(block_code(self._sensor, self._problem))
-        found = self._some.first_results(count)
-        wandered = self._seeks and (found.steps > WANDERED).any()
-        if wandered or (self._has_exact and (found.status == problem.STALLED).any()):
+        self._some.estimate(self._wide_code)
+        numbers = self._some.numbers[:count].copy()
+        wandered = self._seeks and (numbers[:, ITERATIONS] > WANDERED).any()
+        if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
             return None
-        parts = add_calibration(self._sensor, self._plan, found)
-        return solution(found, (count,), self._chance, parts)
+        return LazySolution.from_numbers(self._put_limits(numbers), self._parts(numbers))
 
     def _make_some(self, rows: int) -> KeptBlocks:
         self._rows = problem.Readings(
             np.empty((rows, 9)), np.empty((rows if len(self._sigmas) else 0, 9))
         )
-        has_covariance = len(self._numbers) > COVARIANCE
+        self._wide_code = block_code(self._sensor, self._problem)
         packed, limits = packed_vectors(self._sensor), self._plan.limits
-        return KeptBlocks(packed, self._rows, limits, self._problem, has_covariance)
+        kept = KeptBlocks(
+            packed, self._rows, limits, self._problem, len(self._numbers) > COVARIANCE
+        )
+        kept.numbers[:, CHECKS:COVARIANCE] = self._numbers[CHECKS:COVARIANCE]
+        return kept
+
+    def _put_limits(self, numbers: Floats) -> Floats:
+        """Give numbers the limits of the detectors that were used."""
+        used = numbers[..., USED:RESIDUAL] > 0
+        if not used.all():
+            checks = self._chance.checks(used)
+            numbers[..., CHECKS], numbers[..., LIMIT] = checks, self._chance.limits(checks)
+        return numbers
+
+    def _parts(self, numbers: Floats) -> UncertaintyParts | None:
+        if self._sensor.calibration is None:
+            return None
+        return add_calibration(self._sensor, self._plan, results_of(numbers))
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
         """The pose of a reading (9,), from `start` or else from zero.
@@ -216,18 +234,13 @@ class PreparedEstimate:
             return self._solution_in_doubt(results_of(numbers), warm)
         if warm:
             self._keep_end(numbers[: problem.UNKNOWNS], numbers[STATUS])
-        parts = None
-        if self._sensor.calibration is not None:
-            parts = add_calibration(self._sensor, self._plan, results_of(numbers))
-        return SolutionOfOne.from_numbers(numbers, parts)
+        return LazySolution.from_numbers(numbers, self._parts(numbers))
 
     def _own_numbers(self) -> Floats:
         """The block's numbers in an array of their own, with the limit of the detectors used."""
         numbers: Floats = self._numbers.copy()
-        if not (self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]):
-            checks = self._chance.checks(numbers[USED:RESIDUAL] > 0)
-            numbers[CHECKS:COVARIANCE] = checks, self._chance.limits(checks)
-        return numbers
+        used = self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]
+        return numbers if used else self._put_limits(numbers)
 
     def _solution_in_doubt(self, found: problem.Results, warm: bool) -> Solution:
         """The solution of a reading whose pose may not be the right one."""
@@ -252,6 +265,8 @@ class PreparedEstimate:
         """Estimate the reading from a start; stalled under real light, with derivatives that leave
         nothing out, too."""
         self._starts[:] = start
+        if self._code is None:
+            self._code = block_code(self._sensor, self._problem, width=SINGLE)
         self._block.estimate(self._code)
         if self._has_exact and self._ends[STATUS] == problem.STALLED:
             exact: Any = block_code(self._sensor, self._problem, True, SINGLE)

@@ -283,22 +283,24 @@ def solution(
     )
 
 
-#: Where the numbers of `SolutionOfOne` are: the state and the power, then how the estimate has
+#: Where the numbers of a `LazySolution` are: the state and the power, then how the estimate has
 #: ended, which detectors were used, and what is left, then the checks and the limit, and the
 #: covariance if there is one.
 STATUS, ITERATIONS, USED = 9, 10, 11
 RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 FIELDS: dict[str, Callable[[Floats], Any]] = {
-    "state": lambda numbers: numbers[:8],
-    "status": lambda numbers: np.array(numbers[STATUS], np.int8),
-    "power": lambda numbers: np.array(numbers[8]),
-    "used": lambda numbers: numbers[USED:RESIDUAL] > 0,
-    "iterations": lambda numbers: np.array(numbers[ITERATIONS], np.int32),
-    "residual": lambda numbers: np.array(numbers[RESIDUAL]),
-    "checks": lambda numbers: np.array(numbers[CHECKS], np.int8),
-    "limit": lambda numbers: np.array(numbers[LIMIT]),
+    "state": lambda numbers: numbers[..., :8],
+    "status": lambda numbers: numbers[..., STATUS].astype(np.int8),
+    "power": lambda numbers: numbers[..., 8],
+    "used": lambda numbers: numbers[..., USED:RESIDUAL] > 0,
+    "iterations": lambda numbers: numbers[..., ITERATIONS].astype(np.int32),
+    "residual": lambda numbers: numbers[..., RESIDUAL],
+    "checks": lambda numbers: numbers[..., CHECKS].astype(np.int8),
+    "limit": lambda numbers: numbers[..., LIMIT],
     "covariance": lambda numbers: (
-        numbers[COVARIANCE:].reshape(8, 8) if len(numbers) > COVARIANCE else None
+        numbers[..., COVARIANCE:].reshape(*numbers.shape[:-1], 8, 8)
+        if numbers.shape[-1] > COVARIANCE
+        else None
     ),
     "noise_covariance": lambda numbers: None,
     "calibration_covariance": lambda numbers: None,
@@ -307,34 +309,36 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
 
 
 def results_of(numbers: Floats) -> problem.Results:
-    """The numbers of `SolutionOfOne` as results, whose arrays are parts of them."""
-    found = Solution(*(make(numbers) for make in FIELDS.values()))
+    """The numbers of a `LazySolution` as results, whose floats are parts of them."""
+    rows = numbers.reshape(-1, numbers.shape[-1])
+    found = Solution(*(make(rows) for make in FIELDS.values()))
     return problem.Results(
-        states=numbers[None, :9],
-        used=found.used[None],
-        status=found.status[None],
-        steps=found.iterations[None],
-        residuals=found.residual[None],
-        covariances=np.empty((0, 0, 0)) if found.covariance is None else found.covariance[None],
+        states=rows[:, :9],
+        used=found.used,
+        status=found.status,
+        steps=found.iterations,
+        residuals=found.residual,
+        covariances=np.empty((0, 0, 0)) if found.covariance is None else found.covariance,
     )
 
 
-class SolutionOfOne(Solution):
-    """That of one reading, made of the numbers that a block left.
+class LazySolution(Solution):
+    """The solution of one reading or of a few, made of the numbers that blocks left.
 
     A field is made when it is first asked for: to make all nine takes as long as the estimate, and
     a loop asks for two or three.
     """
 
     @classmethod
-    def from_numbers(cls, numbers: Floats, parts: UncertaintyParts | None = None) -> SolutionOfOne:
-        """numbers, parts: its own."""
+    def from_numbers(cls, numbers: Floats, parts: UncertaintyParts | None = None) -> LazySolution:
+        """numbers: (..., n).  Numbers and parts are its own."""
         found = object.__new__(cls)
         found.__dict__["_numbers"] = numbers
         if parts is not None:
-            found.__dict__["noise_covariance"] = parts.noise[0]
-            found.__dict__["calibration_covariance"] = parts.calibration[0]
-            freedom = np.array(parts.degrees_of_freedom)
+            shape = numbers.shape[:-1]
+            freedom = np.full(shape, parts.degrees_of_freedom)
+            found.__dict__["noise_covariance"] = parts.noise.reshape(*shape, 8, 8)
+            found.__dict__["calibration_covariance"] = parts.calibration.reshape(*shape, 8, 8)
             found.__dict__["calibration_degrees_of_freedom"] = freedom
         return found
 
