@@ -13,9 +13,8 @@ from llvmlite import ir
 
 from ..model.block_code import LaneWrite, linearise_exactly, pointers_to
 from ..model.kinds import CUT
-from ..model.packing import is_ideal, row_size, vectors_at, vectors_of
+from ..model.packing import complete_light, row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
-from ..optics.effects import IDEAL
 from ..optics.forward import replace_power
 from ..scalars.lanes import LaneMemory, LaneWriter
 from ..scalars.machine import LONG, write_loop
@@ -140,6 +139,4 @@ def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:
         text = linearise_exactly(code, vectors, state, len(places))
     else:
         text = bench_gradient.linearise_nearly(vectors, state)
-    if is_ideal(vectors):  # whose light is not in memory
-        vectors = vectors._replace(light=IDEAL)
-    return unknown_slopes(vectors, text, form.free)
+    return unknown_slopes(complete_light(vectors), text, form.free)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from ..scalars.nesting import leaves, nest
@@ -34,9 +35,8 @@ class WideValue(Value):
 
 def number(value: float, wide: bool = False) -> str:
     """Write a constant in C with all digits."""
-    if math.isnan(value):
-        return "W(FACETS_NAN)" if wide else "FACETS_NAN"
-    return f"{'W' if wide else 'R'}({float(value)!r})"
+    text = "FACETS_NAN" if math.isnan(value) else repr(float(value))
+    return f"{'W' if wide else 'R'}({text.replace('inf', 'FACETS_INFINITY')})"
 
 
 def is_wide(*parts: Numbers) -> bool:
@@ -123,20 +123,27 @@ class CWriter(Tracer):
         self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
     ) -> Numbers:
         """See `dispatch.sum_over`; a loop in C."""
-        name, place, row = self._table(table), self._new("c"), self._new("n")
+        name, place = self._table(table), self._new("c")
         first, indent = len(self.statements), self._indent
-        self._write(f"for (int {row} = 0; {row} < {len(table)}; {row}++) {{")
-        self._indent += "    "
-        with self.scope():
+        with self.loop(len(table)) as row:
             numbers = (Value(self, f"{name}[{row}][{n}]") for n, _ in enumerate(table[0]))
             found = function(*numbers, *arguments)
             for n, number in enumerate(leaves(found)):
                 self._write(f"{place}[{n}] += {self.text(number)};")
-        self._indent = indent
-        self._write("}")
         count = len(list(leaves(found)))
         self.statements.insert(first, f"{indent}facets_real {place}[{count}] = {{R(0.0)}};")
         return nest(found, iter([Value(self, f"{place}[{n}]") for n in range(count)]))
+
+    @contextmanager
+    def loop(self, count: int) -> Iterator[str]:
+        """Write a loop, whose counter has the name that the context yields."""
+        counter, indent = self._new("n"), self._indent
+        self._write(f"for (int {counter} = 0; {counter} < {count}; {counter}++) {{")
+        self._indent += "    "
+        with self.scope():
+            yield counter
+        self._indent = indent
+        self._write("}")
 
     def _table(self, table: Sequence[Sequence[float]]) -> str:
         names = [key for key in self.functions if isinstance(key, tuple)]

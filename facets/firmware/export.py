@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.sensor import Sensor
+from .model_text import needs_double
 from .source import CSource, Provenance, fill_template, template, write_source
 from .vectors import TestVectors, make_vectors
 
@@ -20,6 +21,8 @@ For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU cou
 | Cortex-M7 | double | 29 kB | 5.8 kB | 10,100 | 10,300 | 60,000 in 6 steps |
 | Cortex-M7 | single | 29 kB | 3.0 kB | 10,500 | 10,700 | 53,000 in 5 steps |
 | Cortex-M4F | single | 31 kB | 3.0 kB | 31,700 | 31,800 | 153,000 in 5 steps |
+| Cortex-M7 | double, spots cut by edges | 74 kB | | 44,300 | 44,500 | 238,000 in 6 steps |
+| Cortex-M7 | double, all effects of a bench | 117 kB | | 152,000 | 152,000 | 913,000 in 6 steps |
 
 Without the C library's `exp`, `atan2` and their like; the light far off the beam's centre takes
 10 kB. The Cortex-M4F has no double precision, in which the last part of each reading is computed in
@@ -48,22 +51,25 @@ def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
     found = {
         Path("facets.h"): code.header,
         Path("facets.c"): code.code,
-        Path("vectors.h"): vectors_header(make_vectors(sensor), about),
+        Path("vectors.h"): vectors_header(make_vectors(sensor), about, sensor.light.on),
     }
     for name in FILES:
-        found[Path(name.removesuffix(".in"))] = fill_folder_template(template(name), code, about)
+        found[Path(name.removesuffix(".in"))] = fill_folder_template(
+            template(name), code, about, not needs_double(sensor)
+        )
     return found
 
 
-def fill_folder_template(text: str, code: CSource, about: Provenance) -> str:
+def fill_folder_template(text: str, code: CSource, about: Provenance, single: bool) -> str:
     return (
         fill_template(text, about)
+        .replace("@SINGLE@", "yes" if single else "")
         .replace("@OPERATIONS@", f"{code.operations:,}")
         .replace("@COSTS@", COSTS)
     )
 
 
-def vectors_header(found: TestVectors, about: Provenance) -> str:
+def vectors_header(found: TestVectors, about: Provenance, real_light: bool) -> str:
     """Write the test vectors as C constants in double precision."""
     count = len(found.status)
     lines = [
@@ -72,6 +78,7 @@ def vectors_header(found: TestVectors, about: Provenance) -> str:
         "#define FACETS_VECTORS_H",
         "#include <math.h>",
         f"#define VECTORS {count}",
+        f"#define VECTORS_OF_REAL_LIGHT {int(real_light)}",
         table("double VECTOR_READING", found.reading),
         table("int VECTOR_BEAM_KNOWN", found.beam_known.astype(int)),
         table("int VECTOR_STATUS", found.status),

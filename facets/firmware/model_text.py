@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..core.sensor import Sensor
 from ..model.arrays import geometry_of
+from ..optics.exact_text import ExactText, exact_text
+from ..optics.footprint import footprints
 from ..optics.forward import (
+    Geometry,
     dark_scene,
     illuminate,
     path,
@@ -17,14 +20,19 @@ from ..optics.forward import (
 )
 from ..optics.gradient import edge_turns, linearise_detector
 from ..optics.vectors import rotation_axes
+from ..scalars.dual import Dual
+from ..scalars.nesting import leaves
+from ..scalars.tracing import Value
 from .c_numbers import CONSTANT, CWriter, prune_statements
 
 
 class ModelText(NamedTuple):
-    """statements: body of `facets_linearise`.  functions: that it calls.  operations: count of its
-    computed numbers."""
+    """statements: body of `facets_linearise`.  ends: of `spot_ends`, which fills ends[3][5] with
+    `footprints`.  functions: that these call.  operations: count of the first one's computed
+    numbers."""
 
     statements: str
+    ends: str
     functions: str
     operations: int
 
@@ -32,27 +40,69 @@ class ModelText(NamedTuple):
 def model_text(sensor: Sensor) -> ModelText:
     """The statements that fill found[10][10] from x[9]: a state (mm, rad) and the power (mW).
 
-    The first row holds the nine readings, each further row one reading's derivatives. The spots'
-    positions are computed in wide numbers: over the detector's distance, single precision would
-    round them by some 50 nm. The light and the derivatives do not need this.
+    The first row holds the nine readings, each further row one reading's derivatives.
     """
     writer = CWriter()
-    exact = tuple(writer.variable(f"x[{c}]", wide=True) for c in range(8))
     vectors = replace_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
+    if needs_double(sensor):
+        detectors = linearise_exactly(writer, vectors, exact_text(sensor.apertures.cut))
+    else:
+        detectors = linearise_widely(writer, vectors)
+    for k, (values, derivatives) in enumerate(detectors):
+        for i, (value, slopes) in enumerate(zip(values, derivatives, strict=True)):
+            row = 3 * k + i
+            writer.put(f"found[0][{row}]", value)
+            for c, slope in enumerate(slopes):
+                writer.put(f"found[{1 + row}][{c}]", slope)
+            writer.put(f"found[{1 + row}][8]", power_derivative(vectors, values, k, i))
+    statements = prune_statements(writer.statements)
+    ends = CWriter(writer.functions)
+    if sensor.apertures.detectors:
+        spots = footprints(geometry_of(sensor), state_of(ends))
+        for n, number in enumerate(leaves(spots)):
+            ends.put(f"ends[{n // 5}][{n % 5}]", number)
+    functions = "\n\n".join(text for text, _ in writer.functions.values())
+    operations = sum(map(bool, map(CONSTANT.match, statements)))
+    ends_text = "\n".join(prune_statements(ends.statements))
+    return ModelText("\n".join(statements), ends_text, functions, operations)
+
+
+def needs_double(sensor: Sensor) -> bool:
+    """Whether the statements are for double precision only."""
+    return sensor.apertures.cut or sensor.light.on
+
+
+def state_of(writer: CWriter, wide: bool = False) -> tuple[Value, ...]:
+    return tuple(writer.variable(f"x[{c}]", wide) for c in range(8))
+
+
+def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
+    """What each detector reads in ideal light, and the derivatives by the state.
+
+    The spots' positions are computed in wide numbers: over the detector's distance, single
+    precision would round them by some 50 nm. The light and the derivatives do not need this.
+    """
+    exact = state_of(writer, wide=True)
     standing = dark_scene(vectors, exact)
     at = illuminate(writer.narrow(standing))
     lit = replace_light(standing, at.integrals, at.moments)
     turns, axes = edge_turns(vectors, at), writer.narrow(rotation_axes(exact[4], exact[5]))
+    found = []
     for k in range(3):
         values, derivatives = linearise_detector(vectors, at, k, turns, axes)
         psi, zeta, _ = writer.narrow(reading(vectors, lit, k, path(vectors, lit, k)))
-        for i, value in enumerate((psi, zeta, values[2])):
-            row = 3 * k + i
-            writer.put(f"found[0][{row}]", value)
-            for c in range(8):
-                writer.put(f"found[{1 + row}][{c}]", derivatives[i][c])
-            writer.put(f"found[{1 + row}][8]", power_derivative(vectors, values, k, i))
-    statements = prune_statements(writer.statements)
-    functions = "\n\n".join(text for text, _ in writer.functions.values())
-    operations = sum(map(bool, map(CONSTANT.match, statements)))
-    return ModelText("\n".join(statements), functions, operations)
+        found.append(((psi, zeta, values[2]), derivatives))
+    return found
+
+
+def linearise_exactly(writer: CWriter, vectors: Geometry, text: ExactText) -> list[Any]:
+    """The same of real light, or of light that apertures cut; a loop in C puts the derivatives, one
+    component of the state after the other."""
+    state = state_of(writer)
+    at = text.scene(vectors, state)
+    with writer.loop(8) as component:
+        units = (writer.variable(f"(facets_real)({component} == {c})") for c in range(8))
+        moved = tuple(Dual(number, unit) for number, unit in zip(state, units, strict=True))
+        for row, slope in enumerate(leaves(text.slopes(vectors, moved, at))):
+            writer.put(f"found[{1 + row}][{component}]", slope)
+    return [(values, ((), (), ())) for values in text.readings(vectors, at)]

@@ -10,22 +10,13 @@ from ..detectors.correction import coefficients, is_corrected
 from ..detectors.counts import counts_per_ampere
 from ..detectors.noise import CHARGE, current_variances, has_two_layers, power_floor
 from ..estimation.doubts import has_fold
+from ..estimation.plan import make_limits
 from ..model.arrays import half_sizes
 from .c_numbers import number
 
 
 def refuse_sensor(sensor: Sensor) -> None:
     """Raise `InputError`, with the reason, for a sensor that the C code cannot compute."""
-    if sensor.apertures.cut:
-        raise InputError(
-            "the sensor has apertures, and light that is cut is not part of the C code; "
-            "leave `apertures` out where no spot reaches an edge"
-        )
-    if sensor.light.on:
-        raise InputError(
-            "the sensor has `light` of a bench (wavefront, diffraction, coating, edges), which is "
-            "not part of the C code; calibrate without it, or solve on a PC"
-        )
     if any(sensor.light.delays):
         raise InputError(
             "the detectors are read at different times (`light.delays`), which the C code does not "
@@ -45,15 +36,20 @@ def refuse_sensor(sensor: Sensor) -> None:
 
 def sensor_data(sensor: Sensor) -> str:
     """The constants that the C sources need."""
+    limits = make_limits(sensor, False)
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     parts = [
         define("BEAM_POWER", sensor.beam.power, "mW"),
         define("FARTHEST", distance, "mm, of a detector"),
         define("POWER_FLOOR", power_floor(sensor), "mW, standard deviation without light"),
-        array("HALF_SIZES", half_sizes(sensor), "mm, along y and z"),
+        f"#define CUTS_AT_EDGES {int(sensor.apertures.detectors)} /* of the detectors */",
+        array("SOUND_SIZES", limits.half_sizes, "mm, of where a place can be used"),
+        array("LEAST_LIGHT", limits.light, "mW, of a reading that counts, and of any light"),
         noise_data(sensor),
         correction_data(sensor),
     ]
+    if sensor.electronics is not None or is_corrected(sensor) or sensor.apertures.detectors:
+        parts.append(array("HALF_SIZES", half_sizes(sensor), "mm, along y and z"))
     return "\n".join(parts)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..core.sensor import Sensor
 from ..core.version import __version__
-from .model_text import model_text
+from .model_text import model_text, needs_double
 from .sensor_data import refuse_sensor, sensor_data
 
 
@@ -55,10 +55,26 @@ MODEL = """\
 
 /* found: in the first row the readings at x, a state and the power; below, their derivatives by
  * each of these, a reading a row. */
-static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
+{guard}static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
 {{
 {statements}
 }}
+"""
+
+SPOT_ENDS = """\
+/* The ends of each spot at a state: least and largest psi, then zeta, mm; and how far from its axis
+ * the mirror is lit. */
+static void spot_ends(const facets_wide x[9], facets_real ends[3][5])
+{{
+{statements}
+}}
+"""
+
+
+ONLY_DOUBLE = """\
+#ifdef FACETS_FLOAT
+#error "the light of this sensor is computed in double precision only: compile without FACETS_FLOAT"
+#endif
 """
 
 
@@ -74,7 +90,12 @@ def write_source(sensor: Sensor, about: Provenance) -> CSource:
         '#include "facets.h"',
         template("numbers.h.in"),
         "/* The sensor. */\n" + sensor_data(sensor) + "\n",
-        MODEL.format(functions=model.functions, statements=model.statements),
+        MODEL.format(
+            functions=model.functions,
+            statements=model.statements,
+            guard=ONLY_DOUBLE if needs_double(sensor) else "",
+        ),
+        SPOT_ENDS.format(statements=model.ends) if model.ends else "",
         "static facets_real square(facets_real x) { return x * x; }\n"
         "static int finite_number(facets_real x) { return x - x == R(0.0); }\n",
         template("counts.c"),

@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import nan
-from typing import Any, NamedTuple
+from typing import Any
 
 from llvmlite import ir
 
 from ..optics import bench_gradient, bench_light, cut, gradient, parameters
-from ..optics.curved_light import apparent_scene
-from ..optics.footprint import collimated_slopes, curved_slopes, footprint
-from ..optics.forward import Geometry, dark_scene
+from ..optics.exact_text import exact_text
+from ..optics.footprint import footprints
+from ..optics.forward import Geometry
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lanes import LaneMemory, LaneWriter
@@ -29,6 +29,7 @@ from .packing import (
     PACKED,
     PARALLEL,
     carry_slopes,
+    complete_light,
     is_cut,
     is_ideal,
     vectors_at,
@@ -104,36 +105,11 @@ def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
 def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """Write fifteen numbers to a row of `found` for each state, five of `footprint` for each
     spot."""
-    at, spread = dark_scene(vectors, tuple(code.load_rows(states, 8, 8))), collimated_slopes
-    if not is_ideal(vectors):
-        at, spread = apparent_scene(vectors, at), curved_slopes
     ends: list[Any] = []
-    for k in range(3):
-        *edges, out = footprint(vectors, at, k, spread(vectors, at, k))
+    for *edges, out in footprints(complete_light(vectors), tuple(code.load_rows(states, 8, 8))):
         landed = code.compare("==", edges[0], edges[0])  # Lanes subtract x - x to get zero, or NaN.
         ends += [*edges, code.select(landed, out, nan)]
     code.store_rows(ends, found, 15)
-
-
-class ExactText(NamedTuple):
-    """The text of readings with derivatives that leave nothing out, of a kind of light.
-
-    scene: of vectors and a state, what follows needs.  readings: from vectors and that.  slopes: of
-    vectors and a state that carry derivatives, and of that without them.
-    """
-
-    scene: Callable[..., Any]
-    readings: Callable[..., Any]
-    slopes: Callable[..., Any]
-
-
-BENCH = ExactText(bench_light.scene, bench_light.scene_readings, bench_gradient.reading_slopes)
-OF_CUT = ExactText(cut.cut_scene, cut.scene_readings, cut.reading_slopes)
-
-
-def exact_text(vectors: Geometry) -> ExactText:
-    """Of real light, or of light that apertures cut."""
-    return OF_CUT if is_cut(vectors) else BENCH
 
 
 @contextmanager
@@ -150,13 +126,13 @@ def each_component(
             own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
             slope = code.spread(code.builder.uitofp(own, DOUBLE)) if c < count else 0.0
             moved.append(Dual(number, slope))
-        yield component, list(leaves(exact_text(vectors).slopes(vectors, tuple(moved), at)))
+        yield component, list(leaves(exact_text(is_cut(vectors)).slopes(vectors, tuple(moved), at)))
 
 
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """Write the exact derivatives, one component after the other."""
     state = code.load_rows(states, 8, 8)
-    text = exact_text(vectors)
+    text = exact_text(is_cut(vectors))
     at = text.scene(vectors, tuple(state))
     values = list(leaves(text.readings(vectors, at)))
     with each_component(code, vectors, state, at, 8) as (component, slopes):
@@ -174,7 +150,7 @@ def linearise_exactly(
 ) -> list[tuple[Any, list[list[Value]]]]:
     """Readings and their derivatives by the first `count` components of the state, detector by
     detector as `bench_gradient.linearise` gives them."""
-    text = exact_text(vectors)
+    text = exact_text(is_cut(vectors))
     at = text.scene(vectors, tuple(state))
     values = text.readings(vectors, at)
     memory = LaneMemory(code, 9 * count)
@@ -216,7 +192,7 @@ def slopes_by_copies(kind: str) -> LaneWrite:
     def formula(
         code: LaneWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
     ) -> None:
-        text = exact_text(vectors)
+        text = exact_text(is_cut(vectors))
         at = text.scene(vectors, state)
         with code.loop(copies) as copy:
             row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..optics.effects import LightOptions
+from ..optics.effects import IDEAL, LightOptions
 from ..optics.forward import Geometry, Openings, build_geometry
 from ..optics.parameters import parameter_axes
 from ..scalars.dual import Dual, value_and_slope
@@ -76,6 +76,11 @@ def is_cut(vectors: Any) -> bool:
 def is_ideal(vectors: Any) -> bool:
     """Whether formulas for ideal light take these vectors."""
     return vectors.light is None
+
+
+def complete_light(vectors: Any) -> Any:
+    """Vectors of which formulas for any light can ask; ideal light is not in memory."""
+    return vectors._replace(light=IDEAL) if is_ideal(vectors) else vectors
 
 
 def carry_slopes(values: Any, slopes: Any) -> Any:

@@ -12,8 +12,8 @@ from math import inf, nan
 from typing import Any
 
 from ..scalars.dispatch import Number, select, sqrt
-from .curved_light import detector_image, trace_ray
-from .forward import Geometry, Scene
+from .curved_light import apparent_scene, detector_image, trace_ray
+from .forward import Geometry, Scene, dark_scene
 from .limits import central_landing, gradient_per_sigma, outward_direction
 from .rays import gradient_of_shift, reflect, slant
 from .vectors import Plane, cross2, dot, dot2, subtract
@@ -95,6 +95,14 @@ def collimated_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Pla
         gradient_per_sigma(geometry, gradient_of_shift(along_y, beam, normal)),
         gradient_per_sigma(geometry, gradient_of_shift(along_z, beam, normal)),
     )
+
+
+def footprints(geometry: Geometry, state: tuple[Number, ...]) -> Any:
+    """What `footprint` gives of each spot at a state: (3, 5)."""
+    at, spread = dark_scene(geometry, state), collimated_slopes
+    if geometry.light.options.on:
+        at, spread = apparent_scene(geometry, at), curved_slopes
+    return tuple(footprint(geometry, at, k, spread(geometry, at, k)) for k in range(3))
 
 
 def footprint(

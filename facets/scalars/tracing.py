@@ -102,11 +102,17 @@ class Condition:
     def __init__(self, writer: Any, ir: Any) -> None:
         self.writer, self.ir = writer, ir
 
-    def __or__(self, other: Condition) -> Condition:
-        return self.writer.combine("or", self, other)  # type: ignore[no-any-return]
+    def __or__(self, other: Condition | bool) -> Any:
+        if isinstance(other, bool):
+            return other or self
+        return self.writer.combine("or", self, other)
 
-    def __and__(self, other: Condition) -> Condition:
-        return self.writer.combine("and", self, other)  # type: ignore[no-any-return]
+    def __and__(self, other: Condition | bool) -> Any:
+        if isinstance(other, bool):
+            return other and self
+        return self.writer.combine("and", self, other)
+
+    __ror__, __rand__ = __or__, __and__
 
     def __invert__(self) -> Condition:
         return self.writer.combine("not", self)  # type: ignore[no-any-return]

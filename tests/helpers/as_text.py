@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from facets.optics import bench_gradient, bench_light, cut, forward, gradient
-from facets.optics.curved_light import apparent_scene
-from facets.optics.footprint import collimated_slopes, curved_slopes, footprint
-from facets.optics.forward import Geometry, dark_scene
+from facets.optics.forward import Geometry
 from facets.scalars.dual import Dual
 from facets.scalars.nesting import leaves
 
@@ -55,10 +53,3 @@ def rows_of(detectors: Any) -> list[Any]:
         for values, rows in detectors
         for value, row in zip(values, rows, strict=True)
     ]
-
-
-def footprints(geometry: Geometry, state: State) -> list[Sequence[float]]:
-    at, spread = dark_scene(geometry, state), collimated_slopes
-    if geometry.light.options.on:
-        at, spread = apparent_scene(geometry, at), curved_slopes
-    return [footprint(geometry, at, k, spread(geometry, at, k)) for k in range(3)]

@@ -43,6 +43,7 @@ from facets.optics import (
     forward,
 )
 from facets.optics import parameters as by_parameters
+from facets.optics.footprint import footprints
 
 APERTURES = facets.Apertures(beam=1.1, detectors=True, tip=0.03, rim=0.4, gap=0.01)
 COATED = BenchLight(
@@ -154,7 +155,7 @@ FLOATS: dict[str, Callable[..., Any]] = {
     "readings": lambda sensor, *at: as_text.readings(*at),
     "jacobian": lambda sensor, *at: as_text.derivatives(*at),
     "approximate_jacobian": lambda sensor, *at: as_text.approximate_derivatives(*at),
-    "footprints": lambda sensor, *at: as_text.footprints(*at),
+    "footprints": lambda sensor, *at: list(footprints(*at)),
     "parameter_jacobian": parameter_slopes,
     "effect_jacobian": effect_slopes,
 }
@@ -287,6 +288,11 @@ EXECUTIONS = [
     Execution("C in double precision", partial(exported_c, DOUBLE),
               {"readings": 4}, ("ideal",),
               sensors=2, program="gcc"),
+    # Where one facet's light is no number, C knows which of its products with zero to leave out.
+    Execution("C of real light", partial(exported_c, DOUBLE), {"readings": 8}, BENCH, BENCH,
+              sensors=2, states=BRIGHT, program="gcc"),
+    Execution("C of cut light", partial(exported_c, DOUBLE), {"readings": 200},
+              ("cut", "cut and coated"), ("cut", "cut and coated"), sensors=2, program="gcc"),
     Execution("C in single precision", partial(exported_c, SINGLE),
               {"readings": 1e10}, ("ideal",),
               sensors=2, states=BRIGHT, program="gcc"),

@@ -4,7 +4,6 @@
 
 #define UNKNOWNS 9
 #define ROWS (9 + 3 + UNKNOWNS)
-#define FAINTEST R(10.0)
 #define HEAVIEST R(1e12)
 #define PATIENCE 10
 #define STEPS_IN_THE_DARK 8
@@ -32,9 +31,9 @@ static int screen_reading(const facets_real *reading, int32_t used[3], facets_re
         int fault = FACETS_CONVERGED;
         if (!(finite_number(one[0]) && finite_number(one[1]) && finite_number(one[2])))
             fault = FACETS_NON_FINITE;
-        else if (!(one[2] > FAINTEST * POWER_FLOOR))
+        else if (!(one[2] > LEAST_LIGHT[0][k]))
             fault = FACETS_NO_LIGHT;
-        else if (facets_fabs(one[0]) > HALF_SIZES[k][0] || facets_fabs(one[1]) > HALF_SIZES[k][1])
+        else if (facets_fabs(one[0]) > SOUND_SIZES[k][0] || facets_fabs(one[1]) > SOUND_SIZES[k][1])
             fault = FACETS_OUT_OF_RANGE;
         used[k] = fault == FACETS_CONVERGED;
         weigh_detector(k, one, used[k], weights + 3 * k);
@@ -104,7 +103,7 @@ static int is_dark(const Work *work)
 {
     int k;
     for (k = 0; k < 3; k++)
-        if (work->weights[3 * k] > R(0.0) && !(work->found[0][3 * k + 2] > POWER_FLOOR)) return 1;
+        if (work->weights[3 * k] > R(0.0) && !(work->found[0][3 * k + 2] > LEAST_LIGHT[1][k])) return 1;
     return 0;
 }
 
@@ -271,6 +270,27 @@ static void copy(const facets_wide from[UNKNOWNS], facets_wide to[UNKNOWNS])
 {
     int c;
     for (c = 0; c < UNKNOWNS; c++) to[c] = from[c];
+}
+
+/* Whether a used spot reaches past its detector's edge, where it is cut: what then fits the reading
+ * need not be the pose. */
+static int reaches_edge(const facets_wide x[UNKNOWNS], const int32_t used[3])
+{
+#if CUTS_AT_EDGES
+    facets_real ends[3][5];
+    int k;
+    spot_ends(x, ends);
+    for (k = 0; k < 3; k++) {
+        const facets_real y = HALF_SIZES[k][0], z = HALF_SIZES[k][1], *own = ends[k];
+        if (used[k] && !(y + own[0] >= R(0.0) && y - own[1] >= R(0.0) && z + own[2] >= R(0.0)
+                         && z - own[3] >= R(0.0)))
+            return 1;
+    }
+#else
+    (void)x;
+    (void)used;
+#endif
+    return 0;
 }
 
 /* Improves x until the sum of squares is least. Returns the status. */
@@ -445,6 +465,8 @@ int32_t facets_solve(const facets_real *reading, const facets_real *start,
     if (status == FACETS_CONVERGED) {
         begin(reading, start, options, x);
         status = estimate(&work, x, reading, options, &solution->steps, &left);
+        if (status == FACETS_CONVERGED && reaches_edge(x, solution->used))
+            status = FACETS_OUT_OF_RANGE;
     }
     solution->status = status;
     if (status != FACETS_CONVERGED) {
@@ -481,6 +503,8 @@ int32_t facets_step(const facets_real *reading, facets_real *state, const facets
     for (c = 0; c < UNKNOWNS; c++)
         if (!finite_number(R(trial[c]))) return FACETS_OUT_OF_RANGE;
     if (dark) return FACETS_STALLED;
+    if (gain < rounding_floor(work.weights) && reaches_edge(trial, used))
+        return FACETS_OUT_OF_RANGE;
     for (c = 0; c < UNKNOWNS; c++) state[c] = R(trial[c]);
     return gain < rounding_floor(work.weights) ? FACETS_CONVERGED : FACETS_MAX_STEPS;
 }

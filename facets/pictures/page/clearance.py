@@ -7,9 +7,6 @@ from math import inf
 from typing import Any
 
 from ...core.sensor import Sensor
-from ...optics.curved_light import apparent_scene
-from ...optics.footprint import collimated_slopes, curved_slopes, footprint
-from ...optics.forward import Geometry, dark_scene
 from ...scalars.dispatch import log
 
 #: The sense in which each end of a spot counts against its limit, as in `arrays.edge_distances`.
@@ -18,19 +15,10 @@ SENSES = (1.0, -1.0, 1.0, -1.0, -1.0)
 LEAST_RATIO = 1e-300
 
 
-def ends_of_spots(geometry: Geometry, state: tuple[float, ...]) -> Any:
-    """The footprints (3, 5) at a state, mm."""
-    at = dark_scene(geometry, state)
-    if geometry.light.options.on:
-        at = apparent_scene(geometry, at)
-        return tuple(footprint(geometry, at, k, curved_slopes(geometry, at, k)) for k in range(3))
-    return tuple(footprint(geometry, at, k, collimated_slopes(geometry, at, k)) for k in range(3))
-
-
 def spot_clearance(sensor: Sensor, ends: Any, reading: Any, whole: bool) -> float:
     """The least margin of a spot, as of `ranges.spot_clearances`.
 
-    ends: of `ends_of_spots`.  reading: (3, 3), mm and mW.  whole: whether the whole spot counts.
+    ends: of `footprints`.  reading: (3, 3), mm and mW.  whole: whether the whole spot counts.
     """
     least = inf
     for k in range(3):

@@ -26,6 +26,8 @@ from ...optics import (
     bench_light,
     curved_light,
     cut,
+    exact_text,
+    footprint,
     forward,
     gradient,
     rays,
@@ -39,7 +41,7 @@ class Texts(NamedTuple):
     """The optics' texts of one kind of light.
 
     linearise: the derivatives with which the solver steps; None for the exact ones.  exact: what
-    makes those, for where the others leave terms out: a scene, its readings, and their slopes.
+    makes those, for where the others leave terms out, as in `ExactText`.
     """
 
     readings: Callable[..., Any]
@@ -47,16 +49,12 @@ class Texts(NamedTuple):
     exact: tuple[Callable[..., Any], ...] = ()
 
 
-CUT = Texts(cut.readings, None, (cut.cut_scene, cut.scene_readings, cut.reading_slopes))
+CUT = Texts(cut.readings, None, exact_text.CUT)
 #: Of ideal light, of truncated light, of a bench's light, and of both.
 TEXTS: dict[tuple[bool, bool], Texts] = {
     (False, False): Texts(forward.readings, gradient.linearise),
     (True, False): CUT,
-    (False, True): Texts(
-        bench_light.readings,
-        bench_gradient.linearise_nearly,
-        (bench_light.scene, bench_light.scene_readings, bench_gradient.reading_slopes),
-    ),
+    (False, True): Texts(bench_light.readings, bench_gradient.linearise_nearly, exact_text.BENCH),
     (True, True): CUT,
 }
 #: The functions with which `light.js` draws.
@@ -82,7 +80,7 @@ SOLVED = (
     step.estimate,
     step.residual_of,
     step.covariance_of,
-    clearance.ends_of_spots,
+    footprint.footprints,
     clearance.spot_clearance,
     clearance.light_clearance,
     clearance.fullness,

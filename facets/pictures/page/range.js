@@ -32,7 +32,7 @@ const Ranges = (() => {
     }
 
     function clearances(pose) {
-      const state = stateOf(pose), values = readings(state), ends = clearance_ends_of_spots(geometry, state);
+      const state = stateOf(pose), values = readings(state), ends = footprint_footprints(geometry, state);
       const nested = [0, 1, 2].map((k) => values.slice(3 * k, 3 * k + 3));
       const spot = clearance_spot_clearance(sensor, ends, nested, rules.whole_spot);
       const light = clearance_light_clearance(nested, needed, other);

@@ -70,7 +70,7 @@ const Solver = (() => {
     // Whether a used spot reaches past its detector's edge, where it is cut: doubts.cut_spots.
     function isCut(state, used) {
       if (!sensor.apertures.detectors) return false;
-      return clearance_ends_of_spots(geometry, state).some(([left, right, low, high], k) => {
+      return footprint_footprints(geometry, state).some(([left, right, low, high], k) => {
         const {size_y, size_z} = sensor.psds[k];
         return used[k] && !(Math.min(size_y / 2 + left, size_y / 2 - right, size_z / 2 + low, size_z / 2 - high) >= 0);
       });

@@ -1,0 +1,25 @@
+"""The readings with derivatives that leave nothing out, of real light and of light that is cut."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from . import bench_gradient, bench_light, cut
+
+
+class ExactText(NamedTuple):
+    """scene: of vectors and a state, what follows needs.  readings: from vectors and that.
+    slopes: of vectors and a state that carry derivatives, and of that without them."""
+
+    scene: Callable[..., Any]
+    readings: Callable[..., Any]
+    slopes: Callable[..., Any]
+
+
+BENCH = ExactText(bench_light.scene, bench_light.scene_readings, bench_gradient.reading_slopes)
+CUT = ExactText(cut.cut_scene, cut.scene_readings, cut.reading_slopes)
+
+
+def exact_text(is_cut: bool) -> ExactText:
+    return CUT if is_cut else BENCH
