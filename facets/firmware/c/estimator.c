@@ -434,11 +434,14 @@ int32_t facets_readings(const facets_real *state, facets_real *reading)
     facets_wide x[UNKNOWNS];
     facets_real found[10][10];
     int32_t lit = 0;
-    int c, k;
-    for (c = 0; c < 8; c++) x[c] = W(state[c]);
+    int c, k, sound = 1;
+    for (c = 0; c < 8; c++) {
+        sound = sound && finite_number(state[c]);
+        x[c] = W(state[c]);
+    }
     x[8] = W(BEAM_POWER);
     facets_linearise(x, found);
-    for (k = 0; k < 9; k++) reading[k] = found[0][k];
+    for (k = 0; k < 9; k++) reading[k] = sound ? found[0][k] : FACETS_NAN;
     for (k = 0; k < 3; k++) {
         const facets_real sum = reading[3 * k] + reading[3 * k + 1] + reading[3 * k + 2];
         if (finite_number(sum) && reading[3 * k + 2] > R(0.0)) {
