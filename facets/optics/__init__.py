@@ -3,6 +3,7 @@ from ..core.faces import load_on_use
 __getattr__ = load_on_use(
     __name__,
     {
+        "compensated": "sum_of_products",
         "half_normal": "tail_integrals",
         "tail": "far_side tail_wedge",
         "effects": "LightEffects",

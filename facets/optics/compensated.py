@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from math import pi
 
-from ..scalars.dispatch import exp
+from ..scalars.dispatch import exp, round_product
 
 Plane = tuple[float, float]
 
 
 def product(a: float, b: float) -> tuple[float, float]:
     """The product a b exactly: the rounded product and its error (Dekker)."""
-    rounded = a * b
-    big_a, big_b = 134217729.0 * a, 134217729.0 * b  # 2^27 + 1 splits a float in two halves
+    whole = round_product(a * b)
+    # 2^27 + 1 splits a float in two halves.
+    big_a, big_b = round_product(134217729.0 * a), round_product(134217729.0 * b)
     high_a, high_b = big_a - (big_a - a), big_b - (big_b - b)
     low_a, low_b = a - high_a, b - high_b
-    missing = ((high_a * high_b - rounded) + high_a * low_b + low_a * high_b) + low_a * low_b
-    return rounded, missing
+    missing = ((high_a * high_b - whole) + high_a * low_b + low_a * high_b) + low_a * low_b
+    return whole, missing
 
 
 def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
@@ -26,8 +27,8 @@ def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, floa
     total = first + second
     part = total - first
     missing = (first - (total - part)) + (second - part) + first_missing + second_missing
-    rounded = total + missing
-    return rounded, missing - (rounded - total)
+    whole = total + missing
+    return whole, missing - (whole - total)
 
 
 def normalise(q: Plane, u: Plane) -> tuple[float, float, float]:

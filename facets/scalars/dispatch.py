@@ -110,6 +110,11 @@ def select_each(condition: Any, a: Any, b: Any) -> Any:
     return nest(a, (select(condition, one, other) for one, other in pairs))
 
 
+def round_product(x: Number) -> Number:
+    """A product as the number that it is rounded to, whatever sums it goes into (decision 13)."""
+    return x.writer.round_product(x) if hasattr(x, "writer") else x
+
+
 def where_any(condition: Any, other: Any, function: Callable[..., Any], *arguments: Any) -> Any:
     """`function(*arguments)` where the condition holds, else `other`, numbers nested likewise.
 

@@ -107,6 +107,10 @@ class LaneWriter(MachineWriter):
             self._factors[found] = operands
         return found
 
+    def round_product(self, x: Value) -> Value:
+        """See `dispatch.round_product`: a number of which no factors are known."""
+        return Value(self, x.ir)
+
     def same(self, truth: Any) -> Condition:
         """Broadcast a truth to all lanes. truth: a bool, or a bit of the generated code."""
         kind = ir.VectorType(BIT, self.lanes)

@@ -255,6 +255,10 @@ class Tracer:
             return a
         return self.once((condition, *ways), self.write_selection, condition, a, b)
 
+    def round_product(self, x: Value) -> Value:
+        """See `dispatch.round_product`."""
+        return x
+
     def function(self, name: str, *arguments: Value | float) -> Any:
         if not any(isinstance(each, Value) for each in arguments):
             return getattr(math, name)(*arguments)

@@ -3,11 +3,13 @@
 import ctypes
 import math
 import struct
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from llvmlite import binding, ir
 
+from facets.optics import sum_of_products
 from facets.scalars import dispatch, dual, lanes, machine
 
 pytestmark = pytest.mark.installed
@@ -87,6 +89,17 @@ def test_each_lane_computes_as_floats_do():
         np.testing.assert_allclose(
             run(rows, np.size(expected)), np.ravel(expected), rtol=7e-16, atol=1e-300
         )
+
+
+def test_sums_of_products_keep_twice_the_digits():
+    """In lanes, too, where a product that is fused into a sum would be no rounded number."""
+    writer, asked, results = new_function(lane_writer)
+    writer.store_rows(sum_of_products(*writer.load_rows(asked, 4, 4)), results, 2)
+    run = compiled(writer)
+    for rows in np.random.default_rng(1).uniform(-40, 40, (25, 4, 4)):
+        for found, (a, b, c, d) in zip(np.reshape(run(rows, 8), (4, 2)), rows, strict=True):
+            exact = Fraction(a) * Fraction(b) + Fraction(c) * Fraction(d)
+            assert abs(sum(map(Fraction, found)) - exact) <= 2**-90 * abs(exact)
 
 
 def swapped_sum(x, y):

@@ -29,7 +29,6 @@ from ...scalars import dispatch, dual
 
 #: Functions with their own JavaScript: elementary ones, and Python's built-in ones.
 KNOWN: dict[Any, str] = {
-    dispatch.holds_anywhere: "Boolean",
     **{
         getattr(module, name): f"Math.{name}"
         for module in (math, dispatch)
@@ -49,6 +48,7 @@ KNOWN: dict[Any, str] = {
     dispatch.sum_over: "sumOver",
     dispatch.holds_anywhere: "Boolean",
     dispatch.real: "Number",
+    dispatch.round_product: "Number",
     abs: "Math.abs",
     int: "Math.trunc",
     float: "Number",
