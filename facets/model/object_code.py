@@ -9,10 +9,12 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import io
+import json
 import os
 import threading
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,9 @@ from .code_folder import code_folder, tell
 
 #: Writes a function's instructions with an `llvmlite` builder, from its arguments.
 Write = Callable[[Any, Sequence[Any]], None]
-#: A stored object begins with its SHA-256 checksum, so that a damaged one is compiled again.
+#: Machine code of functions, by their names.
+Objects = dict[str, bytes]
+#: Stored objects begin with their SHA-256 checksum, so that damaged ones are compiled again.
 DIGEST_BYTES = 32
 MAKER = f"llvmlite {llvmlite.__version__}"
 ADDITION = """define void @add(<8 x double>* %place) {
@@ -46,18 +50,27 @@ def function(
     write: returns the writer of the code; only called to compile.  files: the files from which the
     code is made, beside the optics and the scalars. The interpreter's lock is released.
     """
-    folder, passing = code_folder(MAKER, __file__, *files)
-    path = path_of(name, folder)
-    with _LOCKS.setdefault(str(path), threading.Lock()):
-        code = read(path)
-        if code is None:
-            tell(passing)
-            code = load_code(name, count, write())
-            keep(path, code)
-    engine = load_object(code)
+    objects, passing = make_objects(name, count, write, *files)
+    engine = load_objects(objects)
     start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(engine.get_function_address(name))
     start.keeps = engine, passing  # type: ignore[attr-defined]
     return start
+
+
+def make_objects(
+    name: str, count: int, write: Callable[[], Write], *files: str | Path | None
+) -> tuple[Objects, object]:
+    """A function's object and those of the functions that it calls, and what `code_folder` gives
+    with the folder."""
+    folder, passing = code_folder(MAKER, __file__, *files)
+    path = path_of(name, folder)
+    with _LOCKS.setdefault(str(path), threading.Lock()):
+        objects = read(path)
+        if objects is None:
+            tell(passing)
+            objects = compile_objects(name, module_of(name, count, write()))
+            keep(path, objects)
+    return objects, passing
 
 
 def is_kept(name: str, *files: str | Path | None) -> bool:
@@ -110,18 +123,23 @@ def new_machine() -> Any:
     )
 
 
-def load_code(name: str, count: int, write: Write) -> bytes:
-    """Return the object with the function that `write` writes."""
+def compile_objects(name: str, module: Any) -> Objects:
+    """The object of a module with a function, and those of the functions that it calls, each of
+    which is stored for all that call it."""
+    from ..scalars.lanes import CALLED, write_callee
     from ..scalars.machine import count_loops
 
-    machine, module = new_machine(), module_of(name, count, write)
+    machine = new_machine()
     parsed = llvm.parse_assembly(str(module))
     parsed.verify()
     if count_loops(module.get_global(name)) > 1:
         optimise(parsed, machine)
     else:
         keep_in_registers(parsed, machine)
-    return machine.emit_object(parsed)  # type: ignore[no-any-return]
+    objects = {name: machine.emit_object(parsed)}
+    for called in CALLED.keys() & module.globals.keys() - {name}:
+        objects |= make_objects(called, 2, lambda called=called: partial(write_callee, called))[0]
+    return objects
 
 
 def module_of(name: str, count: int, write: Write) -> Any:
@@ -164,27 +182,34 @@ def keep_in_registers(module: Any, machine: Any) -> None:
             manager.run(function, passes)
 
 
-def load_object(code: bytes) -> Any:
-    """The engine that holds an object in memory and knows its functions' addresses."""
+def load_objects(objects: Objects) -> Any:
+    """The engine that holds objects in memory and knows their functions' addresses."""
     machine, empty = new_machine(), llvm.parse_assembly("")
     empty.triple = machine.triple
     engine = llvm.create_mcjit_compiler(empty, machine)
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    for code in objects.values():
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine
 
 
-def read(path: Path) -> bytes | None:
-    """Read a stored object, or return None."""
+def read(path: Path) -> Objects | None:
+    """Read stored objects, or return None."""
     try:
-        kept = path.read_bytes()
+        stored = path.read_bytes()
     except OSError:
         return None
-    digest, code = kept[:DIGEST_BYTES], kept[DIGEST_BYTES:]
-    return code if hashlib.sha256(code).digest() == digest else None
+    digest, content = stored[:DIGEST_BYTES], stored[DIGEST_BYTES:]
+    if hashlib.sha256(content).digest() != digest:
+        return None
+    sizes, _, codes = content.partition(b"\n")
+    file = io.BytesIO(codes)
+    return {name: file.read(size) for name, size in json.loads(sizes).items()}
 
 
-def keep(path: Path, code: bytes) -> None:
-    """Store an object in one step; if that fails it will be compiled again."""
+def keep(path: Path, objects: Objects) -> None:
+    """Store objects in one step; if that fails they will be compiled again."""
+    sizes = json.dumps({name: len(code) for name, code in objects.items()}).encode()
+    content = b"\n".join([sizes, b"".join(objects.values())])
     with contextlib.suppress(OutputError), Whole(path, alone=True) as temporary:
-        temporary.write_bytes(hashlib.sha256(code).digest() + code)
+        temporary.write_bytes(hashlib.sha256(content).digest() + content)

@@ -9,9 +9,10 @@ uses only additions, multiplications, divisions and roots, each rounded by IEEE 
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -43,6 +44,9 @@ LEAST_EXPONENT = -700.0
 QUARTERS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 #: Added to a number, it leaves the whole number that is nearest in the last bits.
 ROUNDING = 1.5 * 2.0**52
+#: The functions that code calls where a lane needs them, by the names of their code: each with
+#: arguments that are nested like its own, and the number of lanes.
+CALLED: dict[str, tuple[Callable[..., Any], Numbers, int]] = {}
 
 
 def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
@@ -88,8 +92,6 @@ class LaneWriter(MachineWriter):
         super().__init__(builder)
         self.lanes = lanes
         self.kind = ir.VectorType(DOUBLE, lanes)
-        #: The functions of the module, and how their results are nested.
-        self._functions: dict[Hashable, tuple[Any, Numbers]] = {}
         #: The factors of the products.
         self._factors: dict[Value | float, tuple[Value | float, ...]] = {}
 
@@ -237,43 +239,27 @@ class LaneWriter(MachineWriter):
         for cell, number in zip(cells, leaves(other), strict=True):
             cell[0] = number
         with self.builder.if_then(self.any(condition), likely=False), self.scope():
-            found = self.call(function, *arguments)
-            for cell, new, old in zip(cells, leaves(found), leaves(other), strict=True):
-                cell[0] = self.select(condition, new, old)
+            found = self._call(function, arguments, len(cells))
+            for cell, new in zip(cells, found, strict=True):
+                cell[0] = self.select(condition, new, cell[0])
         return nest(other, iter([cell[0] for cell in cells]))
 
-    def call(self, function: Callable[..., Any], *arguments: Numbers) -> Numbers:
-        """Call a function of lanes, which the module has once."""
+    def _call(
+        self, function: Callable[..., Any], arguments: Numbers, count: int
+    ) -> Iterator[Value]:
+        """Call a function that has an object of its own, and return its `count` results."""
+        name = f"{function.__module__.rpartition('.')[2]}_{function.__name__}_in_{self.lanes}_lanes"
         given = list(leaves(arguments))
-        code, like = self._function(function, arguments)
-        inputs, outputs = LaneMemory(self, len(given)), LaneMemory(self, len(list(leaves(like))))
+        CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.lanes
+        module = self.builder.module
+        kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
+        code = module.globals.get(name) or ir.Function(module, kind, name)
+        inputs, outputs = LaneMemory(self, len(given)), LaneMemory(self, count)
         for n, number in enumerate(given):
             inputs[n] = number
-        self.builder.call(code, [inputs.address(0), outputs.address(0)])
-        return nest(like, iter([outputs[n] for n, _ in enumerate(leaves(like))]))
-
-    def _function(self, function: Callable[..., Any], arguments: Numbers) -> tuple[Any, Numbers]:
-        known = self._functions.get(function)
-        if known is None:
-            known = self._functions[function] = self._write_function(function, arguments)
-        return known
-
-    def _write_function(
-        self, function: Callable[..., Any], arguments: Numbers
-    ) -> tuple[Any, Numbers]:
-        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(self.kind)] * 2)
-        code = ir.Function(self.builder.module, kind, f"{function.__name__}_{len(self._functions)}")
-        code.linkage = "internal"
-        code.attributes.add("noinline")
-        inner = type(self)(ir.IRBuilder(code.append_basic_block("entry")), self.lanes)
-        inner._functions = self._functions
-        inputs, outputs = (LaneMemory(inner, place=place) for place in code.args)
-        given = (inputs[n] for n, _ in enumerate(leaves(arguments)))
-        like = function(*nest(arguments, given))
-        for n, number in enumerate(leaves(like)):
-            outputs[n] = number
-        inner.builder.ret_void()
-        return code, like
+        places = (self.builder.ptrtoint(each.address(0), LONG) for each in (inputs, outputs))
+        self.builder.call(code, list(places))
+        return (outputs[n] for n in range(count))
 
     def sum_over(
         self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
@@ -398,6 +384,19 @@ def reduced_turn(x: Value) -> Any:
     sine, cosine = code.select(odd, cosine, sine), code.select(odd, sine, cosine)
     back, left = code.has_bit(bits, 2), code.has_bit(bits, 2, 1)
     return code.select(back, -sine, sine), code.select(left, -cosine, cosine)
+
+
+def write_callee(name: str, builder: Any, places: Sequence[Any]) -> None:
+    """Write one of `CALLED`.  places: the addresses of its arguments and of its results."""
+    function, like, lanes = CALLED[name]
+    code = LaneWriter(builder, lanes)
+    inputs, outputs = (
+        LaneMemory(code, place=builder.inttoptr(place, ir.PointerType(code.kind)))
+        for place in places
+    )
+    given = (inputs[n] for n, _ in enumerate(leaves(like)))
+    for n, number in enumerate(leaves(function(*nest(like, given)))):
+        outputs[n] = number
 
 
 class LaneMemory:

@@ -90,7 +90,7 @@ print("done")
 def test_a_disk_that_is_full_or_cannot_be_written_keeps_nothing_and_does_no_harm(tmp_path):
     pytest.importorskip("resource")
     (tmp_path / "file").write_text("")
-    full = "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)); load(); "
+    full = "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)); load(); "
     elsewhere = (
         f"import os; os.environ['FACETS_CACHE_DIR'] = {str(tmp_path / 'file' / 'cache')!r}\n"
     )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from llvmlite import binding, ir
 
+from facets.model import object_code
 from facets.optics import sum_of_products
 from facets.scalars import dispatch, dual, lanes, machine
 
@@ -34,13 +35,9 @@ def new_function(make):
 
 def compiled(writer):
     writer.builder.ret_void()
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    parsed = binding.parse_assembly(str(writer.builder.module))
-    parsed.verify()
-    target = binding.Target.from_default_triple().create_target_machine()
-    engine = binding.create_mcjit_compiler(parsed, target)
-    engine.finalize_object()
+    module = writer.builder.module
+    module.triple = binding.get_process_triple()
+    engine = object_code.load_objects(object_code.compile_objects("formula", module))
     call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2)(engine.get_function_address("formula"))
 
     def run(given, count):

@@ -41,6 +41,9 @@ FEWEST = 10
 #: away from samples that come late and from a stage that is not answered: the circle of the shipped
 #: bench goes on by 0.03 mm, a tenth of the range in which there are poses.
 MAX_ADVANCE_S = 0.005
+#: Both limits are so many times larger until the stage is first moved: until then nothing follows
+#: the mirror, and the bench catches up, so that its samples have no gaps.
+CATCHING_UP = 40
 #: Column of the auxiliary channel that shows the force of a shaker, N.
 FORCE_COLUMN = "force_n"
 #: The bench reports that its clock stood still if it did so for at least this time, s.
@@ -171,7 +174,10 @@ class Bench:
     def now(self) -> float:
         """The bench's time, s, which slips where the machine is too busy for it."""
         passed = time.monotonic() - self.begin - self.last
-        most = min(MAX_ADVANCE_S, max(FEWEST, MAX_STAGE_DELAY_S / self.cost) / self.rate)
+        most, delay = MAX_ADVANCE_S, MAX_STAGE_DELAY_S
+        if not self.count.moves:
+            most, delay = CATCHING_UP * most, CATCHING_UP * delay
+        most = min(most, max(FEWEST, delay / self.cost) / self.rate)
         if passed > most:
             self.begin += passed - most
             self.count.slipped += passed - most
