@@ -29,12 +29,12 @@ Numbers = list[Any]
 def write_estimator(form: Form) -> LaneWrite:
     """Writes code that estimates blocks of readings, as a function of a task's address."""
 
-    def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
+    def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
         numbers = range(len(BlockTask._fields))
         task = BlockTask(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
         with write_loop(builder, task.blocks) as index:
-            write_block(LaneWriter(builder, lanes), form, task, index)
+            write_block(begin_code(builder), form, task, index)
 
     return write
 

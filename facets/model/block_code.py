@@ -41,9 +41,9 @@ from .packing import (
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
 
 
-#: Writes a function's instructions with an `llvmlite` builder, from its arguments, for a number of
-#: lanes.
-LaneWrite = Callable[[Any, Sequence[Any], int], None]
+#: Writes a function's instructions with an `llvmlite` builder, from its arguments, by the
+#: `LaneWriter` that its last argument makes of the builder.
+LaneWrite = Callable[[Any, Sequence[Any], Callable[[Any], LaneWriter]], None]
 
 #: Loads a sensor's vectors.
 Load = Callable[[LaneWriter, Any], Geometry]
@@ -55,12 +55,12 @@ def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
     load: loads the vectors that the formula takes.  found: how many numbers a state gives.
     """
 
-    def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
+    def write(builder: Any, arguments: Sequence[Any], begin: Any) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
         with write_loop(builder, arguments[3]) as index:
-            code = LaneWriter(builder, lanes)
+            code = begin(builder)
             here, there = (
-                builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, lanes * numbers))])
+                builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, code.lanes * numbers))])
                 for pointer, numbers in ((asked, 8), (results, found))
             )
             formula(code, load(code, packed), here, there)
@@ -171,12 +171,12 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
     """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of the
     varied vectors, of states and results, of the number of copies, and of the number of blocks."""
 
-    def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
+    def write(builder: Any, arguments: Sequence[Any], begin: Any) -> None:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
         copies = arguments[4]
         with write_loop(builder, arguments[5]) as index:
-            code = LaneWriter(builder, lanes)
-            rows = builder.mul(index, ir.Constant(LONG, lanes))
+            code = begin(builder)
+            rows = builder.mul(index, ir.Constant(LONG, code.lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(found, [builder.mul(rows, numbers)])

@@ -42,12 +42,17 @@ def lanes() -> int:
 def lane_code(
     name: str, width: int, count: int, write: Callable[[], LaneWrite], *files: str | Path | None
 ) -> Callable[..., None]:
-    """Compile `object_code.function` for a number of lanes."""
+    """Compile `object_code.function` for a number of lanes.
+
+    What few lanes need is compiled for `lanes()` alone, also where a single pose calls it.
+    """
     from .object_code import function
 
     def make_writer() -> Write:
-        formula = write()
-        return lambda builder, arguments: formula(builder, arguments, width)
+        from ..scalars.lanes import LaneWriter
+
+        formula, begin = write(), partial(LaneWriter, lanes=width, called=lanes())
+        return lambda builder, arguments: formula(builder, arguments, begin)
 
     return function(f"{name}_in_{width}_lanes", count, make_writer, *CODE, *files)
 

@@ -83,14 +83,15 @@ def join(builder: Any, vectors: list[Any]) -> Any:
 
 
 class LaneWriter(MachineWriter):
-    """lanes: number of poses."""
+    """lanes: number of poses.  called: number of lanes of the functions that are called where a
+    lane needs them, `lanes` unless given."""
 
     drops_zeros = True
     shares_reciprocals = True
 
-    def __init__(self, builder: Any, lanes: int) -> None:
+    def __init__(self, builder: Any, lanes: int, called: int | None = None) -> None:
         super().__init__(builder)
-        self.lanes = lanes
+        self.lanes, self.called = lanes, called or lanes
         self.kind = ir.VectorType(DOUBLE, lanes)
         #: The factors of the products.
         self._factors: dict[Value | float, tuple[Value | float, ...]] = {}
@@ -248,18 +249,26 @@ class LaneWriter(MachineWriter):
         self, function: Callable[..., Any], arguments: Numbers, count: int
     ) -> Iterator[Value]:
         """Call a function that has an object of its own, and return its `count` results."""
-        name = f"{function.__module__.rpartition('.')[2]}_{function.__name__}_in_{self.lanes}_lanes"
+        file = function.__module__.rpartition(".")[2]
+        name = f"{file}_{function.__name__}_in_{self.called}_lanes"
         given = list(leaves(arguments))
-        CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.lanes
+        CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.called
         module = self.builder.module
         kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
         code = module.globals.get(name) or ir.Function(module, kind, name)
-        inputs, outputs = LaneMemory(self, len(given)), LaneMemory(self, count)
+        wide = LaneWriter(self.builder, self.called)
+        inputs, outputs = LaneMemory(wide, len(given)), LaneMemory(wide, count)
         for n, number in enumerate(given):
-            inputs[n] = number
+            inputs[n] = self._fit_lanes(number, wide)
         places = (self.builder.ptrtoint(each.address(0), LONG) for each in (inputs, outputs))
         self.builder.call(code, list(places))
-        return (outputs[n] for n in range(count))
+        return (wide._fit_lanes(outputs[n], self) for n in range(count))
+
+    def _fit_lanes(self, number: Value | float, other: LaneWriter) -> Value:
+        """The same numbers in another writer's lanes, repeated where it has more."""
+        vector, places = self.value(number), [n % self.lanes for n in range(other.lanes)]
+        same = other.lanes == self.lanes
+        return Value(other, vector if same else shuffle(self.builder, vector, vector, places))
 
     def sum_over(
         self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
