@@ -220,6 +220,7 @@ def readings(
     state: ArrayLike,
     irradiance: Literal["exact", "paper"] = "exact",
     threads: int = 1,
+    out: Floats | None = None,
 ) -> Floats:
     """Compute what the detectors read, exact for collimated light and flat facets.
 
@@ -234,6 +235,9 @@ def readings(
         out a cross term and is exact only for a level sub-beam. Slow.
     threads
         Number of threads that share the states; 0 for all cores.
+    out
+        A contiguous array of the result's shape, which is filled and returned: a loop over many
+        batches so takes no new memory.
 
     Returns
     -------
@@ -256,10 +260,12 @@ def readings(
     """
     if (
         irradiance == "exact"
+        and out is None
         and (found := evaluate_one(sensor, "readings", state, threads)) is not None
     ):
         return found
     rows, shape = as_rows(state, 8, "state")
+    out = result_array(out, (*shape, 9), rows)
     if irradiance == "paper":
         from ..optics.paper import paper_readings
 
@@ -267,10 +273,22 @@ def readings(
             raise InputError(
                 "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
             )
-        return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
-    out = np.empty((len(rows), 9))
-    evaluate(sensor, "readings", rows, out, threads)
-    return out.reshape(*shape, 9)
+        out[...] = paper_readings(geometry_of(sensor), rows).reshape(out.shape)
+    else:
+        evaluate(sensor, "readings", rows, out.reshape(len(rows), 9), threads)
+    return out
+
+
+def result_array(out: Floats | None, shape: tuple[int, ...], rows: Floats) -> Floats:
+    """New memory for results, or the caller's own.  rows: what they are computed from."""
+    if out is None:
+        return np.empty(shape)
+    is_fit = isinstance(out, np.ndarray) and out.shape == shape and out.dtype == np.float64
+    if not is_fit or not out.flags.carray:
+        raise InputError(f"out is not a contiguous array that numpy.empty({shape}) would make")
+    if np.may_share_memory(out, rows):
+        raise InputError("out shares memory with state; give it memory of its own")
+    return out
 
 
 def kernel_name(sensor: Sensor, name: str) -> str:
@@ -303,7 +321,9 @@ def evaluate(sensor: Sensor, name: str, states: Floats, out: Floats, threads: in
 
 
 @check_arguments
-def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
+def jacobian(
+    sensor: Sensor, state: ArrayLike, threads: int = 1, out: Floats | None = None
+) -> Floats:
     """Compute the derivatives of the readings by the state, in closed form.
 
     Parameters
@@ -314,6 +334,9 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
         States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
     threads
         Number of threads that share the states; 0 for all cores.
+    out
+        A contiguous array of the result's shape, which is filled and returned. New memory for a
+        large batch of Jacobians takes as long as the Jacobians.
 
     Returns
     -------
@@ -332,19 +355,21 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
     'psi_a moves 250 mm per rad of yaw'
     """
-    if (found := evaluate_one(sensor, "derivatives", state, threads)) is not None:
-        return found
+    if out is None:
+        found = evaluate_one(sensor, "derivatives", state, threads)
+        if found is not None:
+            return found
     rows, shape = as_rows(state, 8, "state")
-    return derivatives(sensor, rows, threads, near=False).reshape(*shape, 9, 8)
+    out = result_array(out, (*shape, 9, 8), rows)
+    evaluate(sensor, "derivatives", rows, out.reshape(len(rows), 9, 8), threads)
+    return out
 
 
-def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = True) -> Floats:
-    """The Jacobian (n, 9, 8) at states (n, 8).
-
-    near: under real light, that of `bench_gradient.linearise_nearly`.
-    """
+def derivatives(sensor: Sensor, states: Floats) -> Floats:
+    """The Jacobian (n, 9, 8) at states (n, 8); under real light that of
+    `bench_gradient.linearise_nearly`."""
     out = np.empty((len(states), 9, 8))
-    evaluate(sensor, "approximate_derivatives" if near else "derivatives", states, out, threads)
+    evaluate(sensor, "approximate_derivatives", states, out, threads=1)
     return out
 
 
