@@ -279,7 +279,7 @@ def readings(
     return out
 
 
-def result_array(out: Floats | None, shape: tuple[int, ...], rows: Floats) -> Floats:
+def result_array(out: Any, shape: tuple[int, ...], rows: Floats) -> Floats:
     """New memory for results, or the caller's own.  rows: what they are computed from."""
     if out is None:
         return np.empty(shape)
@@ -288,7 +288,7 @@ def result_array(out: Floats | None, shape: tuple[int, ...], rows: Floats) -> Fl
         raise InputError(f"out is not a contiguous array that numpy.empty({shape}) would make")
     if np.may_share_memory(out, rows):
         raise InputError("out shares memory with state; give it memory of its own")
-    return out
+    return out  # type: ignore[no-any-return]
 
 
 def kernel_name(sensor: Sensor, name: str) -> str:
