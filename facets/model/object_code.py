@@ -141,15 +141,11 @@ def compile_objects(name: str, module: Any) -> Objects:
     """The object of a module with a function, and those of the functions that it calls, each of
     which is stored for all that call it."""
     from ..scalars.lanes import CALLED, write_callee
-    from ..scalars.machine import count_loops
 
     machine = new_machine()
     parsed = llvm.parse_assembly(str(module))
     parsed.verify()
-    if count_loops(module.get_global(name)) > 1:
-        optimise(parsed, machine)
-    else:
-        keep_in_registers(parsed, machine)
+    keep_in_registers(parsed, machine)
     objects = {name: machine.emit_object(parsed)}
     for called in CALLED.keys() & module.globals.keys() - {name}:
         objects |= make_objects(called, 2, partial(partial, write_callee, called))[0]
@@ -170,25 +166,13 @@ def module_of(name: str, count: int, write: Write) -> Any:
     return module
 
 
-def optimise(module: Any, machine: Any) -> None:
-    """Run all of LLVM's optimisations, which pay for nested loops: invariant code moves out."""
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    # The code is vectorised already.
-    options.loop_vectorization = options.slp_vectorization = False
-    passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(module, passes)
-
-
 def keep_in_registers(module: Any, machine: Any) -> None:
-    """Run only the optimisations that straight code needs.
+    """Run the only optimisation that the code needs.
 
-    `scalars.tracing` has folded constants and removed duplicates; the rest of `optimise` would take
-    a third of the compile time without faster code. The oldest supported llvmlite runs all of it.
+    `scalars.tracing` has folded constants and removed duplicates; all of LLVM's optimisations would
+    take a third of the compile time without faster code.
     """
     manager = llvm.create_new_function_pass_manager()
-    if not hasattr(manager, "add_sroa_pass"):
-        optimise(module, machine)
-        return
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
     manager.add_sroa_pass()
     for function in module.functions:

@@ -81,15 +81,6 @@ class MachineWriter(Tracer):
         self.builder.store(self.value(number), place)
 
 
-#: The prefix of the names of the blocks with which `write_loop` begins.
-LOOP = "loop"
-
-
-def count_loops(function: Any) -> int:
-    """Count the loops that `write_loop` has written in a function, including nested ones."""
-    return sum(block.name.partition(".")[0] == LOOP for block in function.blocks)
-
-
 @contextmanager
 def write_loop(builder: Any, count: Any) -> Iterator[Any]:
     """Write a loop whose body runs for each 64-bit number below `count`, which the context
@@ -97,7 +88,7 @@ def write_loop(builder: Any, count: Any) -> Iterator[Any]:
     with builder.goto_entry_block():
         place = builder.alloca(LONG)
     builder.store(ir.Constant(LONG, 0), place)
-    test, body, after = (builder.append_basic_block(name) for name in (LOOP, "body", "after"))
+    test, body, after = (builder.append_basic_block(name) for name in ("loop", "body", "after"))
     builder.branch(test)
     builder.position_at_end(test)
     number = builder.load(place)
