@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..model.blocks import address_of, lane_code, lanes
-from ..model.threads import once
+from ..model.blocks import SINGLE, address_of, lane_code, lanes
+from ..model.threads import once, part_of
 from ..scalars.nesting import leaves
 from .block_task import SCALES, BlockTask, Form, Scales
 from .chance import count_checks
@@ -27,7 +27,7 @@ from .problem import (
     put_rows,
     some_rows,
 )
-from .solution import COVARIANCE, ITERATIONS, RESIDUAL, STATUS, results_of
+from .solution import COVARIANCE, RESIDUAL, STATUS
 from .step import GOING
 
 if TYPE_CHECKING:
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 Array = Any
 #: Estimates blocks of readings, of the address of a task.
 Code = Callable[[int], None]
+
+#: How many readings are estimated in turn at once, after one that had no pose.
+FEWEST_IN_A_ROW = 8
 
 #: The files that this is made of, beside those of the model's blocks.
 PARTS = (
@@ -121,12 +124,17 @@ def put_ends(ends: Array, results: Results) -> None:
         column[:] = numbers
 
 
-def run_blocks(code: Code, arrays: Sequence[Array], patient: bool) -> None:
-    """arrays: in the order of `BlockTask`, of whole blocks."""
+def run_blocks(
+    code: Code, arrays: Sequence[Array], patient: bool, width: int | None = None
+) -> None:
+    """arrays: in the order of `BlockTask`, of whole blocks.  width: of a block; `lanes()` unless
+    given."""
     _, _, values, _, means, starts, *_ = arrays
     count = len(values)
     own = (True, len(means) == count, len(starts) == count)
-    task = task_of(arrays, (*own, 0, patient), count // lanes())  # kept while the code runs
+    task = task_of(
+        arrays, (*own, 0, patient), count // (width or lanes())
+    )  # kept while the code runs
     code(address_of(task))
 
 
@@ -218,25 +226,69 @@ def estimate_in_turn(
     results: Results,
 ) -> None:
     """Fills `results`: each reading from where the last one that converged has ended, and from its
-    start where that does not lead to a pose.  The arguments are those of `estimate`."""
-    free, near = problem.free, None
-    own = [np.empty((len(rows[:1]), rows.shape[1])) for rows in (*readings, *problem[:1])]
-    starts = np.empty((1, UNKNOWNS))
-    asked = problem._replace(means=own[2], starts=starts)
-    one = KeptBlocks(packed, Readings(*own[:2]), limits, asked, len(results.covariances) > 0)
-    numbers = one.numbers[0]
-    for n in range(len(readings.values)):
-        given, questions = some_rows(slice(n, n + 1), readings, problem)
-        for mine, its in zip(own, (*given, questions.means), strict=True):
-            mine[:] = its
+    start where that does not lead to a pose.  The arguments are those of `estimate`; code: in
+    blocks of `SINGLE`."""
+    count, near, n, length = len(readings.values), None, 0, FEWEST_IN_A_ROW
+    fixed = np.delete(np.arange(UNKNOWNS), problem.free)
+    changes = (np.diff(problem.starts[:, fixed], axis=0) != 0).any(axis=1)
+    ends = np.append(np.flatnonzero(changes) + 1, count)
+
+    def follow_from(free: Array, first: int, last: int) -> Results:
+        own, some = some_rows(slice(first, last), readings, problem)
+        begin = some.starts[0].copy()
+        begin[problem.free] = free
+        covariance = len(results.covariances) > 0
+        return follow(code, packed, own, limits, some._replace(starts=begin), covariance)
+
+    while n < count:
         steps = 0
-        for begin in questions.starts if near is None else (near, questions.starts[0]):
-            starts[:] = questions.starts
-            starts[0, free] = begin[free]
-            one.estimate(code)
-            steps += int(numbers[ITERATIONS])
-            if numbers[STATUS] == CONVERGED:
-                near = numbers[:UNKNOWNS].copy()
-                break
-        numbers[ITERATIONS] = steps
-        put_rows(results, slice(n, n + 1), results_of(numbers))
+        if near is not None:
+            last = min(n + length, ends[np.searchsorted(ends, n, side="right")])
+            found = follow_from(near, n, last)
+            ok = np.append(found.status == CONVERGED, False)
+            good = int(ok.argmin())
+            put_rows(results, slice(n, n + good), Results(*(part[:good] for part in found)))
+            near = found.states[good - 1, problem.free] if good else near
+            n += good
+            length = 2 * length if n == last else FEWEST_IN_A_ROW
+            if n == last:
+                continue
+            steps = found.steps[good]
+        alone = part_of(problem.starts, n, count).reshape(-1, UNKNOWNS)[0, problem.free]
+        found = follow_from(alone, n, n + 1)
+        found.steps[:] += steps
+        put_rows(results, slice(n, n + 1), found)
+        if found.status[0] == CONVERGED:
+            near = found.states[0, problem.free]
+        n += 1
+
+
+def follow(
+    code: Code,
+    packed: Array,
+    readings: Readings,
+    limits: ScreeningLimits,
+    problem: FitProblem,
+    covariance: bool,
+) -> Results:
+    """Estimates each reading from where the one before has ended, the first from the only start
+    (9,); after one that has no pose none has one.  The starts are the states, a row earlier."""
+    count = len(readings.values)
+    states, ends = np.empty((SINGLE * (count + 1), UNKNOWNS)), np.empty((SINGLE * count, 5))
+    states[:SINGLE] = problem.starts
+    values, weights, means = (
+        np.repeat(rows, SINGLE, axis=0) if len(rows) == count else rows
+        for rows in (readings.values, weights_of(readings), problem.means)
+    )
+    found = empty_results(SINGLE * count, covariance)
+    run_blocks(
+        code,
+        (
+            packed, scales_of(readings, limits, problem), values, weights, means,
+            states[:-SINGLE], states[SINGLE:], ends, found.residuals, found.covariances,
+        ),
+        patient=True,
+        width=SINGLE,
+    )  # fmt: skip
+    put_ends(ends, found)
+    return Results(states[SINGLE::SINGLE], *(part[::SINGLE] for part in found[1:]))

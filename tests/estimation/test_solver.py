@@ -61,8 +61,22 @@ def test_every_way_finds_the_exact_state(states, readings, options):
     check_exact(facets.solve(SENSOR, readings, **options), states)
 
 
-def test_a_known_beam_is_taken_as_known(states, readings):
-    solution = facets.solve(SENSOR, readings, beam=Prior(states[:, 6:], 0.0))
+def test_a_table_goes_on_from_its_last_pose_as_a_solver_does(readings):
+    """Also past readings that have no pose from there, or none at all."""
+    rows, options = readings[:60].copy(), {"start": "previous", "max_steps": 5}
+    rows[::7], rows[3::11] = np.nan, -rows[3::11]
+    table, solver = facets.solve(SENSOR, rows, **options), facets.Solver(SENSOR, **options)
+    assert 0.5 < table.ok.mean() < 0.9
+    assert table.iterations.max() > 5  # those from the last pose, and those from zero
+    for n, row in enumerate(rows):
+        one = solver.solve(row)
+        assert (table.status[n], table.iterations[n]) == (one.status, one.iterations)
+        np.testing.assert_array_equal(table.state[n], one.state)
+
+
+@pytest.mark.parametrize("start", ["zero", "previous"])
+def test_a_known_beam_is_taken_as_known(states, readings, start):
+    solution = facets.solve(SENSOR, readings, beam=Prior(states[:, 6:], 0.0), start=start)
     check_exact(solution, states)
     assert (solution.state[:, 6:] == states[:, 6:]).all()
     assert (solution.covariance[:, 6:] == 0).all()
