@@ -228,7 +228,9 @@ class PreparedEstimate:
             self._sigmas[:] = standard_deviations(self._sensor, self._given.values)
         self._run(self._from_zero() if start is None else start)
         if warm and start is not None and self._ends[STATUS] != problem.CONVERGED:
+            steps = float(self._ends[ITERATIONS])
             self._run(self._from_zero())
+            self._ends[ITERATIONS] += steps
         numbers = self._own_numbers()
         if self._doubtful or (self._seeks and self._ends[ITERATIONS] > WANDERED):
             return self._solution_in_doubt(results_of(numbers), warm)
