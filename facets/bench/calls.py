@@ -30,21 +30,21 @@ from . import rivals
 from .clock import Contender
 
 SENSOR = rivals.SENSOR
-#: Ratios to the reference loop on an AMD EPYC, whose loop takes 7.3 us in a slow hour.
+#: Ratios to the reference loop on an AMD EPYC, whose loop takes 7.9 us.
 STORED = {
     "reference loop: 1000 steps": 1.0,
-    "functions of three edges alone: batch": 0.0054,
-    "readings: batch": 0.0082,
-    "Jacobians: batch": 0.0238,
-    "poses from zero: batch": 0.106,
-    "poses from near: batch": 0.0444,
-    "readings: one call": 1.10,
-    "facets.solve: one call": 1.29,
-    "Solver.solve: one call": 1.07,
-    "Solver.solve: one call in a motion": 0.89,
-    "Solver.solve: one call at rest": 0.68,
-    "first reading: nothing compiled": 1.2e5,
-    "first pose: nothing compiled": 2.1e5,
+    "functions of three edges alone: batch": 0.0029,
+    "readings: batch": 0.0054,
+    "Jacobians: batch": 0.0170,
+    "poses from zero: batch": 0.073,
+    "poses from near: batch": 0.031,
+    "readings: one call": 0.43,
+    "facets.solve: one call": 0.83,
+    "Solver.solve: one call": 0.66,
+    "Solver.solve: one call in a motion": 0.61,
+    "Solver.solve: one call at rest": 0.49,
+    "first reading: nothing compiled": 7.5e4,
+    "first pose: nothing compiled": 1.43e5,
 }
 #: Rows that a quick run leaves out, because they compile everything again.
 FIRST = {
