@@ -26,7 +26,7 @@ import facets
 from facets.files.tables import write_table
 from facets.model.threads import cores
 from facets.optics.vectors import Plane
-from facets.optics.wedge import side, turn_derivative, wedge
+from facets.optics.wedge import sides, turn_derivative, wedges
 
 BITS, NODES, STANDS = 192, 20, 1e-19
 OPENINGS = (0.01, 0.1, 1, 10, 60, 90, 120, 170, 179, 179.99)
@@ -131,10 +131,10 @@ def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
 
 
 def computed_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
-    sides = side(q, u1), side(q, u2)
-    mass, centroid, shift, from_point = wedge(q, u1, u2, *sides)
+    rays = sides(q, (u1, u2))
+    ((mass, centroid, shift, from_point),) = wedges(q, ((u1, u2, *rays),))
     turns = [
-        turn_derivative(u, ray, mass, from_point) for u, ray in zip((u1, u2), sides, strict=True)
+        turn_derivative(u, ray, mass, from_point) for u, ray in zip((u1, u2), rays, strict=True)
     ]
     return {
         "mass": [mass],

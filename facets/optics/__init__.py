@@ -10,6 +10,6 @@ __getattr__ = load_on_use(
         "forward": "OPEN build_geometry dark_scene",
         "parameters": "BEAM FACET PARAMETERS PSD",
         "vectors": "rotation",
-        "wedge": "side",
+        "wedge": "sides",
     },
 )

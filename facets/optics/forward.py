@@ -31,7 +31,7 @@ from .vectors import (
     subtract,
     unit_vector,
 )
-from .wedge import side, wedge
+from .wedge import sides, wedges
 
 Three = tuple[Any, Any, Any]
 
@@ -228,11 +228,9 @@ def dark_scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
 def illuminate(at: Scene) -> Scene:
     """The scene with its light, without apertures."""
     q, (u0, u1, u2) = at.q, at.sides
-    s0, s1, s2 = side(q, u0), side(q, u1), side(q, u2)
-    on_a = wedge(q, u0, u1, s0, s1)
-    on_b = wedge(q, u1, u2, s1, s2)
-    on_c = wedge(q, u2, u0, s2, s0)
-    return replace_light(at, (s0, s1, s2), (on_a, on_b, on_c))
+    s0, s1, s2 = sides(q, at.sides)
+    a, b, c = wedges(q, ((u0, u1, s0, s1), (u1, u2, s1, s2), (u2, u0, s2, s0)))
+    return replace_light(at, (s0, s1, s2), (a, b, c))
 
 
 def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import Number, atan2, cos, sin, sqrt
+from ..scalars.dispatch import Number, atan2, cos, sin, sqrt, turn_together
 
 Vector = tuple[Any, Any, Any]
 Plane = tuple[Any, Any]
@@ -53,6 +53,7 @@ def columns(matrix: Matrix) -> Matrix:
 
 def rotation(roll: Number, pitch: Number, yaw: Number) -> Matrix:
     """Rz(yaw) Ry(pitch) Rx(roll), by its rows."""
+    turn_together(roll, pitch, yaw)
     cr, sr = cos(roll), sin(roll)
     cp, sp = cos(pitch), sin(pitch)
     cy, sy = cos(yaw), sin(yaw)

@@ -36,23 +36,25 @@ from ..scalars.dispatch import (
     where_any,
 )
 from .central import CENTRAL_SQUARED, Side, side_central
-from .tail import far_side, tail_wedge
+from .tail import far_sides, tail_wedge
 from .vectors import Plane, angle_between, cross2, dot2
 
 Moments = tuple[Any, Plane, tuple[Any, Any, Any], Plane]
+Planes = tuple[Plane, ...]
+Pair = tuple[Any, ...]
 
 
-def side(q: Plane, u: Plane) -> Side:
-    """(length, first, second, swept) of the side from `q` along the unit vector `u`."""
-    a, h = dot2(q, u), cross2(q, u)
-    if has_more_digits(a):
-        return precise_side(a, h)
+def sides(q: Plane, directions: Planes) -> tuple[Side, ...]:
+    """(length, first, second, swept) of each side from `q` along a unit vector."""
+    if has_more_digits(q[0]):
+        return tuple(precise_side(dot2(q, u), cross2(q, u)) for u in directions)
     far = q[0] * q[0] + q[1] * q[1] >= CENTRAL_SQUARED
-    return where_any(far, side_central(q, a, h), far_side, q, u)  # type: ignore[no-any-return]
+    usual = tuple(side_central(q, dot2(q, u), cross2(q, u)) for u in directions)
+    return where_any(far, usual, far_sides, q, directions)  # type: ignore[no-any-return]
 
 
 def precise_side(a: Number, h: Number) -> Side:
-    """`side` by its definitions. a, h: q . u and q x u."""
+    """One of `sides` by its definitions. a, h: q . u and q x u."""
     root = sqrt(pi(a) + pi(a))
     half_turn = sqrt(a * 0 + 2)
     across = exp(-h * h / 2)
@@ -81,21 +83,38 @@ def swept_mass(a: Number, h: Number) -> Number:
     return h * integral(length, a)
 
 
-def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
-    """(mass, centroid, 1 - covariance, centroid - q) of the light in a wedge.
+def wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
+    """(mass, centroid, 1 - covariance, centroid - q) of the light in each wedge.
 
     The third is a symmetric matrix as xx, xy, yy: the derivative of the centroid by q.
 
-    q: the wedge's point; u1, u2: its sides, unit vectors, u2 counter-clockwise of u1 by less than
-    half a turn; side1, side2: what `side` gives for them. Units of the beam's sigma, about the
+    q: the wedges' point.  pairs: two sides, unit vectors, the second counter-clockwise of the first
+    by less than half a turn, and what `sides` gives for them. Units of the beam's sigma, about the
     beam's centre.
     """
+    bright = [bright_wedge(q, *pair) for pair in pairs]
+    usual = tuple(moments for _, moments in bright)
+    if has_more_digits(q[0]):
+        return usual
+    tail = bright[0][0]
+    for n in range(1, len(bright)):
+        tail = tail | bright[n][0]
+    return where_any(tail, usual, tail_wedges, q, pairs)  # type: ignore[no-any-return]
+
+
+def bright_wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> tuple[Any, Moments]:
+    """Whether the closed form of a wedge has lost digits, and its moments by it, with a mass of 1
+    where it has."""
     mass = closed_mass(u1, u2, side1, side2)
     if has_more_digits(mass):
-        return closed_moments(q, u1, u2, side1, side2, mass)
+        return False, closed_moments(q, u1, u2, side1, side2, mass)
     faint = (mass <= FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))) & (mass <= BRIGHT_MASS)
-    bright = closed_moments(q, u1, u2, side1, side2, select(faint, 1.0, mass))
-    return where_any(faint, bright, tail_wedge, q, u1, u2)  # type: ignore[no-any-return]
+    return faint, closed_moments(q, u1, u2, side1, side2, select(faint, 1.0, mass))
+
+
+def tail_wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
+    """`wedges` of which one has little light."""
+    return tuple(where_any(*bright_wedge(q, *pair), tail_wedge, q, *pair[:2]) for pair in pairs)
 
 
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to

@@ -69,6 +69,14 @@ def cos(x: Number) -> Number:
     return library(x).cos(x)
 
 
+def turn_together(*angles: Number) -> None:
+    """Sine and cosine of these will be asked for: code looks once whether any of them is large."""
+    for angle in angles:
+        if hasattr(angle, "writer"):
+            angle.writer.turn_together(*angles)
+            return
+
+
 def erf(x: Number) -> Number:
     return library(x).erf(x)
 

@@ -9,8 +9,10 @@ uses only additions, multiplications, divisions and roots, each rounded by IEEE 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
+import operator
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +20,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from . import polynomials
+from . import dispatch, polynomials
 from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter, Repetition, do_while, write_loop
 from .nesting import Numbers, leaves, nest
 from .tracing import Condition, Value, key_of
@@ -250,8 +252,8 @@ class LaneWriter(MachineWriter):
     ) -> Iterator[Value]:
         """Call a function that has an object of its own, and return its `count` results."""
         file = function.__module__.rpartition(".")[2]
-        name = f"{file}_{function.__name__}_in_{self.called}_lanes"
         given = list(leaves(arguments))
+        name = f"{file}_{function.__name__}_of_{len(given)}_in_{self.called}_lanes"
         CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.called
         module = self.builder.module
         kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
@@ -322,11 +324,18 @@ class LaneWriter(MachineWriter):
         return self._turn(x)[1]  # type: ignore[no-any-return]
 
     def _turn(self, x: Value) -> Any:
-        return self.once(("turn", x), self._sine_and_cosine, x)
+        self.turn_together(x)
+        return self._known["turn", x]
 
-    def _sine_and_cosine(self, x: Value) -> Any:
-        usual = polynomials.sine(x), polynomials.cosine(x)
-        return self.where_any(abs(x) > 1, usual, reduced_turn, x)
+    def turn_together(self, *angles: Value | float) -> None:
+        """See `dispatch.turn_together`: an angle of more than a radian takes a function."""
+        new = tuple(x for x in angles if isinstance(x, Value) and ("turn", x) not in self._known)
+        if not new:
+            return
+        usual = tuple((polynomials.sine(x), polynomials.cosine(x)) for x in new)
+        large = functools.reduce(operator.or_, (abs(x) > 1 for x in new))
+        turns = self.where_any(large, usual, large_turns, usual, new)
+        self._known |= {("turn", x): turn for x, turn in zip(new, turns, strict=True)}
 
     def nearest_whole(self, x: Value) -> tuple[Value, Any]:
         """The nearest whole number, and an integer vector with its last bits."""
@@ -379,6 +388,14 @@ class LaneWriter(MachineWriter):
         angle = turn + polynomials.arc_tangent(above / below)
         angle = self.select(x > 0, angle, math.pi - angle)
         return self.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
+
+
+def large_turns(usual: Numbers, angles: Numbers) -> Numbers:
+    """Sines and cosines of angles of which one is large."""
+    return tuple(
+        dispatch.select_each(abs(x) > 1, reduced_turn(x), small)
+        for small, x in zip(usual, angles, strict=True)
+    )
 
 
 def reduced_turn(x: Value) -> Any:

@@ -255,6 +255,9 @@ class Tracer:
             return a
         return self.once((condition, *ways), self.write_selection, condition, a, b)
 
+    def turn_together(self, *angles: Value | float) -> None:
+        """See `dispatch.turn_together`."""
+
     def round_product(self, x: Value) -> Value:
         """See `dispatch.round_product`."""
         return x

@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from facets.optics import side, tail_integrals, wedge
+from facets.optics import sides, tail_integrals, wedge
 
 ROWS = json.loads((Path(__file__).parent / "references" / "wedge.json").read_text())
 UP, RIGHT = (0.0, 1.0), (1.0, 0.0)
@@ -22,7 +22,7 @@ def point(row: dict) -> tuple:
 
 
 def moments(q: tuple, u1: tuple, u2: tuple) -> np.ndarray:
-    mass, centroid, shift, _ = wedge.wedge(q, u1, u2, side(q, u1), side(q, u2))
+    ((mass, centroid, shift, _),) = wedge.wedges(q, ((u1, u2, *sides(q, (u1, u2))),))
     return np.array([mass, *centroid, *shift])
 
 

@@ -49,6 +49,7 @@ KNOWN: dict[Any, str] = {
     dispatch.holds_anywhere: "Boolean",
     dispatch.real: "Number",
     dispatch.round_product: "Number",
+    dispatch.turn_together: "Number",
     abs: "Math.abs",
     int: "Math.trunc",
     float: "Number",

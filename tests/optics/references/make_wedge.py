@@ -20,8 +20,8 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 
-from facets.optics import side
-from facets.optics.wedge import wedge
+from facets.optics import sides
+from facets.optics.wedge import wedges
 
 mp.mp.dps = 50
 Plane = tuple[float, float]
@@ -102,7 +102,7 @@ def draw(rng: np.random.Generator) -> tuple[Plane, Plane, Plane]:
 
 def error(q: Plane, u1: Plane, u2: Plane) -> tuple[float, list[mp.mpf]]:
     exact = moments(q, u1, u2)
-    mass, centroid, shift, _ = wedge(q, u1, u2, side(q, u1), side(q, u2))
+    ((mass, centroid, shift, _),) = wedges(q, ((u1, u2, *sides(q, (u1, u2))),))
     ours = [mass, *centroid, *shift]
     differences = [abs(a - b) for a, b in zip(ours, exact, strict=True)]
     return float(max(differences[0] / exact[0], *differences[1:])), exact
