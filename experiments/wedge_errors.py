@@ -131,8 +131,8 @@ def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
 
 
 def computed_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
-    rays = sides(q, (u1, u2))
-    ((mass, centroid, shift, from_point),) = wedges(q, ((u1, u2, *rays),))
+    side1, side2 = rays = sides(q, (u1, u2))
+    ((mass, centroid, shift, from_point),) = wedges(q, ((u1, u2, side1, side2),))
     turns = [
         turn_derivative(u, ray, mass, from_point) for u, ray in zip((u1, u2), rays, strict=True)
     ]

@@ -76,12 +76,8 @@ WHOLE = root_of(2 * pi)
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def far_sides(q: Plane, directions: tuple[Plane, ...]) -> tuple[Side, ...]:
-    """`wedge.sides` at any distance of their point from the beam's centre."""
-    return tuple(far_side(q, u) for u in directions)
-
-
 def far_side(q: Plane, u: Plane) -> Side:
+    """One of `wedge.sides` at any distance of its point from the beam's centre."""
     a, h, missing = normalise(q, u)
     along, across, density = exp(-a * a / 2), gauss(h, missing), gauss_of_point(q)
     zeroth, first, second = tail_integrals(abs(a))

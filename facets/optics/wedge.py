@@ -33,15 +33,15 @@ from ..scalars.dispatch import (
     pi,
     select,
     sqrt,
-    where_any,
+    where_each,
 )
 from .central import CENTRAL_SQUARED, Side, side_central
-from .tail import far_sides, tail_wedge
+from .tail import far_side, tail_wedge
 from .vectors import Plane, angle_between, cross2, dot2
 
 Moments = tuple[Any, Plane, tuple[Any, Any, Any], Plane]
 Planes = tuple[Plane, ...]
-Pair = tuple[Any, ...]
+Pair = tuple[Plane, Plane, Side, Side]
 
 
 def sides(q: Plane, directions: Planes) -> tuple[Side, ...]:
@@ -50,7 +50,8 @@ def sides(q: Plane, directions: Planes) -> tuple[Side, ...]:
         return tuple(precise_side(dot2(q, u), cross2(q, u)) for u in directions)
     far = q[0] * q[0] + q[1] * q[1] >= CENTRAL_SQUARED
     usual = tuple(side_central(q, dot2(q, u), cross2(q, u)) for u in directions)
-    return where_any(far, usual, far_sides, q, directions)  # type: ignore[no-any-return]
+    given = tuple((q, u) for u in directions)
+    return where_each(tuple(far for _ in given), usual, far_side, given)
 
 
 def precise_side(a: Number, h: Number) -> Side:
@@ -92,29 +93,19 @@ def wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
     by less than half a turn, and what `sides` gives for them. Units of the beam's sigma, about the
     beam's centre.
     """
-    bright = [bright_wedge(q, *pair) for pair in pairs]
-    usual = tuple(moments for _, moments in bright)
+    masses = tuple(closed_mass(*pair) for pair in pairs)
     if has_more_digits(q[0]):
-        return usual
-    tail = bright[0][0]
-    for n in range(1, len(bright)):
-        tail = tail | bright[n][0]
-    return where_any(tail, usual, tail_wedges, q, pairs)  # type: ignore[no-any-return]
-
-
-def bright_wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> tuple[Any, Moments]:
-    """Whether the closed form of a wedge has lost digits, and its moments by it, with a mass of 1
-    where it has."""
-    mass = closed_mass(u1, u2, side1, side2)
-    if has_more_digits(mass):
-        return False, closed_moments(q, u1, u2, side1, side2, mass)
-    faint = (mass <= FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))) & (mass <= BRIGHT_MASS)
-    return faint, closed_moments(q, u1, u2, side1, side2, select(faint, 1.0, mass))
-
-
-def tail_wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
-    """`wedges` of which one has little light."""
-    return tuple(where_any(*bright_wedge(q, *pair), tail_wedge, q, *pair[:2]) for pair in pairs)
+        return tuple(
+            closed_moments(q, *pair, mass) for pair, mass in zip(pairs, masses, strict=True)
+        )
+    least = FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))
+    faint = tuple((mass <= least) & (mass <= BRIGHT_MASS) for mass in masses)
+    bright = tuple(
+        closed_moments(q, *pair, select(dark, 1.0, mass))
+        for pair, dark, mass in zip(pairs, faint, masses, strict=True)
+    )
+    given = tuple((q, *pair[:2]) for pair in pairs)
+    return where_each(faint, bright, tail_wedge, given)
 
 
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to

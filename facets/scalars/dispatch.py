@@ -133,6 +133,22 @@ def where_any(condition: Any, other: Any, function: Callable[..., Any], *argumen
     return function(*arguments) if condition else other
 
 
+def where_each(
+    conditions: tuple[Any, ...],
+    others: tuple[Any, ...],
+    function: Callable[..., Any],
+    arguments: tuple[tuple[Any, ...], ...],
+) -> tuple[Any, ...]:
+    """`where_any` of each condition, with its other numbers and its arguments.
+
+    Code for several poses looks once whether any of the conditions holds for one of them.
+    """
+    if hasattr(conditions[0], "writer"):
+        return conditions[0].writer.where_each(conditions, others, function, arguments)  # type: ignore[no-any-return]
+    each = zip(conditions, others, arguments, strict=True)
+    return tuple(where_any(condition, other, function, *given) for condition, other, given in each)
+
+
 def sum_over(
     function: Callable[..., Any], table: Sequence[tuple[float, float]], *arguments: Any
 ) -> Any:

@@ -20,7 +20,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from . import dispatch, polynomials
+from . import polynomials
 from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter, Repetition, do_while, write_loop
 from .nesting import Numbers, leaves, nest
 from .tracing import Condition, Value, key_of
@@ -238,14 +238,34 @@ class LaneWriter(MachineWriter):
         *arguments: Numbers,
     ) -> Numbers:
         """See `dispatch.where_any`; the function is called if any lane needs it."""
+        with self._rare(condition, other) as cells:
+            for cell, new in zip(cells, self._call(function, arguments, len(cells)), strict=True):
+                cell[0] = self.select(condition, new, cell[0])
+        return nest(other, iter([cell[0] for cell in cells]))
+
+    def where_each(
+        self,
+        conditions: Sequence[Condition],
+        others: tuple[Numbers, ...],
+        function: Callable[..., Any],
+        arguments: Sequence[tuple[Numbers, ...]],
+    ) -> tuple[Numbers, ...]:
+        """See `dispatch.where_each`; within one branch."""
+        with self._rare(functools.reduce(operator.or_, conditions), others) as cells:
+            found = super().where_each(conditions, others, function, arguments)
+            for cell, new in zip(cells, leaves(found), strict=True):
+                cell[0] = new
+        return nest(others, iter([cell[0] for cell in cells]))  # type: ignore[no-any-return]
+
+    @contextmanager
+    def _rare(self, condition: Condition, other: Numbers) -> Iterator[list[LaneMemory]]:
+        """Write a part that runs if the condition holds in any lane, with memory of `other`
+        numbers for its results."""
         cells = [LaneMemory(self, 1) for _ in leaves(other)]
         for cell, number in zip(cells, leaves(other), strict=True):
             cell[0] = number
         with self.builder.if_then(self.any(condition), likely=False), self.scope():
-            found = self._call(function, arguments, len(cells))
-            for cell, new in zip(cells, found, strict=True):
-                cell[0] = self.select(condition, new, cell[0])
-        return nest(other, iter([cell[0] for cell in cells]))
+            yield cells
 
     def _call(
         self, function: Callable[..., Any], arguments: Numbers, count: int
@@ -333,8 +353,8 @@ class LaneWriter(MachineWriter):
         if not new:
             return
         usual = tuple((polynomials.sine(x), polynomials.cosine(x)) for x in new)
-        large = functools.reduce(operator.or_, (abs(x) > 1 for x in new))
-        turns = self.where_any(large, usual, large_turns, usual, new)
+        large = [abs(x) > 1 for x in new]
+        turns = self.where_each(large, usual, reduced_turn, tuple((x,) for x in new))
         self._known |= {("turn", x): turn for x, turn in zip(new, turns, strict=True)}
 
     def nearest_whole(self, x: Value) -> tuple[Value, Any]:
@@ -388,14 +408,6 @@ class LaneWriter(MachineWriter):
         angle = turn + polynomials.arc_tangent(above / below)
         angle = self.select(x > 0, angle, math.pi - angle)
         return self.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
-
-
-def large_turns(usual: Numbers, angles: Numbers) -> Numbers:
-    """Sines and cosines of angles of which one is large."""
-    return tuple(
-        dispatch.select_each(abs(x) > 1, reduced_turn(x), small)
-        for small, x in zip(usual, angles, strict=True)
-    )
 
 
 def reduced_turn(x: Value) -> Any:

@@ -165,6 +165,17 @@ class Tracer:
         """See `dispatch.where_any`."""
         raise NotImplementedError
 
+    def where_each(
+        self,
+        conditions: Sequence[Condition],
+        others: tuple[Numbers, ...],
+        function: Callable[..., Any],
+        arguments: Sequence[tuple[Numbers, ...]],
+    ) -> tuple[Numbers, ...]:
+        """See `dispatch.where_each`."""
+        each = zip(conditions, others, arguments, strict=True)
+        return tuple(self.where_any(when, other, function, *given) for when, other, given in each)
+
     def sum_over(
         self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
     ) -> Numbers:

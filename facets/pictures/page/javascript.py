@@ -45,6 +45,7 @@ KNOWN: dict[Any, str] = {
     dispatch.select: "choose",
     dispatch.select_each: "choose",
     dispatch.where_any: "whereAny",
+    dispatch.where_each: "whereEach",
     dispatch.sum_over: "sumOver",
     dispatch.holds_anywhere: "Boolean",
     dispatch.real: "Number",

@@ -8,6 +8,9 @@ function choose(condition, a, b) { return condition ? a : b; }
 
 // `other` unless the condition holds; else what the function gives.
 function whereAny(condition, other, give, ...given) { return condition ? give(...given) : other; }
+function whereEach(conditions, others, give, given) {
+  return conditions.map((condition, n) => whereAny(condition, others[n], give, ...given[n]));
+}
 // The sums of what a function gives for each row of a table and further arguments.
 function sumOver(give, table, ...given) {
   return table.map((row) => give(...row, ...given)).reduce((a, b) => a.map((x, n) => x + b[n]));
