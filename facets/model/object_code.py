@@ -147,7 +147,7 @@ def compile_objects(name: str, module: Any) -> Objects:
     parsed.verify()
     keep_in_registers(parsed, machine)
     objects = {name: machine.emit_object(parsed)}
-    for called in CALLED.keys() & module.globals.keys() - {name}:
+    for called in sorted(CALLED.keys() & module.globals.keys() - {name}):
         objects |= make_objects(called, 2, partial(partial, write_callee, called))[0]
     return objects
 
