@@ -87,6 +87,8 @@ def find_zero(
     if not any(part.members.any() for part in held):
         count = sum(len(part.members) for part in held)
         raise InputError(f"--zero is {request.text}, but the table has {count} rows without it")
+    if request.seconds and held[-1].members[-1]:
+        require_length(request, np.concatenate([part.chunk.columns["time_s"] for part in held]))
     some = [part.members & part.solution.ok for part in held]
     states = [part.solution.state[rows] for part, rows in zip(held, some, strict=True)]
     temperature = [
@@ -96,6 +98,18 @@ def find_zero(
     ]
     mean = np.concatenate(temperature) if temperature else None
     return zero_of_samples(config, options, np.concatenate(states), mean), chain(held, parts)
+
+
+def require_length(request: ZeroRequest, time: Floats) -> None:
+    """Raise `InputError` where a table ends before the seconds of its zero are over, but for the
+    time to its next sample; as a live run has no zero then."""
+    known = time[np.isfinite(time)]
+    lasts = known[-1] - known[0]
+    if lasts + 2 * lasts / max(len(known) - 1, 1) < request.seconds:
+        raise InputError(
+            f"--zero is {request.text}, but the table lasts {lasts:.4g} s; give a shorter time, or "
+            "row:N"
+        )
 
 
 def mark_members(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import facets
+from facets import InputError
 from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from facets.estimation import ZeroRequest, object_columns, solve_table, zero_findings, zero_of_table
 from facets.files import read_head, write_table
@@ -58,6 +59,17 @@ def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
     same, _ = solve(readings, "row.csv", ZeroRequest(row=150), rows)
     assert (same.filter(regex="^displacement_").iloc[149].abs() < 1e-12).all()
     assert (same.filter(regex="^u_displacement_").iloc[149] == 0).all()
+
+
+@pytest.mark.parametrize("rows", [1000, 7])
+def test_a_zero_is_no_longer_than_its_table(readings, tmp_path, rows):
+    short = tmp_path / "short.csv"
+    short.write_text("".join(readings.open().readlines()[:103]))  # up to 5.1 s
+    _, count = solve(short, "poses.csv", ZeroRequest(seconds=0.1), rows)
+    assert count.zero.samples > 95
+    with pytest.raises(InputError, match=r"first 9999 s, but the table lasts 0\.\d+ s; give"):
+        solve(short, "none.csv", ZeroRequest(seconds=9999), rows)
+    assert not (tmp_path / "none.csv").exists()
 
 
 def test_detectors_are_read_at_one_instant_also_across_the_pieces_of_a_table(readings):
