@@ -64,7 +64,7 @@ def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
 @pytest.mark.parametrize("rows", [1000, 7])
 def test_a_zero_is_no_longer_than_its_table(readings, tmp_path, rows):
     short = tmp_path / "short.csv"
-    short.write_text("".join(readings.open().readlines()[:103]))  # up to 5.1 s
+    short.write_text("".join(readings.read_text().splitlines(True)[:103]))  # up to 5.1 s
     _, count = solve(short, "poses.csv", ZeroRequest(seconds=0.1), rows)
     assert count.zero.samples > 95
     with pytest.raises(InputError, match=r"first 9999 s, but the table lasts 0\.\d+ s; give"):
