@@ -30,8 +30,8 @@ from ..core.units import Booleans, Floats, Integers
 from ..estimation.coverage import coverage_factor
 
 Complexes = NDArray[np.complex128]
-#: Averages that the default segment length aims at, and the fewest that it accepts.
-DEFAULT_AVERAGES, FEWEST_AVERAGES = 32.0, 8.0
+#: Averages that the default segment length aims at.
+DEFAULT_AVERAGES = 32.0
 #: Shortest segment, samples.
 MIN_SEGMENT_SAMPLES = 64
 #: Lowest lines left out: removing each segment's straight line changes them.

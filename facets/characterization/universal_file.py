@@ -30,8 +30,6 @@ INPUTS = {
 }  # fmt: skip
 #: Directions by axis: translations 1 to 3, rotations 4 to 6.
 DIRECTIONS = {name: n for n, name in enumerate(POSE, 1)}
-#: Largest node number that all readers accept.
-LARGEST_NODE = 9_999_999
 
 
 def input_type(column: str) -> tuple[int, str, float]:

@@ -87,11 +87,6 @@ def collector_off() -> Iterator[None]:
             gc.enable()
 
 
-def is_kept(name: str, *files: str | Path | None) -> bool:
-    """Whether an object made from these files is stored."""
-    return path_of(name, code_folder(MAKER, __file__, *files)[0]).exists()
-
-
 def path_of(name: str, folder: Path) -> Path:
     return folder / f"{name}-{processor()[2]}.o"
 
