@@ -311,6 +311,7 @@ def zero_pose(
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
     temperature: float | None = None,
+    used: ArrayLike | None = None,
 ) -> ZeroPose:
     """Compute a reference pose of the mirror, from which `facets.transform` gives displacements.
 
@@ -327,6 +328,8 @@ def zero_pose(
         What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
     temperature
         Mean temperature of the samples, degrees Celsius, for a sensor that follows it.
+    used
+        Which detectors took part, (..., 3), as `Solution.used`; by default all.
 
     Returns
     -------
@@ -336,7 +339,8 @@ def zero_pose(
     Raises
     ------
     InputError
-        If no row has a finite state, or an argument has a wrong shape or value.
+        If no row has a finite state, if no two detectors took part in all samples, or if an
+        argument has a wrong shape or value.
 
     Examples
     --------
@@ -356,25 +360,45 @@ def zero_pose(
         require_plausible(temperature, TEMPERATURE_COLUMN, "temperature")
         warmer = temperature - sensor.thermal.reference
     plan = make_plan(sensor, knowledge, shape=(len(rows),))
-    return make_zero(sensor, rows, plan, samples, warmer)
+    detectors = None if used is None else as_rows(np.asarray(used, float), 3, "used")[0] > 0
+    if detectors is not None and len(detectors) != len(rows):
+        raise InputError(f"used has {len(detectors)} rows and states {len(rows)}; give one of each")
+    return make_zero(sensor, rows, plan, detectors, samples, warmer)
 
 
 def make_zero(
-    sensor: Sensor, states: Floats, plan: Plan, samples: int | None = None, warmer: float = 0.0
+    sensor: Sensor,
+    states: Floats,
+    plan: Plan,
+    used: Booleans | None = None,
+    samples: int | None = None,
+    warmer: float = 0.0,
 ) -> ZeroPose:
-    """`zero_pose` by a plan.  warmer: than the reference temperature of the calibration, K."""
-    rows = states[np.isfinite(states).all(axis=1)]
+    """`zero_pose` by a plan.  warmer: than the reference temperature of the calibration, K.
+
+    Detectors that took part in some of the samples only count as if they had in none: its noise is
+    stated too large then, and never too small.
+    """
+    finite = np.isfinite(states).all(axis=1)
+    rows = states[finite]
+    common: Booleans = np.ones((1, 3), bool)
+    if used is not None:
+        common = used[finite].all(axis=0).reshape(1, 3)
     if not len(rows):
         raise InputError(
             "the zero has no solved pose that fits its readings; choose samples with light on all "
             "detectors"
         )
+    if common.sum() < 2:
+        raise InputError(
+            "the samples of the zero were measured with different detectors; choose samples with "
+            "light on the same two, or on all"
+        )
     mean = rows.mean(axis=0, keepdims=True)
     found = propagate(
-        sensor, sensor.calibration, mean, np.ones((1, 3), bool), plan.free, plan.weights,
-        np.array([warmer]),
-    )  # fmt: skip
-    if np.isnan(found.readings).any():
+        sensor, sensor.calibration, mean, common, plan.free, plan.weights, np.array([warmer])
+    )
+    if np.isnan(found.readings[np.repeat(common, 3, axis=1)]).any():
         raise InputError(
             "at the mean pose of the zero a detector has no light, so that it cannot have been "
             "measured with this sensor; choose another zero"

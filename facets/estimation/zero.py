@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -89,15 +89,24 @@ def find_zero(
         raise InputError(f"--zero is {request.text}, but the table has {count} rows without it")
     if request.seconds and held[-1].members[-1]:
         require_length(request, np.concatenate([part.chunk.columns["time_s"] for part in held]))
-    some = [part.members & part.solution.ok for part in held]
-    states = [part.solution.state[rows] for part, rows in zip(held, some, strict=True)]
+    return zero_of_parts(config, options, held), chain(held, parts)
+
+
+def zero_of_parts(config: Config, options: Solve, held: Sequence[SolvedPart]) -> ZeroPose:
+    """The zero of pieces of a table."""
+    some = [(part.chunk.columns, part.solution, part.members & part.solution.ok) for part in held]
     temperature = [
-        part.chunk.columns[TEMPERATURE_COLUMN][rows]
-        for part, rows in zip(held, some, strict=True)
-        if TEMPERATURE_COLUMN in part.chunk.columns
+        columns[TEMPERATURE_COLUMN][rows]
+        for columns, _, rows in some
+        if TEMPERATURE_COLUMN in columns
     ]
-    mean = np.concatenate(temperature) if temperature else None
-    return zero_of_samples(config, options, np.concatenate(states), mean), chain(held, parts)
+    return zero_of_samples(
+        config,
+        options,
+        np.concatenate([solution.state[rows] for _, solution, rows in some]),
+        np.concatenate(temperature) if temperature else None,
+        np.concatenate([solution.used[rows] for _, solution, rows in some]),
+    )
 
 
 def require_length(request: ZeroRequest, time: Floats) -> None:
@@ -129,18 +138,23 @@ def mark_members(
 
 
 def zero_of_samples(
-    config: Config, options: Solve, states: Floats, temperature: Floats | None = None
+    config: Config,
+    options: Solve,
+    states: Floats,
+    temperature: Floats | None = None,
+    used: Booleans | None = None,
 ) -> ZeroPose:
     """The zero of states (n, 8) that were solved as a config's `solve` block says.
 
-    temperature: (n,) degrees Celsius, if the sensor follows it.
+    temperature: (n,) degrees Celsius, if the sensor follows it.  used: (n, 3) detectors; None where
+    they are not known, and taken to be all.
     """
     sensor = config.sensor
     warmer = 0.0
     if temperature is not None and len(temperature) and sensor.thermal.is_on:
         warmer = float(np.nanmean(temperature)) - sensor.thermal.reference
     plan = make_plan(sensor, options.knowledge(sensor), options.method)
-    return make_zero(sensor, states, plan, warmer=warmer)
+    return make_zero(sensor, states, plan, used, warmer=warmer)
 
 
 def zero_of_table(path: Path, config: Config, options: Solve) -> ZeroPose:

@@ -41,7 +41,7 @@ def solve(readings, name, request, rows, config=CONFIG):
     import pandas as pd
 
     path, about = readings.with_name(name), {"config_sha256": CONFIG.sha256}
-    count = solve_table(config, CONFIG.solve, readings, path, about, rows=rows, zero=request)
+    count = solve_table(config, config.solve, readings, path, about, rows=rows, zero=request)
     return pd.read_csv(path, comment="#"), count
 
 
@@ -99,6 +99,27 @@ def test_a_saved_pose_is_a_zero(readings):
     path.write_text(f"{head}\n90,0,0.1,0,0,0\n")
     with pytest.raises(facets.InputError, match=r"saved.csv: at the mean pose .* no light"):
         zero_of_table(path, CONFIG, CONFIG.solve)
+
+
+def test_a_zero_of_two_detectors_has_their_noise(readings):
+    """Which is up to twice that of three; samples of different detectors are refused."""
+    way = replace(CONFIG.solve, beam="known", accept_unchecked=True)
+    path, rows = readings.with_name("two.csv"), noisy(np.zeros((COUNT, 8)))
+    rows[:, 6:] = np.nan
+    columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
+    write_table(path, {"time_s": np.arange(COUNT) * 1e-3} | columns, {})
+    _, count = solve(path, "pose.csv", ZeroRequest(seconds=0.2), 30, replace(CONFIG, solve=way))
+    found = facets.solve(CONFIG.sensor, rows, beam="known", accept_unchecked=True)
+    zero = facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=found.used)
+    for each in (count.zero, zero):
+        assert np.abs(each.scatter - 1).max() < 0.2
+    for used, words in (
+        ([[True, True, False], [True, False, True]] * (COUNT // 2), "different detectors; choose"),
+        (found.used[:2], "used has 2 rows and states 200"),
+        (np.ones(COUNT, bool), "used has shape"),
+    ):
+        with pytest.raises(InputError, match=words):
+            facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=used)
 
 
 def test_few_samples_of_a_mirror_that_moves_are_told():

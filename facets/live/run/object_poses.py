@@ -39,7 +39,8 @@ class ObjectPoses:
         self.zero: ZeroPose | None = None
         self.news: list[str] = []
         self.findings: list[str] = []
-        self.members: list[tuple[Floats, Floats]] = []  # states, and their temperatures
+        #: Of the zero's samples so far: states, temperatures, and detectors.
+        self.members: list[tuple[Floats, Floats, Booleans]] = []
         self.first: tuple[int, float] | None = None  # number and time of the first fitting sample
         if request is not None and request.file is not None:
             self.fix(zero_of_table(request.file, config, config.solve))
@@ -114,21 +115,21 @@ class ObjectPoses:
             self.first = int(seq[start]), float(time[start])
         number, start_time = self.first
         inside = self.request.members(seq - number + 1, time, start_time)
-        if (inside & ok).any():
-            known = np.empty(0) if temperature is None else temperature[inside & ok]
-            self.members.append((solution.state[inside & ok], known))
+        members: Booleans = inside & ok
+        if members.any():
+            known = np.empty(0) if temperature is None else temperature[members]
+            self.members.append((solution.state[members], known, solution.used[members]))
         ahead = inside[seq >= number]
         if self.members and len(ahead) and (self.request.row or not ahead[-1]):
             self.measure()
-        found: Booleans = inside & ok
-        return found
+        return members
 
     def measure(self) -> None:
         """Make the zero of the samples so far; begin again where they are of no use."""
-        states, temperature = map(np.concatenate, zip(*self.members, strict=True))
+        states, temperature, used = map(np.concatenate, zip(*self.members, strict=True))
         self.members, self.first = [], None
         try:
-            self.fix(zero_of_samples(self.config, self.config.solve, states, temperature))
+            self.fix(zero_of_samples(self.config, self.config.solve, states, temperature, used))
         except InputError as error:
             self.news.append(f"is measured again: {error}")
 
