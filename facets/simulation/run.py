@@ -260,8 +260,10 @@ def find_zeros(
         members = members_of(segment, request)
         if not members.any():
             raise InputError(f"--zero is {request.text}, which motion {segment.name} does not have")
-        states = segment.solution.state[members & segment.solution.ok]
-        zeros.append(zero_of_samples(config, config.solve, states))
+        found, rows = segment.solution, members & segment.solution.ok
+        zeros.append(
+            zero_of_samples(config, config.solve, found.state[rows], used=found.used[rows])
+        )
     return zeros
 
 
