@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..model.blocks import SINGLE, address_of, lane_code, lanes
-from ..model.threads import once, part_of
+from ..model.threads import once
 from ..scalars.nesting import leaves
 from .block_task import SCALES, BlockTask, Form, Scales
 from .chance import count_checks
@@ -37,7 +37,8 @@ Array = Any
 #: Estimates blocks of readings, of the address of a task.
 Code = Callable[[int], None]
 
-#: How many readings are estimated in turn at once, after one that had no pose.
+#: Number of readings in the first run of estimates in turn, and in the run after a reading that has
+#: no pose; each further run has twice as many.
 FEWEST_IN_A_ROW = 8
 
 #: The files that this is made of, beside those of the model's blocks.
@@ -132,9 +133,8 @@ def run_blocks(
     _, _, values, _, means, starts, *_ = arrays
     count = len(values)
     own = (True, len(means) == count, len(starts) == count)
-    task = task_of(
-        arrays, (*own, 0, patient), count // (width or lanes())
-    )  # kept while the code runs
+    blocks = count // (width or lanes())
+    task = task_of(arrays, (*own, 0, patient), blocks)  # kept while the code runs
     code(address_of(task))
 
 
@@ -233,10 +233,11 @@ def estimate_in_turn(
     changes = (np.diff(problem.starts[:, fixed], axis=0) != 0).any(axis=1)
     ends = np.append(np.flatnonzero(changes) + 1, count)
 
-    def follow_from(free: Array, first: int, last: int) -> Results:
+    def follow_from(free: Array | None, first: int, last: int) -> Results:
         own, some = some_rows(slice(first, last), readings, problem)
         begin = some.starts[0].copy()
-        begin[problem.free] = free
+        if free is not None:
+            begin[problem.free] = free
         covariance = len(results.covariances) > 0
         return follow(code, packed, own, limits, some._replace(starts=begin), covariance)
 
@@ -254,8 +255,7 @@ def estimate_in_turn(
             if n == last:
                 continue
             steps = found.steps[good]
-        alone = part_of(problem.starts, n, count).reshape(-1, UNKNOWNS)[0, problem.free]
-        found = follow_from(alone, n, n + 1)
+        found = follow_from(None, n, n + 1)
         found.steps[:] += steps
         put_rows(results, slice(n, n + 1), found)
         if found.status[0] == CONVERGED:

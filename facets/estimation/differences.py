@@ -360,7 +360,12 @@ def zero_pose(
         require_plausible(temperature, TEMPERATURE_COLUMN, "temperature")
         warmer = temperature - sensor.thermal.reference
     plan = make_plan(sensor, knowledge, shape=(len(rows),))
-    detectors = None if used is None else as_rows(np.asarray(used, float), 3, "used")[0] > 0
+    try:
+        detectors = None if used is None else as_rows(np.asarray(used, float), 3, "used")[0] > 0
+    except (TypeError, ValueError):
+        raise InputError(
+            "used is not an array (..., 3) of truth values; give `Solution.used` of the samples"
+        ) from None
     if detectors is not None and len(detectors) != len(rows):
         raise InputError(f"used has {len(detectors)} rows and states {len(rows)}; give one of each")
     return make_zero(sensor, rows, plan, detectors, samples, warmer)

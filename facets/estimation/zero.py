@@ -109,14 +109,14 @@ def zero_of_parts(config: Config, options: Solve, held: Sequence[SolvedPart]) ->
     )
 
 
-def require_length(request: ZeroRequest, time: Floats) -> None:
-    """Raise `InputError` where a table ends before the seconds of its zero are over, but for the
-    time to its next sample; as a live run has no zero then."""
+def require_length(request: ZeroRequest, time: Floats, what: str = "the table") -> None:
+    """Raise `InputError` where samples at these times (n,), s, end before the seconds of their
+    zero, but for the time to the next sample; a live run has no zero then."""
     known = time[np.isfinite(time)]
     lasts = known[-1] - known[0]
     if lasts + 2 * lasts / max(len(known) - 1, 1) < request.seconds:
         raise InputError(
-            f"--zero is {request.text}, but the table lasts {lasts:.4g} s; give a shorter time, or "
+            f"--zero is {request.text}, but {what} lasts {lasts:.4g} s; give a shorter time, or "
             "row:N"
         )
 

@@ -55,10 +55,10 @@ def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
     load: loads the vectors that the formula takes.  found: how many numbers a state gives.
     """
 
-    def write(builder: Any, arguments: Sequence[Any], begin: Any) -> None:
+    def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
         with write_loop(builder, arguments[3]) as index:
-            code = begin(builder)
+            code = begin_code(builder)
             here, there = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, code.lanes * numbers))])
                 for pointer, numbers in ((asked, 8), (results, found))
@@ -171,11 +171,11 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
     """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of the
     varied vectors, of states and results, of the number of copies, and of the number of blocks."""
 
-    def write(builder: Any, arguments: Sequence[Any], begin: Any) -> None:
+    def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
         copies = arguments[4]
         with write_loop(builder, arguments[5]) as index:
-            code = begin(builder)
+            code = begin_code(builder)
             rows = builder.mul(index, ir.Constant(LONG, code.lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))

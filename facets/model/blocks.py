@@ -51,8 +51,8 @@ def lane_code(
     def make_writer() -> Write:
         from ..scalars.lanes import LaneWriter
 
-        formula, begin = write(), partial(LaneWriter, lanes=width, called=lanes())
-        return lambda builder, arguments: formula(builder, arguments, begin)
+        formula, begin_code = write(), partial(LaneWriter, lanes=width, called_lanes=lanes())
+        return lambda builder, arguments: formula(builder, arguments, begin_code)
 
     return function(f"{name}_in_{width}_lanes", count, make_writer, *CODE, *files)
 

@@ -77,7 +77,7 @@ def make_objects(
 
 @contextlib.contextmanager
 def collector_off() -> Iterator[None]:
-    """Leave garbage where it is: to look for it among so many numbers takes a tenth of the time."""
+    """Switch Python's garbage collector off, which takes a tenth of the time of compiling."""
     was_on = gc.isenabled()
     gc.disable()
     try:

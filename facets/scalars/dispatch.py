@@ -143,10 +143,14 @@ def where_each(
 
     Code for several poses looks once whether any of the conditions holds for one of them.
     """
+
+    def compute() -> tuple[Any, ...]:
+        each = zip(conditions, others, arguments, strict=True)
+        return tuple(where_any(when, other, function, *given) for when, other, given in each)
+
     if hasattr(conditions[0], "writer"):
-        return conditions[0].writer.where_each(conditions, others, function, arguments)  # type: ignore[no-any-return]
-    each = zip(conditions, others, arguments, strict=True)
-    return tuple(where_any(condition, other, function, *given) for condition, other, given in each)
+        return conditions[0].writer.branch_once(conditions, others, compute)  # type: ignore[no-any-return]
+    return compute()
 
 
 def sum_over(

@@ -20,7 +20,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from . import polynomials
+from . import dispatch, polynomials
 from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter, Repetition, do_while, write_loop
 from .nesting import Numbers, leaves, nest
 from .tracing import Condition, Value, key_of
@@ -85,15 +85,15 @@ def join(builder: Any, vectors: list[Any]) -> Any:
 
 
 class LaneWriter(MachineWriter):
-    """lanes: number of poses.  called: number of lanes of the functions that are called where a
-    lane needs them, `lanes` unless given."""
+    """lanes: number of poses.  called_lanes: number of lanes of the functions that are called where
+    a lane needs them, `lanes` unless given."""
 
     drops_zeros = True
     shares_reciprocals = True
 
-    def __init__(self, builder: Any, lanes: int, called: int | None = None) -> None:
+    def __init__(self, builder: Any, lanes: int, called_lanes: int | None = None) -> None:
         super().__init__(builder)
-        self.lanes, self.called = lanes, called or lanes
+        self.lanes, self.called_lanes = lanes, called_lanes or lanes
         self.kind = ir.VectorType(DOUBLE, lanes)
         #: The factors of the products.
         self._factors: dict[Value | float, tuple[Value | float, ...]] = {}
@@ -243,19 +243,14 @@ class LaneWriter(MachineWriter):
                 cell[0] = self.select(condition, new, cell[0])
         return nest(other, iter([cell[0] for cell in cells]))
 
-    def where_each(
-        self,
-        conditions: Sequence[Condition],
-        others: tuple[Numbers, ...],
-        function: Callable[..., Any],
-        arguments: Sequence[tuple[Numbers, ...]],
-    ) -> tuple[Numbers, ...]:
-        """See `dispatch.where_each`; within one branch."""
+    def branch_once(
+        self, conditions: Sequence[Condition], others: Numbers, compute: Callable[[], Numbers]
+    ) -> Numbers:
+        """See `Tracer.branch_once`."""
         with self._rare(functools.reduce(operator.or_, conditions), others) as cells:
-            found = super().where_each(conditions, others, function, arguments)
-            for cell, new in zip(cells, leaves(found), strict=True):
+            for cell, new in zip(cells, leaves(compute()), strict=True):
                 cell[0] = new
-        return nest(others, iter([cell[0] for cell in cells]))  # type: ignore[no-any-return]
+        return nest(others, iter([cell[0] for cell in cells]))
 
     @contextmanager
     def _rare(self, condition: Condition, other: Numbers) -> Iterator[list[LaneMemory]]:
@@ -273,12 +268,12 @@ class LaneWriter(MachineWriter):
         """Call a function that has an object of its own, and return its `count` results."""
         file = function.__module__.rpartition(".")[2]
         given = list(leaves(arguments))
-        name = f"{file}_{function.__name__}_of_{len(given)}_in_{self.called}_lanes"
-        CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.called
+        name = f"{file}_{function.__name__}_of_{len(given)}_in_{self.called_lanes}_lanes"
+        CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.called_lanes
         module = self.builder.module
         kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
         code = module.globals.get(name) or ir.Function(module, kind, name)
-        wide = LaneWriter(self.builder, self.called)
+        wide = LaneWriter(self.builder, self.called_lanes)
         inputs, outputs = LaneMemory(wide, len(given)), LaneMemory(wide, count)
         for n, number in enumerate(given):
             inputs[n] = self._fit_lanes(number, wide)
@@ -353,8 +348,8 @@ class LaneWriter(MachineWriter):
         if not new:
             return
         usual = tuple((polynomials.sine(x), polynomials.cosine(x)) for x in new)
-        large = [abs(x) > 1 for x in new]
-        turns = self.where_each(large, usual, reduced_turn, tuple((x,) for x in new))
+        large = tuple(abs(x) > 1 for x in new)
+        turns = dispatch.where_each(large, usual, reduced_turn, tuple((x,) for x in new))
         self._known |= {("turn", x): turn for x, turn in zip(new, turns, strict=True)}
 
     def nearest_whole(self, x: Value) -> tuple[Value, Any]:

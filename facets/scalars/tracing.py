@@ -165,17 +165,6 @@ class Tracer:
         """See `dispatch.where_any`."""
         raise NotImplementedError
 
-    def where_each(
-        self,
-        conditions: Sequence[Condition],
-        others: tuple[Numbers, ...],
-        function: Callable[..., Any],
-        arguments: Sequence[tuple[Numbers, ...]],
-    ) -> tuple[Numbers, ...]:
-        """See `dispatch.where_each`."""
-        each = zip(conditions, others, arguments, strict=True)
-        return tuple(self.where_any(when, other, function, *given) for when, other, given in each)
-
     def sum_over(
         self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
     ) -> Numbers:
@@ -268,6 +257,12 @@ class Tracer:
 
     def turn_together(self, *angles: Value | float) -> None:
         """See `dispatch.turn_together`."""
+
+    def branch_once(
+        self, conditions: Sequence[Condition], others: Numbers, compute: Callable[[], Numbers]
+    ) -> Numbers:
+        """Write what `dispatch.where_each` computes; lanes write it within one branch."""
+        return compute()
 
     def round_product(self, x: Value) -> Value:
         """See `dispatch.round_product`."""

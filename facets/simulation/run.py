@@ -29,7 +29,7 @@ from ..estimation.table import (
     pose_columns,
     solve_readings,
 )
-from ..estimation.zero import ZeroRequest, zero_of_samples, zero_of_table
+from ..estimation.zero import ZeroRequest, require_length, zero_of_samples, zero_of_table
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
 from .imperfect_optics import delayed_readings
@@ -260,6 +260,8 @@ def find_zeros(
         members = members_of(segment, request)
         if not members.any():
             raise InputError(f"--zero is {request.text}, which motion {segment.name} does not have")
+        if request.seconds and members[-1]:
+            require_length(request, segment.time, f"motion {segment.name}")
         found, rows = segment.solution, members & segment.solution.ok
         zeros.append(
             zero_of_samples(config, config.solve, found.state[rows], used=found.used[rows])

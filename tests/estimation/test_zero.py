@@ -117,6 +117,7 @@ def test_a_zero_of_two_detectors_has_their_noise(readings):
         ([[True, True, False], [True, False, True]] * (COUNT // 2), "different detectors; choose"),
         (found.used[:2], "used has 2 rows and states 200"),
         (np.ones(COUNT, bool), "used has shape"),
+        ([[True], [True, False]], r"used is not an array \(..., 3\)"),
     ):
         with pytest.raises(InputError, match=words):
             facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=used)
