@@ -32,7 +32,7 @@ _NAMES_OF = {
     "recording.disk": "Disk",
     "recording.index": "Damage are_events_whole",
     "recording.pose_table": "join_columns pose_columns recorded_poses",
-    "recording.reader": "blocks meta_of",
+    "recording.reader": "blocks meta_of utc_offset",
     "recording.replay": "recorded_config replay",
     "recording.writer": "Recording",
     "run.board_poses": "SOLVED board_solution",

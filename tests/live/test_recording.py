@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 import threading
+import time
 from contextlib import suppress
 from types import SimpleNamespace
 from unittest.mock import MagicMock
@@ -32,6 +33,7 @@ from facets.live import (
     blocks,
     recorded_poses,
     replay,
+    utc_offset,
 )
 
 CONFIG = facets.load("bench")
@@ -129,6 +131,18 @@ def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
     assert pipeline.sequence.lost == lost // SIZE
     events = (tmp_path / "r" / "events.jsonl").read_text()
     assert f'"event": "recording again", "lost_bytes": {lost}' in events
+
+
+class SlowDisk(Disk):
+    def append(self, handle, data):
+        time.sleep(0.05)
+        return super().append(handle, data)
+
+
+def test_a_slow_disk_does_not_change_the_times_of_the_samples(tmp_path):
+    with Recording(tmp_path / "r", META, CONFIG.resolved, disk=SlowDisk()) as recording:
+        recording.add_block(Block(kills.stream(1), time.monotonic(), None))
+    assert utc_offset(tmp_path / "r") == pytest.approx(time.time() - time.monotonic(), abs=0.02)
 
 
 def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...tracking.encoder import Encoder
+from ..sources.host_time import wall_clock_offset
 from ..sources.source import Block
 
 OLD = np.dtype(
@@ -61,11 +62,11 @@ class Damage:
         return ", ".join([*words, *["events.jsonl is changed or missing"] * self.events])
 
 
-def make_row(block: Block, offset: int, utc: float) -> bytes:
-    """The row of a block that begins at `offset`."""
+def make_row(block: Block, offset: int) -> bytes:
+    """The row of a block that begins at `offset`, with the wall clock's time of its arrival."""
     row = np.zeros(1, INDEX)
     row["offset"], row["length"] = offset, len(block.data)
-    row["monotonic"], row["utc"] = block.arrival, utc
+    row["monotonic"], row["utc"] = block.arrival, block.arrival + wall_clock_offset()
     row["stage"] = pack_encoder(block.encoder)
     row["data_crc"] = block_crc(block.data)
     row["crc"] = zlib.crc32(row.tobytes()[:-4])

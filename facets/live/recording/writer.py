@@ -151,7 +151,7 @@ class Recording(ClosedAtExit, Sink):
             self.lost += len(block.data)
             self.refused, self.retry = True, time.monotonic() + RETRY_INTERVAL_S
             return
-        self.rows += self.put("index.bin", make_row(block, offset, time.time()))
+        self.rows += self.put("index.bin", make_row(block, offset))
         if self.refused:
             self.refused = False
             self.add_event("recording again", lost_bytes=self.lost)

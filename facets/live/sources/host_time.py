@@ -9,6 +9,7 @@ an edge of the lower convex hull. Its slope is the drift of the board's clock.
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from itertools import pairwise
 from math import hypot, inf, isfinite, log, nan
@@ -40,6 +41,18 @@ LATE_ARRIVAL_S = 0.01
 BIAS, END, RISE = 1.8, 4.0, 7.0
 #: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
 COUNT_SIGMA_S = 1e-6 / 12**0.5
+#: Pairs of times of the two clocks of which the closest one counts.
+CLOCK_READINGS = 3
+
+
+def wall_clock_offset() -> float:
+    """Of the wall clock over the host's monotonic one, now, s.
+
+    Of some pairs of times that with the least between them: a busy machine may stop between two.
+    """
+    pairs = ((time.monotonic(), time.time(), time.monotonic()) for _ in range(CLOCK_READINGS))
+    before, utc, after = min(pairs, key=lambda times: times[2] - times[0])
+    return utc - (before + after) / 2
 
 
 class ClockLine(NamedTuple):

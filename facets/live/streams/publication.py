@@ -11,7 +11,6 @@ import json
 import subprocess
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -26,6 +25,7 @@ from ...core.version import __version__
 from ..run.pipeline import LABELS, Poses
 from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
+from ..sources.host_time import wall_clock_offset
 from .addresses import check_address
 from .lots import LENGTH
 from .sample_rows import description, row_content, rows_of, sample_dtype
@@ -239,7 +239,7 @@ class Publications(ClosedAtExit, Sink):
             "statuses": {str(number): words for number, words in LABELS.items()},
             **row_content(config, objects),
         }
-        self.offset = time.time() - time.monotonic() if utc_offset is None else utc_offset
+        self.offset = wall_clock_offset() if utc_offset is None else utc_offset
         self.pulses = PulseClock() if config.acquire.mark == "pps" else None
         self.all: list[Publication] = []
         for address in addresses:
