@@ -107,7 +107,7 @@ def solve_recording(playback: live.Playback) -> Columns:
 
     def run(done: Callable[[int, int], None]) -> None:
         for poses in playback.poses(tell=done):
-            parts.append(live.recording.pose_table.table_columns(poses))
+            parts.append(poses.columns())
 
     show_progress(run, "solving the recording")
     pipeline = playback.pipeline

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +12,7 @@ import typer
 from facets import config as configuration
 from facets import core, estimation, files, pictures, simulation
 
-from .console import FINDING, load_config, name_files, show_table
+from .console import FINDING, load_config, name_files, report_lines, show_table
 from .options import (
     ConfigName,
     Covariance,
@@ -38,8 +37,6 @@ from .places import choose_point, zero_of
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.core.rigid_body import MeasuredObject
-    from facets.estimation.differences import ZeroPose
-    from facets.estimation.zero import ZeroRequest
     from facets.simulation.run import AxisErrors, Segment
 
 
@@ -102,17 +99,19 @@ def simulate(
     paths = files_of(output_folder(folder, settings.name), table, plot)
     sources = [*configuration.source_files(settings), request.file if request else None]
     files.tables.refuse_to_overwrite(paths.all, force, sources)
-    segments = simulation.run.simulate(settings, motion or [], noise, seed, track)
+    columns = estimation.PoseColumns(request, covariance)
+    segments = simulation.run.simulate(settings, motion or [], noise, seed, track, columns)
     drawn = settings.seed if seed is None else seed
-    zeros = simulation.run.find_zeros(settings, segments, request)
-    poses = simulation.run.pose_table(segments, settings.object, request, zeros, covariance)
-    about = files.provenance.provenance_header(settings, drawn) | zero_entry(request, zeros)
+    about = files.provenance.provenance_header(settings, drawn) | zero_entry(segments)
     with files.tables.ResultSet():
-        write(settings, segments, poses, about, paths, drawn, with_reference, start)
-    for segment, own in zip(segments, zeros, strict=True):
+        write(settings, segments, about, paths, drawn, with_reference, start)
+    for segment in segments:
         print_segment(segment, settings.object)
-        for sentence in estimation.zero.zero_findings(own) if own else ():
-            typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  ") + "\n")
+        for sentence in segment.measurement.zero_sentences():
+            report_lines(sentence)
+        typer.echo()
+    for sentence in segments[0].measurement.tally.sentences(settings):
+        report_lines(sentence)
     name_files(paths.folder, paths.all)
     if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
@@ -126,7 +125,6 @@ def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
 def write(
     settings: Config,
     segments: list[Segment],
-    poses: dict[str, Any],
     about: dict[str, str],
     paths: Files,
     seed: int,
@@ -138,7 +136,7 @@ def write(
     if reference:
         columns |= simulation.run.reference_table(segments, settings.calibrate.reference, seed)
     files.tables.write_table(paths.readings, columns, about)
-    files.tables.write_table(paths.poses, poses, about)
+    files.tables.write_table(paths.poses, simulation.run.pose_table(segments), about)
     pictures.style.save(pictures.motion.motion_picture(segments), paths.picture)
     for segment in segments:
         commands = paths.folder / f"commands-{segment.name}.csv"
@@ -149,12 +147,10 @@ def write(
     files.provenance.write_record(paths.record, settings, seed, seconds, results, paths.all)
 
 
-def zero_entry(request: ZeroRequest | None, zeros: list[ZeroPose | None]) -> dict[str, str]:
+def zero_entry(segments: list[Segment]) -> dict[str, str]:
     """The zeros of the motions for the head of the tables."""
-    if request is None:
-        return {}
-    texts = dict.fromkeys(estimation.zero.zero_text(request, zero) for zero in zeros if zero)
-    return {"zero": "; ".join(texts)}
+    texts = dict.fromkeys(segment.measurement.zero_text for segment in segments)
+    return {"zero": "; ".join(texts)} if any(texts) else {}
 
 
 def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
@@ -163,7 +159,7 @@ def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
     print_errors(segment.name, simulation.run.axes(segment))
     if body is not None:
         print_errors(f"{segment.name}: the object", simulation.run.axes(segment, body))
-    typer.echo(outcome(segment) + "\n")
+    typer.echo(outcome(segment))
 
 
 def print_errors(title: str, axes: list[AxisErrors]) -> None:

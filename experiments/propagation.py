@@ -194,7 +194,8 @@ def compare_pairs(sensor: Sensor, options: Solve, state: Floats, count: int, see
         draws = draw_parameters(sensor, sensor.calibration, values, rng)
         own_parameters, values = draws.sensors.parameters, values + draws.readings
         means = np.append(np.tile(state[6:], (count, 1)), own_parameters[:, :1], axis=1)
-        found = solve_each(draws.sensors, values, draw_knowledge(known, means, rng)).states
+        drawn = draw_knowledge(known, means, rng)
+        found = solve_each(draws.sensors, values, options.question(drawn)).states
     own = solve_alone(sensor, own_parameters, values, start, options.power == "known")
     off = np.abs(found[:, :6] - own[:, :6]) / own[:, :6].std(axis=0)
     return float(off.max())

@@ -7,6 +7,13 @@ if TYPE_CHECKING:
     from . import solution as solution
     from . import table as table
     from . import zero as zero
+    from .measurement import Measurement as Measurement
+    from .samples import Poses as Poses
+    from .samples import Samples as Samples
+    from .table import solve_table as solve_table
+    from .tally import Tally as Tally
+    from .zero import PoseColumns as PoseColumns
+    from .zero import ZeroRequest as ZeroRequest
 else:
     __getattr__ = load_on_use(
         __name__,
@@ -21,13 +28,13 @@ else:
             "dwells": "dwell_means stands stands_of_axis",
             "misfit": "Misfit",
             "plan": "make_plan",
-            "series": "solve_series",
             "step": "ask estimate",
-            "table": (
-                "StatusCounts add_temperature_uncertainty labels object_columns "
-                "pose_columns shift_per_kelvin solve_readings solve_table"
-            ),
-            "varied": "knowledge_of solve_each",
-            "zero": "ZeroRequest zero_findings zero_of_table",
+            "columns": "in_words",
+            "measurement": "Measurement",
+            "samples": "Poses Samples",
+            "table": "solve_table",
+            "tally": "Tally shift_per_kelvin",
+            "varied": "solve_each",
+            "zero": "PoseColumns ZeroRequest zero_findings zero_of_table",
         },
     )

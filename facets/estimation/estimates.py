@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE
 from ..model.kinds import LIT, kind_of
@@ -18,12 +19,19 @@ from .solution import Status
 from .uncertainty_parts import UncertaintyParts, uncertainty_parts
 
 
-def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> UncertaintyParts | None:
+def add_calibration(
+    sensor: Sensor, todo: Plan, found: problem.Results, warmer: Floats | None = None
+) -> UncertaintyParts | None:
     """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
-    covariances."""
+    covariances.
+
+    warmer: (n,) than the reference temperature of the calibration, K.
+    """
     if sensor.calibration is None or not found.covariances.shape[1]:
         return None
-    parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo.free, todo.weights)
+    parts = uncertainty_parts(
+        sensor, found.states[:, :8], found.used, todo.free, todo.weights, warmer
+    )
     found.covariances[:] += parts.calibration
     return parts
 

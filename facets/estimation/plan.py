@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import as_floats
 from ..core.errors import InputError
-from ..core.knowledge import Knowledge, Prior
+from ..core.knowledge import Knowledge, Prior, Question
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
@@ -176,22 +176,30 @@ def start_states(
     return starts
 
 
+def is_previous(start: object) -> bool:
+    """Whether each sample starts where the last converged one ended."""
+    return isinstance(start, str) and start == "previous"
+
+
 def make_problem(
-    plan: Plan, starts: Floats, start: object, method: str, max_steps: int, accept_unchecked: bool
+    plan: Plan, starts: Floats, question: Question, previous: bool = False
 ) -> problem.FitProblem:
     """A plan as compiled code takes it.
 
-    starts: from `start_states`.  start, method, max_steps, accept_unchecked: as for `facets.solve`.
+    starts: from `start_states`.  previous: see `is_previous`.
     """
+    if question.max_steps < 1:
+        raise InputError(f"max_steps is {question.max_steps}; allowed: 1 or more")
+    is_paper = question.method == "paper"
     return problem.FitProblem(
         means=plan.means,
         weight=plan.weights,
         free=plan.free,
         starts=starts,
-        previous=isinstance(start, str) and start == "previous",
-        max_steps=max_steps,
-        damped=method != "paper",
-        accept_unchecked=accept_unchecked or method == "paper",
+        previous=previous,
+        max_steps=question.max_steps,
+        damped=not is_paper,
+        accept_unchecked=question.accept_unchecked or is_paper,
     )
 
 

@@ -23,7 +23,9 @@ class Status(IntEnum):
 
     UNCHECKED: there are as many usable readings as unknowns, so that a wrong reading also gives a
     pose and nothing shows the error; `solve(..., accept_unchecked=True)` gives it. AMBIGUOUS:
-    another pose gives the same reading.
+    another pose gives the same reading. Of live samples only: SKIPPED: it was recorded and not
+    solved, since the run had fallen behind; a replay solves it. SATURATED: a converter was at its
+    end, so that the reading is not finite.
     """
 
     CONVERGED = problem.CONVERGED
@@ -35,10 +37,16 @@ class Status(IntEnum):
     STALLED = problem.STALLED
     UNCHECKED = problem.UNCHECKED
     AMBIGUOUS = problem.AMBIGUOUS
+    SKIPPED = 64
+    SATURATED = 66
 
     @property
     def label(self) -> str:
         return self.name.lower().replace("_", " ")
+
+
+#: The words of each status, by its number.
+LABELS = {status.value: status.label for status in Status}
 
 
 class UncertainResult:

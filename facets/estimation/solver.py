@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import check_arguments
-from ..core.errors import InputError
-from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ..core.knowledge import BeamKnowledge, PowerKnowledge, Question
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import as_rows, as_vectors
@@ -17,7 +16,16 @@ from ..model.threads import part_of, share
 from . import problem
 from .doubts import is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate
-from .plan import Plan, chance_of, find_plan, make_problem, sigmas_of, start_states
+from .plan import (
+    Plan,
+    chance_of,
+    find_plan,
+    is_plain,
+    is_previous,
+    make_problem,
+    sigmas_of,
+    start_states,
+)
 from .prepared import find_solver
 from .solution import Solution, solution
 
@@ -101,22 +109,44 @@ def solve(
     'no light'
     """
     given = as_vectors(readings, 9, "readings")
-    if max_steps < 1:
-        raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-    if isinstance(beam, str) and isinstance(power, str) and threads >= 0 and are_few(given, start):
-        solver = find_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
+    question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
+    return solve_question(sensor, given, question, start, threads)
+
+
+def solve_question(
+    sensor: Sensor,
+    given: Floats,
+    question: Question,
+    start: Literal["zero", "previous"] | ArrayLike = "zero",
+    threads: int = 1,
+    warmer: Floats | None = None,
+) -> Solution:
+    """`solve` of readings (..., 9) that are checked.
+
+    warmer: (n,) of readings (n, 9), than the reference temperature of the calibration, K.
+    """
+    if is_short(question) and threads >= 0 and are_few(given, start):
+        solver = find_solver(sensor, question)
         if given.ndim == 1:
             return solver.solve_from(given, solver.start_state(start, given))
-        if (found := solver.solve_some(given)) is not None:
-            return found
+        if (kept := solver.solve_some(given, warmer)) is not None:
+            return kept
     values, shape = as_rows(given, 9, "readings")
-    todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
+    todo = find_plan(sensor, question.knowledge, question.method, shape)
     starts = start_states(sensor, start, todo, values, shape)
-    asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
+    asked = make_problem(todo, starts, question, is_previous(start))
     rows = problem.Readings(values, sigmas_of(sensor, values))
-    results = solve_rows(sensor, rows, todo, asked, covariance, threads)
-    parts = add_calibration(sensor, todo, results)
+    results = solve_rows(sensor, rows, todo, asked, question.covariance, threads)
+    parts = add_calibration(sensor, todo, results, warmer)
     return solution(results, shape, chance_of(sensor, todo), parts)
+
+
+def is_short(question: Question) -> bool:
+    """Whether a question has no array, so that a solver is kept for it."""
+    beam, power = question.beam, question.power
+    return (isinstance(beam, str) or is_plain(beam, 2)) and (
+        isinstance(power, str) or is_plain(power, 1)
+    )
 
 
 #: The memory of so many readings is kept.
@@ -132,9 +162,10 @@ def are_few(readings: Floats, start: str | ArrayLike) -> bool:
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
-    todo, values = find_plan(sensor, Knowledge(), "least-squares", ()), reading[None].copy()
+    question, values = Question(), reading[None].copy()
+    todo = find_plan(sensor, question.knowledge, question.method, ())
     starts = start_states(sensor, start, todo, values, ())
-    asked = make_problem(todo, starts, start, "least-squares", 50, False)
+    asked = make_problem(todo, starts, question)
     found = problem.empty_results(1, False)
     estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
     return found.states[0, :8], float(found.residuals[0])

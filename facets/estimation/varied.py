@@ -10,43 +10,41 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.knowledge import Knowledge, Prior
+from ..core.knowledge import Question
 from ..core.units import Floats
 from ..model.varied import VariedSensors
 from . import blocks, problem
 from .block_task import Form
 from .doubts import is_doubtful, withdraw_doubtful
 from .plan import chance_of, make_plan, make_problem, sigmas_of, start_states
-from .solver import solve
+from .solver import solve_question
 
 
 def solve_each(
     sensors: VariedSensors,
     values: Floats,
-    knowledge: Knowledge,
-    max_steps: int = 50,
-    accept_unchecked: bool = False,
+    question: Question,
 ) -> problem.Results:
     """Solve readings (n, 9) as `facets.solve` does, each with its own sensor; no covariances.
 
-    knowledge: as for `facets.solve`, with means (n, 2), (n) of priors: the priors of each reading.
-    A reading whose sensor cannot be has the status NON_FINITE.
+    question: priors with means (n, 2), (n) are those of each reading. A reading whose sensor cannot
+    be has the status NON_FINITE.
     """
     sensor, shape = sensors.sensor, (len(values),)
-    plan = make_plan(sensor, knowledge, shape=shape)
+    plan = make_plan(sensor, question.knowledge, shape=shape)
     starts = start_states(sensor, "zero", plan, values, shape)
-    request = make_problem(plan, starts, "zero", "least-squares", max_steps, accept_unchecked)
+    request = make_problem(plan, starts, question)
     readings = problem.Readings(values, sigmas_of(sensor, values))
 
     def estimate(
         which: Any, some: problem.Readings, questions: problem.FitProblem
     ) -> problem.Results:
         found = problem.empty_results(len(some.values), False)
-        own, known = sensors.rows(which), knowledge_of(knowledge, which)
+        own, some_question = sensors.rows(which), question.rows(which)
         left = np.arange(len(some.values))
         if own.kind is not None and len(left):
             left = estimate_in_blocks(own, own.kind, some, plan.limits, questions, found)
-        estimate_singly(own, left, some.values, known, questions, found)
+        estimate_singly(own, left, some.values, some_question, questions.starts, found)
         return found
 
     found = estimate(np.arange(len(values)), readings, request)
@@ -93,25 +91,16 @@ def estimate_singly(
     sensors: VariedSensors,
     which: Any,
     values: Floats,
-    knowledge: Knowledge,
-    request: problem.FitProblem,
+    question: Question,
+    starts: Floats,
     found: problem.Results,
 ) -> None:
     """Fill rows of `found`, with a `Sensor` for each."""
     for row in which.tolist():
-        start = request.starts[row if len(request.starts) > 1 else 0]
+        start = starts[row if len(starts) > 1 else 0]
         try:
-            known = knowledge_of(knowledge, row)
-            one = solve(
-                sensors.one(row),
-                values[row],
-                beam=known.beam,
-                power=known.power,
-                start=start[:8],
-                max_steps=request.max_steps,
-                covariance=False,
-                accept_unchecked=request.accept_unchecked,
-            )
+            asked = question.rows(row)._replace(covariance=False)
+            one = solve_question(sensors.one(row), values[row], asked, start[:8])
         except InputError:
             found.status[row], found.used[row] = problem.NON_FINITE, False
             found.states[row] = found.residuals[row] = np.nan
@@ -119,13 +108,3 @@ def estimate_singly(
         found.states[row, :8], found.states[row, 8] = one.state, one.power
         found.status[row], found.used[row] = one.status, one.used
         found.steps[row], found.residuals[row] = one.iterations, one.residual
-
-
-def knowledge_of(knowledge: Knowledge, which: Any) -> Knowledge:
-    """The knowledge of some readings, where priors have a mean for each."""
-    beam, power = knowledge.beam, knowledge.power
-    if isinstance(beam, Prior) and np.ndim(beam.mean) > 1:
-        beam = Prior(np.asarray(beam.mean)[which], beam.sigma)
-    if isinstance(power, Prior) and np.ndim(power.mean) > 0:
-        power = Prior(np.asarray(power.mean)[which], power.sigma)
-    return Knowledge(beam=beam, power=power)

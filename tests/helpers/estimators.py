@@ -23,14 +23,13 @@ from facets.experiments.sensors import skew_sensor
 from hypothesis import strategies as st
 
 import facets
-from facets import Knowledge, Prior, Status, firmware, pictures
+from facets import Prior, Status, core, firmware, pictures
 from facets.estimation import (
     SCALES,
     Form,
     ask,
     estimate,
     estimates,
-    knowledge_of,
     linearise,
     scales_of,
     solve_each,
@@ -61,7 +60,7 @@ class Question(NamedTuple):
 
     def rows(self, which: Any) -> Question:
         """The question of some of the readings, or of one."""
-        known = knowledge_of(Knowledge(self.beam, self.power), which)
+        known = core.Question(self.beam, self.power).rows(which)
         start = self.start if isinstance(self.start, str) else self.start[which]
         return self._replace(
             readings=self.readings[which], beam=known.beam, power=known.power, start=start
@@ -191,8 +190,8 @@ def solve_varied(question: Question) -> Answer:
     if sensor.light.on:
         light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 36)))
     found = solve_each(
-        VariedSensors(sensor, values, light), twice.readings, Knowledge(twice.beam, twice.power),
-        accept_unchecked=twice.accept_unchecked,
+        VariedSensors(sensor, values, light), twice.readings,
+        core.Question(twice.beam, twice.power, accept_unchecked=twice.accept_unchecked),
     )  # fmt: skip
     states, power = found.states[:, :8], found.states[:, 8]
     numbers = (states, found.status, found.used, power, found.residuals)

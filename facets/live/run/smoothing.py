@@ -23,11 +23,11 @@ from ...core.errors import InputError
 from ...core.knowledge import Prior
 from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
+from ...estimation.columns import covariance_columns, result_columns
 from ...estimation.object_pose import ObjectPose, carry_pose
 from ...estimation.plan import Plan, find_plan
-from ...estimation.table import covariance_columns, result_columns
 from ...estimation.uncertainty_parts import propagate, slices_of
-from .pipeline import jitter_of, knowledge_at_rest
+from .pipeline import jitter_of
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -330,7 +330,7 @@ def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool)
 
 def plan_of(config: Config, carried: bool) -> Plan:
     """The unknowns and priors with which samples are solved."""
-    known = knowledge_at_rest(config)
+    known = config.solve.knowledge(config.sensor)
     if carried and known.beam != "free":
         known = replace(
             known, beam=Prior((0.0, 0.0), hypot(config.stage.accuracy, jitter_of(config)))

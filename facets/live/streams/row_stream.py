@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import FacetsError
-from ..run.object_poses import ObjectPoses
+from ...estimation.measurement import Measurement
 from ..run.poses import poses
 from .sample_rows import SAMPLE, row_dtype, rows_of
 from .subscription import Subscription
@@ -198,7 +198,7 @@ def kept_dtype(config: Config) -> np.dtype[np.void]:
     """Of kept rows: the columns of SAMPLE, those of the configuration's object, and its auxiliary
     channels."""
     channels = (channel.column for channel in config.acquire.channels)
-    return row_dtype(False, (*ObjectPoses(config).names, *channels))
+    return row_dtype(False, (*Measurement(config).object_names, *channels))
 
 
 def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:

@@ -234,7 +234,7 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
         "samples": doubts.unit_samples().round(9),
         "fold": FOLD,
         "noise": electronic_noise(sensor),
-        "statuses": [status.label for status in Status],
+        "statuses": [status.label for status in Status if status < Status.SKIPPED],
         "refusal": refusal(sensor),
     }
 
