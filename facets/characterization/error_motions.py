@@ -345,7 +345,7 @@ def doubtful_covariance(
     explain (with `misfit`)."""
     places = np.ones((len(states), 3), dtype=bool)
     unit = Calibration(MISFIT, tuple(map(tuple, np.eye(9).tolist())))
-    gain = propagate(sensor, unit, states, places, plan.free, plan.weights).slopes
+    gain = propagate(sensor, unit, states, places, plan).slopes
     assert gain is not None
     variances = np.zeros((len(states), 9))
     if sensor.electronics is not None:

@@ -28,6 +28,7 @@ else:
             "dwells": "dwell_means stands stands_of_axis",
             "misfit": "Misfit",
             "plan": "make_plan",
+            "problem": "Results some_rows",
             "step": "ask estimate",
             "columns": "in_words",
             "measurement": "Measurement",

@@ -80,7 +80,7 @@ def replace_unlikely(
     if not len(rows):
         return
     free, here = plan.free[plan.free < 8], found.states[rows]
-    spread = propagate(sensor, None, here[:, :8].copy(), found.used[rows], plan.free, plan.weights)
+    spread = propagate(sensor, None, here[:, :8].copy(), found.used[rows], plan)
     covariance = spread.statistical[:, free[:, None], free]
     size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     _, directions = np.linalg.eigh(covariance / size[:, :, None] / size[:, None, :])

@@ -29,9 +29,7 @@ def add_calibration(
     """
     if sensor.calibration is None or not found.covariances.shape[1]:
         return None
-    parts = uncertainty_parts(
-        sensor, found.states[:, :8], found.used, todo.free, todo.weights, warmer
-    )
+    parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo, warmer)
     found.covariances[:] += parts.calibration
     return parts
 
@@ -39,7 +37,6 @@ def add_calibration(
 def estimate(
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.ScreeningLimits,
     request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
@@ -47,12 +44,12 @@ def estimate(
 
     Under real light, stalled estimates are repeated with exact derivatives.
     """
-    run(sensor, False, readings, limits, request, found)
+    run(sensor, False, readings, request, found)
     stalled = np.flatnonzero(found.status == Status.STALLED) if needs_exactness(sensor) else ()
     if len(stalled):
         again = problem.empty_results(len(stalled), len(found.covariances) > 0)
         some, questions = problem.some_rows(stalled, readings, request)
-        run(sensor, True, some, limits, questions._replace(previous=False), again)
+        run(sensor, True, some, questions._replace(previous=False), again)
         problem.put_rows(found, stalled, again)
 
 
@@ -60,14 +57,13 @@ def run(
     sensor: Sensor,
     exact: bool,
     readings: problem.Readings,
-    limits: problem.ScreeningLimits,
     request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """exact: see `Form`."""
     code = block_code(sensor, request, exact, SINGLE if request.previous else None)
     way = blocks.estimate_in_turn if request.previous else blocks.estimate
-    way(code, packed_vectors(sensor), readings, limits, request, found)
+    way(code, packed_vectors(sensor), readings, request, found)
 
 
 def block_code(

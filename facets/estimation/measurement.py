@@ -16,7 +16,6 @@ from ..core.knowledge import Knowledge, Prior
 from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
 from .columns import covariance_columns, expanded_columns, result_columns
-from .estimates import prepare
 from .object_pose import ObjectPose, transform
 from .samples import Poses, Samples
 from .solution import Solution, Status, empty_solution
@@ -196,10 +195,6 @@ class Measurement:
         if samples.place_sigma is None:
             return options.knowledge(sensor, place)
         return replace(self.at_rest, beam=Prior(place + options.beam_offset, samples.place_sigma))
-
-    def prepare(self) -> None:
-        """Compile, or load, what live samples may need, before they come."""
-        prepare(self.config.sensor, self.at_rest)
 
     @cached_property
     def object_names(self) -> tuple[str, ...]:

@@ -200,6 +200,7 @@ def make_problem(
         max_steps=question.max_steps,
         damped=not is_paper,
         accept_unchecked=question.accept_unchecked or is_paper,
+        limits=plan.limits,
     )
 
 

@@ -170,7 +170,7 @@ class PreparedEstimate:
         self._has_exact = needs_exactness(sensor)
         self._code: Any = None  # made when it is asked for
         self._block = KeptBlocks(
-            packed_vectors(sensor), self._given, todo.limits, self._problem, question.covariance
+            packed_vectors(sensor), self._given, self._problem, question.covariance
         )
         self._numbers = self._block.numbers[0]
         self._ends = self._numbers.data
@@ -205,10 +205,8 @@ class PreparedEstimate:
             np.empty((rows, 9)), np.empty((rows if len(self._sigmas) else 0, 9))
         )
         self._wide_code = block_code(self._sensor, self._problem)
-        packed, limits = packed_vectors(self._sensor), self._plan.limits
-        kept = KeptBlocks(
-            packed, self._rows, limits, self._problem, len(self._numbers) > COVARIANCE
-        )
+        packed = packed_vectors(self._sensor)
+        kept = KeptBlocks(packed, self._rows, self._problem, len(self._numbers) > COVARIANCE)
         kept.numbers[:, CHECKS:COVARIANCE] = self._numbers[CHECKS:COVARIANCE]
         return kept
 
@@ -285,7 +283,7 @@ class PreparedEstimate:
         """The reading from another start, in results of its own."""
         found = problem.empty_results(1, len(self._numbers) > COVARIANCE)
         asked = self._problem._replace(starts=starts)
-        estimate(self._sensor, self._given, self._plan.limits, asked, found)
+        estimate(self._sensor, self._given, asked, found)
         return found
 
 

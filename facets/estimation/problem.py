@@ -39,7 +39,7 @@ class FitProblem(NamedTuple):
     free: (m,) numbers of the unknowns, ascending.  starts: (n or 1, 9), including the known values.
     previous: whether to start where the last converged sample ended.  damped: whether a step that
     does not help is shortened (Levenberg-Marquardt), or accepted.  accept_unchecked: whether to
-    estimate poses without redundant readings.
+    estimate poses without redundant readings.  limits: by which readings are screened.
     """
 
     means: Array
@@ -50,6 +50,7 @@ class FitProblem(NamedTuple):
     max_steps: int
     damped: bool
     accept_unchecked: bool
+    limits: ScreeningLimits
 
 
 class ScreeningLimits(NamedTuple):

@@ -37,7 +37,7 @@ class Samples:
     """
 
     readings: Floats
-    numbers: Integers = None  # type: ignore[assignment]  # until `__post_init__`
+    numbers: Integers = field(default_factory=lambda: np.empty(0, np.int64))
     time: Floats | None = None
     temperature: Floats | None = None
     place: Floats | None = None
@@ -45,7 +45,7 @@ class Samples:
     saturated: Booleans | None = None
 
     def __post_init__(self) -> None:
-        if self.numbers is None:
+        if not len(self.numbers):
             object.__setattr__(self, "numbers", 1 + np.arange(len(self.readings)))
 
 

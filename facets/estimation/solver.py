@@ -167,7 +167,7 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     starts = start_states(sensor, start, todo, values, ())
     asked = make_problem(todo, starts, question)
     found = problem.empty_results(1, False)
-    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
+    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), asked, found)
     return found.states[0, :8], float(found.residuals[0])
 
 
@@ -187,7 +187,7 @@ def solve_rows(
     def run(part: slice) -> None:
         some, questions = problem.some_rows(part, readings, request)
         results = problem.Results(*(part_of(array, part, n) for array in found))
-        estimate(sensor, some, todo.limits, questions, results)
+        estimate(sensor, some, questions, results)
 
     share(run, n, threads)
 
@@ -195,7 +195,7 @@ def solve_rows(
         some, questions = problem.some_rows(rows, readings, request)
         results = problem.empty_results(len(rows), covariance)
         questions = questions._replace(starts=starts, previous=False)
-        estimate(sensor, some, todo.limits, questions, results)
+        estimate(sensor, some, questions, results)
         return results
 
     chance = chance_of(sensor, todo)

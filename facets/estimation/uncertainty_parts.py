@@ -25,6 +25,7 @@ from ..optics.parameters import PARAMETERS
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration, Sensor
+    from .plan import Plan
 
 
 #: How many samples at once: 5 kB each.
@@ -66,8 +67,7 @@ def uncertainty_parts(
     sensor: Sensor,
     states: Floats,
     used: NDArray[np.bool_],
-    free: NDArray[np.int64],
-    weights: Floats,
+    plan: Plan,
     warmer: Floats | None = None,
 ) -> UncertaintyParts:
     """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
@@ -75,7 +75,7 @@ def uncertainty_parts(
     noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
     for part in slices_of(len(states)):
         found = propagate(
-            sensor, sensor.calibration, states[part], used[part], free, weights,
+            sensor, sensor.calibration, states[part], used[part], plan,
             None if warmer is None else warmer[part],
         )  # fmt: skip
         noise[part] = found.noise
@@ -96,17 +96,16 @@ def propagate(
     known: Calibration | None,
     states: Floats,
     used: NDArray[np.bool_],
-    free: NDArray[np.int64],
-    weights: Floats,
+    plan: Plan,
     warmer: Floats | None = None,
 ) -> Propagation:
     """How solved states (n, 8) follow noise, priors and the parameters that are `known`.
 
-    used: (n, 3) detectors.  free, weights: the unknowns that were solved for, out of the state
-    and the power, and one over the sigmas of what was known of bx, by and the power.
+    used: (n, 3) detectors.  plan: the unknowns that were solved for, and what was known of bx, by
+    and the power.
     warmer: (n,) than the reference temperature of the calibration, K; None where it is not known.
     """
-    seen = readings(sensor, states)
+    seen, free, weights = readings(sensor, states), plan.free, plan.weights
     weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
     by_state = np.zeros((len(states), 9, 9))
     by_state[:, :, :8] = jacobian(sensor, states)

@@ -43,7 +43,7 @@ def solve_each(
         own, some_question = sensors.rows(which), question.rows(which)
         left = np.arange(len(some.values))
         if own.kind is not None and len(left):
-            left = estimate_in_blocks(own, own.kind, some, plan.limits, questions, found)
+            left = estimate_in_blocks(own, own.kind, some, questions, found)
         estimate_singly(own, left, some.values, some_question, questions.starts, found)
         return found
 
@@ -62,7 +62,6 @@ def estimate_in_blocks(
     sensors: VariedSensors,
     kind: str,
     readings: problem.Readings,
-    limits: problem.ScreeningLimits,
     request: problem.FitProblem,
     found: problem.Results,
 ) -> Any:
@@ -76,7 +75,7 @@ def estimate_in_blocks(
         code = blocks.kernel(Form(tuple(request.free.tolist()), kind, exact, varied=True))
         some, questions = problem.some_rows(which, readings, request)
         part = problem.empty_results(len(which), False)
-        blocks.estimate(code, sensors.rows(which).pack(kind), some, limits, questions, part)
+        blocks.estimate(code, sensors.rows(which).pack(kind), some, questions, part)
         problem.put_rows(found, which, part)
 
     run(np.arange(len(readings.values)), False)

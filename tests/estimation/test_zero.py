@@ -121,17 +121,12 @@ def test_a_zero_of_two_detectors_has_their_noise(readings):
     solve(path, "pose.parquet", None, 30, config)
     saved = [zero_of_table(path.with_name(f"pose.{kind}"), config) for kind in ("csv", "parquet")]
     found = facets.solve(CONFIG.sensor, rows, beam="known", accept_unchecked=True)
-    zero = facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=found.used)
+    zero = facets.zero_pose(CONFIG.sensor, found, beam="known")
     for each in (measured, zero, *saved):
         assert np.abs(each.scatter - 1).max() < 0.2
-    for used, words in (
-        ([[True, True, False], [True, False, True]] * (COUNT // 2), "different detectors; choose"),
-        (found.used[:2], "used has 2 rows and states 200"),
-        (np.ones(COUNT, bool), "used has shape"),
-        ([[True], [True, False]], r"used is not an array \(..., 3\)"),
-    ):
-        with pytest.raises(InputError, match=words):
-            facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=used)
+    mixed = np.tile([[True, True, False], [True, False, True]], (COUNT // 2, 1))
+    with pytest.raises(InputError, match="different detectors; choose"):
+        facets.zero_pose(CONFIG.sensor, replace(found, used=mixed), beam="known")
 
 
 def test_few_samples_of_a_mirror_that_moves_are_told():

@@ -27,14 +27,15 @@ from facets import Prior, Status, core, firmware, pictures
 from facets.estimation import (
     SCALES,
     Form,
+    Results,
     ask,
     estimate,
     estimates,
     linearise,
     scales_of,
     solve_each,
+    some_rows,
 )
-from facets.estimation.problem import Results, some_rows
 from facets.model import VariedSensors, effects, geometry_of, parameters
 from facets.scalars.nesting import nest
 
@@ -148,8 +149,8 @@ def solve_floats(question: Question) -> Answer:
     vectors, blocks, code = geometry_of(question.sensor), estimates.blocks, estimates.block_code
 
     def way(form: Form, packed: Any, *given: Any, **options: Any) -> None:
-        readings, limits, request, found = given
-        scales = nest(SCALES, iter(scales_of(readings, limits, request).tolist()))
+        readings, request, found = given
+        scales = nest(SCALES, iter(scales_of(readings, request).tolist()))
         weights = 1 / readings.sigmas if len(readings.sigmas) else readings.values
         rows_of_each = (readings.values, weights, request.means, request.starts)
         for n in range(len(readings.values)):
@@ -160,7 +161,7 @@ def solve_floats(question: Question) -> Answer:
             except (ArithmeticError, ValueError):
                 some, rest = some_rows(np.array([n]), readings, request)
                 one = Results(*(part[n : n + 1] for part in found))
-                usual(code(question.sensor, request), packed, some, limits, rest, one, True)
+                usual(code(question.sensor, request), packed, some, rest, one, True)
                 continue
             has_pose = end.status == Status.CONVERGED
             found.status[n], found.steps[n], found.used[n] = end.status, end.steps, used

@@ -148,6 +148,9 @@ def test_bluesky_is_told_of_the_object():
     sensor = PoseSensor(WITH_OBJECT, "zmq://127.0.0.1:9", name="sensor")
     assert sensor.hints == {"fields": [f"sensor-object_{name}" for name in POSE]}
     assert asyncio.run(sensor.describe())["sensor-u_object_tx_mm"]["units"] == "mm"
+    parts = PoseSensor(WITH_ALL, "zmq://127.0.0.1:9", name="sensor")
+    assert asyncio.run(parts.describe())["sensor-u_calibration_object_tx_mm"]["units"] == "mm"
+    assert asyncio.run(parts.describe())["sensor-u_noise_tx_mm"]["units"] == "mm"
     assert asyncio.run(sensor.read_configuration())["sensor-object"]["value"] == OBJECT.text
 
 

@@ -23,6 +23,7 @@ from ...core.units import Floats
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
 from ...detectors.noise import least_light
 from ...detectors.skew import align
+from ...estimation.estimates import prepare
 from ...estimation.measurement import Measurement
 from ...estimation.samples import Poses as SolvedPoses
 from ...estimation.samples import Samples as MeasuredSamples
@@ -288,7 +289,7 @@ class Pipeline:
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), light, light,
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
-        self.measurement.prepare()
+        prepare(self.config.sensor, self.measurement.at_rest)
         warm = Pipeline(self.config)
         warm.measurement.poses(warm.samples_of(nobody))
 

@@ -324,7 +324,7 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
 def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool) -> Floats:
     """`noise_covariance` of states (n, 8) by the detectors used (n, 3)."""
     plan = plan_of(config, carried)
-    found = propagate(config.sensor, None, states, used, plan.free, plan.weights)
+    found = propagate(config.sensor, None, states, used, plan)
     return found.noise[:, :6, :6]
 
 
