@@ -66,7 +66,7 @@ def resolution(
     settings = choose_point(load_config(config), point)
     about = files.provenance.provenance_header(settings)
     if coverage is not None:
-        about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
+        about |= estimation.uncertainty.describe_coverage(settings.sensor, coverage)
     rules = object_rules(settings, track)
     place = output_folder(folder, settings.name, "resolution")
     paths = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]

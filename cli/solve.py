@@ -141,7 +141,7 @@ def solve(
         options = replace(options, accept_unchecked=True)
     about = files.provenance.provenance_header(settings)
     if coverage is not None:
-        about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
+        about |= estimation.uncertainty.describe_coverage(settings.sensor, coverage)
     path = output_folder(output, settings.name, "poses.csv")
     files.tables.ending(path)
     files.tables.require_table(readings)

@@ -28,7 +28,7 @@ from facets.core.sensor import Calibration, Sensor
 from facets.core.settings import Solve
 from facets.core.units import UM, URAD, Floats
 from facets.detectors.noise import sample_readings
-from facets.estimation.varied import solve_each
+from facets.estimation.solver import solve_each
 from facets.model.arrays import parameters
 from facets.optics.parameters import PARAMETERS
 from facets.pictures import style

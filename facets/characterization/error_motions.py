@@ -28,7 +28,7 @@ from ..detectors.noise import step_variances
 from ..estimation.differences import carry, lasting_covariance, propagate_in_light
 from ..estimation.plan import Plan, make_plan
 from ..estimation.solution import root_of_covariance
-from ..estimation.uncertainty_parts import Propagation, propagate
+from ..estimation.uncertainty import Propagation, propagate
 
 #: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
 LETTERS = "XYZABC"

@@ -15,7 +15,7 @@ from ..core.rigid_body import MeasuredObject, object_displacements
 from ..core.units import Booleans, Floats
 from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
-from ..estimation.uncertainty_parts import propagate
+from ..estimation.uncertainty import propagate
 from ..files.tables import read_chunks
 from .frequency_response import Stretches, find_stretches
 

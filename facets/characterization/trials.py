@@ -26,8 +26,7 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import NAMES, correction_slopes, invert_correction
 from ..detectors.noise import fullness, sample_readings
 from ..estimation.solution import Solution, Status, root_of_covariance
-from ..estimation.solver import solve_question
-from ..estimation.varied import solve_each
+from ..estimation.solver import solve_each, solve_question
 from ..model.arrays import EFFECTS, effects, parameters, readings
 from ..model.beam_shape import OF_SHAPE, SHAPE, axes_of_shapes, shape_of
 from ..model.varied import VariedSensors

@@ -14,19 +14,24 @@ import numpy as np
 from ..model.blocks import SINGLE, address_of, lane_code, lanes
 from ..model.threads import once
 from ..scalars.nesting import leaves
-from .block_task import SCALES, BlockTask, Form, Scales
-from .chance import count_checks
+from .plan import count_checks
 from .problem import (
     CONVERGED,
+    COVARIANCE,
+    RESIDUAL,
+    SCALES,
+    STATUS,
     UNKNOWNS,
+    BlockTask,
     FitProblem,
+    Form,
     Readings,
     Results,
+    Scales,
     empty_results,
     put_rows,
     some_rows,
 )
-from .solution import COVARIANCE, RESIDUAL, STATUS
 from .step import GOING
 
 if TYPE_CHECKING:
@@ -43,11 +48,9 @@ FEWEST_IN_A_ROW = 8
 #: The files that this is made of, beside those of the model's blocks.
 PARTS = (
     "block_code.py",
-    "block_task.py",
     "blocks.py",
     "problem.py",
     "step.py",
-    "straight.py",
 )
 
 

@@ -40,7 +40,7 @@ from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..model.arrays import as_rows, as_vectors
 from .plan import Plan, make_plan
 from .solution import Solution, root_of_diagonal
-from .uncertainty_parts import Propagation, carry_over, propagate, slices_of
+from .uncertainty import Propagation, carry_over, propagate, slices_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration

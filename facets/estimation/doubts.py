@@ -19,10 +19,9 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import derivatives, margins, readings
-from .chance import Chance
-from .plan import Plan
+from .plan import Chance, Plan
 from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results, put_rows
-from .uncertainty_parts import propagate
+from .uncertainty import propagate
 
 Rows = NDArray[np.intp]
 #: Estimates some rows anew from states (n, 9).

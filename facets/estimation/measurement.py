@@ -15,9 +15,14 @@ from ..core.errors import InputError
 from ..core.knowledge import Knowledge, Prior
 from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
-from .columns import covariance_columns, expanded_columns, result_columns
 from .object_pose import ObjectPose, transform
-from .samples import Poses, Samples
+from .samples import (
+    Poses,
+    Samples,
+    covariance_columns,
+    expanded_columns,
+    result_columns,
+)
 from .solution import Solution, Status, empty_solution
 from .solver import solve_question
 from .tally import PLACES, Tally
@@ -27,6 +32,7 @@ if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Config
     from .differences import ZeroPose
+
 
 #: Ends of an estimate that another start may spare.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)

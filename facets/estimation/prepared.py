@@ -22,20 +22,9 @@ from .blocks import KeptBlocks
 from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate, needs_exactness
 from .plan import Plan, chance_of, make_plan, make_problem, start_states
-from .solution import (
-    CHECKS,
-    COVARIANCE,
-    ITERATIONS,
-    LIMIT,
-    RESIDUAL,
-    STATUS,
-    USED,
-    LazySolution,
-    Solution,
-    results_of,
-    solution,
-)
-from .uncertainty_parts import UncertaintyParts
+from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED
+from .solution import LazySolution, Solution, results_of, solution
+from .uncertainty import UncertaintyParts
 
 
 @check_arguments

@@ -16,10 +16,9 @@ from ..core.names import READING_COLUMNS, STATE_COLUMNS, TEMPERATURE_COLUMN
 from ..core.units import Floats
 from ..detectors.skew import align
 from ..files import tables
-from .columns import UNPARSABLE, in_words
-from .compiling import Task, compile_for
+from .estimates import Task, compile_for
 from .measurement import Measurement, beam_place
-from .samples import Samples
+from .samples import UNPARSABLE, Samples, in_words
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor

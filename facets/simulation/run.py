@@ -19,10 +19,9 @@ from ..core.units import Floats
 from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise, fullness
 from ..detectors.skew import align
-from ..estimation.columns import in_words
 from ..estimation.measurement import Measurement
 from ..estimation.object_pose import transform
-from ..estimation.samples import Poses, Samples
+from ..estimation.samples import Poses, Samples, in_words
 from ..estimation.solution import LABELS, Solution
 from ..estimation.table import compile_for_poses
 from ..estimation.tally import Tally

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.errors import ConfigError, InputError
 from ...core.version import __version__
-from ...estimation.columns import in_words
+from ...estimation.samples import in_words
 from ..run.pipeline import Pipeline, Poses
 from .index import Damage, name_of_copy
 from .pose_table import Columns

@@ -23,10 +23,10 @@ from ...core.errors import InputError
 from ...core.knowledge import Prior
 from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
-from ...estimation.columns import covariance_columns, result_columns
 from ...estimation.object_pose import ObjectPose, carry_pose
 from ...estimation.plan import Plan, find_plan
-from ...estimation.uncertainty_parts import propagate, slices_of
+from ...estimation.samples import covariance_columns, result_columns
+from ...estimation.uncertainty import propagate, slices_of
 from .pipeline import jitter_of
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ...estimation.columns import UNCERTAINTY_PARTS
 from ...estimation.measurement import Measurement
+from ...estimation.samples import UNCERTAINTY_PARTS
 from ...files.tables import unit_of_column
 
 if TYPE_CHECKING:
