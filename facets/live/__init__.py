@@ -37,7 +37,7 @@ _NAMES_OF = {
     "recording.writer": "Recording",
     "run.board_poses": "SOLVED board_solution",
     "run.loop": "CLOCK_MOVED Ending Loop acquire",
-    "run.pipeline": "FULL LABELS Pipeline Poses SKIPPED TWO_DETECTORS join_poses",
+    "run.pipeline": "FULL LABELS Pipeline Poses SKIPPED join_poses",
     "run.pulses": "PulseClock",
     "run.reader": "MAX_BLOCK_S Reader",
     "run.sink": "Sink",

@@ -11,8 +11,7 @@ import numpy as np
 
 from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
-from ...estimation.solution import Status
-from ..run.pipeline import FULL, SKIPPED, TWO_DETECTORS
+from ..run.pipeline import SKIPPED
 from .index import Damage
 from .pose_table import Columns
 from .reader import Seal
@@ -20,8 +19,7 @@ from .reader import Seal
 #: What cannot be known of a recording that has no seal.
 UNSEALED = (
     "  how many poses were recorded is unknown, because the end of events.jsonl, which says that, "
-    "is missing: the run was killed, the power failed, an older version recorded it, or it was cut "
-    "off"
+    "is missing: the run was killed, the power failed, or it was cut off"
 )
 
 
@@ -53,11 +51,7 @@ class PoseComparison:
 
 
 def compare(old: Columns, new: Columns) -> PoseComparison:
-    """Compare what a recording holds with what its replay gives; both by `pose_columns`.
-
-    A sample that an older version called "non finite" or "two detectors only" and this one
-    "saturated" or "unchecked" is the same.
-    """
+    """Compare what a recording holds with what its replay gives; both by `pose_columns`."""
     none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
     old, new = old or none, new or none
     there = np.isin(old["seq"], new["seq"])
@@ -69,9 +63,6 @@ def compare(old: Columns, new: Columns) -> PoseComparison:
     apart, columns = np.zeros(len(rows), bool), []
     for name in [name for name in old if name in new] if len(rows) else ():
         one, other = old[name][solved], new[name][rows]
-        if name == "status":
-            other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
-            other = np.where((one == TWO_DETECTORS) & (other == Status.UNCHECKED), one, other)
         differs = (one != other) & ~(is_nan(one) & is_nan(other))
         if differs.any():
             columns.append(name)

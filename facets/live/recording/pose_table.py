@@ -75,7 +75,7 @@ def recorded_poses(folder: Path) -> Columns:
     """The poses that a recording holds, in the samples' order, as far as they can be proven.
 
     A batch that is not as it was written is left out; past a torn end nothing can be read. Status
-    is one of `Status`, `pipeline.SKIPPED`, `pipeline.TWO_DETECTORS` or `pipeline.FULL`.
+    is one of `Status`, `pipeline.SKIPPED` or `pipeline.FULL`.
     """
     import pyarrow as pa
 
@@ -88,7 +88,7 @@ def recorded_poses(folder: Path) -> Columns:
                 batch.validate(full=True)
                 part = {name: batch[name].to_numpy() for name in batch.schema.names}
                 proof = part.pop(CRC, None)
-                if proof is None or (len(proof) and (proof == crc_of(part)).all()):
+                if proof is not None and len(proof) and (proof == crc_of(part)).all():
                     parts.append(part)
     except (StopIteration, pa.ArrowException, OSError, ValueError, MemoryError):
         pass

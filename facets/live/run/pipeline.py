@@ -68,13 +68,10 @@ MAX_STEPS = 20
 #: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
 #: none of the estimator's: a replay solves the sample.
 SKIPPED = 64
-#: What older recordings have for `Status.UNCHECKED`.
-TWO_DETECTORS = 65
 #: The status of a sample that the estimator calls "non finite" since a converter was at its end.
 FULL = 66
 LABELS = {status.value: status.label for status in Status} | {
     SKIPPED: "skipped",
-    TWO_DETECTORS: "two detectors only",
     FULL: "saturated",
 }
 
