@@ -8,7 +8,7 @@ from queue import Empty
 
 import numpy as np
 import pytest
-from facets.experiments import kills
+from facets.experiments.studies import kills
 from streams import CALIBRATED
 
 import facets
