@@ -99,8 +99,8 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
         given, near = rows[:, :9], rows[:, 9:] + 1e-6
         return solve(SENSOR, given, start=near, covariance=False, threads=threads).state
 
-    def cold(rows: Floats, threads: int = 1) -> Floats:
-        return solve(SENSOR, rows[:, :9], threads=threads).state
+    def cold(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9]).state
 
     contenders = [
         Contender("facets: batch from zero", cold, poses),
