@@ -95,17 +95,19 @@ def forward(quick: bool, seed: int) -> list[Row]:
 def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
     """Ways from readings to poses; inputs are readings, then true states to start from: (n, 17)."""
 
-    def warm(rows: Floats, threads: int = 1) -> Floats:
-        given, near = rows[:, :9], rows[:, 9:] + 1e-6
-        return solve(SENSOR, given, start=near, covariance=False, threads=threads).state
+    def warm(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False).state
 
     def cold(rows: Floats) -> Floats:
         return solve(SENSOR, rows[:, :9]).state
 
+    def on_threads(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9], covariance=False, threads=0).state
+
     contenders = [
         Contender("facets: batch from zero", cold, poses),
         Contender("facets: batch warm without covariance", warm, poses),
-        Contender(f"facets: the same on {cores()} threads", lambda r: warm(r, 0), poses),
+        Contender(f"facets: from zero on {cores()} threads", on_threads, poses),
         Contender(
             "facets: one warm call each",
             one_by_one(lambda r: solve(SENSOR, r[:9], start=r[9:] + 1e-6).state),
@@ -118,12 +120,12 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
         ),
         Contender(
             "fsolve on Gauss-Legendre 12",
-            lambda r: solve_by_roots(fsolve_root, readings_by_legendre, r[:, :9]),
+            lambda r: solve_by_roots(fsolve_root, readings_by_legendre, r[:, :9], True),
             10,
         ),
         Contender(
             "least_squares on Gauss-Legendre 12",
-            lambda r: solve_by_roots(least_squares_root, readings_by_legendre, r[:, :9]),
+            lambda r: solve_by_roots(least_squares_root, readings_by_legendre, r[:, :9], True),
             5,
         ),
     ]
