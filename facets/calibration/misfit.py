@@ -466,7 +466,7 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
 
 #: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
 #: `uneven_share` gives. Of ghosts of a thousandth it gives 0.3 to 0.6, and they moved x and y of
-#: calibrations by 0.5 to 1.4 of their share (`python -m facets.experiments.disturbed_rigs`).
+#: calibrations by 0.5 to 1.4 of their share (the study `disturbed_rigs`).
 CENTRE_PER_SHARE = 1.5
 #: The same for each unit of an asymmetric beam's mean deviation from a Gaussian: another reflex,
 #: 1 to 2.5 of the beam's standard deviations away, moves the middle by 2.4 to 0.4 times as much.

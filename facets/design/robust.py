@@ -37,14 +37,13 @@ class Robust:
     """A layout with margins.
 
     problem: with the margins, which rounding and later steps must keep as well.
-    result: of its search.  factor: k.  expansion: of the layout.  kept: the predicted share of
-    heads that keep spots, light and limits.  rounds: their number.
+    result: of its search.  factor: k.  kept: the predicted share of heads that keep spots, light
+    and limits.  rounds: their number.
     """
 
     problem: LayoutProblem
     result: StartResult
     factor: float
-    expansion: Expansion
     kept: float
     rounds: int
 
@@ -78,7 +77,7 @@ def robust_layout(
         expansion = expand_margins(built)
         draws = draw_heads(built)
         kept = float((least_margins(expansion, draws.heads) >= 0).mean())
-        found = Robust(problem, result, factor, expansion, kept, rounds)
+        found = Robust(problem, result, factor, kept, rounds)
         if rounds > 1 and abs(kept - target) < NEAR:
             return found
         if rounds > 1:

@@ -138,9 +138,8 @@ def choose(
     """
     made = dict(choices(sensor, layout))
     if len(made) > TRIED:
-        found = best_parts(sensor, layout, solve_from_present, tell)
-        if found.tried:
-            return found.tried, len(made)
+        if best := best_parts(sensor, layout, solve_from_present, tell):
+            return best, len(made)
         # no choice meets the requirements, not even with parts as good as any: use the best of
         # those tried
         largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sensors
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import CONFIG, NOMINAL, accepted_effects, judge, sample_rig, settings
 from scipy.spatial.transform import Rotation
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import CONFIG, NOMINAL
 
 import facets

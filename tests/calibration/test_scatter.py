@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import disturbed_rigs, rigs
+from facets.experiments.studies import disturbed_rigs, rigs
 from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, words_of
 
 import facets

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, write_samples
 
 import facets

@@ -1,7 +1,7 @@
 """Axis tests: the formulas of ISO 230-2 beside numbers worked by hand, error motions beside rigid
 bodies that scipy moves, and stands beside the commands.
 
-`experiments/axis_tests.py` compares expanded uncertainties with the truth of drawn axes.
+`experiments/studies/axis_tests.py` compares expanded uncertainties with the truth of drawn axes.
 """
 
 import re

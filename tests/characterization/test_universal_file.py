@@ -1,6 +1,7 @@
 """A universal file says what it holds, to readers that share no code with its writer.
 
-`experiments/frequency_responses.py` has the modes that modal analysis finds in many recordings.
+`experiments/studies/frequency_responses.py` has the modes that modal analysis finds in many
+recordings.
 """
 
 import numpy as np

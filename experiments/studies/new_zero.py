@@ -1,6 +1,6 @@
 """How well readings at one stop tell what changed since a calibration (`facets rezero`).
 
-    python -m facets.experiments.new_zero [--rigs 4] [--draws 50]
+    python -m facets.experiments.studies.new_zero [--rigs 4] [--draws 50]
 
 Each rig has the light of a bench and is read by rays, which share no code with the model
 (`bench_rays`). It is calibrated as `facets calibrate` does it, from 500 poses. Then the beam, the

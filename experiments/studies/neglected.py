@@ -1,6 +1,6 @@
 """Effects that ideal light neglects, and the pose errors that they cause.
 
-    python -m facets.experiments.neglected [--output FILE.csv]
+    python -m facets.experiments.studies.neglected [--output FILE.csv]
 
 Readings of the paper's head with one imperfection at a time, by rays, over the motions of `rigs`,
 without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over a

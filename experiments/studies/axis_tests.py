@@ -1,6 +1,6 @@
 """How often the expanded uncertainties of `facets axis` hold the truth, over drawn axes.
 
-    python -m facets.experiments.axis_tests [--axes 200] [--first 0]
+    python -m facets.experiments.studies.axis_tests [--axes 200] [--first 0]
 
 Each axis (along x or z, or about z) has errors of drawn sizes, from far below the sensor's
 uncertainty to far above. It is tested by a sensor whose parameters are off by a draw from its

@@ -1,6 +1,6 @@
 """Propagation of distributions beside an independent program and beside known cases.
 
-    python -m facets.experiments.propagation [--trials 1000000] [--own 8000] [--seed 1]
+    python -m facets.experiments.studies.propagation [--trials 1000000] [--own 8000] [--seed 1]
         [--picture FILE.png]
 
 The independent program shares no code with the package's model or solver: it integrates the beam

@@ -1,6 +1,6 @@
 """Rigs with hidden errors, calibrated: how well poses are known before and after.
 
-    python -m facets.experiments.rigs [--rigs 20] [--samples 400] [--config bench] [--bench]
+    python -m facets.experiments.studies.rigs [--rigs 20] [--samples 400] [--config bench] [--bench]
                                       [--reach 0.25]
 
 Each rig has detectors up to 0.3 mm and 5 mrad off their places, facets up to 2 mrad, powers and

@@ -1,6 +1,6 @@
 """How well `facets response` finds known responses: random errors, biases, and modes.
 
-    python -m facets.experiments.frequency_responses [--records 20] [--seed 1]
+    python -m facets.experiments.studies.frequency_responses [--records 20] [--seed 1]
 
 A body with three known modes is shaken by a known force; its motion gets the white noise that the
 shipped `shaker` has, and the responses are compared with the receptance. The modes are identified
