@@ -73,17 +73,17 @@ class ChangePriors:
     Parameters
     ----------
     beam
-        Of the beam's position in x and in y, mm.
+        Position of the beam in x and in y, mm.
     power
-        Of the laser's power, as a share of it.
+        Power of the laser, as a share of it.
     gain
-        Of each detector's gain, as a share.
+        Gain of each detector, as a share of it.
     post
-        Of the height of each detector's post, mm.
+        Height of each detector's post, mm.
     width
-        Of the beam's diameter, as a share of it, the same in all directions.
+        Diameter of the beam, as a share of it, the same in all directions.
     stop, stop_angle
-        Of the mirror's position (mm) and angles (rad) at the stop now against those then.
+        Position (mm) and angles (rad) of the mirror at the stop now relative to those then.
     """
 
     beam: float = 0.020
@@ -95,7 +95,8 @@ class ChangePriors:
     stop_angle: float = 5e-7
 
     def sigmas(self, power: float) -> Floats:
-        """Of the changes (10,), in mm, mW and shares.  power: the laser's, mW."""
+        """The standard uncertainties (10,) of the changes, in mm, mW and shares.  power: of the
+        laser, mW."""
         sizes = ([self.beam] * 2, [self.power * power], [self.gain] * 3, [self.post] * 3)
         return np.concatenate([*sizes, [self.width]])
 
@@ -123,12 +124,11 @@ class NewZero:
         Position of the beam (2,) beside the one that is known otherwise, mm: see
         `Solve.beam_offset`.
     change, uncertainty, prior
-        Of the changes (10,): they, their standard uncertainties, and those before; mm, mW and
-        shares.
+        The changes (10,), their standard uncertainties, and those before; mm, mW and shares.
     chi_square, freedom
-        Of the readings' differences, with all priors; and what it is on average.
+        Chi-square of the readings' differences with all priors, and its expectation.
     motion
-        Of the mirror along each axis alone (2, 6), if it moved beside the changes: the most
+        Motion of the mirror along each axis alone (2, 6), if it moved beside the changes: the most
         probable one and its standard uncertainty, mm and rad.
     """
 
@@ -172,7 +172,7 @@ def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> St
         Readings (n, 9) as the detectors gave them, mm and mW; rows that are not finite are left
         out.
     name
-        Of the readings, for messages.
+        Name of the readings, for messages.
 
     Returns
     -------
@@ -210,7 +210,11 @@ def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> St
 
 
 def combine_means(sensor: Sensor, means: Floats, sigma: Floats, rows: Floats) -> StopReadings:
-    """means, sigma: (m, 9).  rows: of which each is the mean (m,)."""
+    """Stops by mean readings, with the variance of the converter's steps added.
+
+    means, sigma: (m, 9) the means and their standard uncertainties.  rows: (m,) number of rows in
+    each.
+    """
     count = len(means)
     data = Data(
         means, np.zeros((count, 6)), np.zeros(6), np.zeros((count, 2)), noise=sigma, rows=rows
@@ -234,15 +238,15 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
     if not dwells:
         return average_stop(sensor, columns, str(path))
     pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
-    found = dwell_means(columns, pose, np.array(reference)[measured])
-    means = np.column_stack([found.columns[name] for name in READING_COLUMNS])
+    stands = dwell_means(columns, pose, np.array(reference)[measured])
+    means = np.column_stack([stands.columns[name] for name in READING_COLUMNS])
     if not len(means) or not np.isfinite(means).all():
         raise InputError(
             f"{path}: the reference stands still {len(means)} times; every stop needs all nine "
             "readings"
         )
     return add_temperature(
-        sensor, combine_means(sensor, means, found.noise, found.rows), found.columns, str(path)
+        sensor, combine_means(sensor, means, stands.noise, stands.rows), stands.columns, str(path)
     )
 
 
@@ -413,8 +417,8 @@ class StopComparison:
         return self.derivatives(change, CHANGES) @ spread_of(self.change_sensor(change))
 
     def weights(self, change: Floats) -> tuple[Floats, Floats]:
-        """The inverse covariance of the readings' differences without changes (9 m, 9 m), and by
-        how much they follow errors of the calibration (9 m, p)."""
+        """The inverse covariance (9 m, 9 m) of the readings' differences without changes, and the
+        derivatives (9 m, p) of these differences by the calibrated parameters."""
         apart = self.derivatives(change, self.names)
         apart -= derivatives(self.sensor, self.states, self.names, self.then_warmer)
         covariance = self.noise + apart @ self.known @ apart.T
@@ -433,14 +437,13 @@ class StopComparison:
         return change
 
     def residuals(self, change: Floats) -> Floats:
-        """What changes leave of the readings' differences (9 m,)."""
+        """The readings' differences (9 m,) less those that the changes explain."""
         exact = exact_at_reference(self.change_sensor(change), self.now.mean, self.now_warmer)
         return (exact - self.predict(change) - self.offset).ravel()
 
     def conclude(self, change: Floats) -> tuple[Floats, Floats, float, Floats]:
-        """Of the most probable changes: their covariance (10, 10), that between them and the
-        calibrated parameters (10, p), chi-square, and what the mirror's motion would be, see
-        `NewZero.motion`."""
+        """The covariance (10, 10) of the most probable changes, their covariance (10, p) with the
+        calibrated parameters, chi-square, and the motion of the mirror, see `NewZero.motion`."""
         weights, apart = self.weights(change)
         slopes, residuals = self.slopes(change), self.residuals(change)
         known = self.prior**-2

@@ -100,14 +100,14 @@ class Choice:
 def values_of(sensor: Sensor) -> Floats:
     """Values of `ALL` of the nominal sensor, with the apex on the pivot and on the beam."""
     given = dict(zip(PARAMETERS, parameters(sensor), strict=True))
-    found = np.zeros(len(ALL))
+    values = np.zeros(len(ALL))
     for name in GEOMETRY:
-        found[PLACE[name]] = given[name]
-    found[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
-    found[block(NAMES)] = coefficients(sensor)
-    found[block(EFFECTS)] = effects(sensor)
-    found[block(SKEW)] = sensor.light.delays
-    return found
+        values[PLACE[name]] = given[name]
+    values[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
+    values[block(NAMES)] = coefficients(sensor)
+    values[block(EFFECTS)] = effects(sensor)
+    values[block(SKEW)] = sensor.light.delays
+    return values
 
 
 def assign_values(sensor: Sensor, values: Floats) -> Sensor:
@@ -178,15 +178,15 @@ def fold_mount(values: Floats) -> Floats:
     The mirror's frame is then that of the reference: where the reference says zero, the solved
     angles are zero.
     """
-    found = values.copy()
+    folded = values.copy()
     turn = rotation_matrix(values[mount_of(0)])
     for letter, normal in zip(DETECTORS, normals(values) @ turn.T, strict=True):
         place = PLACE[f"facet_{letter}.azimuth"]
         azimuth = np.arctan2(normal[1], normal[0])
-        found[place] = azimuth + 2 * np.pi * round((values[place] - azimuth) / (2 * np.pi))
-        found[PLACE[f"facet_{letter}.inclination"]] = np.arccos(np.clip(normal[2], -1, 1))
-    found[mount_of(0)] = 0.0
-    return found
+        folded[place] = azimuth + 2 * np.pi * round((values[place] - azimuth) / (2 * np.pi))
+        folded[PLACE[f"facet_{letter}.inclination"]] = np.arccos(np.clip(normal[2], -1, 1))
+    folded[mount_of(0)] = 0.0
+    return folded
 
 
 def mount_of(seat: int) -> slice:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..calibration.bundle_adjustment import Data
-from ..calibration.fit import Fit, fit
+from ..calibration.fit import Fit, StoppingRule, fit
 from ..calibration.table import choice
 from ..calibration.unknowns import MOUNTING, Choice, assign_values, fold_mount, values_of
 from ..characterization.ranges import axis_ranges, clearances
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 #: nonlinearly separate the gains and the beam's size from the apex's place; its clearance from a
 #: detector's edge over half a detector; and its seed.
 REACH, EDGE, SEED = 0.3, 0.2, 1
-#: Largest number of steps of a head's calibration, and the fall of chi-square below which it ends.
-STEPS, ENOUGH = 25, 0.1
+#: When the calibration of a head ends.
+ENDING = StoppingRule(steps=25, fall=0.1)
 
 
 @dataclass(frozen=True)
@@ -117,4 +117,4 @@ def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data
 
 def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
     data = measure_rig(built, head, rng)
-    return fit(built.sensor, data, built.choice, None, most=STEPS, enough=ENOUGH)
+    return fit(built.sensor, data, built.choice, None, rule=ENDING)
