@@ -39,14 +39,15 @@ REDUNDANT_READING = 8
 
 @dataclass(frozen=True)
 class AmbiguousPair:
-    """Two states (8,), one and other, with equal readings.
+    """Two states (8,) with equal readings.
 
-    share: (n,) of the straight line from one to the other.  apart: (n,) root of the sum of squares
-    of the readings' differences from those at the ends, in standard deviations.  determinant: (n,).
+    share: (n,) of the straight line from the first to the second.  apart: (n,) root of the sum of
+    squares of the readings' differences from those at the ends, in standard deviations.
+    determinant: (n,).
     """
 
-    one: Floats
-    other: Floats
+    first: Floats
+    second: Floats
     share: Floats
     apart: Floats
     determinant: Floats
@@ -66,14 +67,14 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     direction *= FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
     for reach in REACHES:
         for side in (1, -1):
-            one = near + side * reach * direction
-            seen = readings(sensor, one)
-            other, residual = local_solution(sensor, seen, near - side * reach * direction)
-            gap = np.linalg.norm((other - one) / FINE_UNITS) / np.linalg.norm(
+            first = near + side * reach * direction
+            seen = readings(sensor, first)
+            second, residual = local_solution(sensor, seen, near - side * reach * direction)
+            gap = np.linalg.norm((second - first) / FINE_UNITS) / np.linalg.norm(
                 direction / FINE_UNITS
             )
             if residual < EQUAL_SIGMAS and gap > reach:
-                return pair_between(sensor, one, other)
+                return pair_between(sensor, first, second)
     return None
 
 
@@ -188,10 +189,10 @@ def excess_of(
     return np.where(inside, 0.0, excess + 1e-3), slope
 
 
-def pair_between(sensor: Sensor, one: Floats, other: Floats) -> AmbiguousPair:
+def pair_between(sensor: Sensor, first: Floats, second: Floats) -> AmbiguousPair:
     share = np.linspace(-0.15, 1.15, 131)
-    states = one + share[:, None] * (other - one)
+    states = first + share[:, None] * (second - first)
     seen = readings(sensor, states)
-    sigma = standard_deviations(sensor, readings(sensor, one))
-    apart = np.sqrt((((seen - readings(sensor, one)) / sigma) ** 2).sum(axis=1))
-    return AmbiguousPair(one, other, share, apart, measures(sensor, states, spectra=False)[:, 0])
+    sigma = standard_deviations(sensor, readings(sensor, first))
+    apart = np.sqrt((((seen - readings(sensor, first)) / sigma) ** 2).sum(axis=1))
+    return AmbiguousPair(first, second, share, apart, measures(sensor, states, spectra=False)[:, 0])

@@ -133,7 +133,7 @@ def test_a_pair_is_found_in_the_box_of_a_singular_sensor():
     weak = search(config.sensor, box, 1).state
     result = find_pair_in_box(config.sensor, box, share, weak)
     assert result.outside == 0
-    pair = np.array([result.pair.one, result.pair.other])
+    pair = np.array([result.pair.first, result.pair.second])
     readings = facets.readings(config.sensor, pair)
     np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)
     assert np.abs(pair[0] - pair[1])[:3].max() > 0.05
