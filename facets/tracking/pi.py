@@ -81,8 +81,8 @@ class Pi(NativeLimits):
     def numbers(self, lines: list[str]) -> Floats:
         """The numbers of both axes in an answer."""
         try:
-            found = dict(line.strip().split("=") for line in lines)
-            numbers = np.array([float(found["1"]), float(found["2"])])
+            by_axis = dict(line.strip().split("=") for line in lines)
+            numbers = np.array([float(by_axis["1"]), float(by_axis["2"])])
         except (ValueError, KeyError):
             numbers = np.full(2, np.nan)
         if not np.isfinite(numbers).all():
