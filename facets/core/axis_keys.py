@@ -36,13 +36,13 @@ def state_block(
     keys = []
     for axis, text in zip(STATE, texts, strict=True):
         is_angle = axis in ANGLES
-        own = "mrad" if is_angle else "mm"
+        axis_unit = "mrad" if is_angle else "mm"
         keys.append(
             Key(
-                f"{axis}_{own}",
+                f"{axis}_{axis_unit}",
                 default,
                 text,
-                own if unit is None else unit,
+                axis_unit if unit is None else unit,
                 float,
                 bounds[is_angle],
             )
