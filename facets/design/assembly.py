@@ -62,9 +62,9 @@ class Assembly:
     def values(self, z: Floats) -> Floats:
         """Return all unknowns of a calibration, at `z` (p,) standard uncertainties of the
         choice."""
-        found = self.nominal.copy()
-        found[self.choice.places] += self.choice.sigma * z
-        return found
+        values = self.nominal.copy()
+        values[self.choice.places] += self.choice.sigma * z
+        return values
 
     def head(self, z: Floats) -> Sensor:
         """Return the head at `z`. Raises `InputError` if no sensor has these parameters."""
@@ -74,8 +74,8 @@ class Assembly:
 def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) -> Assembly:
     """Make the assembly of a design. Raises `InputError` if no parameter has a tolerance."""
     plain = replace(sensor, calibration=None)
-    found = choice(plain, known)
-    loose = np.array([name not in MOUNTING for name in found.names])
+    unknowns = choice(plain, known)
+    loose = np.array([name not in MOUNTING for name in unknowns.names])
     if not loose.any():
         raise InputError(
             "calibrate.before states no tolerance of the head: every head would be the same"
@@ -83,7 +83,7 @@ def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) 
     reference = np.array(known.reference)
     asked = requirement_of(plain, layout, known.power_per_sample)
     return Assembly(
-        plain, asked, found, loose, motion(plain, rules, layout.poses, reference), reference
+        plain, asked, unknowns, loose, motion(plain, rules, layout.poses, reference), reference
     )
 
 
