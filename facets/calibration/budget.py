@@ -87,8 +87,8 @@ def calibration_budget(
 
 
 def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]:
-    """Covariances (p, p) of the unknowns by source, and the unknowns' names: those of the fit, and
-    the laser's mean power where each sample has its own."""
+    """Covariances (p, p) of the unknowns by source, and the unknowns' names: the unknowns of the
+    fit, and the laser's mean power where each sample has its own."""
     at = task.guess(result.all_values, result.own_values)
     _, _, normal = task.linearise(at, task.limit(at))
     names, size = list(result.choice.names), len(result.covariance)

@@ -18,6 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
+from ..core.rigid_body import (
+    angle_axes,
+    angle_rates,
+    cross_matrix,
+    rotation_angles,
+    rotation_matrix,
+)
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, correct, correction_slopes
@@ -97,60 +104,6 @@ class Data(NamedTuple):
         return self._replace(**kept)
 
 
-class Rotations(NamedTuple):
-    """Rotations (n, 3, 3) of roll, pitch and yaw, and their derivatives by each (n, 3, 3, 3)."""
-
-    matrix: Floats
-    slopes: Floats
-
-
-def rotations_of(angles: Floats) -> Rotations:
-    """R = Rz(yaw) Ry(pitch) Rx(roll) of angles (n, 3)."""
-    c, s, zeros, ones = np.cos(angles), np.sin(angles), np.zeros(len(angles)), np.ones(len(angles))
-
-    def matrix(rows: list[list[Floats]]) -> Floats:
-        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-    def axis_rotation(axis: int, cos: Floats, sin: Floats, fixed: Floats) -> Floats:
-        if axis == 0:
-            return matrix([[fixed, zeros, zeros], [zeros, cos, -sin], [zeros, sin, cos]])
-        if axis == 1:
-            return matrix([[cos, zeros, sin], [zeros, fixed, zeros], [-sin, zeros, cos]])
-        return matrix([[cos, -sin, zeros], [sin, cos, zeros], [zeros, zeros, fixed]])
-
-    turn = [axis_rotation(i, c[:, i], s[:, i], ones) for i in range(3)]
-    slope = [axis_rotation(i, -s[:, i], c[:, i], zeros) for i in range(3)]
-    whole = turn[2] @ turn[1] @ turn[0]
-    by = (turn[2] @ turn[1] @ slope[0], turn[2] @ slope[1] @ turn[0], slope[2] @ turn[1] @ turn[0])
-    return Rotations(whole, np.stack(by, axis=1))
-
-
-def angles_of(matrix: Floats) -> Floats:
-    """Roll, pitch and yaw (n, 3) of rotations (n, 3, 3)."""
-    return np.stack(
-        [
-            np.arctan2(matrix[:, 2, 1], matrix[:, 2, 2]),
-            -np.arcsin(np.clip(matrix[:, 2, 0], -1, 1)),
-            np.arctan2(matrix[:, 1, 0], matrix[:, 0, 0]),
-        ],
-        axis=-1,
-    )
-
-
-def turn_axes(angles: Floats) -> Floats:
-    """(n, 3, 3): its columns are the axes, in the world, about which the angles turn."""
-    (_, cp, cy), (_, sp, sy) = np.cos(angles).T, np.sin(angles).T
-    zeros, ones = np.zeros(len(angles)), np.ones(len(angles))
-    return np.stack(
-        [
-            np.stack([cy * cp, sy * cp, -sp], axis=-1),
-            np.stack([-sy, cy, zeros], axis=-1),
-            np.stack([zeros, zeros, ones], axis=-1),
-        ],
-        axis=-1,
-    )
-
-
 class Seating(NamedTuple):
     """The mirror's place on the reference in each sample: each (n, 3); mm and rad."""
 
@@ -186,11 +139,11 @@ def states_of(data: Data, own_values: Floats, values: Floats) -> Floats:
     """
     pose = pose_of(data, own_values, values)
     seat = seating(data, values[block(MOUNTING)])
-    turn = rotations_of(pose[:, 3:]).matrix
+    turn = rotation_matrix(pose[:, 3:])
     state = np.concatenate([pose, data.beam + own_values[:, 7:]], axis=1)
     state[:, :3] += np.einsum("nij,nj->ni", turn - np.eye(3), seat.lever) + seat.apex
     if seat.mount.any():
-        state[:, 3:6] = angles_of(turn @ rotations_of(seat.mount).matrix)
+        state[:, 3:6] = rotation_angles(turn @ rotation_matrix(seat.mount))
     state[:, 6:] += drift(data, values)[:, :2]
     return state
 
@@ -403,14 +356,14 @@ class Turning(NamedTuple):
 
     @classmethod
     def from_pose(cls, pose: Floats, seat: Seating, state: Floats) -> Turning:
-        turn = rotations_of(pose[:, 3:])
-        lever = np.einsum("najk,nk->nja", turn.slopes, seat.lever)
-        axes = np.linalg.inv(turn_axes(state[:, 3:6]))
+        turn, turn_axes = rotation_matrix(pose[:, 3:]), angle_axes(pose[:, 3:])
+        arm = np.einsum("nij,nj->ni", turn, seat.lever)
+        rates = angle_rates(state[:, 3:6])
         return cls(
-            turn.matrix,
-            lever,
-            axes @ turn_axes(pose[:, 3:]),
-            axes @ turn.matrix @ turn_axes(seat.mount),
+            turn,
+            -cross_matrix(arm) @ turn_axes,
+            rates @ turn_axes,
+            rates @ turn @ angle_axes(seat.mount),
         )
 
 
@@ -426,7 +379,7 @@ def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats)
 
 
 def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) -> None:
-    """Fill the columns of `MOUNTING`, those of its seating for each sample."""
+    """Fill the columns of `MOUNTING`: for each sample, those of the seating that it has."""
     part = np.concatenate(
         [
             by_state[:, :, :3] @ (turning.matrix - np.eye(3)),

@@ -114,6 +114,7 @@ def motion_unknowns(sigma: Sigmas) -> Unknowns:
 
 
 def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+    """The unknowns of a backlash, of the axes that the reference measures."""
     if data is None or data.approach is None or not data.approach.any():
         return {}
     measured = np.isfinite(data.sigma)
@@ -121,7 +122,7 @@ def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) ->
 
 
 def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
-    """In a motion that is followed in time a lag is a delay."""
+    """The unknowns of a lag; none in a motion that is followed in time, where a lag is a delay."""
     if data is None or data.velocity is not None:
         return {}
     axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data, settings))

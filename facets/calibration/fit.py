@@ -46,7 +46,8 @@ from .bundle_adjustment import (
 from .small_matrices import one_thread
 from .unknowns import (
     ALL,
-    MOUNTING,
+    APEX,
+    MOUNT,
     OF_SENSOR,
     PLACE,
     Choice,
@@ -124,8 +125,7 @@ class Fit:
     def apex(self) -> Floats:
         """Position of the apex relative to the beam, with the reference at zero, in the first
         seating (3,), mm."""
-        start = block(MOUNTING).start + 3
-        return self.all_values[start : start + 3]
+        return self.all_values[block(APEX)]
 
     @property
     def reduced_chi_square(self) -> float:
@@ -437,8 +437,8 @@ def redundancies(model: Linear, weights: Floats, normal: Normal, covariance: Flo
 def calibrated_sensor(
     task: Task, at: Guess, normal: Normal, covariance: Floats, freedom: float
 ) -> Sensor:
-    """The calibrated sensor with the covariance of its parameters, and the degrees of freedom of
-    the residuals: those of the covariance that was known before, if these are fewer or unknown.
+    """The calibrated sensor with the covariance of its parameters and its degrees of freedom, see
+    `joint_freedom`.
 
     The power is the mean over the samples if each had its own; the facets include the mirror's
     rotation on the reference; the mirror's place and the drifts are left out.
@@ -463,7 +463,8 @@ def sensor_covariance(names: list[str], values: Floats, covariance: Floats) -> C
 
 
 def joint_freedom(task: Task, freedom: float) -> float | None:
-    """The degrees of freedom of a covariance by residuals, and by what was known before."""
+    """The degrees of freedom of the residuals, or of the covariance that was known before the fit
+    if these are fewer; None if these are unknown."""
     before = task.choice.joint
     if before is None:
         return max(freedom, 1.0)
@@ -495,7 +496,7 @@ def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) ->
 
 def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str], Floats]:
     """Names and covariance after the mirror's rotation has become part of the facets."""
-    if not any(PLACE[name] in range(*_mount()) for name in names):
+    if set(MOUNT).isdisjoint(names):
         return names, covariance
     facets, given, slope = fold_derivatives(values)
     into = [ALL[n] for n in facets]
@@ -507,8 +508,3 @@ def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str
         if name in rest:
             whole[6 + rest.index(name), n] = 1.0
     return into + rest, whole @ covariance @ whole.T
-
-
-def _mount() -> tuple[int, int]:
-    start = block(MOUNTING).start + 6
-    return start, start + 3

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import POSE
+from ..core.rigid_body import rotation_angles, rotation_matrix
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
 from ..detectors.noise import standard_deviations
 from ..model.arrays import readings
-from .bundle_adjustment import Data, angles_of, rotations_of
+from .bundle_adjustment import Data
 from .fit import NORMAL_MEDIAN, Fit, Guess, StoppingRule, Task, solve_open_axes
 from .misfit import KINDS, Finding
 from .outliers import row_numbers
@@ -152,7 +153,7 @@ def rotations(pose: Floats, order: str) -> Floats:
     for n in range(3):
         only = np.zeros((len(pose), 3))
         only[:, n] = pose[:, 3 + n]
-        about[:, n] = rotations_of(only).matrix
+        about[:, n] = rotation_matrix(only)
     whole = np.eye(3)
     for axis in order:
         whole = about[:, "xyz".index(axis)] @ whole
@@ -166,7 +167,7 @@ def angle_orders() -> Iterator[Hypothesis]:
         if order != "xyz":
 
             def again(pose: Floats, order: str = order) -> Floats:
-                pose[:, 3:] = angles_of(rotations(pose, order))
+                pose[:, 3:] = rotation_angles(rotations(pose, order))
                 return pose
 
             axes = ", then ".join(order)
@@ -178,7 +179,7 @@ def angle_orders() -> Iterator[Hypothesis]:
             )
 
     def inverse(pose: Floats) -> Floats:
-        pose[:, 3:] = angles_of(np.swapaxes(rotations_of(pose[:, 3:]).matrix, 1, 2))
+        pose[:, 3:] = rotation_angles(np.swapaxes(rotation_matrix(pose[:, 3:]), 1, 2))
         return pose
 
     yield Hypothesis("the reference gives the inverse rotation", "invert it", change_pose(inverse))
@@ -313,8 +314,11 @@ def jumps(sensor: Sensor, data: Data, result: Fit) -> Iterator[Hypothesis]:
 
 
 def subsample(sensor: Sensor, data: Data, count: int) -> Data:
-    """Some samples, all over the motion, with the noise of the mirror at rest: a fault in the
-    powers would change it, and what is compared with it."""
+    """Some samples, all over the motion, with the noise of the mirror at rest.
+
+    A fault in the powers would change the noise of each sample, and so the scale on which fits are
+    compared.
+    """
     rows = np.linspace(0, len(data.raw) - 1, min(count, len(data.raw))).astype(np.int64)
     part = data.part(np.unique(rows))
     noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))

@@ -190,7 +190,7 @@ def findings(sensor: Sensor, result: Fit, data: Data, scatter: Scatter) -> list[
 
 
 def chi_square_finding(result: Fit, data: Data) -> Finding | None:
-    """Compare chi-square with that of noise alone."""
+    """A finding on a chi-square that is larger than that of noise alone."""
     if result.excess == 0:
         return None
     sizes = residual_sizes(result, data)
@@ -210,6 +210,7 @@ def chi_square_finding(result: Fit, data: Data) -> Finding | None:
 
 
 def spike_finding(result: Fit) -> Finding | None:
+    """A finding on samples of reduced weight: too many for chance, or far off."""
     count, total, chance = count_outliers(result), len(result.residuals), expected_outliers(result)
     beyond, far = count - chance, int((result.weights < 0.5).any(axis=1).sum())
     if beyond < 5 * np.sqrt(chance + 1) and not far:  # far: twice the limit, where chance has none
@@ -227,7 +228,7 @@ def spike_finding(result: Fit) -> Finding | None:
 
 
 def pull_findings(sensor: Sensor, result: Fit, far: float = FAR) -> list[Finding]:
-    """Unknowns that the fit moves by more than `far` times their prior uncertainty."""
+    """A finding on unknowns that the fit moves by more than `far` times their prior uncertainty."""
     off = far_unknowns(sensor, result, far)
     if not off:
         return []
@@ -250,7 +251,7 @@ POWER_CHANGE, POWER_JITTER = 2e-3, 1e-3
 
 
 def power_finding(result: Fit, data: Data) -> Finding | None:
-    """Changes of the laser's power: a slow drift or jitter."""
+    """A finding on changes of the laser's power: a slow drift or jitter."""
     light = relative_power(data, result.own_values, result.all_values)[
         (result.weights == 1).all(axis=1)
     ]
@@ -272,7 +273,7 @@ def power_finding(result: Fit, data: Data) -> Finding | None:
 
 
 def backlash_finding(result: Fit) -> Finding | None:
-    """Backlash of the reference, if it was fitted."""
+    """A finding on the reference's backlash, if it was fitted."""
     return step_finding(
         result, BACKLASH, 2.0, "from side to side",
         "The reference has backlash ({}): by the direction of each axis's last step the mirror was "
@@ -282,7 +283,7 @@ def backlash_finding(result: Fit) -> Finding | None:
 
 
 def lag_finding(result: Fit) -> Finding | None:
-    """A mirror that lags behind the reference, if it was fitted."""
+    """A finding on a mirror that lags behind the reference, if that was fitted."""
     return step_finding(
         result, LAG, 1.0, "of the step",
         "The mirror lags behind the reference by a share of its last step ({}), as a part that "
@@ -306,7 +307,7 @@ def step_finding(
 
 
 def heat_lag_finding(result: Fit) -> Finding | None:
-    """A head that follows the temperature late, if it was fitted."""
+    """A finding on a head that follows the temperature late, if that was fitted."""
     values = clear_values(result, PAST, 0.0).values()
     if not values:
         return None
@@ -344,7 +345,7 @@ def profile_size(result: Fit, kind: str) -> float:
 
 
 def profile_finding(result: Fit) -> Finding | None:
-    """The shape of a beam that is not Gaussian, where the fit includes it."""
+    """A finding on a beam that is not Gaussian, where the fit includes its shape."""
     series = ("profile.", "asymmetry.")
     places = [n for n, name in enumerate(result.choice.names) if name.startswith(series)]
     values, sigmas = result.values[places], result.uncertainty[places]
@@ -377,7 +378,7 @@ SHORT = {
 
 
 def scatter_finding(scatter: Scatter) -> Finding | None:
-    """The cause of the scatter from sample to sample, and the alternatives."""
+    """A finding on the cause of the scatter from sample to sample, and on the alternatives."""
     if not scatter.causes:
         return None
     causes = {
@@ -429,7 +430,7 @@ def describe_detectors(scatter: Scatter) -> str:
 
 
 def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
-    """Samples that were excluded.  kind: what their numbers count."""
+    """A finding on samples that were excluded.  kind: what their numbers count."""
     if not rows:
         return []
     listed = ", ".join(str(row) for row in rows[:LISTED])

@@ -63,7 +63,7 @@ def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
 
 
 def row_numbers(data: Data) -> NDArray[np.int64]:
-    """The rows of the table (n,), from 1."""
+    """The numbers (n,) of the samples' rows in the table, from 1."""
     return np.arange(1, len(data.raw) + 1) if data.number is None else data.number
 
 

@@ -192,8 +192,8 @@ def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
 def add_reference(
     columns: dict[str, Floats], track: Track, offset: float
 ) -> tuple[dict[str, Floats], Floats]:
-    """The readings' columns with those of the reference at their times, NaN outside its own; and
-    its velocity (n, 6) there, mm/s and rad/s."""
+    """The readings' columns with the reference's at the readings' times, NaN outside the
+    reference's own; and its velocity (n, 6) there, mm/s and rad/s."""
     at, curve = columns["time_s"] + offset, track.curve
     outside = ~((at >= track.time[0]) & (at <= track.time[-1]))
     pose, velocity = curve(np.nan_to_num(at)), curve(np.nan_to_num(at), 1)

@@ -104,8 +104,11 @@ class ChangePriors:
 @dataclass(frozen=True)
 class StopReadings:
     """Mean readings (m, 9) at m stops as the detectors gave them, mm and mW, and the variances of
-    these means.  warmer: (m,) than the reference temperature of the calibration, K; None for a
-    sensor that does not follow the temperature."""
+    these means.
+
+    warmer: (m,) by how much a stop was warmer than the reference temperature of the calibration, K;
+    None for a sensor that does not follow the temperature.
+    """
 
     mean: Floats
     variance: Floats
@@ -409,11 +412,12 @@ class StopComparison:
         return readings(*self.situation(change))
 
     def derivatives(self, change: Floats, names: tuple[str, ...]) -> Floats:
-        """How far model and readings part now for each unit of some parameters: (9 m, p)."""
+        """The derivatives (9 m, p) of the difference of model and readings now by some
+        parameters."""
         return derivatives(*self.situation(change), names, self.now_warmer)
 
     def slopes(self, change: Floats) -> Floats:
-        """How far model and readings part now for each unit of the changes: (9 m, 10)."""
+        """The derivatives (9 m, 10) of the difference of model and readings now by the changes."""
         return self.derivatives(change, CHANGES) @ spread_of(self.change_sensor(change))
 
     def weights(self, change: Floats) -> tuple[Floats, Floats]:
@@ -462,7 +466,7 @@ class StopComparison:
 
 
 def spread_of(sensor: Sensor) -> Floats:
-    """The parameters `CHANGES` for each unit of the changes: (12, 10)."""
+    """The matrix (12, 10) from the changes to the parameters `CHANGES`."""
     beam, spread = sensor.beam, np.eye(len(CHANGES), len(CHANGES) - 2)
     shape = shape_of(beam.diameter_x, beam.diameter_y, beam.rotation)
     spread[9:, 9] = 2 * np.array(shape)
@@ -477,7 +481,7 @@ def exact_at_reference(sensor: Sensor, raw: Floats, warmer: Floats) -> Floats:
 
 
 def derivatives(sensor: Sensor, states: Floats, names: tuple[str, ...], warmer: Floats) -> Floats:
-    """How far model and readings part for each unit of some parameters: (9 m, p)."""
+    """The derivatives (9 m, p) of the difference of model and readings by some parameters."""
     size = len(names)
     unit = Calibration(names, tuple(map(tuple, np.eye(size).tolist())))
     every = parameter_derivatives(sensor, unit, states, readings(sensor, states), warmer)
@@ -493,10 +497,11 @@ def block_diagonal(blocks: Floats) -> Floats:
 
 
 def add_covariance(sensor: Sensor, known: Calibration, covariance: Floats, cross: Floats) -> Sensor:
-    """The sensor with the covariance of its parameters now: each is the calibrated one and its
-    change.
+    """The sensor with the covariance of its parameters now, each of which is the calibrated one and
+    its change.
 
-    covariance, cross: of the changes (10, 10), and with the calibrated parameters (10, p)."""
+    covariance, cross: of the changes (10, 10), and with the calibrated parameters (10, p).
+    """
     names = (*known.names, *(name for name in CHANGES if name not in known.names))
     size, count = len(known.names), len(covariance)
     joint = np.block([[np.array(known.covariance), cross.T], [cross, covariance]])

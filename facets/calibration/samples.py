@@ -35,7 +35,7 @@ FEW = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
-    """The findings on the columns alone."""
+    """The findings on the columns alone, those that forbid a calibration first."""
     findings = [
         *stuck_channels(sensor, data),
         *mixed_kinds(data),
@@ -198,7 +198,7 @@ def remove_duplicates(data: Data) -> Data:
 
 
 def average_equal_poses(sensor: Sensor, data: Data) -> Data:
-    """Average readings at the same pose to one sample with the noise of the mean, because the
+    """Average readings at equal poses to one sample with the noise of the mean, because the
     reference has the same error in all of them."""
     keys = np.column_stack([data.pose, data.beam])
     _, first, group, counts = np.unique(
@@ -222,9 +222,11 @@ def average_equal_poses(sensor: Sensor, data: Data) -> Data:
 
 
 def add_converter_steps(sensor: Sensor, data: Data) -> Data:
-    """Add the variance of the converter's steps to the noise of means: it is the same in all
-    readings at one state, so that averaging does not reduce it and their scatter does not show
-    it."""
+    """Add the variance of the converter's steps to the noise of means.
+
+    It is the same in all readings at one state, so that averaging does not reduce it and their
+    scatter does not show it.
+    """
     if data.rows is None or data.noise is None or sensor.electronics is None:
         return data
     raw, rows = correct(sensor, data.raw), data.rows[:, None]

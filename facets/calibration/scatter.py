@@ -219,9 +219,12 @@ def prior_variances(data: Data, chosen: Choice) -> Floats:
 
 
 class SizeProblem(NamedTuple):
-    """What may scatter at a fit.  like: its likelihood.  known: (9,) variances of a sample's own
-    unknowns before.  causes: the names by cause that these samples can have.  start: (10,) sizes
-    that the fit had.  always: names whose sizes are estimated whatever the cause."""
+    """The sizes of the scatter at a fit, as unknowns.
+
+    like: the likelihood of the readings.  known: (9,) variances of a sample's own unknowns before.
+    causes: the names by cause that these samples can have.  start: (10,) sizes that the fit had.
+    always: names whose sizes are estimated whatever the cause.
+    """
 
     like: Likelihood
     known: Floats
@@ -241,7 +244,7 @@ class SizeProblem(NamedTuple):
 
 
 def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
-    """The problem of sizes at a fit. beam: whether the beam may scatter."""
+    """The problem of sizes at a fit.  beam: whether the beam may scatter."""
     measured = tuple(name for name, s in zip(POSE, task.data.sigma, strict=True) if np.isfinite(s))
     causes = CAUSES | {"reference": measured, "beam": CAUSES["beam"] if beam else ()}
     start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
@@ -274,7 +277,7 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
 
 
 def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
-    """The likeliest sizes of the same causes at another fit."""
+    """The scatter by the same causes with the likeliest sizes at another fit."""
     return scatter._replace(sizes=np.sqrt(problem.sizes(scatter.causes).variances) * UNITS)
 
 

@@ -42,8 +42,8 @@ def directions() -> Floats:
 
 
 def bases(places: Floats) -> Floats:
-    """What each coefficient adds (n, LEFT) at places (n, 2), in half sizes; beyond the edge as at
-    the edge.
+    """The values (n, LEFT) of the base functions at places (n, 2), in half sizes; beyond the edge,
+    the values at the edge.
 
     Scaled so that a coefficient is about the r.m.s. of what it adds at the knots.
     """

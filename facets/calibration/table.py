@@ -88,7 +88,8 @@ def read(path: Path, settings: Calibrate) -> Data:
 def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
-    """Read columns of a table into memory; without `time_s` the times are those of a recording."""
+    """Read columns of a table into memory; where `time_s` is missing, the times of a recording
+    replace it."""
     chunks = []
     others = tuple(name for name in needed if name != "time_s")
     times = ("time_s", "host_s", "board_us")
@@ -208,8 +209,8 @@ PAST_HALF_RUNS = np.array([0.2, 0.8])
 
 
 def measure_past(time: Floats, temperature: Floats) -> Floats:
-    """How far a head that follows the temperature late is from it (n, 2), K, by `PAST_HALF_RUNS`;
-    it begins in equilibrium."""
+    """The difference (n, 2), K, between the temperature and a head that follows it late, by
+    `PAST_HALF_RUNS`; the head begins in equilibrium."""
     from scipy.integrate import cumulative_trapezoid
 
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
@@ -248,7 +249,8 @@ def velocities(time: Floats, pose: Floats) -> Floats | None:
 def seats(
     path: Path, column: Floats | None, good: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
-    """The number of the mirror's seating in each sample, and its rotation in thirds of a turn."""
+    """The number of the mirror's seating in each sample, and its rotation in thirds of a turn; None
+    without the column."""
     if column is None:
         return None, None
     degrees, place = np.unique(column[good], return_inverse=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE
+from ..core.rigid_body import rotation_matrix
 from ..core.sensor import MONOMIALS, Calibration, Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, NAMES_OF_ONE, coefficients
@@ -35,6 +36,8 @@ OF_SEAT = (
     *(f"apex.{axis}" for axis in "xyz"),
     *(f"mount.{axis}" for axis in ("roll", "pitch", "yaw")),
 )
+#: The last two of the first seating.
+APEX, MOUNT = OF_SEAT[3:6], OF_SEAT[6:]
 SEATS = 4
 MOUNTING = OF_SEAT + tuple(f"seat_{n}.{name}" for n in range(2, SEATS + 1) for name in OF_SEAT)
 DELAY = "reference.delay"
@@ -161,16 +164,6 @@ def normals(values: Floats) -> Floats:
     return np.array(rows)
 
 
-def rotation_matrix(angles: Floats) -> Floats:
-    """R = Rz(yaw) Ry(pitch) Rx(roll) of three angles."""
-    (a, b, c), (s, t, u) = np.cos(angles), np.sin(angles)
-    x = np.array([[1, 0, 0], [0, a, -s], [0, s, a]])
-    y = np.array([[b, 0, t], [0, 1, 0], [-t, 0, b]])
-    z = np.array([[c, -u, 0], [u, c, 0], [0, 0, 1]])
-    turn: Floats = z @ y @ x
-    return turn
-
-
 def fold_mount(values: Floats) -> Floats:
     """Values of `ALL` whose first mount is zero, because its rotation has become part of the
     facets.
@@ -179,27 +172,21 @@ def fold_mount(values: Floats) -> Floats:
     angles are zero.
     """
     folded = values.copy()
-    turn = rotation_matrix(values[mount_of(0)])
+    turn = rotation_matrix(values[block(MOUNT)])
     for letter, normal in zip(DETECTORS, normals(values) @ turn.T, strict=True):
         place = PLACE[f"facet_{letter}.azimuth"]
         azimuth = np.arctan2(normal[1], normal[0])
         folded[place] = azimuth + 2 * np.pi * round((values[place] - azimuth) / (2 * np.pi))
         folded[PLACE[f"facet_{letter}.inclination"]] = np.arccos(np.clip(normal[2], -1, 1))
-    folded[mount_of(0)] = 0.0
+    folded[block(MOUNT)] = 0.0
     return folded
-
-
-def mount_of(seat: int) -> slice:
-    start = block(MOUNTING).start + seat * len(OF_SEAT) + 6
-    return slice(start, start + 3)
 
 
 def fold_derivatives(values: Floats) -> tuple[list[int], list[int], Floats]:
     """The derivative (6, 9) of `fold_mount`, with the places that it changes and those that it
     depends on."""
     facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
-    mount = mount_of(0)
-    given = facets + list(range(mount.start, mount.stop))
+    given = facets + [PLACE[name] for name in MOUNT]
     slope = np.empty((6, 9))
     for n, place in enumerate(given):
         step = np.zeros(len(ALL))

@@ -46,11 +46,11 @@ APART_CHANCE = 20.0
 
 
 class Trace(NamedTuple):
-    """What the residuals follow if a cause is there.
+    """The part of the residuals that a cause would explain.
 
-    fall: of chi-square, by this number of columns, the largest of a number of trials.
-    amounts: of the columns, in the units of the cause.  size: r.m.s. of what the powers follow, in
-    their standard deviations.  at: the period in mm, or the sample of a step; 0 for a drift.
+    fall: of chi-square, by this number of columns, the largest of a number of trials.  amounts: of
+    the columns, in the units of the cause.  size: r.m.s. of what the powers follow, in their
+    standard deviations.  at: the period in mm, or the sample of a step; 0 for a drift.
     """
 
     cause: str
@@ -115,7 +115,8 @@ class Remainder:
         return float(amounts @ amounts + np.trace(covariance))
 
     def equations(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
-        """The squares of columns (n, 9, q), the same beside the unknowns, and s: see above."""
+        """The squares of columns (n, 9, q), the matrix M and the vector s of the score test (see
+        the beginning of this file): (q, q), (q, q), (q,)."""
         columns = np.nan_to_num(columns) * self.is_read[:, :, None]
         flat, at = columns.reshape(-1, columns.shape[2]), self.restricted
         across = at.weighted.reshape(len(flat), -1).T @ flat
@@ -124,7 +125,8 @@ class Remainder:
         return whole, matrix, flat.T @ at.pulled.ravel()
 
     def size(self, excess: float) -> float:
-        """R.m.s. over the powers, in their standard deviations, of what lowers chi-square so."""
+        """The r.m.s. over the powers, in their standard deviations, of a part of the residuals that
+        lowers chi-square by `excess`."""
         return float(np.sqrt(max(float(excess), 0.0) / max(float((self.light > 0).sum()), 1.0)))
 
     def test_waves(self, cause: str, waves: Floats, powers: list[int], periods: Floats) -> Trace:
@@ -203,10 +205,10 @@ DIFFERENCE = 0.25
 
 
 def shape_of_powers(remainder: Remainder) -> Trace:
-    """How much of the powers' residuals is a smooth function of the mirror's x and y.
+    """Test how much of the powers' residuals is a smooth function of the mirror's x and y.
 
-    What scatters follows nothing; light of another shape than the model's does, also where a
-    beam or a power of each sample's own takes up most of it.
+    What scatters follows nothing; light of another shape than the model's does, also where a beam
+    or a power of each sample's own takes up most of it.
     """
     place = remainder.data.pose[:, :2] + remainder.fit.own_values[:, :2]
     place = place - np.median(place, axis=0)
@@ -226,7 +228,7 @@ def power_columns(remainder: Remainder, rows: Floats) -> Floats:
 
 
 def chip_columns(remainder: Remainder) -> Floats:
-    """What an area broken off the tip of each facet does, by mm^2: each facet lights its own
+    """The columns of an area broken off the tip of each facet, by mm^2: each facet lights its own
     detector."""
     slopes = effect_jacobian(remainder.sensor, remainder.state, names=("tip.area",))
     whole = slopes[:, :, EFFECTS.index("tip.area")] / remainder.noise
@@ -352,7 +354,7 @@ SEATING_OWN_SHARE = 1e-3
 
 
 def reference_errors(remainder: Remainder) -> Trace:
-    """How much of the residuals is an error of the reference that its own coordinates give: of
+    """Test how much of the residuals is an error of the reference that its own coordinates give: of
     second order at most, as by scales, an Abbe offset or a bow."""
     pose = remainder.data.pose / np.abs(remainder.data.pose).max(axis=0).clip(1e-12)
     pairs = [pose[:, i] * pose[:, j] for i in range(6) for j in range(i + 1)]
@@ -372,7 +374,7 @@ BEAM, SEAT = "the beam", "the mirror on the reference"
 
 
 def step_columns(remainder: Remainder) -> dict[str, Floats]:
-    """What may move at once, and what that does to the readings, by mm, rad and shares."""
+    """The columns of each thing that may move at once, by mm, rad and shares."""
     count, columns = len(remainder.noise), dict[str, Floats]()
     for k, letter in enumerate(DETECTORS):
         place, gain = np.zeros((count, 9, 2)), np.zeros((count, 9, 1))
@@ -449,7 +451,7 @@ class Unmodelled(NamedTuple):
 
 @one_thread
 def find_causes(remainder: Remainder) -> Unmodelled:
-    """What the residuals of a fit follow that it has no unknowns for."""
+    """Test the causes that a fit has no unknowns for on its residuals."""
     light = list[Trace]()
     for test in LIGHT_TESTS:
         try:

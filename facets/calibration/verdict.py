@@ -138,7 +138,7 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
     whole, lost = exclude_edge_readings(
-        sensor, remove_duplicates(add_approach(add_row_numbers(data)))
+        sensor, remove_duplicates(add_approach(data._replace(number=row_numbers(data))))
     )
     early += lost
     if len(whole.raw) < LEAST:
@@ -149,10 +149,6 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     )
     fitted, held = split(averages, settings.held_back)
     return Screened(fitted, held, early, kind)
-
-
-def add_row_numbers(data: Data) -> Data:
-    return data._replace(number=row_numbers(data))
 
 
 # ---- fit: without effects of light and without outliers

@@ -54,8 +54,9 @@ class AmbiguousPair:
 
 
 class PairSearch(NamedTuple):
-    """pair: the pair nearest to the box, if one was found.  outside: its largest distance from the
-    box, in half widths of the box or as the logarithm of a power; 0 for a pair in the box."""
+    """The result of a search for a pair in a box.  pair: the pair nearest to the box, if there is
+    one.  outside: its largest distance from the box, in half widths of the box or as the logarithm
+    of a power; 0 for a pair in the box."""
 
     pair: AmbiguousPair | None
     outside: float
@@ -91,9 +92,9 @@ def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) 
         direction = weakest_direction(sensor, fold) * FINE_UNITS
         direction *= distance * FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
         pair = np.concatenate([fold - direction, fold + direction])
-        found = move_into_box(sensor, box, share, pair)
-        if found is not None and found[1] < best.outside:
-            best = PairSearch(pair_between(sensor, found[0][:8], found[0][8:]), found[1])
+        moved = move_into_box(sensor, box, share, pair)
+        if moved is not None and moved[1] < best.outside:
+            best = PairSearch(pair_between(sensor, moved[0][:8], moved[0][8:]), moved[1])
         if best.outside == 0:
             break
     return best
@@ -190,6 +191,8 @@ def excess_of(
 
 
 def pair_between(sensor: Sensor, first: Floats, second: Floats) -> AmbiguousPair:
+    """The pair of two states (8,) with equal readings, and the readings on the line through
+    them."""
     share = np.linspace(-0.15, 1.15, 131)
     states = first + share[:, None] * (second - first)
     seen = readings(sensor, states)

@@ -92,12 +92,12 @@ class AxisReport:
 
     @cached_property
     def means(self) -> Floats:
-        """(6, m) the error motions: bidirectional means, or those of the only direction."""
+        """The error motions (6, m): bidirectional means, or the means of the only direction."""
         return self.mean_of_directions(self.motions.values)
 
     @cached_property
     def uncertainties(self) -> Floats:
-        """(6, m) standard uncertainties of `means`."""
+        """The standard uncertainties (6, m) of `means`."""
         sigma: Floats = self.mean_of_directions(self.motions.draws).std(axis=1)
         return sigma
 
@@ -140,7 +140,7 @@ class AxisReport:
         return columns
 
     def summary(self) -> dict[str, Any]:
-        """All quantities as columns."""
+        """All quantities of all error motions as columns."""
         rows = [
             (name, q.symbol, scale * q.value, scale * q.expanded, unit, q.name)
             for n, name in enumerate(self.motions.names)

@@ -74,8 +74,9 @@ class PoseSeries:
 
 @dataclass(frozen=True)
 class VisitCounts:
-    """What was left out: stands without a command, commands without a stand, rows without a pose,
-    with a misfit, and in no stand; and stands with fewer poses than rows without."""
+    """Numbers of what was left out: stands without a command, commands without a stand, rows
+    without a pose, with a misfit, and in no stand; and stands with fewer poses than rows
+    without."""
 
     stray_stands: int = 0
     missing: tuple[float, ...] = ()
@@ -242,7 +243,7 @@ def measured_directions(place: Floats, parts: list[slice]) -> Integers:
 def match_stands(
     places: Floats, commands: Commands | None, directions: Integers | None = None
 ) -> tuple[Commands, Integers]:
-    """The commands, and (k,) the command of each stand at `places` (k,), -1 if none.
+    """The commands, and the command (k,) of each stand at `places` (k,), -1 if none.
 
     directions: (k,) from which side the stands were approached, as `measured_directions`; they
     decide where two stands may belong to a command.
@@ -292,8 +293,8 @@ def match_stands(
 def match_by_offset(
     places: Floats, offset: float, targets: Floats, labels: Integers, agrees: Booleans
 ) -> Integers:
-    """(k,) the command of each stand, -1 if none, with places that are off by `offset`; agrees as
-    of `align_sequences`."""
+    """The command (k,) of each stand, -1 if none, for places that are off by `offset`.  agrees: as
+    in `align_sequences`."""
     nearest = np.argmin(np.abs(places[:, None] - offset - targets), axis=1)
     far = np.abs(places - offset - targets[nearest]) > np.diff(targets).min() / 2
     return align_sequences(np.where(far, -1, nearest), labels, agrees)
@@ -382,8 +383,8 @@ def make_visits(
 def excess_scatter(
     series: PoseSeries, parts: list[slice], states: Floats, sensor: Sensor, plan: Plan
 ) -> Floats:
-    """(6,) the scatter of the means of parts of stands, over that of the sensor's noise; at least
-    1, which it also is where stands have too few rows to tell."""
+    """The scatter (6,) of the means of parts of stands, over that of the sensor's noise; 1 or more,
+    and 1 where stands have too few rows to tell."""
     rows = [series.states[part, :6] for part in parts]
     rows = [some[np.isfinite(some[:, 0])] for some in rows]
     long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]

@@ -113,7 +113,7 @@ class Visits:
     trend: Floats | float = 0.0
 
     def select(self, kept: Booleans, trend: Floats) -> Visits:
-        """Some of the stands, without a drift (k, 6)."""
+        """The stands that `kept` selects, without a drift (k, 6)."""
         names = ("target", "direction", "run", "time", "states", "samples")
         some = {name: getattr(self, name)[kept] for name in names}
         return replace(self, **some, trend=trend[kept])
@@ -282,8 +282,8 @@ def slopes_of_deviations(moved: Floats, commanded: Floats, main: int, frame: Flo
 
 
 def crosswise(main: int) -> tuple[int, int]:
-    """The two components across the axis that its direction changes: the straightness of a linear
-    axis, the tilt of a rotary one."""
+    """The two components across the axis that its direction changes: the straightness errors of a
+    linear axis, the tilts of a rotary one."""
     start = main // 3 * 3
     first, second = (n for n in range(start, start + 3) if n != main)
     return first, second

@@ -94,7 +94,7 @@ def report_of(
         stated = configured_deviation(column, columns, rows, config) * scale
         channels.append(Channel(column, unit, signal, model, allan(signal, rate), stated))
     readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
-    by_name = channels_by_name(channels)
+    by_name = {channel.name: channel for channel in channels}
     position, at_power = position_noise(by_name, readings, config)
     power, common = power_noise(by_name, readings)
     faults = find_faults(columns, piece, [channel.model for channel in channels[:9]], config)
@@ -103,10 +103,6 @@ def report_of(
         rate, float(time[-1] - time[0]), len(piece.seq), missing, channels,
         correlation(readings), position, at_power, power, common, faults,
     )  # fmt: skip
-
-
-def channels_by_name(channels: list[Channel]) -> dict[str, Channel]:
-    return {channel.name: channel for channel in channels}
 
 
 def longest_section(columns: Columns, name: str) -> RecordingSection:

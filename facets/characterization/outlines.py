@@ -80,7 +80,7 @@ def poses_on_axes(start: Floats, axes: Sequence[str], points: Floats) -> Floats:
 
 
 def grid_points(x: Floats, y: Floats) -> Floats:
-    """All points (n, 2) of a grid over x and y, x varying first."""
+    """The points (n, 2) of a grid over x and y, x varying first."""
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
@@ -244,7 +244,7 @@ def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) ->
 def map_inside(
     sensor: Sensor, rules: Rules, boundary: Boundary, what: str, count: int = 101
 ) -> tuple[Floats, Floats, Floats, str]:
-    """(x, y, values, label) on a grid inside the outline, NaN outside.
+    """A grid inside the outline as (x, y, values, label), NaN outside.
 
     what: "condition" of the weighted Jacobian (its logarithm), or an axis: its standard
     uncertainty, um or urad.

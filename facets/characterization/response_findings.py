@@ -335,7 +335,7 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
 
 
 def silent_axes(response: FrequencyResponse) -> Booleans:
-    """Axes (6,) whose coherence is that of chance in nearly all excited lines."""
+    """Whether each axis (6,) has a coherence that is that of chance in nearly all excited lines."""
     chance = response.coherence <= response.significant_coherence
     is_silent: Booleans = chance[response.is_excited].mean(axis=0) >= 1 - SMALL_SHARE
     return is_silent

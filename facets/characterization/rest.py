@@ -108,10 +108,11 @@ def find_faults(
     """
     steady = Steady(columns, piece, models, config)
     wandering = steady.wandering_channels()
+    wandering_detectors = {n // 3 for n, _ in wandering}
     slow = wandering + [
-        one
-        for one in steady.drifting_channels()
-        if one[0] // 3 not in {n // 3 for n, _ in wandering}
+        (n, sentence)
+        for n, sentence in steady.drifting_channels()
+        if n // 3 not in wandering_detectors
     ]
     sentences = [*steady.power_faults(), *(sentence for _, sentence in slow)]
     # Slow changes also move detectors together and scatter unevenly: one sentence is enough.

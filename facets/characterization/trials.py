@@ -116,7 +116,7 @@ def draw_knowledge(knowledge: Knowledge, means: Floats, rng: np.random.Generator
 
 
 def knowledge_at(options: Solve, sensor: Sensor, state: Floats) -> Knowledge:
-    """What is known of the beam where the mirror and the beam are in a state (8,)."""
+    """The knowledge of the beam where the mirror and the beam are in a state (8,)."""
     knowledge = options.knowledge(sensor)
     if isinstance(knowledge.beam, Prior):
         knowledge = replace(knowledge, beam=Prior(tuple(state[6:]), knowledge.beam.sigma))

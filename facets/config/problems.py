@@ -15,7 +15,7 @@ from .yaml_positions import Marked, Path_, dotted_path
 
 
 def messages(error: ValidationError, tree: Marked) -> list[str]:
-    """One line for each problem, in the order of the file."""
+    """A line for each problem, in the order of the file."""
     plain = tree.plain()
     texts = [_message_at(details, tree, plain) for details in error.errors()]
     lines = {text: (str(mark.file), mark.line) for text, mark in texts}

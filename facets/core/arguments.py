@@ -77,7 +77,8 @@ def unmask(values: Any) -> Any:
 
 
 def labels_of(values: Any) -> list[Any]:
-    """The names of a table's columns, or of the numbers in a row of it; empty if there are none."""
+    """The names of a table's columns, or of the numbers in one of its rows; empty if there are
+    none."""
     dtype = getattr(values, "dtype", None)
     sources = ((dtype, "names"), (values, "column_names"), (values, "columns"), (values, "index"))
     candidates = (getattr(source, name, None) for source, name in sources)
@@ -222,7 +223,7 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def options(hint: Any) -> Iterable[Any]:
-    """The types that an annotation allows: those of a union, or the only one."""
+    """The types that an annotation allows: the members of a union, or the only type."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
@@ -335,7 +336,8 @@ def refusal(name: str, hint: Any, value: Any) -> str:
 
 
 def suggestion(kind: Any, value: Any) -> str:
-    """Where the value that was passed holds an object of the required kind; "" if nowhere."""
+    """The place in the value that was passed that holds an object of the required kind; "" if there
+    is none."""
     if value is kind:
         return f"an object, as {kind.__name__}() makes it"
     if is_dataclass(value) and not isinstance(value, type):

@@ -70,7 +70,7 @@ def pose_block(name: str, meaning: str, length: float | None, angle: float | Non
 
 
 def convert_fine_units(uncertainties: Sequence[float]) -> tuple[float, ...]:
-    """(6,) um and urad in mm and rad."""
+    """Convert uncertainties (6,) from um and urad to mm and rad."""
     return tuple(value * unit for value, unit in zip(uncertainties, FINE_UNITS, strict=False))
 
 

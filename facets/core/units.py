@@ -143,7 +143,7 @@ def bounds_of(name: str) -> dict[str, float]:
 
 
 def describe_bounds(name: str) -> str:
-    """`bounds_of` with the unit, for a message: "-60 to 150 degC"."""
+    """The plausible range of a column or a key with its unit, for a message: "-60 to 150 degC"."""
     low, high = bounds_of(name).values()
     return f"{low:g} to {high:g} {KEY_UNITS[unit_in(name)].label}"
 

@@ -132,6 +132,10 @@ class LayoutProblem:
         """The number of unknowns."""
         return len(self.names) + len(self.extras)
 
+    def replace_spare(self, spare: Floats | None) -> LayoutProblem:
+        """Return the problem with other least values (rows,) of its constraints."""
+        return replace(self, rows=replace(self.rows, spare=spare))
+
     def first_guess(self, start: Floats) -> Floats:
         """Return the unknowns at a start: slacks just above their least values, a small scale."""
         shares = (start - self.low) / (self.high - self.low)
@@ -211,7 +215,7 @@ class LayoutProblem:
         return np.array([spare[self.rows.output == output].max() for output in self.inside])
 
     def spare_near(self, places: Floats, shares: Floats, outputs: Integers) -> Floats:
-        """Return an output's spare at a place: that of the nearest state."""
+        """Return an output's spare at each place: the spare of the nearest state."""
         if self.rows.spare is None:
             return np.zeros(len(places))
         spares = np.empty(len(places))

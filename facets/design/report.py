@@ -54,8 +54,7 @@ def gains(
     objectives = {}
     for what, (other, asked) in tried.items():
         problem = problem_of(other, asked, constant)
-        rows = replace(problem.rows, spare=spare)
-        result = solve_from(replace(problem, rows=rows), best)
+        result = solve_from(problem.replace_spare(spare), best)
         if result.found:
             objectives[what] = result.objective
     return objectives

@@ -142,7 +142,8 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
 
 
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
-    """(m, groups): powers and spots over their least values, uncertainties over their limits."""
+    """The margins (m, groups) of a head: powers and spots over their least values, uncertainties
+    over their limits."""
     body, limited = requirement.layout.object, np.isfinite(requirement.layout.limit).any()
     states = requirement.mirror_states
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
@@ -160,7 +161,7 @@ def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
 
 
 def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Floats:
-    """(m, 6) errors of the poses, less the error at rest; um and urad.
+    """The errors (m, 6) of the poses, less the error at rest; um and urad.
 
     built: the head as it is.  thought: the head whose parameters the solver uses.  NaN where it
     finds no pose.
@@ -180,7 +181,7 @@ def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Float
 
 
 def accuracy_margins(requirement: Requirement, errors: Floats) -> Floats:
-    """(..., axes with a limit): how far the errors are below their limits."""
+    """The share (..., axes with a limit) of its limit that remains beside each error."""
     axes = requirement.accuracy_axes
     limits = np.array(requirement.layout.accuracy)[axes]
     margin: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)

@@ -83,18 +83,13 @@ def robust_layout(
             return robust
         if rounds > 1:
             factor += missing_factor(expansion, draws, target)
-        problem = replace_spare(problem, spare_of(problem, expansion, factor))
+        problem = problem.replace_spare(spare_of(problem, expansion, factor))
         result = solve_from(problem, result.x)
         if not result.found:
             result.shortfalls = shortfalls_of(problem, result.start)
             return replace(robust, problem=problem, result=result)
     assert robust is not None
     return robust
-
-
-def replace_spare(problem: LayoutProblem, spare: Floats | None) -> LayoutProblem:
-    """Return the problem with other least values (rows,) of its constraints."""
-    return replace(problem, rows=replace(problem.rows, spare=spare))
 
 
 def missing_factor(expansion: Expansion, draws: Draws, target: float) -> float:

@@ -80,7 +80,8 @@ class Designs(NamedTuple):
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
     def margins(self, owner: Integers, poses: Floats) -> Floats:
-        """`ranges.clearances` of designs `owner` (k,), in ascending order, at poses (k, 6).
+        """The margins (k, 5) of `ranges.clearances` of designs `owner` (k,), in ascending order, at
+        poses (k, 6).
 
         The limits that need electronics or derivatives are infinitely far: see `is_plain`.
         """

@@ -151,7 +151,8 @@ def scales_of(space: Space, objectives: list[str]) -> list[float]:
 
 
 def states_of(space: Space, ranges: list[str]) -> Floats:
-    """(m, 16): each state's place in the volume (8), and its shares of the ranges (8).
+    """The states (m, 16) of the constraints: each state's place in the volume (8), and its shares
+    of the ranges (8).
 
     The first is rest; then those on the way to both ends of each range; then the volume's, if
     required.

@@ -51,12 +51,12 @@ def shares_of_volume(wide: Booleans | None = None) -> Floats:
 
 
 def wide_axes(layout: Layout) -> Booleans:
-    """(8,) the axes in which the volume has a width."""
+    """Whether the volume has a width in each axis: (8,)."""
     return np.array(layout.volume) > 0
 
 
 def span_of(layout: Layout) -> Floats:
-    """(8, 8): the matrix that turns shares of the volume into a state."""
+    """The matrix (8, 8) that turns shares of the volume into a state."""
     span = np.diag(np.array(layout.volume, dtype=float))
     if layout.following:  # the last two are the beam's offset from the apex
         span[0, 6], span[1, 7] = span[0, 0], span[1, 1]

@@ -252,7 +252,7 @@ def remove_older(path: Path) -> None:
 
 
 def hidden_name(path: Path) -> Path:
-    """An unused name in the same folder."""
+    """An unused name for a hidden file in the folder of a path."""
     return path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
 
 

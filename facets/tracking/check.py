@@ -47,8 +47,11 @@ RAMP = (0.1, 0.7)
 
 
 class Axis(NamedTuple):
-    """The beam's response to a command along one axis.  scale: move along the axis over the
-    command.  across: the same for the other axis.  delay: from the command to the light, s."""
+    """The beam's response to a command along one axis.
+
+    scale: move along the axis over the command.  across: move along the other axis over the
+    command.  delay: from the command to the light, s.
+    """
 
     name: str
     scale: float

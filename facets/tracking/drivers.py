@@ -79,7 +79,7 @@ def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Dr
 
 
 def driver_of(name: str) -> EntryPoint:
-    """The entry point of `facets.stages` for a port of that name."""
+    """The entry point of `facets.stages` that drives the stage with a port of this name."""
     scheme, colon, _ = name.partition(":")
     drivers: list[EntryPoint] = []
     if colon:

@@ -20,7 +20,7 @@ MOST_LOOKS = 1000
 
 
 class NativeLimits:
-    """What the drivers of controllers with such limits share.
+    """The part that drivers of controllers with limits of their own share.
 
     original: the limits before the first of ours; NaN for one that the controller does not have.
     """

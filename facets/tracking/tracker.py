@@ -95,7 +95,8 @@ class Tracker:
         clock: Callable[[], float] = time.monotonic,
         open_again: Callable[[], Any] | None = None,
     ) -> None:
-        """port, open_again: as in `Envelope`. Raises StageError if the stage cannot be used."""
+        """Open the stage; raise `StageError` if it cannot be used.  port, open_again: as in
+        `Envelope`."""
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock, open_again)
         self.tell = self.envelope.tell
