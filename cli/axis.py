@@ -145,11 +145,13 @@ def axis(
         settings.sensor,
         settings.solve.knowledge(settings.sensor),
         series,
-        axis.value,
-        told,
-        settings.object,
-        line.value,
-        dwell,
+        characterization.error_motions.AxisTest(
+            axis.value,
+            told,
+            settings.object or core.rigid_body.MIRROR,
+            line.value,
+            dwell,
+        ),
     )
     with files.tables.ResultSet():
         write(report, settings, paths, f"Axis {axis.value} of {poses.name}", start)

@@ -34,15 +34,15 @@ def show_weak(directions: list[Direction]) -> None:
 def show_verdict(settings: Config, found: Verdict) -> None:
     if found.search is not None:
         show_candidates(found.search)
-    if found.errors is not None and found.found is not None and found.search is not None:
-        show_parameters(calibration.table.found_table(found.search.sensor, found.found))
+    if found.errors is not None and found.fit is not None and found.search is not None:
+        show_parameters(calibration.table.unknowns_table(found.search.sensor, found.fit))
         show_errors(found.errors)
     for one in found.findings:
         typer.echo(wrap(("! " if one.bad else "- ") + one.words))
-    if found.found is not None and found.is_trusted:
+    if found.fit is not None and found.is_trusted:
         typer.echo(
-            f"The fit converged in {found.found.steps} steps. Chi-square per degree of freedom is "
-            f"{found.found.reduced_chi_square:.3f} (1 is expected)."
+            f"The fit converged in {found.fit.steps} steps. Chi-square per degree of freedom is "
+            f"{found.fit.reduced_chi_square:.3f} (1 is expected)."
         )
 
 

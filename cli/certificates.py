@@ -76,9 +76,8 @@ def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
             progress.update(task, completed=done)
 
         sensor, share = claim.settings.sensor, claim.least_share
-        return proof.uniqueness.certify(
-            sensor, claim.box, share, limit, tell, claim.deviations, work
-        )
+        effort = proof.uniqueness.Effort(work, limit)
+        return proof.uniqueness.certify(sensor, claim.box, share, claim.deviations, effort, tell)
 
 
 def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:

@@ -140,9 +140,14 @@ def response(
     bandwidth = settings.electronics.bandwidth
     delay, unit = describe_input(settings, input_column)
     found = characterization.frequency_response.estimate_response(
-        signals.stimulus, signals.motion, signals.stretches, resolution_hz, signals.deviation,
-        bandwidth, correct_bandwidth, delay,
-    )  # fmt: skip
+        signals.stimulus,
+        signals.motion,
+        signals.stretches,
+        resolution_hz,
+        characterization.frequency_response.OutputChannel(
+            signals.deviation, bandwidth, correct_bandwidth, delay
+        ),
+    )
     peaks = characterization.response_findings.find_peaks(found)
     about = files.provenance.provenance_header(settings) | {
         "input": input_column,
@@ -157,7 +162,13 @@ def response(
             pictures.response.response_picture(found, unit, title, bandwidth), paths[1]
         )
         if uff is not None:
-            universal.write_universal_file(uff, found, input_column, node, dof, body.point, about)
+            universal.write_universal_file(
+                uff,
+                found,
+                universal.InputChannel(input_column, *dof),
+                universal.Node(node, body.point),
+                about,
+            )
     tell(found, signals, peaks, unit, body.text)
     limits = characterization.response_findings.find_limits(found, signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))

@@ -32,7 +32,7 @@ from facets.core.sensor import Sensor
 from facets.core.units import Floats
 from facets.model.arrays import parameters, sensor_with
 from facets.proof.certificate import write_certificate
-from facets.proof.uniqueness import Certificate, certify
+from facets.proof.uniqueness import Certificate, Effort, certify
 
 from ..certificate_schema import Refused
 from ..check_certificate import check
@@ -256,7 +256,7 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
 def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it; `checked` also tests the checker."""
     model = RayModel(parameters(case.sensor))
-    found = certify(case.sensor, case.box, case.share, work=WORK)
+    found = certify(case.sensor, case.box, case.share, effort=Effort(WORK))
     if found.unique:
         broken = breaks_bound(case, model, found, rng) or breaks_uniqueness(case, model, rng)
         return "unique", broken or (checked and breaks_check(case, model, found, rng))

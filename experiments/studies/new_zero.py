@@ -98,8 +98,8 @@ def true_states(one: CalibratedRig, pose: Floats, beam: Floats, is_folded: bool 
     data = data._replace(
         raw=np.empty((len(pose), 9)), pose=pose, beam=np.tile(beam, (len(pose), 1))
     )
-    opening = np.zeros((len(pose), 9))
-    return states_of(data, opening, fold_mount(values) if is_folded else values)
+    own_values = np.zeros((len(pose), 9))
+    return states_of(data, own_values, fold_mount(values) if is_folded else values)
 
 
 class ChangeDraw(NamedTuple):

@@ -39,11 +39,11 @@ def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
 
     sizes: of the detectors, square, mm.
     """
-    found = []
+    clearances = []
     for k, _, centre, slope in landings(fixed, at):
         reach = RADIUS * sqrt(dot2(slope, slope))
-        found += [sizes[k] / 2 + centre - reach, sizes[k] / 2 - centre - reach]
-    return found
+        clearances += [sizes[k] / 2 + centre - reach, sizes[k] / 2 - centre - reach]
+    return clearances
 
 
 def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int, int], list[Any]]:
@@ -53,7 +53,7 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
 
     sizes: of each detector along y and z, mm.  The tip is inside the ellipse; see `tip_clearance`.
     """
-    found = {}
+    clearances = {}
     outermost = [corner_points(at, k) for k in range(3)]
     for k, axis, centre, slope in landings(fixed, at):
         tip, first, second = (dot2(slope, point) for point in outermost[k])
@@ -64,11 +64,11 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
             )
             # if the arc's farthest place is off the facet, use the end of that edge
             arc = select(before < 0, sign * first, select(after < 0, sign * second, farthest))
-            found[k, 2 * axis + side] = [
+            clearances[k, 2 * axis + side] = [
                 sizes[k][axis] / 2 - sign * centre - reach
                 for reach in (sign * tip, sign * first, sign * second, arc)
             ]
-    return found
+    return clearances
 
 
 def corner_points(at: Scene, k: int) -> list[Plane]:
@@ -84,10 +84,10 @@ def tip_clearance(at: Scene) -> Any:
 
 def rim_clearances(fixed: Geometry, at: Scene, rim: float) -> list[Any]:
     """Clearances of the light inside the ellipse from the mirror's rim by facet, over the rim."""
-    found = []
+    clearances = []
     for k in range(3):
         along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])
         slope = gradient_per_sigma(fixed, along)
         out = dot(subtract(at.place, at.apex), along)
-        found.append(1 - (out + RADIUS * sqrt(dot2(slope, slope))) / rim)
-    return found
+        clearances.append(1 - (out + RADIUS * sqrt(dot2(slope, slope))) / rim)
+    return clearances
