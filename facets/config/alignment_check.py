@@ -18,7 +18,7 @@ from ..core.names import DETECTORS
 from ..core.sensor import Apertures, BenchLight, Sensor
 from ..model.arrays import geometry_of, is_on_detector
 from ..model.arrays import readings as model_readings
-from ..optics.forward import path, readings, scene
+from ..optics.forward import mirror_facets, path, readings, scene
 from . import build
 from .blame import culprits, message, remove_keys
 from .problems import is_number, quote_value
@@ -178,7 +178,7 @@ def _place_in_words(sensor: Sensor, k: int) -> str:
 def _reason_of_no_landing(sensor: Sensor, k: int) -> str:
     geometry = geometry_of(sensor)
     try:
-        ray = path(geometry, scene(geometry, ZERO), k)
+        ray = path(mirror_facets(geometry, scene(geometry, ZERO))[k])
     except ZeroDivisionError:
         return "grazes a plane and does not land"
     if ray.incidence >= 0:
