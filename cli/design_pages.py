@@ -156,14 +156,14 @@ def sections_of(
     built: list[ReportSection], parts: Rows | None, proof: str,
 ) -> list[ReportSection]:  # fmt: skip
     """Sections of a layout's page except drawings; quantities are in words, with units."""
-    section, in_words = pictures.report_page.ReportSection, pictures.wording.rows_in_words
+    section, worded_columns = pictures.report_page.ReportSection, pictures.wording.rows_in_words
     found = [
         section("Requirements", rows=requirement(settings)),
-        section("What changes", (), ["of the sensor", *changed[0][1:]], in_words(changed[1]),
+        section("What changes", (), ["of the sensor", *changed[0][1:]], worded_columns(changed[1]),
                 wide=True),
         section("Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
-                compared[0], in_words(compared[1])),
-        section("What limits the layout, and what more would give", rows=in_words(reasons)),
+                compared[0], worded_columns(compared[1])),
+        section("What limits the layout, and what more would give", rows=worded_columns(reasons)),
         *built,
     ]  # fmt: skip
     if parts is not None:

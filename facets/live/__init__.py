@@ -37,13 +37,15 @@ _NAMES_OF = {
     "recording.writer": "Recording",
     "run.board_poses": "SOLVED board_solution",
     "run.loop": "CLOCK_MOVED Ending Loop acquire",
-    "run.pipeline": "Pipeline Poses join_poses",
+    "run.pipeline": "Pipeline RunPoses join_poses",
     "run.pulses": "PulseClock",
     "run.reader": "MAX_BLOCK_S Reader",
     "run.sink": "Sink",
     "sources": "Block check_missing check_source",
     "sources.clock": "Sequence WRAP",
-    "sources.frames": ("ELECTRODES FixedFrames MARK POSE SIZE Samples XY_SUM encode pack parser"),
+    "sources.frames": (
+        "ELECTRODES FixedFrames MARK POSE SIZE RawSamples XY_SUM encode pack parser"
+    ),
     "sources.host_time": "HostTime",
     "sources.ports": "DatagramPort PortError PortInUse open_port",
     "streams.sample_rows": "SAMPLE row_content rows_of sample_dtype",

@@ -21,7 +21,7 @@ from ...model.arrays import mask_missed_spots
 from ...simulation.imperfect_optics import delayed_readings
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
-from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, Samples, encode
+from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, RawSamples, encode
 from ..sources.frames import SATURATED as FULL
 from .faults import Schedule
 from .pty import Pty
@@ -66,7 +66,7 @@ class Count:
     disabled: int = 0
 
 
-def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
+def add_board_poses(samples: RawSamples, firmware: FirmwareLibrary, dark: Floats) -> RawSamples:
     """Samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
     xy_sum = bool(samples.kind[0] == XY_SUM)
     begin = time.perf_counter()
@@ -82,7 +82,7 @@ def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -
     def alternating(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
         return np.stack([first, second], axis=1).reshape(2 * len(first), *first.shape[1:])
 
-    return Samples(
+    return RawSamples(
         alternating(samples.kind, np.full_like(samples.kind, POSE)),
         alternating(samples.flags, np.zeros_like(samples.flags)),
         alternating(samples.seq, samples.seq),
@@ -194,7 +194,9 @@ class Board:
             fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], host[~lost], now))
         return fate
 
-    def sample(self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float) -> Samples:
+    def sample(
+        self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float
+    ) -> RawSamples:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
         exact = delayed_readings(sensor, seq / self.rate, states, states)
@@ -215,7 +217,9 @@ class Board:
         kinds = np.full(len(seq), kind, np.uint8)
         number = (seq.astype(np.int64) - self.born) % 2**32
         channels = self.sample_channels(seq / self.rate, states)
-        return Samples(kinds, flags, number.astype(np.uint32), self.clock(host), counts, channels)
+        return RawSamples(
+            kinds, flags, number.astype(np.uint32), self.clock(host), counts, channels
+        )
 
     def sample_channels(self, times: Floats, states: Floats) -> NDArray[np.float32]:
         """The auxiliary channels' numbers (n, m) at the bench's times (n,), s, each later by its
@@ -232,7 +236,7 @@ class Board:
         passed = (host - self.born_at) / (1 + 1e-6 * self.schedule.faults.drift_ppm)
         return (np.round(1e6 * passed).astype(np.int64) % 2**32).astype(np.uint32)
 
-    def encode(self, samples: Samples) -> bytes:
+    def encode(self, samples: RawSamples) -> bytes:
         """As bytes, each with the pose that the board's own solver finds where it has one."""
         if self.firmware is not None:
             dark = np.full(12, float(self.config.acquire.dark))
@@ -249,7 +253,7 @@ class Board:
         self.count.dropped += count
         self.overrun |= count > 0
 
-    def send(self, samples: Samples) -> NDArray[np.uint8]:
+    def send(self, samples: RawSamples) -> NDArray[np.uint8]:
         """Into the board's buffer, as far as it takes them, spoilt here and there: their fates."""
         fate = np.full(len(samples), SENT, np.uint8)
         if self.overrun:
