@@ -121,7 +121,7 @@ def _version(is_requested: bool) -> None:
 
 def _manual(is_requested: bool) -> None:
     if is_requested:
-        from .manual import manual
+        from .sentences.manual import manual
 
         _, _, status = (__doc__ or "").partition("of every command:\n\n")
         typer.echo(manual(typer.main.get_command(whole_app()), __version__, status), nl=False)

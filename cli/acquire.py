@@ -29,7 +29,7 @@ from .options import (
     require_yaml,
     write_option,
 )
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
 
 if TYPE_CHECKING:
     from facets.live.assembly import Show

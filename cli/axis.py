@@ -14,11 +14,11 @@ import facets
 from facets import characterization, core, files, live, pictures
 from facets.core.errors import InputError
 
-from .calibration_text import wrap
 from .console import FINDING, name_files, show_table
-from .noise import solve_recording
 from .options import ConfigOption, Force, Look, Plot, PlotKind, Point, Style, folder_option
-from .places import choose_point
+from .options.places import choose_point
+from .parts.recordings import solve_recording
+from .sentences.calibration import wrap
 
 if TYPE_CHECKING:
     from facets.characterization.axis_report import AxisReport

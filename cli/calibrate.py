@@ -13,9 +13,6 @@ from facets import config as configuration
 from facets.core.errors import InputError
 from facets.core.names import STATE_COLUMNS
 
-from . import completion
-from .calibration_files import write_results
-from .calibration_text import show_verdict, show_weak, wrap
 from .console import FINDING, free_output, load_config
 from .options import (
     ConfigName,
@@ -24,12 +21,15 @@ from .options import (
     Plot,
     PlotKind,
     Style,
+    completion,
     output_folder,
     output_option,
     report_option,
     require_html,
     require_yaml,
 )
+from .parts.calibration_files import write_results
+from .sentences.calibration import show_verdict, show_weak, wrap
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data

@@ -13,9 +13,7 @@ from facets import config as configuration
 from facets import design, files, pictures
 from facets.core.errors import InputError
 
-from . import completion
 from .console import load_config
-from .design_space import Exploration, follow_front, sample, write
 from .options import (
     Certify,
     ConfigName,
@@ -26,6 +24,7 @@ from .options import (
     Style,
     Table,
     TableKind,
+    completion,
     folder_option,
     output_folder,
     output_option,
@@ -34,6 +33,7 @@ from .options import (
     require_yaml,
     seed_option,
 )
+from .parts.design_space import Exploration, follow_front, sample, write
 
 if TYPE_CHECKING:
     from facets.config import Config

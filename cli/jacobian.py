@@ -23,8 +23,8 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .state_survey import certify_and_report, survey_box, write, write_record
-from .survey_request import SurveyRequest, choose_box
+from .options.survey_request import SurveyRequest, choose_box
+from .parts.state_survey import certify_and_report, survey_box, write, write_record
 
 States = Annotated[int, typer.Option(min=1, help="Number of states to sample.")]
 Uniform = Annotated[

@@ -22,12 +22,10 @@ from .options import (
     require_yaml,
     write_option,
 )
+from .parts.recordings import solve_recording
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from facets.characterization.noise_report import NoiseReport
-    from facets.characterization.rest import Columns
     from facets.config import Config
 
 
@@ -99,21 +97,6 @@ def write_results(
         typer.echo(f"{paths[0].parent}/")
     if write:
         typer.echo(f"{write}")
-
-
-def solve_recording(playback: live.Playback) -> Columns:
-    """Solve a recording for poses as columns, with a bar; print what is damaged."""
-    parts: list[Columns] = []
-
-    def run(done: Callable[[int, int], None]) -> None:
-        for poses in playback.poses(tell=done):
-            parts.append(live.recording.pose_table.table_columns(poses))
-
-    show_progress(run, "solving the recording")
-    pipeline = playback.pipeline
-    if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
-        typer.echo("\n".join(playback.sentences()))
-    return live.recording.pose_table.join_columns(parts) if parts else {}
 
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:

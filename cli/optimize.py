@@ -11,9 +11,7 @@ import typer
 from facets import config as configuration
 from facets import design, files, proof
 
-from .bounds import light_text, round_down
 from .console import FINDING, load_config, show_progress, show_table
-from .design_pages import objective_of, show_layout, write_report, write_tables
 from .options import (
     Certify,
     ConfigName,
@@ -29,7 +27,9 @@ from .options import (
     require_html,
     require_yaml,
 )
-from .places import choose_point, report_object
+from .options.places import choose_point, report_object
+from .sentences.bounds import light_text, round_down
+from .sentences.design_pages import objective_of, show_layout, write_report, write_tables
 
 if TYPE_CHECKING:
     from facets.config import Config

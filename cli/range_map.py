@@ -28,7 +28,7 @@ from .options import (
     folder_option,
     output_folder,
 )
-from .places import choose_point, displacement_at, object_rules, pair_of, report_object
+from .options.places import choose_point, displacement_at, object_rules, pair_of, report_object
 
 if TYPE_CHECKING:
     from facets.characterization.outlines import Boundary

@@ -13,7 +13,6 @@ from facets import files, pictures
 from facets.core.errors import InputError
 
 from .console import load_config
-from .film import PictureForm, film_states, write_film
 from .options import (
     At,
     ConfigName,
@@ -25,7 +24,8 @@ from .options import (
     output_folder,
     output_option,
 )
-from .places import state_of
+from .options.places import state_of
+from .parts.film import PictureForm, film_states, write_film
 
 if TYPE_CHECKING:
     from facets.config import Config

@@ -26,8 +26,8 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .places import choose_point, object_rules, report_object
-from .trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
+from .options.places import choose_point, object_rules, report_object
+from .parts.trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution

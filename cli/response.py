@@ -13,7 +13,6 @@ from facets.core.errors import InputError
 from facets.core.names import POSE
 
 from .console import FINDING, load_config, name_files, show_table
-from .noise import solve_recording
 from .options import (
     ConfigOption,
     Force,
@@ -27,7 +26,8 @@ from .options import (
     folder_option,
     output_folder,
 )
-from .places import choose_point
+from .options.places import choose_point
+from .parts.recordings import solve_recording
 
 if TYPE_CHECKING:
     from facets.characterization.frequency_response import FrequencyResponse

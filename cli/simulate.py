@@ -33,7 +33,7 @@ from .options import (
     seed_option,
 )
 from .options import PlotKind as PlotKind
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
 
 if TYPE_CHECKING:
     from facets.config import Config

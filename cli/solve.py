@@ -27,7 +27,7 @@ from .options import (
     output_folder,
     output_option,
 )
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
 
 if TYPE_CHECKING:
     from facets.config import Config, Solve

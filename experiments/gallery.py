@@ -14,9 +14,9 @@ import facets
 from facets.core.motions import Sine
 from facets.core.units import Floats
 from facets.pictures import film, style
-from facets.pictures.magnification import motion_factor, turning_factor
-from facets.pictures.render import Picture
-from facets.pictures.spots import plan_picture, spots_picture
+from facets.pictures.plots.spots import plan_picture, spots_picture
+from facets.pictures.stills.magnification import motion_factor, turning_factor
+from facets.pictures.stills.render import Picture
 from facets.simulation.motion import states
 
 CONFIG = facets.load("paper")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..pictures.render import Picture
+from ..pictures.stills.render import Picture
 from . import rivals
 
 Row = dict[str, Any]

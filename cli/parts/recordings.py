@@ -1,0 +1,30 @@
+"""A recording, solved for the commands that read one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import typer
+
+from facets import live
+
+from ..console import show_progress
+
+if TYPE_CHECKING:
+    from facets.characterization.rest import Columns
+
+
+def solve_recording(playback: live.Playback) -> Columns:
+    """Solve a recording for poses as columns, with a bar; print what is damaged."""
+    parts: list[Columns] = []
+
+    def run(done: Callable[[int, int], None]) -> None:
+        for poses in playback.poses(tell=done):
+            parts.append(live.recording.pose_table.table_columns(poses))
+
+    show_progress(run, "solving the recording")
+    pipeline = playback.pipeline
+    if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
+        typer.echo("\n".join(playback.sentences()))
+    return live.recording.pose_table.join_columns(parts) if parts else {}

@@ -1,0 +1,91 @@
+"""What `facets calibrate` prints: undetermined parameters, effects, results and checks."""
+
+from __future__ import annotations
+
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from facets import calibration
+
+from ..console import show_table
+
+if TYPE_CHECKING:
+    from facets.calibration.effect_search import EffectSearch
+    from facets.calibration.identifiability import Direction
+    from facets.calibration.verdict import Verdict
+    from facets.config import Config
+
+
+def show_weak(directions: list[Direction]) -> None:
+    """Print the parameters that the data do not determine, before the fit."""
+    if not directions:
+        typer.echo("The motion determines every parameter better than its prior value.")
+        return
+    typer.echo(
+        "The motion determines these combinations of parameters less well than their prior "
+        "values,\nwhich they keep (information of the motion over that of the prior):"
+    )
+    for direction in directions:
+        typer.echo(f"  {direction.information:8.2g}  {direction.words}")
+
+
+def show_verdict(settings: Config, found: Verdict) -> None:
+    if found.search is not None:
+        show_candidates(found.search)
+    if found.errors is not None and found.found is not None and found.search is not None:
+        show_parameters(calibration.table.found_table(found.search.sensor, found.found))
+        show_errors(found.errors)
+    for one in found.findings:
+        typer.echo(wrap(("! " if one.bad else "- ") + one.words))
+    if found.found is not None and found.is_trusted:
+        typer.echo(
+            f"The fit converged in {found.found.steps} steps. Chi-square per degree of freedom is "
+            f"{found.found.reduced_chi_square:.3f} (1 is expected)."
+        )
+
+
+def wrap(words: str) -> str:
+    return fill(words, 100, subsequent_indent="  ")
+
+
+def show_candidates(done: EffectSearch) -> None:
+    """Print which effects the data require."""
+    columns = ("effect", "unknowns", "fall of chi-square", "error of new readings", "", "why")
+    rows = [("the plain fit", str(len(done.plain.choice.names)), "", f"{done.error:.4f}", "", "")]
+    for row in done.rows:
+        error = f"{row.error:.4f}" if row.error == row.error else ""
+        fall = f"{row.fall:.5g}" if row.fall == row.fall else ""
+        decision = "included" if row.accepted else "left out"
+        rows.append((row.words, str(row.unknowns), fall, error, decision, row.why))
+    title = (
+        "\nEffects of real light, and whether the data need them; error of new readings: of "
+        "readings\nthat were not fitted, over their noise"
+    )
+    show_table(title, columns, rows, left=(0, 4, 5))
+
+
+def show_parameters(table: dict[str, Any]) -> None:
+    columns = ("parameter", "known before", "change", "u (1 sigma)", "unit")
+    rows = [
+        (name, f"± {before:.3g}", f"{change:+.4g}", f"{u:.2g}", unit)
+        for name, unit, before, change, u in zip(*table.values(), strict=True)
+    ]
+    show_table("", columns, rows, left=(0, 4))
+
+
+def show_errors(table: dict[str, Any]) -> None:
+    typer.echo(
+        "Errors of poses on samples that were not fitted, with the beam known: RMS before and "
+        "after the\ncalibration, robust estimate (from the median), stated uncertainty, and share "
+        "within the 95 % intervals"
+    )
+    typer.echo(f"  {'':6} {'before':>9} {'after':>9} {'robust':>9} {'stated':>9}       {'held':>6}")
+    for axis, unit, before, after, robust, stated, inside in zip(*table.values(), strict=True):
+        if after == after:
+            typer.echo(
+                f"  {axis:6} {before:9.3g} {after:9.3g} {robust:9.3g} {stated:9.3g} {unit:4} "
+                f"{inside:6.1f} %"
+            )
+    typer.echo("")
