@@ -13,7 +13,7 @@ from facets import config as configuration
 from facets.core.errors import InputError
 from facets.core.names import STATE_COLUMNS
 
-from .console import FINDING, free_output, load_config
+from .console import FINDING, free_output, load_config, wrap
 from .options import (
     ConfigName,
     Force,
@@ -29,7 +29,7 @@ from .options import (
     require_yaml,
 )
 from .parts.calibration_files import write_results
-from .sentences.calibration import show_verdict, show_weak, wrap
+from .sentences.calibration import show_verdict, show_weak
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data

@@ -11,8 +11,8 @@ import codecs
 import io
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
 from textwrap import fill
 from typing import IO, TYPE_CHECKING, Any, TypeVar
@@ -28,7 +28,7 @@ from . import signals
 if TYPE_CHECKING:
     from facets.config import Config
 
-Result = TypeVar("Result")
+Item = TypeVar("Item")
 #: Exit statuses, the same for every command; 130 and 143 are ends by ^C and by SIGTERM.
 DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -64,11 +64,6 @@ def load_config(name: str) -> Config:
     return facets.load(name)
 
 
-def name_files(folder: Path, paths: Sequence[Path]) -> None:
-    """Print the last line of a command: the files that it wrote."""
-    typer.echo(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")
-
-
 def report_coverage(about: Mapping[str, str]) -> None:
     """Print what expanded uncertainties state.  about: of `coverage.describe_coverage`."""
     probability = 100 * float(about["coverage_probability"])
@@ -82,6 +77,11 @@ def report_coverage(about: Mapping[str, str]) -> None:
 def free_output(result: Path | None) -> AbstractContextManager[Any]:
     """Context in which messages go to standard error if the result is the standard output."""
     return redirect_stdout(sys.stderr) if result == STANDARD_STREAM else nullcontext()
+
+
+def wrap(text: str) -> str:
+    """Break a text into lines of 100 characters, indented after the first."""
+    return fill(text, 100, subsequent_indent="  ")
 
 
 def report_lines(text: str) -> None:
@@ -128,26 +128,34 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
     return lines
 
 
-def show_progress(
-    run: Callable[[Callable[[int, int], None]], Result], what: str = "exploring"
-) -> Result:
-    """Run a task that reports its progress, with a bar on a terminal.  what: name of the task.
+@contextmanager
+def show_progress(task: str) -> Iterator[Callable[[float, float], None]]:
+    """Show a bar for a task on a terminal; yields the function that takes what is done, of what.
 
     Where a report finds that an interruption was swallowed, the task ends there.
     """
     if not sys.stderr.isatty():
-        return run(lambda *_: signals.check())
+        yield lambda *_: signals.check()
+        return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=None)
+        row = progress.add_task(task, total=None)
 
-        def report(done: int, whole: int) -> None:
+        def report(done: float, whole: float) -> None:
             signals.check()
-            progress.update(task, completed=done, total=whole)
+            progress.update(row, completed=done, total=whole)
 
-        return run(report)
+        yield report
+
+
+def track(items: Iterable[Item], task: str, count: int) -> Iterator[Item]:
+    """Yield items with a bar on a terminal.  count: of the items."""
+    with show_progress(task) as tell:
+        for number, item in enumerate(items, 1):
+            yield item
+            tell(number, count)
 
 
 class Stream(io.RawIOBase):

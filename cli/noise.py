@@ -58,15 +58,9 @@ def noise(
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
-    reports: list[NoiseReport] = []
-    show_progress(
-        lambda done: reports.append(
-            characterization.noise_report.report_of(columns, settings, str(recording), done)
-        ),
-        "analysing the noise",
-    )
-    report = reports[0]
-    tell(report)
+    with show_progress("analysing the noise") as tell:
+        report = characterization.noise_report.report_of(columns, settings, str(recording), tell)
+    show_channels(report)
     if report.faults and write:
         refuse(recording, report.faults, paths, write)
     write_results(report, settings, f"Noise of {recording.name}", paths, write)
@@ -82,17 +76,14 @@ def write_results(
     with files.tables.ResultSet():
         if paths:
             text = pictures.noise.page(report, title, about)
-            with files.whole.Whole(paths[0]) as temporary:
-                temporary.write_text(text, "utf-8")
+            files.whole.write_text(paths[0], text)
             files.tables.write_table(
                 paths[1], characterization.noise_report.table_of(report), about
             )
         if write:
             block = characterization.noise_report.noise_block(report, settings.resolved)
-            with files.whole.Whole(write) as temporary:
-                temporary.write_text(
-                    files.provenance.configuration(settings, block, about), "utf-8"
-                )
+            text = files.provenance.configuration(settings, block, about)
+            files.whole.write_text(write, text)
     if paths:
         typer.echo(f"{paths[0].parent}/")
     if write:
@@ -111,7 +102,7 @@ def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | 
     raise typer.Exit(FINDING)
 
 
-def tell(report: NoiseReport) -> None:
+def show_channels(report: NoiseReport) -> None:
     """Print a line for each channel."""
     typer.echo(
         f"{report.samples} samples, {report.seconds:.4g} s at {report.rate:.6g} Hz, "

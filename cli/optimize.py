@@ -107,9 +107,8 @@ def optimize(
 def search(settings: Config) -> Optimum:
     """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
     meets all requirements."""
-    found = show_progress(
-        lambda tell: design.search.optimize(settings.sensor, settings.layout, tell), "searching"
-    )
+    with show_progress("searching") as tell:
+        found = design.search.optimize(settings.sensor, settings.layout, tell)
     if found.tried:
         headings, rows = design.tables.part_rows(found)
         left = (0, 1, 2, len(headings) - 1)

@@ -18,11 +18,10 @@ from facets import config as configuration
 from facets.core.errors import InputError
 from facets.core.names import DETECTORS, POSE
 
-from .console import FINDING, load_config
+from .console import FINDING, load_config, wrap
 from .options import ConfigName, Force, output_option, require_yaml
 from .parts.calibration_files import round_freedom, write_covariance
 from .parts.recordings import solve_recording
-from .sentences.calibration import wrap
 
 if TYPE_CHECKING:
     from facets.calibration.rezero import ChangePriors, NewZero, StopReadings

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from facets import config as configuration
-from facets import core, estimation, files, pictures, simulation
+from facets import core, estimation, pictures, simulation
 
-from .console import FINDING, load_config, name_files, show_table
+from .console import FINDING, load_config, show_table
 from .options import (
     ConfigName,
     Covariance,
@@ -34,9 +32,9 @@ from .options import (
 )
 from .options import PlotKind as PlotKind
 from .options.places import choose_point, zero_of
+from .results import Results
 
 if TYPE_CHECKING:
-    from facets.config import Config
     from facets.core.rigid_body import MeasuredObject
     from facets.estimation.differences import ZeroPose
     from facets.estimation.zero import ZeroRequest
@@ -55,21 +53,6 @@ Noise = Annotated[
         help="Simulate readings with or without noise.  [default: as each motion says]",
     ),
 ]
-
-
-@dataclass(frozen=True)
-class Files:
-    """Paths of a simulation's results."""
-
-    folder: Path
-    readings: Path
-    poses: Path
-    picture: Path
-    record: Path
-
-    @property
-    def all(self) -> list[Path]:
-        return [self.readings, self.poses, self.picture, self.record]
 
 
 def simulate(
@@ -97,56 +80,44 @@ def simulate(
     poses has the displacements from the zero of each motion. Exit status 1 if no sample of a motion
     could be solved.
     """
-    start = time.perf_counter()
     settings, request = choose_point(load_config(config), point), zero_of(zero)
-    paths = files_of(output_folder(folder, settings.name), table, plot)
+    names = [f"readings.{table.value}", f"poses.{table.value}", f"motion.{plot.value}", "run.yaml"]
     sources = [*configuration.source_files(settings), request.file if request else None]
-    files.tables.refuse_to_overwrite(paths.all, force, sources)
+    results = Results(output_folder(folder, settings.name), names, force, sources)
     segments = simulation.run.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
     zeros = simulation.run.find_zeros(settings, segments, request)
     poses = simulation.run.pose_table(segments, settings.object, request, zeros, covariance)
-    about = files.provenance.provenance_header(settings, drawn) | zero_entry(request, zeros)
-    with files.tables.ResultSet():
-        write(settings, segments, poses, about, paths, drawn, with_reference, start)
+    with results.publish(settings, drawn, zero_entry(request, zeros)):
+        write(results, segments, poses, with_reference)
     for segment, own in zip(segments, zeros, strict=True):
         print_segment(segment, settings.object)
         for sentence in estimation.zero.zero_findings(own) if own else ():
             typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  ") + "\n")
-    name_files(paths.folder, paths.all)
+    results.name()
     if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
 
 
-def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
-    readings, poses = folder / f"readings.{table.value}", folder / f"poses.{table.value}"
-    return Files(folder, readings, poses, folder / f"motion.{plot.value}", folder / "run.yaml")
-
-
 def write(
-    settings: Config,
-    segments: list[Segment],
-    poses: dict[str, Any],
-    about: dict[str, str],
-    paths: Files,
-    seed: int,
-    reference: bool,
-    start: float,
+    results: Results, segments: list[Segment], poses: dict[str, Any], with_reference: bool
 ) -> None:
-    """Write the results; the record comes last, because it states the duration."""
+    settings, about = results.settings, results.about
     columns = simulation.run.reading_table(segments)
-    if reference:
-        columns |= simulation.run.reference_table(segments, settings.calibrate.reference, seed)
-    files.tables.write_table(paths.readings, columns, about)
-    files.tables.write_table(paths.poses, poses, about)
-    pictures.style.save(pictures.motion.motion_picture(segments), paths.picture)
+    if with_reference:
+        columns |= simulation.run.reference_table(
+            segments, settings.calibrate.reference, int(about["seed"])
+        )
+    readings, solved, picture, _ = results.paths
+    results.write_table(readings, columns)
+    results.write_table(solved, poses)
+    pictures.style.save(pictures.motion.motion_picture(segments), picture)
     for segment in segments:
-        commands = paths.folder / f"commands-{segment.name}.csv"
+        commands = results.folder / f"commands-{segment.name}.csv"
         simulation.axis_runs.write_commands(commands, settings.motions[segment.name], about)
-    results: dict[str, Any] = {key: about[key] for key in ("zero",) if key in about}
-    results |= {segment.name: simulation.run.statuses(segment) for segment in segments}
-    seconds = time.perf_counter() - start
-    files.provenance.write_record(paths.record, settings, seed, seconds, results, paths.all)
+    entries: dict[str, Any] = {key: about[key] for key in ("zero",) if key in about}
+    entries |= {segment.name: simulation.run.statuses(segment) for segment in segments}
+    results.write_record(entries)
 
 
 def zero_entry(request: ZeroRequest | None, zeros: list[ZeroPose | None]) -> dict[str, str]:

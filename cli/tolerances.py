@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from facets import files
 from facets.core.errors import InputError
 from facets.core.names import FINE_COLUMNS
 
-from .console import load_config, name_files
+from .console import load_config
 from .options import (
     ConfigName,
     Force,
@@ -20,6 +19,7 @@ from .options import (
     output_folder,
     seed_option,
 )
+from .results import Results
 from .sentences.yields import Yields, kinds_of, show_yields, yields_of
 
 if TYPE_CHECKING:
@@ -49,30 +49,28 @@ def tolerances(
     if heads < LEAST_HEADS:
         raise InputError(f"--heads is {heads}; give at least {LEAST_HEADS}")
     settings = load_config(config)
-    place = output_folder(folder, settings.name, "tolerances")
-    paths = [place / f"{name}.{table.value}" for name in ("tolerances", "heads")]
-    files.tables.refuse_to_overwrite(paths, force)
-    found = yields_of(settings, settings.sensor, heads, seed)
-    show_yields(settings, found)
-    about = files.provenance.provenance_header(settings, seed)
-    with files.tables.ResultSet():
-        files.tables.write_table(paths[0], sensitivity_columns(settings, found), about)
-        files.tables.write_table(paths[1], head_columns(found.heads), about)
-    name_files(place, paths)
+    names = [f"{name}.{table.value}" for name in ("tolerances", "heads")]
+    results = Results(output_folder(folder, settings.name, "tolerances"), names, force)
+    yields = yields_of(settings, settings.sensor, heads, seed)
+    show_yields(settings, yields)
+    with results.publish(settings, seed) as (by_tolerance, by_head):
+        results.write_table(by_tolerance, sensitivity_columns(settings, yields))
+        results.write_table(by_head, head_columns(yields.heads))
+    results.name()
 
 
-def sensitivity_columns(settings: Config, found: Yields) -> dict[str, Any]:
+def sensitivity_columns(settings: Config, yields: Yields) -> dict[str, Any]:
     """Predicted yields by tolerance, in per cent; the first row is for unchanged tolerances."""
     import numpy as np
 
-    rows = found.by_tolerance
+    rows = yields.by_tolerance
     before = settings.calibrate.before
     columns: dict[str, Any] = {
         "tolerance": np.array(["", *(row.key for row in rows)]),
         "stated": np.array([np.nan, *(before[row.key] for row in rows)]),
     }
-    for kind in kinds_of(settings, found):
-        whole = getattr(found.predicted, kind)
+    for kind in kinds_of(settings, yields):
+        whole = getattr(yields.predicted, kind)
         for case in ("alone", "halved"):
             values = [whole, *(getattr(getattr(row, case), kind) for row in rows)]
             columns[f"{kind}_{case}_percent"] = 100 * np.array(values)

@@ -56,7 +56,7 @@ def wobble(path: Path) -> None:
     factor = motion_factor(CONFIG.sensor, motion)
     with Picture(CONFIG.sensor, motion[0], "both", (600, 400), "dark", "paper") as picture:
         turning = turning_factor(factor * motion)
-        film.write(picture, motion, path, 12.5, factor, lambda: None, turning)
+        film.write(picture, film.Film(motion, 12.5, factor, turning), path)
 
 
 REST = np.zeros(8)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +34,6 @@ class SurveyRequest:
     table_format: str | None
     certify: bool
     reach: bool
-    start: float = field(default_factory=time.perf_counter)
 
     @property
     def picture(self) -> Path:
@@ -46,24 +44,16 @@ class SurveyRequest:
         return self.folder / f"states.{self.table_format}" if self.table_format else None
 
     @property
-    def density(self) -> Path:
-        return self.folder / "density.csv"
-
-    @property
-    def record(self) -> Path:
-        return self.folder / "run.yaml"
-
-    @property
     def certificate(self) -> Path:
         return self.folder / "certificate.json"
 
     @property
-    def files(self) -> list[Path]:
-        """All files that may be written."""
-        paths = [self.picture, self.density, self.record]
-        paths += [self.table] if self.table is not None else []
-        paths += [self.certificate] * self.certify
-        return [*paths, reach_file(self.certificate)] if self.certify and self.reach else paths
+    def names(self) -> list[str]:
+        """Names of all files that may be written."""
+        names = [self.picture.name, "density.csv", "run.yaml"]
+        names += [self.table.name] if self.table is not None else []
+        names += [self.certificate.name] * self.certify
+        return names + [reach_file(self.certificate).name] * (self.certify and self.reach)
 
 
 def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | None]:

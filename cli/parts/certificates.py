@@ -9,6 +9,7 @@ import typer
 
 from facets import characterization, proof
 
+from ..console import show_progress
 from ..options.claims import Claim
 from ..options.survey_request import reach_file
 from ..sentences.bounds import round_down
@@ -66,19 +67,10 @@ def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, R
 
 
 def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("proving", total=1.0)
-
-        def tell(done: float) -> None:
-            progress.update(task, completed=done)
-
-        sensor, share = claim.settings.sensor, claim.least_share
+    sensor, share = claim.settings.sensor, claim.least_share
+    with show_progress("proving") as tell:
         return proof.uniqueness.certify(
-            sensor, claim.box, share, limit, tell, claim.deviations, work
+            sensor, claim.box, share, limit, lambda done: tell(done, 1.0), claim.deviations, work
         )
 
 

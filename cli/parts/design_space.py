@@ -11,7 +11,8 @@ import typer
 
 from facets import characterization, design, files, pictures, proof
 
-from ..console import FINDING, leave_out_picture, name_files, show_progress, show_table
+from ..console import FINDING, leave_out_picture, show_progress, show_table
+from ..results import name_files
 from ..sentences.design_pages import write_gallery
 
 if TYPE_CHECKING:
@@ -56,9 +57,8 @@ def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bo
     files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
     design.exploration.require_variables(space)
     design.exploration.prepare(folder, space, job.header, force)
-    show_progress(
-        lambda tell: design.exploration.explore(space, folder, job.header, scheduler, tell)
-    )
+    with show_progress("exploring") as tell:
+        design.exploration.explore(space, folder, job.header, scheduler, tell)
 
 
 def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> None:
@@ -115,10 +115,8 @@ def follow_front(job: Exploration, points: int) -> None:
     with files.tables.ResultSet():
         files.tables.refuse_to_overwrite(paths, force=True)
         begin = time.perf_counter()
-        found = show_progress(
-            lambda tell: design.front.pareto_front(space, points, space.seed, tell),
-            "following the front",
-        )
+        with show_progress("following the front") as tell:
+            found = design.front.pareto_front(space, points, space.seed, tell)
         seconds = time.perf_counter() - begin
         if not len(found.designs):
             typer.echo("no design meets all requirements, as far as the search can tell")

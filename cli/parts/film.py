@@ -11,6 +11,8 @@ from facets import files, live, pictures, simulation
 from facets.core.errors import InputError
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
+from ..console import show_progress
+
 if TYPE_CHECKING:
     from facets.config import Config
 
@@ -57,23 +59,16 @@ def write_film(
     exaggerate: float | None,
 ) -> None:
     """Write a film; print by how much its motion is enlarged."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     factor = exaggerate or pictures.magnification.motion_factor(settings.sensor, states)
     turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
-    console = Console(stderr=True)
     theme = pictures.materials.theme_of(form.style)
     with (
         pictures.render.Picture(
             settings.sensor, states[0], form.view, form.size, theme, settings.name
         ) as picture,
-        Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
+        show_progress("rendering") as tell,
     ):
-        task = progress.add_task("rendering", total=len(states))
-        pictures.film.write(
-            picture, states, path, rate, factor, lambda: progress.advance(task), turning
-        )
+        pictures.film.write(picture, pictures.film.Film(states, rate, factor, turning), path, tell)
     if note := pictures.magnification.factor_in_words(factor, turning):
         typer.echo(
             f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import typer
@@ -17,13 +16,10 @@ if TYPE_CHECKING:
 
 def solve_recording(playback: live.Playback) -> Columns:
     """Solve a recording for poses as columns, with a bar; print what is damaged."""
-    parts: list[Columns] = []
-
-    def run(done: Callable[[int, int], None]) -> None:
-        for poses in playback.poses(tell=done):
-            parts.append(live.recording.pose_table.table_columns(poses))
-
-    show_progress(run, "solving the recording")
+    with show_progress("solving the recording") as tell:
+        parts = [
+            live.recording.pose_table.table_columns(poses) for poses in playback.poses(tell=tell)
+        ]
     pipeline = playback.pipeline
     if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
         typer.echo("\n".join(playback.sentences()))

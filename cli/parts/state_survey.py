@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,9 +11,10 @@ import typer
 from facets import characterization, files, pictures
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
-from ..console import leave_out_picture
+from ..console import leave_out_picture, track
 from ..options.claims import claim_for
 from ..options.survey_request import SurveyRequest, refuse_too_many
+from ..results import Results
 from .certificates import prove
 
 if TYPE_CHECKING:
@@ -25,85 +25,69 @@ if TYPE_CHECKING:
 
 
 def survey_box(
-    request: SurveyRequest, force: bool, search: bool
+    request: SurveyRequest, results: Results, search: bool
 ) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
     """Sample, measure and report; then search the worst state and two with like readings."""
-    files.tables.refuse_to_overwrite(request.files, force)
     refuse_too_many(request)
-    found = measure(request)
-    report(request, found)
+    survey = measure(request, results)
+    report(request, survey, results.seconds)
     if not search:
-        return found, None, None
-    worst = search_worst(request, found)
-    alike = found.has_one_sign_in_light
+        return survey, None, None
+    worst = search_worst(request, survey)
+    alike = survey.has_one_sign_in_light
     pair = (
         None
         if alike
         else characterization.ambiguity.find_ambiguous_pair(request.settings.sensor, worst.state)
     )
     show_pair(pair)
-    return found, worst, pair
+    return survey, worst, pair
 
 
-def measure(request: SurveyRequest) -> Survey:
+def measure(request: SurveyRequest, results: Results) -> Survey:
     """Sample and measure in chunks, with a progress bar; write all states if requested."""
-    from rich.console import Console
-    from rich.progress import track
-
     sampling: Literal["sobol", "uniform"] = "uniform" if request.uniform else "sobol"
-    sampled = characterization.singularity.samples(
+    chunks = characterization.singularity.samples(
         request.domain, request.states, sampling, request.seed
     )
-    chunks = track(
-        sampled,
-        "measuring",
-        total=-(-request.states // characterization.singularity.CHUNK),
-        console=Console(stderr=True),
-        transient=True,
-        disable=request.states <= 10 * characterization.singularity.CHUNK,
-    )
+    count = -(-request.states // characterization.singularity.CHUNK)
     sensor = request.settings.sensor
     with ExitStack() as stack:
-        keep = keeper(request, stack)
+        keep = keeper(request, results, stack)
         return characterization.singularity.survey(
-            sensor, iter(chunks), request.left_out, True, request.threads, keep
+            sensor, track(chunks, "measuring", count), request.left_out, True, request.threads, keep
         )
 
 
-def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats], None] | None:
+def keeper(
+    request: SurveyRequest, results: Results, stack: ExitStack
+) -> Callable[[Floats, Floats], None] | None:
     """Function that writes each chunk of states into the table, if one is requested."""
     if request.table is None:
         return None
-    about = files.provenance.provenance_header(request.settings, request.seed)
-    writer = stack.enter_context(files.tables.open_writer(request.table, about))
+    writer = stack.enter_context(files.tables.open_writer(request.table, results.about))
     return lambda states, values: writer.write(
         characterization.tables.state_columns(states, values)
     )
 
 
-def write(request: SurveyRequest, found: Survey, pair: AmbiguousPair | None) -> dict[str, Any]:
+def write(
+    request: SurveyRequest, results: Results, survey: Survey, pair: AmbiguousPair | None
+) -> dict[str, Any]:
     """Write table and picture; return their entries of the record."""
-    about = files.provenance.provenance_header(request.settings, request.seed)
-    files.tables.write_table(request.density, characterization.tables.density_columns(found), about)
-    if found.states - found.dark > 1:
+    density = characterization.tables.density_columns(survey)
+    results.write_table(request.folder / "density.csv", density)
+    if survey.states - survey.dark > 1:
         pictures.style.save(
-            pictures.singularity.survey_picture(found, request.left_out, pair), request.picture
+            pictures.singularity.survey_picture(survey, request.left_out, pair), request.picture
         )
     else:
         leave_out_picture(request.picture, "it needs at least two states with light")
-    return {"states": found.states, "one_sign": found.one_sign}
+    return {"states": survey.states, "one_sign": survey.one_sign}
 
 
-def write_record(request: SurveyRequest, results: dict[str, Any]) -> None:
-    seconds = time.perf_counter() - request.start
-    files.provenance.write_record(
-        request.record, request.settings, request.seed, seconds, results, request.files
-    )
-
-
-def report(request: SurveyRequest, found: Survey) -> None:
+def report(request: SurveyRequest, found: Survey, seconds: float) -> None:
     settings, domain, left_out = request.settings, request.domain, request.left_out
-    seconds = time.perf_counter() - request.start
     typer.echo(f"{settings.name}: {found.states} states sampled in {seconds:.2f} s from the box")
     for name, unit, low, high in zip(
         characterization.state_box.COLUMNS,

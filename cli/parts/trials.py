@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -57,9 +57,9 @@ class TrialRequest(NamedTuple):
     seed: int
     table: Path | None
 
-    def paths(self, folder: Path, plot: PlotKind) -> list[Path]:
-        """The table and the picture."""
-        return [folder / "trials.csv", folder / f"trials.{plot.value}"] if self.trials else []
+    def names(self, plot: PlotKind) -> list[str]:
+        """Names of the table and the picture."""
+        return ["trials.csv", f"trials.{plot.value}"] if self.trials else []
 
     def states(self) -> dict[str, Floats]:
         """The states (8,) of the trials by name, for valid requests."""
@@ -100,14 +100,14 @@ class TrialRequest(NamedTuple):
 
     def run(self, states: dict[str, Floats]) -> dict[str, PropagationResult]:
         """Trials at each state; prints the results."""
-
-        def propagate(report: Callable[[int, int], None]) -> dict[str, PropagationResult]:
-            found, solved = {}, 0
+        found: dict[str, PropagationResult] = {}
+        with show_progress("trials") as tell:
+            solved = 0
 
             def advance(more: int) -> None:
                 nonlocal solved
                 solved += more
-                report(solved, self.trials * len(states))
+                tell(solved, self.trials * len(states))
 
             for number, (where, state) in enumerate(states.items()):
                 found[where] = characterization.propagation.propagate_distributions(
@@ -120,9 +120,6 @@ class TrialRequest(NamedTuple):
                     object=self.settings.object,
                     advance=advance,
                 )
-            return found
-
-        found = show_progress(propagate, "trials")
         for where, one in found.items():
             show(where, one)
             if not one.is_stated:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from facets import calibration
 
-from ..console import show_table
+from ..console import show_table, wrap
 
 if TYPE_CHECKING:
     from facets.calibration.effect_search import EffectSearch
@@ -44,10 +43,6 @@ def show_verdict(settings: Config, found: Verdict) -> None:
             f"The fit converged in {found.found.steps} steps. Chi-square per degree of freedom is "
             f"{found.found.reduced_chi_square:.3f} (1 is expected)."
         )
-
-
-def wrap(words: str) -> str:
-    return fill(words, 100, subsequent_indent="  ")
 
 
 def show_candidates(done: EffectSearch) -> None:

@@ -41,9 +41,8 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
     built = design.assembly.assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
     expansion = design.tolerancing.expand_margins(built)
     draws = design.tolerancing.draw_heads(built)
-    made = show_progress(
-        lambda tell: design.production.simulate_heads(built, heads, seed, tell), "building heads"
-    )
+    with show_progress("building heads") as tell:
+        made = design.production.simulate_heads(built, heads, seed, tell)
     accurate = bool(built.asked.accuracy_axes)
     return Yields(
         design.tolerancing.shares(expansion, draws),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from .camera import Camera
 from .magnification import factor_in_words
 from .materials import THEMES, rgb
 from .render import Picture
+
+Tell = Callable[[float, float], None]
 
 #: How far the camera swings to either side, rad.
 SWING_RAD = 0.20
@@ -38,43 +40,41 @@ def ease_camera(camera: Camera, share: float) -> Camera:
     return replace(camera, place=tuple(np.add(camera.focus, turned)))
 
 
-def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0) -> Iterator[Any]:
-    """Yield a frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger.
+@dataclass(frozen=True)
+class Film:
+    """A motion, state by state (n, 8), with its frames a second and its magnification `factor`.
 
     turning: further magnification of the head's rotation in the large picture; light has `factor`.
     """
+
+    states: Floats
+    rate: float
+    factor: float
+    turning: float = 1.0
+
+
+def frames(picture: Picture, film: Film, tell: Tell) -> Iterator[Any]:
+    """Yield the frames (h, w, 3), 0 to 255."""
     view = picture.view
     still = view.camera()
-    view.larger, view.turning, view.note = factor, turning, factor_in_words(factor, turning)
-    count = len(states)
-    for n, state in enumerate(states):
+    view.larger, view.turning = film.factor, film.turning
+    view.note = factor_in_words(film.factor, film.turning)
+    count = len(film.states)
+    for n, state in enumerate(film.states):
         view.camera = lambda n=n: ease_camera(still, n / count)  # type: ignore[method-assign, misc]
-        picture.move(factor * state)
+        picture.move(film.factor * state)
         yield picture.image()
+        tell(n + 1, count)
 
 
-def write(
-    picture: Picture,
-    states: Floats,
-    path: Path,
-    rate: float,
-    factor: float,
-    tell: Callable[[], None],
-    turning: float = 1.0,
-) -> None:
-    """Write a film of states (n, 8) at `rate` frames a second; a failure leaves no file."""
+def write(picture: Picture, film: Film, path: Path, tell: Tell = lambda done, whole: None) -> None:
+    """Write a film; a failure leaves no file.  tell: takes the frames done and their number."""
     with Whole(path) as temporary:
-        shown = report_frames(frames(picture, states, factor, turning), tell)
+        shown = frames(picture, film, tell)
         if path.suffix.lower() == ".gif":
-            write_gif(shown, temporary, rate)
+            write_gif(shown, temporary, film.rate)
         else:
-            write_h264(shown, temporary, rate)
-
-
-def report_frames(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
-    for frame in shown:
-        yield frame
-        tell()
+            write_h264(shown, temporary, film.rate)
 
 
 def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
