@@ -25,10 +25,11 @@ from .options import (
     output_option,
 )
 from .options.places import state_of
-from .parts.film import PictureForm, film_states, write_film
+from .parts.film import film_states, write_film
 
 if TYPE_CHECKING:
     from facets.config import Config
+    from facets.pictures.stills.render import PictureForm
 
 
 class View(StrEnum):
@@ -138,7 +139,10 @@ def render(
     check_ending(path, is_flat, is_film)
     files.tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
-    form = PictureForm(view.value, size_of(width, height, is_film), style.value)
+    theme = pictures.materials.theme_of(style.value)
+    form = pictures.render.PictureForm(
+        view.value, size_of(width, height, is_film), theme, settings.name
+    )
     if is_flat:
         draw_flat(settings, state, spots, path)
     elif is_film:
@@ -212,10 +216,7 @@ def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict
     elif path.suffix.lower() == ".gltf":
         pictures.render.save_scene(settings.sensor, state, path)
     else:
-        theme = pictures.materials.theme_of(form.style)
-        with pictures.render.Picture(
-            settings.sensor, state, form.view, form.size, theme, settings.name, **more
-        ) as picture:
+        with pictures.render.Picture(settings.sensor, state, form, **more) as picture:
             picture.save(path)
 
 

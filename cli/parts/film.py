@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,14 +15,7 @@ from ..console import show_progress
 
 if TYPE_CHECKING:
     from facets.config import Config
-
-
-class PictureForm(NamedTuple):
-    """The view, the size in pixels and the style of a picture."""
-
-    view: Any
-    size: tuple[int, int]
-    style: str
+    from facets.pictures.stills.render import PictureForm
 
 
 def film_states(settings: Config, motion: str | None, recording: Path | None, frames: int) -> Any:
@@ -61,11 +54,8 @@ def write_film(
     """Write a film; print by how much its motion is enlarged."""
     factor = exaggerate or pictures.magnification.motion_factor(settings.sensor, states)
     turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
-    theme = pictures.materials.theme_of(form.style)
     with (
-        pictures.render.Picture(
-            settings.sensor, states[0], form.view, form.size, theme, settings.name
-        ) as picture,
+        pictures.render.Picture(settings.sensor, states[0], form) as picture,
         show_progress("rendering") as tell,
     ):
         pictures.film.write(picture, pictures.film.Film(states, rate, factor, turning), path, tell)

@@ -35,12 +35,10 @@ def write_gallery(
         shown = int((table["kind"] == "other").sum())
         some += f", and {shown} others of {len(others['design'])} sampled designs"
     goals = list(space.objectives)
-    with files.tables.Whole(path) as temporary:
-        texts = design.gallery.texts_of(settings, sensors, path.parent)
-        text = pictures.exploration_page.page(
-            settings.name, space.names, goals, table, sensors, texts, f"{some}."
-        )
-        temporary.write_text(text, "utf-8")
+    texts = design.gallery.texts_of(settings, sensors, path.parent)
+    designs = pictures.exploration_page.ShownDesigns(table, sensors, texts)
+    text = pictures.exploration_page.page(settings.name, space.names, goals, designs, f"{some}.")
+    files.whole.write_text(path, text)
 
 
 BREAKING = (

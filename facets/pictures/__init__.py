@@ -44,7 +44,7 @@ else:
             "stills": "film magnification materials range_solid render scene",
             "stills.glow": "sub_beam surface",
             "stills.magnification": "motion_factor turning_factor",
-            "stills.render": "Picture",
+            "stills.render": "Picture PictureForm",
             "stills.scene": "Stand",
             "stills.views": "face_camera",
             "style": "lay_out",

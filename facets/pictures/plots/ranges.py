@@ -41,7 +41,7 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
             panel.set_visible(False)
         for number, boundary in enumerate(boundaries):
             if inside:
-                values(picture, panels[number], boundary, *inside[number])
+                map_values(picture, panels[number], boundary, inside[number])
             outline(panels[number], boundary, filled=not inside)
         add_legend(picture, boundaries, 3 if columns > 1 else 2)
     return picture
@@ -99,10 +99,11 @@ def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
         yield int(causes[start]), closed[start : end + 1]
 
 
-def values(
-    picture: Figure, panel: Axes, boundary: Boundary, x: Floats, y: Floats, z: Floats, label: str
+def map_values(
+    picture: Figure, panel: Axes, boundary: Boundary, inside: tuple[Floats, Floats, Floats, str]
 ) -> None:
-    """Draw a map of values inside the range; NaN outside."""
+    """Draw a map (x, y, values, label) inside the range; NaN outside."""
+    x, y, z, label = inside
     factors = [style.unit_of(name).factor for name in boundary.axes]
     image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
     panel.grid(visible=False)

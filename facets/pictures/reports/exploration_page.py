@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import json
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -28,20 +29,24 @@ def plotly_text() -> str:
     return str(require_extra("plotly.offline", "--report").get_plotlyjs())
 
 
-def page(
-    name: str,
-    variables: list[str],
-    objectives: list[str],
-    table: dict[str, NDArray[Any]],
-    sensors: list[Sensor],
-    texts: list[str],
-    summary: str,
-) -> str:
-    """The page as HTML.
+@dataclass(frozen=True)
+class ShownDesigns:
+    """The designs of a page, each with its sensor and its YAML.
 
     table: columns of the variables, the objectives and other measures, and `kind` ("own", "front"
-    or "other"), `title` and `remark` of each design; `texts` are their YAML.
+    or "other"), `title` and `remark` of each design.
     """
+
+    table: dict[str, NDArray[Any]]
+    sensors: list[Sensor]
+    texts: list[str]
+
+
+def page(
+    name: str, variables: list[str], objectives: list[str], designs: ShownDesigns, summary: str
+) -> str:
+    """Write the page as HTML."""
+    table = designs.table
     measures = [key for key, values in table.items() if values.dtype.kind == "f"]
     plotted = [*objectives, *variables][:MOST]
     columns = [
@@ -60,8 +65,8 @@ def page(
         "title": table["title"].tolist(),
         "remark": [remark_in_words(remark) for remark in table["remark"].tolist()],
         "columns": columns,
-        "yaml": texts,
-        "drawing": [drawing(sensor) for sensor in sensors],
+        "yaml": designs.texts,
+        "drawing": [drawing(sensor) for sensor in designs.sensors],
         "first": kinds.index("front") if "front" in kinds else 0,
     }
     goals = [label(key).partition(", ")[0] for key in objectives]

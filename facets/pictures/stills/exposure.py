@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,18 +18,30 @@ from .scene import Stand
 from .studio import Shot
 
 
+@dataclass(frozen=True)
+class Lighting:
+    """The light of a picture: from a laser that stands this far above the apex, mm.
+
+    haze: the light that the air scatters out of the beams.  dark: sub-beams to omit.  bloom: the
+    light that the lens spreads.
+    """
+
+    laser: float
+    haze: float = 1.0
+    dark: Collection[int] = ()
+    bloom: float = 1.0
+
+
 def expose(
-    stand: Stand, shot: Shot, theme: Theme, floor: Ground | None, laser: float, haze: float = 1.0,
-    dark: Collection[int] = (), bloom: float = 1.0,
-) -> Floats:  # fmt: skip
-    """Render the picture (h, w, 3), 0 to 1. haze: the light that the air scatters out of the beams.
-    dark: sub-beams to omit.  bloom: the light that the lens spreads."""
+    stand: Stand, shot: Shot, theme: Theme, floor: Ground | None, lighting: Lighting
+) -> Floats:
+    """Render the picture (h, w, 3), 0 to 1."""
     picture = assemble(shot, theme, floor)
-    light = glow(stand, shot, laser, dark)
+    light = glow(stand, shot, lighting.laser, lighting.dark)
     return (
-        shine(picture, light, theme, haze, bloom)
+        shine(picture, light, theme, lighting.haze, lighting.bloom)
         if theme.shines
-        else stain(picture, light, theme, haze)
+        else stain(picture, light, theme, lighting.haze)
     )
 
 

@@ -298,11 +298,12 @@ def surface(stand: Stand, shot: Shot, k: int) -> Floats:
     normal = np.array(stand.at.normals[k], float)
     apex = np.array(stand.at.apex, float)
     centre = np.array(stand.geometry.centres[k], float)
-    axes = np.array(stand.geometry.axes[k], float)
+    facing = -np.array(stand.geometry.axes[k][0], float)
     psd = stand.sensor.psds[k]
-    found = plane(stand, shot, k, apex, normal, apex, np.inf, folded=False)
     reach = float(np.hypot(psd.size_y, psd.size_z)) / 2
-    return np.maximum(found, plane(stand, shot, k, centre, -axes[0], centre, reach, folded=True))
+    return np.maximum(
+        plane(stand, shot, k, apex, normal), plane(stand, shot, k, centre, facing, reach)
+    )
 
 
 def fill_mask(where: Booleans, values: Any) -> Booleans:
@@ -313,12 +314,14 @@ def fill_mask(where: Booleans, values: Any) -> Booleans:
 
 
 def plane(
-    stand: Stand, shot: Shot, k: int, point: Floats, normal: Floats, about: Floats, reach: float,
-    folded: bool,
-) -> Floats:  # fmt: skip
-    """Compute the irradiance on a plane within `reach` of a point, where a surface lies in it."""
-    around = 2 * FAR * width_of(stand) if not np.isfinite(reach) else reach
-    where, pixel = segment_pixels(shot.camera, np.array([about, about]), around)
+    stand: Stand, shot: Shot, k: int, point: Floats, normal: Floats, reach: float | None = None
+) -> Floats:
+    """Compute the irradiance about a point of a plane, where a surface lies in it.
+
+    reach: half the diagonal of detector k, whose plane it is; by default the plane is facet k's.
+    """
+    around = 2 * FAR * width_of(stand) if reach is None else reach
+    where, pixel = segment_pixels(shot.camera, np.array([point, point]), around)
     where = where & shot.is_covered
     picture = np.zeros(shot.depth.shape)
     line = PixelRays(shot, where)
@@ -331,12 +334,14 @@ def plane(
     origin, ray = shot.camera.rays(columns + 0.5, rows + 0.5)
     places = origin + np.reshape(depth, (-1, 1)) * ray
     lit = np.ones(len(rows), bool)
-    if np.isfinite(reach):
+    if reach is not None:
         axes, psd = np.array(stand.geometry.axes[k], float), stand.sensor.psds[k]
         lit &= np.abs(((places - point) * axes[1]).sum(axis=-1)) < psd.size_y / 2
         lit &= np.abs(((places - point) * axes[2]).sum(axis=-1)) < psd.size_z / 2
     mirror_normal, apex = np.array(stand.at.normals[k], float), np.array(stand.at.apex, float)
-    u = sigma_coordinates(stand, reflect_points(places, apex, mirror_normal) if folded else places)
+    if reach is not None:
+        places = reflect_points(places, apex, mirror_normal)
+    u = sigma_coordinates(stand, places)
     middle, share = centroid(stand, k)
     wide = THIN * pixel / width_of(stand)
     if wide > 1 and share > 0:

@@ -6,6 +6,7 @@ Labels do not overlap: each has several candidate places and takes the first fre
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from .materials import Theme, rgb
 
 #: Letters and lines are drawn this many times larger, then averaged.
 FINE = 2
+#: Margin of a label for its halo.
+PAD = 4 * FINE
 Box = tuple[float, float, float, float]
 Point = Sequence[float] | Floats
 Points = Sequence[Point] | Floats
@@ -33,6 +36,32 @@ def font(size: int, bold: bool = False) -> Any:
 
 def overlap(a: Box, b: Box) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+@dataclass(frozen=True)
+class DimensionLine:
+    """A dimension between two points, in pixels, with the words of its label and their size."""
+
+    start: Floats
+    end: Floats
+    words: str
+    size: float
+
+    @property
+    def length(self) -> float:
+        return float(np.hypot(*(self.end - self.start)))
+
+    @property
+    def along(self) -> Floats:
+        """The unit vector from start to end."""
+        direction: Floats = (self.end - self.start) / max(self.length, 1e-9)
+        return direction
+
+    @property
+    def angle(self) -> float:
+        """The angle at which the label can be read, rad."""
+        angle = float(np.arctan2(-self.along[1], self.along[0]))
+        return (angle + np.pi / 2) % np.pi - np.pi / 2
 
 
 class DrawingSheet:
@@ -98,9 +127,13 @@ class DrawingSheet:
 
     def write(
         self, at: Point, words: str, size: float = 14, colour: str = "", bold: bool = False,
-        anchor: Point = (0.5, 0.5), halo: bool = True, angle: float = 0.0, take: bool = True,
+        anchor: Point = (0.5, 0.5),
     ) -> Box:  # fmt: skip
         """Write words with the point `anchor` of their box (0 to 1) at a place; return the box."""
+        return self.paste(self.label(words, size, colour, bold), at, anchor)
+
+    def label(self, words: str, size: float, colour: str, bold: bool = False) -> Any:
+        """Draw words with a halo, as a picture of their own."""
         from PIL import Image, ImageDraw
 
         letters = font(max(6, round(size * self.unit * FINE)), bold)
@@ -108,28 +141,24 @@ class DrawingSheet:
         left, top, right, bottom = self.draw.multiline_textbbox(
             (0, 0), words, letters, spacing=spacing
         )
-        pad = 4 * FINE
-        label = Image.new("RGBA", (int(right - left + 2 * pad), int(bottom - top + 2 * pad)))
-        pen = ImageDraw.Draw(label)
+        label = Image.new("RGBA", (int(right - left + 2 * PAD), int(bottom - top + 2 * PAD)))
+        pen, start = ImageDraw.Draw(label), (PAD - left, PAD - top)
         options: dict[str, Any] = {"font": letters, "spacing": spacing, "align": "left"}
-        if halo:
-            options |= {"stroke_width": round(2.2 * self.unit * FINE),
-                        "stroke_fill": self.colour(self.theme.panel, 0.55)}  # fmt: skip
-            pen.multiline_text(
-                (pad - left, pad - top), words, fill=self.colour(self.theme.panel, 0.0), **options
-            )
-            options = {"font": letters, "spacing": spacing, "align": "left"}
         pen.multiline_text(
-            (pad - left, pad - top), words, fill=self.colour(colour or self.theme.ink), **options
-        )
-        if angle:
-            label = label.rotate(np.degrees(angle), resample=Image.Resampling.BICUBIC, expand=True)
-        x = at[0] * FINE - pad - anchor[0] * (label.width - 2 * pad)
-        y = at[1] * FINE - pad - anchor[1] * (label.height - 2 * pad)
+            start, words, fill=self.colour(self.theme.panel, 0.0), **options,
+            stroke_width=round(2.2 * self.unit * FINE),
+            stroke_fill=self.colour(self.theme.panel, 0.55),
+        )  # fmt: skip
+        pen.multiline_text(start, words, fill=self.colour(colour or self.theme.ink), **options)
+        return label
+
+    def paste(self, label: Any, at: Point, anchor: Point = (0.5, 0.5)) -> Box:
+        """Put a label with the point `anchor` of its box (0 to 1) at a place; return the box."""
+        x = at[0] * FINE - PAD - anchor[0] * (label.width - 2 * PAD)
+        y = at[1] * FINE - PAD - anchor[1] * (label.height - 2 * PAD)
         self.image.alpha_composite(label, (max(0, round(x)), max(0, round(y))))
         box = (x / FINE, y / FINE, (x + label.width) / FINE, (y + label.height) / FINE)
-        if take:
-            self.taken.append(box)
+        self.taken.append(box)
         return box
 
     def free(self, box: Box) -> bool:
@@ -142,26 +171,21 @@ class DrawingSheet:
         )
         return inside and not any(overlap(box, other) for other in self.taken)
 
-    def dimension(
-        self, a: Point, b: Point, words: str, aside: Floats, size: float = 14, colour: str = ""
-    ) -> None:
+    def dimension(self, a: Point, b: Point, words: str, aside: Floats, size: float = 14) -> None:
         """Draw a dimension line between two points, moved aside by a vector, with extension lines.
 
         It is moved further if its label would overlap another, and its arrows point from outside if
         there is no room between them.
         """
-        start, end = np.array(a[:2], float), np.array(b[:2], float)
-        length = float(np.hypot(*(end - start)))
-        along = (end - start) / max(length, 1e-9)
-        angle = float(np.arctan2(-along[1], along[0]))
-        angle = (angle + np.pi / 2) % np.pi - np.pi / 2
+        line = DimensionLine(np.array(a[:2], float), np.array(b[:2], float), words, size)
+        angle = line.angle
         wide, high = self.measure(words, size)
         spread = np.abs([wide * np.cos(angle), wide * np.sin(angle)])
         half = spread / 2 + high / 2 + 3
         for factor in (1.0, 1.4, 1.8, 2.3, 3.0, 0.7):
             off = factor * aside
             for share in (0.5, 0.35, 0.65):
-                middle = start + share * (end - start) + off
+                middle = line.start + share * (line.end - line.start) + off
                 box = (
                     middle[0] - half[0],
                     middle[1] - half[1],
@@ -169,35 +193,37 @@ class DrawingSheet:
                     middle[1] + half[1],
                 )
                 if self.free(box):
-                    self.dimension_at(start, end, off, along, middle, words, size, colour, angle)
+                    self.dimension_at(line, off, middle)
                     return
         # if no place is free, omit the label rather than write over another
 
-    def dimension_at(
-        self, start: Floats, end: Floats, off: Floats, along: Floats, middle: Floats, words: str,
-        size: float, colour: str, angle: float,
-    ) -> None:  # fmt: skip
-        ink = colour or self.theme.ink
+    def dimension_at(self, line: DimensionLine, off: Floats, middle: Floats) -> None:
+        """Draw a dimension line moved by a vector `off`, with its label's middle at a place."""
+        from PIL import Image
+
         over = off / max(float(np.hypot(*off)), 1e-9) * 4 * self.unit
-        for point in (start, end):
-            self.line([point + 1.5 * over, point + off + over], ink, 0.9, 0.75)
-        wide, _ = self.measure(words, size)
-        length = float(np.hypot(*(end - start)))
-        if wide + 30 * self.unit < length:
+        for point in (line.start, line.end):
+            self.line([point + 1.5 * over, point + off + over], width=0.9, alpha=0.75)
+        wide, _ = self.measure(line.words, line.size)
+        start, end, along = line.start + off, line.end + off, line.along
+        if wide + 30 * self.unit < line.length:
             gap = (wide / 2 + 7 * self.unit) * along
-            self.line([start + off, middle - gap], ink, 1.1)
-            self.line([middle + gap, end + off], ink, 1.1)
-            self.arrow(start + off, -along, ink)
-            self.arrow(end + off, along, ink)
-            self.write(middle, words, size, ink, angle=angle)
+            self.line([start, middle - gap], width=1.1)
+            self.line([middle + gap, end], width=1.1)
+            self.arrow(start, -along)
+            self.arrow(end, along)
+            label = self.label(line.words, line.size, "")
+            if line.angle:
+                degrees, bicubic = np.degrees(line.angle), Image.Resampling.BICUBIC
+                label = label.rotate(degrees, resample=bicubic, expand=True)
+            self.paste(label, middle)
             return
         reach = 20 * self.unit
-        for point, sign in ((start + off, 1.0), (end + off, -1.0)):
-            self.line([point, point - sign * reach * along], ink, 1.1)
-            self.arrow(point, sign * along, ink)
-        self.line([start + off, end + off], ink, 1.1)
-        aside = end + off + (reach + wide / 2 + 6 * self.unit) * along
-        self.write(aside, words, size, ink)
+        for point, sign in ((start, 1.0), (end, -1.0)):
+            self.line([point, point - sign * reach * along], width=1.1)
+            self.arrow(point, sign * along)
+        self.line([start, end], width=1.1)
+        self.write(end + (reach + wide / 2 + 6 * self.unit) * along, line.words, line.size)
 
     def scale_bar(self, pixel: float, at: Point, words: str = "", share: float = 0.16) -> None:
         """Draw a bar of a round length, for the scale at the focus. pixel: mm."""

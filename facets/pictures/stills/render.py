@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,25 +37,32 @@ VIEWS: dict[str, Callable[..., views.SceneView]] = {
 }
 
 
+@dataclass(frozen=True)
+class PictureForm:
+    """How a picture is drawn.
+
+    size: pixels.  title: begins the caption.  sharpness: samples a side of each pixel.
+    """
+
+    view: ViewName = "both"
+    size: tuple[int, int] = (1200, 900)
+    theme: ThemeName = "dark"
+    title: str = ""
+    sharpness: int = 2
+
+
 class Picture(ClosedAtExit):
     """A view of the sensor at a state that can be changed.
 
-    size: pixels.  title: begins the caption.  sharpness: samples a side of each pixel.  more:
-    further inputs of a view: `rules` of a range, `motion` (n, 8) of a trail.
+    more: further inputs of a view: `rules` of a range, `motion` (n, 8) of a trail.
     """
 
     def __init__(
-        self,
-        sensor: Sensor,
-        state: Floats,
-        view: ViewName = "both",
-        size: tuple[int, int] = (1200, 900),
-        theme: ThemeName = "dark",
-        title: str = "",
-        sharpness: int = 2,
-        **more: Any,
+        self, sensor: Sensor, state: Floats, form: PictureForm | None = None, **more: Any
     ) -> None:
-        self.view = VIEWS[view](sensor, THEMES[theme], size, title, sharpness, **more)
+        form = form or PictureForm()
+        theme = THEMES[form.theme]
+        self.view = VIEWS[form.view](sensor, theme, form.size, form.title, form.sharpness, **more)
         self.move(state)
 
     def move(self, state: Floats) -> None:
@@ -119,4 +127,7 @@ def show(sensor: Sensor, state: Floats) -> None:
     turnable(sensor, state, "dark", interactive=True).plotter.show()
 
 
-__all__ = ["MATERIALS", "MOVIES", "PICTURES", "SCENES", "Picture", "library", "save_scene", "show"]
+__all__ = [
+    "MATERIALS", "MOVIES", "PICTURES", "SCENES", "Picture", "PictureForm", "library", "save_scene",
+    "show",
+]  # fmt: skip

@@ -12,7 +12,7 @@ from ...core.units import Floats
 from ...model.arrays import readings
 from . import insets, rig
 from .camera import Camera, fit
-from .exposure import assemble, expose
+from .exposure import Lighting, assemble, expose
 from .lettering import DrawingSheet, length_in_words
 from .magnification import factor_in_words, round_down
 from .materials import rgb
@@ -168,14 +168,8 @@ class TrailView(HeadView):
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         """Render ghosts of the head where its path is lowest and highest, then the head at rest."""
         self.move_to(np.zeros(8))
-        picture = expose(
-            self.rest,
-            self.studio.take(camera, self.sharpness),
-            self.theme,
-            self.floor,
-            self.laser,
-            0.8,
-        )
+        shot = self.studio.take(camera, self.sharpness)
+        picture = expose(self.rest, shot, self.theme, self.floor, Lighting(self.laser, 0.8))
         for n in self.ghosts():
             self.move_to(np.concatenate([self.path[n], self.motion[n, 3:]]))
             shot = self.studio.take(camera, self.sharpness)

@@ -14,7 +14,7 @@ from ...model.arrays import readings
 from ...optics.vectors import rotation
 from . import insets, rig
 from .camera import Camera, fit, normalize
-from .exposure import assemble, expose, expose_face
+from .exposure import Lighting, assemble, expose, expose_face
 from .ground import Ground, ground
 from .insets import Inset
 from .lettering import DrawingSheet, length_in_words
@@ -112,7 +112,7 @@ class SceneView:
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         shot = self.studio.take(camera, self.sharpness)
         under = self.floor if floor else None
-        return expose(self.stand, shot, self.theme, under, self.laser, haze, self.dark)
+        return expose(self.stand, shot, self.theme, under, Lighting(self.laser, haze, self.dark))
 
     def caption(self, sheet: DrawingSheet, what: str) -> None:
         """Write the picture's title and the state at the lower left."""
@@ -243,7 +243,7 @@ class CombinedView(RigView):
         shot = self.studio.take(inset.camera, self.sharpness)
         self.carry_head(self.turning)
         self.studio.only()
-        return expose(self.stand, shot, self.theme, None, self.laser, 0.8, bloom=0.4)
+        return expose(self.stand, shot, self.theme, None, Lighting(self.laser, 0.8, bloom=0.4))
 
     def point_inset(self) -> Inset:
         side = int(0.27 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
@@ -294,7 +294,7 @@ class MirrorView(SceneView):
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         shot = self.studio.take(camera, self.sharpness)
-        return expose(self.stand, shot, self.theme, None, self.laser, 0.85, bloom=0.3)
+        return expose(self.stand, shot, self.theme, None, Lighting(self.laser, 0.85, bloom=0.3))
 
     def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         width, height = self.size
