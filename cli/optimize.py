@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from facets import config as configuration
-from facets import design, files, proof
+from facets import design, files
 
 from .console import FINDING, load_config, show_progress, show_table
 from .options import (
@@ -28,8 +28,8 @@ from .options import (
     require_yaml,
 )
 from .options.places import choose_point, report_object
-from .sentences.bounds import light_text, round_down
-from .sentences.design_pages import objective_of, show_layout, write_report, write_tables
+from .sentences.certificate import prove_design
+from .sentences.design_pages import NewLayout, show_layout, write_report, write_tables
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from facets.design.rounding import Rounded
     from facets.design.search import Optimum
 
+
+#: Maximum number of choices of parts in a table.
+SHOWN = 24
 
 SHEETS = "File for all tables of the result: LaTeX (.tex) or a workbook (.xlsx, extra `sheets`)."
 EXACT = "Write the optimum without rounding its numbers to values that can be manufactured."
@@ -86,16 +89,16 @@ def optimize(
         pages.append(sheets)
     sources = configuration.source_files(settings)
     files.tables.refuse_to_overwrite([path, *paths, *pages], force, sources)
-    found = layout_for_yield(settings, search(settings))
-    made = None if exact else rounded_layout(found)
+    optimum = layout_for_yield(settings, search(settings))
+    rounded = None if exact else rounded_layout(optimum)
     with files.tables.ResultSet():
-        better = write_layout(settings, found, made, path)
+        better = write_layout(settings, optimum, rounded, path)
         if not isinstance(better, str):
-            proved = prove(better, certify)
-            table, sections = show_layout(settings, better, found, made, paths, proved, heads)
+            proved = prove_design(better, certify)
+            layout = NewLayout(settings, optimum, rounded, better)
+            table, sections = show_layout(layout, paths, proved, heads)
             if report:
-                best = objective_of(settings, found, made)
-                write_report(settings, better.sensor, best, table, sections, *pages[:2])
+                write_report(layout, table, sections, *pages[:2])
             if sheets:
                 write_tables(settings, sections, sheets)
     if isinstance(better, str):
@@ -108,22 +111,23 @@ def search(settings: Config) -> Optimum:
     """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
     meets all requirements."""
     with show_progress("searching") as tell:
-        found = design.search.optimize(settings.sensor, settings.layout, tell)
-    if found.tried:
-        headings, rows = design.tables.part_rows(found)
+        optimum = design.search.optimize(settings.sensor, settings.layout, tell)
+    if optimum.tried:
+        headings, rows = design.tables.part_rows(optimum)
         left = (0, 1, 2, len(headings) - 1)
         show_table("parts, the best first", headings, rows[:SHOWN], left=left)
-        if len(rows) < found.choices or len(rows) > SHOWN:
+        if len(rows) < optimum.choices or len(rows) > SHOWN:
             typer.echo(
-                f"{len(rows)} of {found.choices} choices were tried; the others cannot be better, "
-                "or do not meet all requirements\n"
+                f"{len(rows)} of {optimum.choices} choices were tried; the others cannot be "
+                "better, or do not meet all requirements\n"
             )
-    headings, rows = design.tables.start_rows(found)
+    headings, rows = design.tables.start_rows(optimum)
     report_object(settings)
     show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
-    if not found.best.found:
-        refuse("no layout meets all that is asked for; these stand against each other:", found.best)
-    return found
+    if not optimum.best.found:
+        words = "no layout meets all that is asked for; these stand against each other:"
+        refuse(words, optimum.best)
+    return optimum
 
 
 def refuse(words: str, result: StartResult) -> NoReturn:
@@ -134,77 +138,47 @@ def refuse(words: str, result: StartResult) -> NoReturn:
     raise typer.Exit(FINDING)
 
 
-def rounded_layout(found: Optimum) -> Rounded | None:
+def rounded_layout(optimum: Optimum) -> Rounded | None:
     """Round the layout to manufacturable values; None if only the exact layout meets all."""
-    made = design.rounding.round_design(found.problem, found.best.x)
-    if made is None:
+    rounded = design.rounding.round_design(optimum.problem, optimum.best.x)
+    if rounded is None:
         typer.echo(
             "The layout was not rounded to manufacturable values, because no rounded layout nearby "
             "meets all requirements."
         )
-    return made
+    return rounded
 
 
-def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
+def layout_for_yield(settings: Config, optimum: Optimum) -> Optimum:
     """Find the layout with margins for `production.yield_percent`, if this is set; exit status 1 if
     there is none."""
     layout = settings.layout
     if not layout.production:
-        return found
+        return optimum
     known = (layout, settings.range, settings.calibrate)
-    robust = design.robust.robust_layout(found.problem, *known, found.best)
+    robust = design.robust.robust_layout(optimum.problem, *known, optimum.best)
     share = f"{100 * layout.production:g} %"
     if not robust.result.found:
         refuse(f"no layout was found of whose heads {share} keep all that is asked for; with "
                f"margins of {robust.factor:.3g} of their spreads these stand against each other:",
                robust.result)  # fmt: skip
-    was = design.report.objective_text(layout.aim, found.best.objective)
+    was = design.report.objective_text(layout.aim, optimum.best.objective)
     typer.echo(
         f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
         f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
         f"{robust.rounds} rounds);\nfor perfect heads alone it would be: {was}\n"
     )
-    return replace(found, results=[robust.result, *found.results], problem=robust.problem)
+    return replace(optimum, results=[robust.result, *optimum.results], problem=robust.problem)
 
 
 def write_layout(
-    settings: Config, found: Optimum, made: Rounded | None, path: Path
+    settings: Config, optimum: Optimum, rounded: Rounded | None, path: Path
 ) -> Config | str:
     """Write the configuration of the layout; return the reason if it does not load."""
-    x = found.best.x if made is None else made.x
+    x = optimum.best.x if rounded is None else rounded.x
     about = files.provenance.provenance_header(settings, settings.layout.seed)
-    if found.tried:
-        about["parts"] = found.tried[0][0].names
-    sensor = design.variables.sensor_of(found.sensor, found.names, x)
-    remarks = design.tables.roundings(made, found.names)
+    if optimum.tried:
+        about["parts"] = optimum.tried[0][0].names
+    sensor = design.variables.sensor_of(optimum.sensor, optimum.names, x)
+    remarks = design.tables.roundings(rounded, optimum.names)
     return design.changes.write_design(settings, sensor, path, about, remarks)
-
-
-def prove(better: Config, work: int) -> str:
-    """State whether the readings are proved to determine states with this number of boxes."""
-
-    if not work:
-        return "not proved: that the readings determine the pose (use --certify)"
-    found = proof.designs.certify_design(better.sensor, better.range, work)
-    if isinstance(found, str):
-        return f"not proved that readings determine states: {found}"
-    if not found.share:
-        return f"not proved that readings determine states: {found.reason}"
-    states = (
-        "states within the ranges of the axes and with"
-        f" {light_text(found.share, better.sensor.beam.power)}"
-    )
-    if found.unique:
-        return (
-            f"proved: no two {states} have the same readings; margin {round_down(found.margin)}"
-            f" or more, of 1 ({found.seconds:.1f} s)"
-        )
-    return (
-        f"not proved that readings determine {states}, in the work allowed:"
-        f" {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
-        "`facets jacobian --certify` says more"
-    )
-
-
-#: Maximum number of choices of parts in a table.
-SHOWN = 24

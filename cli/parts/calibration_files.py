@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from shutil import copyfile
@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import typer
 
 import facets
-from facets import calibration, files, pictures
+from facets import calibration, characterization, files, pictures
 from facets import config as configuration
 from facets.core.errors import FacetsError
-from facets.core.names import DETECTORS
+from facets.core.names import DETECTORS, STATE_COLUMNS
 
-from ..console import FINDING
+from ..console import FINDING, free_output, wrap
+from ..options import require_html, require_yaml
 
 if TYPE_CHECKING:
     from facets.calibration.fit import Fit
@@ -26,14 +27,42 @@ if TYPE_CHECKING:
     from facets.core.sensor import Sensor
 
 
-def write_results(
-    settings: Config, found: Verdict, paths: list[Path], sources: list[Path], report: Path | None
-) -> None:
-    """Write the results to a temporary place and load them, so that no unreadable file is left.
+@dataclass(frozen=True)
+class CalibrationFiles:
+    """Files of a calibration: tables that are read; the configuration and the report to write."""
 
-    sources: the tables that were read.  report: where the calibration certificate goes, if at all.
-    """
-    path, table, covariance, picture = paths
+    data: Path
+    reference: Path | None
+    configuration: Path
+    plot: str
+    report: Path | None
+
+    @property
+    def sources(self) -> list[Path]:
+        return [self.data] if self.reference is None else [self.data, self.reference]
+
+    @property
+    def results(self) -> list[Path]:
+        """Paths of the configuration, the table of unknowns, the covariance and the picture."""
+        path = self.configuration
+        table, covariance = (
+            path.with_name(f"{path.stem}-{kind}.csv") for kind in ("found", "covariance")
+        )
+        return [path, table, covariance, path.with_suffix(f".{self.plot}")]
+
+    def require(self, settings: Config, force: bool) -> None:
+        """Refuse files that cannot be written, before any work."""
+        require_yaml(self.configuration)
+        pages = [] if self.report is None else [self.report]
+        for page in pages:
+            require_html(page)
+        read = [*configuration.source_files(settings), *self.sources]
+        files.whole.refuse_to_overwrite([*self.results, *pages], force, read)
+
+
+def write_results(settings: Config, found: Verdict, paths: CalibrationFiles) -> None:
+    """Write the results to a temporary place and load them, so that no unreadable file is left."""
+    path, table, covariance, picture = paths.results
     assert found.found is not None
     assert found.errors is not None
     assert found.search is not None
@@ -65,12 +94,12 @@ def write_results(
                 pictures.calibration.residual_picture(found.fitted, found.found, found.errors),
                 picture,
             )
-            if report is not None:
+            if paths.report is not None:
                 pictures.calibration_certificate.write_report(
-                    settings, calibrated, found, report, sources, [trial, matrix]
+                    settings, calibrated, found, paths.report, paths.sources, [trial, matrix]
                 )
-    paths = paths if report is None else [*paths, report]
-    typer.echo(", ".join(str(file) if file == path else file.name for file in paths))
+    written = [*paths.results[1:], *filter(None, [paths.report])]
+    typer.echo(", ".join([str(path), *(file.name for file in written)]))
 
 
 def round_freedom(sensor: Sensor) -> float | None:
@@ -124,3 +153,25 @@ def choose_power(settings: Config) -> Config:
     if is_known and settings.calibrate.power_per_sample:
         solve = solve | {"power": "prior"}
     return replace(settings, resolved=settings.resolved | {"solve": solve})
+
+
+def write_proposal(settings: Config, path: Path, count: int, force: bool) -> None:
+    """Write a table of poses for a calibration; print how well they determine the parameters."""
+    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
+    files.tables.ending(path)
+    poses = characterization.random_poses.poses_to_calibrate_with(settings)
+    proposal = calibration.proposal.propose_poses(settings, poses, count)
+    files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
+    different = len(set(zip(*(proposal.columns[name] for name in STATE_COLUMNS[:6]), strict=True)))
+    again = f" ({different} different ones; what tells most is visited again)"
+    text = (
+        f"Wrote {count} poses to {path}{again * (different < count)}. A calibration with them "
+        f"reduces the parameters' standard uncertainties to {100 * proposal.reduction:.3g} % of "
+        f"their prior values (geometric mean); {count} random poses, to "
+        f"{100 * proposal.random_reduction:.3g} %. Visiting them in this order shortens the path "
+        f"by {100 * proposal.saving:.0f} % and approaches each axis's poses from below in "
+        f"{100 * proposal.upward.min():.0f} to {100 * proposal.upward.max():.0f} % of them, so "
+        "that backlash of the reference shows."
+    )
+    with free_output(path):
+        typer.echo(wrap(text))

@@ -13,6 +13,7 @@ from ..console import show_table, wrap
 if TYPE_CHECKING:
     from facets.calibration.effect_search import EffectSearch
     from facets.calibration.identifiability import Direction
+    from facets.calibration.unknowns import Choice
     from facets.calibration.verdict import Verdict
     from facets.config import Config
 
@@ -30,18 +31,34 @@ def show_weak(directions: list[Direction]) -> None:
         typer.echo(f"  {direction.information:8.2g}  {direction.words}")
 
 
-def show_verdict(settings: Config, found: Verdict) -> None:
-    if found.search is not None:
-        show_candidates(found.search)
-    if found.errors is not None and found.found is not None and found.search is not None:
-        show_parameters(calibration.table.found_table(found.search.sensor, found.found))
-        show_errors(found.errors)
-    for one in found.findings:
-        typer.echo(wrap(("! " if one.bad else "- ") + one.words))
-    if found.found is not None and found.is_trusted:
+def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
+    """Warn if a calibration loses the uncertainties of parameters that it does not fit."""
+    known = settings.sensor.calibration
+    lost = [] if known is None else [
+        name for name in known.names
+        if name in calibration.unknowns.OF_SENSOR and name not in unknowns.names
+        and name != "beam.power"
+    ]  # fmt: skip
+    if lost:
         typer.echo(
-            f"The fit converged in {found.found.steps} steps. Chi-square per degree of freedom is "
-            f"{found.found.reduced_chi_square:.3f} (1 is expected)."
+            f"CONFIG has the uncertainties of {len(lost)} parameters that are not fitted here; the "
+            "result\nwould take them as exact unless the data call for them. --only keeps them."
+        )
+
+
+def show_verdict(settings: Config, verdict: Verdict) -> None:
+    if verdict.search is not None:
+        show_candidates(verdict.search)
+    if verdict.errors is not None and verdict.found is not None and verdict.search is not None:
+        show_parameters(calibration.table.found_table(verdict.search.sensor, verdict.found))
+        show_errors(verdict.errors)
+    for finding in verdict.findings:
+        typer.echo(wrap(("! " if finding.bad else "- ") + finding.words))
+    fit = verdict.found
+    if fit is not None and verdict.is_trusted:
+        typer.echo(
+            f"The fit converged in {fit.steps} steps. Chi-square per degree of freedom is "
+            f"{fit.reduced_chi_square:.3f} (1 is expected)."
         )
 
 

@@ -1,16 +1,17 @@
-"""Texts of `facets jacobian --certify`, which state no more than was proved."""
+"""Texts of certificates, which state no more than was proved."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from facets import characterization, core
+from facets import characterization, core, proof
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
 from .bounds import box_lines, light_text, piece_text, round_down
 
 if TYPE_CHECKING:
     from facets.characterization.ambiguity import PairSearch
+    from facets.config import Config
     from facets.proof.range_cover import RangeCover
     from facets.proof.uniqueness import Certificate
 
@@ -109,3 +110,28 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
         lines = ["counterexample, found by numbers: two states of it with the same readings"]
     rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.one, pair.pair.other, strict=True)
     return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
+
+
+def prove_design(better: Config, work: int) -> str:
+    """State whether it is proved with `work` boxes that readings determine states."""
+    if not work:
+        return "not proved: that the readings determine the pose (use --certify)"
+    certificate = proof.designs.certify_design(better.sensor, better.range, work)
+    if isinstance(certificate, str):
+        return f"not proved that readings determine states: {certificate}"
+    if not certificate.share:
+        return f"not proved that readings determine states: {certificate.reason}"
+    light = light_text(certificate.share, better.sensor.beam.power)
+    states = f"states within the ranges of the axes and with {light}"
+    seconds = f"({certificate.seconds:.1f} s)"
+    if certificate.unique:
+        margin = round_down(certificate.margin)
+        return (
+            f"proved: no two {states} have the same readings; margin {margin} or more, of 1 "
+            f"{seconds}"
+        )
+    return (
+        f"not proved that readings determine {states}, in the work allowed:"
+        f" {certificate.reason or 'the inequality fails'} {seconds};\n"
+        "`facets jacobian --certify` says more"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,6 @@ from .yields import error_rows, show_yields, tolerance_rows, yield_rows, yields_
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.core.sensor import Sensor
     from facets.design.exploration import Space
     from facets.design.rounding import Rounded
     from facets.design.search import Optimum
@@ -48,71 +48,85 @@ BREAKING = (
 )
 
 
-def objective_of(settings: Config, found: Optimum, made: Rounded | None) -> str:
-    """Describe the objective of the layout in words."""
-    best = found.best.objective if made is None else made.objective
-    return design.report.objective_text(settings.layout.aim, best)
+@dataclass(frozen=True)
+class NewLayout:
+    """A layout that was found for a configuration.
+
+    rounded: the optimum in values that can be manufactured, if it was rounded.  better: the
+    configuration with the layout.
+    """
+
+    settings: Config
+    optimum: Optimum
+    rounded: Rounded | None
+    better: Config
+
+    @property
+    def objective(self) -> str:
+        """The objective of the layout in words."""
+        best = self.rounded or self.optimum.best
+        return design.report.objective_text(self.settings.layout.aim, best.objective)
 
 
 def show_layout(
-    settings: Config, better: Config, found: Optimum, made: Rounded | None, paths: list[Path],
-    proved: str, heads: int,
-) -> tuple[dict[str, Any], list[ReportSection]]:  # fmt: skip
+    layout: NewLayout, paths: list[Path], proved: str, heads: int
+) -> tuple[dict[str, Any], list[ReportSection]]:
     """Print the layout; write its comparison as a table and as a picture; return the parts of its
     page and the table."""
-    layout = settings.layout
+    settings, sensor = layout.settings, layout.better.sensor
+    wanted = settings.layout
     table = design.verification.compare(
-        settings.sensor, better.sensor, layout, settings.range, layout.seed
+        settings.sensor, sensor, wanted, settings.range, wanted.seed
     )
     files.tables.write_table(
-        paths[0], table, files.provenance.provenance_header(settings, layout.seed)
+        paths[0], table, files.provenance.provenance_header(settings, wanted.seed)
     )
     pictures.style.save(pictures.layout.layout_picture(table), paths[1])
-    show_objectives(settings, found, made)
-    changed = design.tables.change_rows(settings, better.sensor, made, found.names)
+    show_objectives(layout)
+    names = layout.optimum.names
+    changed = design.tables.change_rows(settings, sensor, layout.rounded, names)
     show_table("what changes", *changed, left=(0, 3))
     if any(row[3].endswith(design.tables.BREAKS) for row in changed[1]):
         typer.echo(f"{BREAKING}\n")
     compared = design.tables.comparison_rows(table)
     show_table("before and after: the worst over the volume (1 sigma), and symmetric ranges",
                *compared)  # fmt: skip
-    reasons = show_reasons(settings, found)
+    reasons = show_reasons(settings, layout.optimum)
     typer.echo(f"{proved}\n")
     built = []
     if heads:  # the settings of the configuration, and the optimised sensor
-        yields = yields_of(settings, better.sensor, heads, layout.seed)
+        yields = yields_of(settings, sensor, heads, wanted.seed)
         show_yields(settings, yields)
         built = yield_sections(settings, yields)
-    parts = design.tables.part_rows(found) if found.tried else None
-    return table, sections_of(settings, changed, compared, reasons, built, parts, proved)
+    return table, sections_of(layout, changed, compared, reasons, built, proved)
 
 
-def show_objectives(settings: Config, found: Optimum, made: Rounded | None) -> None:
+def show_objectives(layout: NewLayout) -> None:
     """Print the objective before and after."""
-    before = "the requirements are not met"
-    if found.before == found.before:
-        before = design.report.objective_text(settings.layout.aim, found.before)
+    before, exact = "the requirements are not met", replace(layout, rounded=None).objective
+    if layout.optimum.before == layout.optimum.before:
+        aim = layout.settings.layout.aim
+        before = design.report.objective_text(aim, layout.optimum.before)
     typer.echo(f"before: {before}")
-    typer.echo(f"after:  {objective_of(settings, found, None)}")
-    if made is not None:
-        words = objective_of(settings, found, made)
-        typer.echo(f"        {words}, in numbers that can be made")
+    typer.echo(f"after:  {exact}")
+    if layout.rounded is not None:
+        typer.echo(f"        {layout.objective}, in numbers that can be made")
     typer.echo("")
 
 
-def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
+def show_reasons(settings: Config, optimum: Optimum) -> list[list[str]]:
     """Print the active constraints and the effect of larger parts; return them as rows."""
     active = [
-        [f"{size:.2f}", group] for group, size in list(found.best.active_constraints.items())[:8]
+        [f"{size:.2f}", group] for group, size in list(optimum.best.active_constraints.items())[:8]
     ]
     typer.echo("what holds it back, over the strongest:")
     for size, group in active:
         typer.echo(f"  {size:>5}  {group}")
-    spare = found.problem.rows.spare
+    spare = optimum.problem.rows.spare
     price = 0.0
-    if found.tried:
-        price = design.branching.price_term(settings.layout, found.tried[0][0].price)
-    more = design.report.gains(found.sensor, settings.layout, found.best.x, price, spare)
+    if optimum.tried:
+        price = design.branching.price_term(settings.layout, optimum.tried[0][0].price)
+    more = design.report.gains(optimum.sensor, settings.layout, optimum.best.x, price, spare)
     if more:
         typer.echo("\nwhat more would give:")
     given = [
@@ -126,12 +140,12 @@ def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
 
 
 def write_report(
-    settings: Config, sensor: Sensor, objective: str, table: dict[str, Any],
-    sections: list[ReportSection], page: Path, scene: Path,
-) -> None:  # fmt: skip
+    layout: NewLayout, table: dict[str, Any], sections: list[ReportSection], page: Path, scene: Path
+) -> None:
     """Write the page of a layout, and the scene for a mechanical designer."""
     import numpy as np
 
+    sensor, objective = layout.better.sensor, layout.objective
     pictures.render.save_scene(sensor, np.zeros(8), scene)
     summary = f"{objective[0].upper()}{objective[1:]}."
     head = pictures.report_page.ReportSection(
@@ -140,23 +154,20 @@ def write_report(
     )  # fmt: skip
     bars = pictures.report_page.inline(pictures.layout.layout_picture(table), "bars")
     drawn = pictures.report_page.ReportSection("The same, drawn", drawing=bars)
-    origin = files.provenance.origin_line(settings)
     parts = [sections[0], head, *sections[1:3], drawn, *sections[3:]]
-    with files.tables.Whole(page) as temporary:
-        text = pictures.report_page.report(
-            f"The layout found for {settings.name}", summary, parts, origin
-        )
-        temporary.write_text(text, "utf-8")
+    title = f"The layout found for {layout.settings.name}"
+    origin = files.provenance.origin_line(layout.settings)
+    files.whole.write_text(page, pictures.report_page.report(title, summary, parts, origin))
 
 
 def sections_of(
-    settings: Config, changed: Rows, compared: Rows, reasons: list[list[str]],
-    built: list[ReportSection], parts: Rows | None, proof: str,
+    layout: NewLayout, changed: Rows, compared: Rows, reasons: list[list[str]],
+    built: list[ReportSection], proof: str,
 ) -> list[ReportSection]:  # fmt: skip
     """Sections of a layout's page except drawings; quantities are in words, with units."""
     section, in_words = pictures.report_page.ReportSection, pictures.wording.rows_in_words
-    found = [
-        section("Requirements", rows=requirement(settings)),
+    sections = [
+        section("Requirements", rows=requirement(layout.settings)),
         section("What changes", (), ["of the sensor", *changed[0][1:]], in_words(changed[1]),
                 wide=True),
         section("Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
@@ -164,9 +175,10 @@ def sections_of(
         section("What limits the layout, and what more would give", rows=in_words(reasons)),
         *built,
     ]  # fmt: skip
-    if parts is not None:
-        found.append(section("Parts", (), *parts, wide=True))
-    return [*found, section("Are readings unique?", (proof,))]
+    if layout.optimum.tried:
+        parts = design.tables.part_rows(layout.optimum)
+        sections.append(section("Parts", (), *parts, wide=True))
+    return [*sections, section("Are readings unique?", (proof,))]
 
 
 def write_tables(settings: Config, sections: list[ReportSection], path: Path) -> None:
@@ -179,15 +191,15 @@ def write_tables(settings: Config, sections: list[ReportSection], path: Path) ->
     design.sheets.write_sheets(path, tables, files.provenance.origin_line(settings))
 
 
-def yield_sections(settings: Config, found: Yields) -> list[ReportSection]:
+def yield_sections(settings: Config, yields: Yields) -> list[ReportSection]:
     """Sections of a layout's page about its yield."""
     section = pictures.report_page.ReportSection
-    words = (f"{found.count} heads built by simulation, as loose as calibrate.before says.",)
-    parts = [section("Yield", words, *yield_rows(settings, found))]
-    if found.accurate:
+    words = (f"{yields.count} heads built by simulation, as loose as calibrate.before says.",)
+    parts = [section("Yield", words, *yield_rows(settings, yields))]
+    if yields.accurate:
         within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
-        parts.append(section("Accuracy", within, *error_rows(settings, found)))
-    headings, rows = tolerance_rows(settings, found)
+        parts.append(section("Accuracy", within, *error_rows(settings, yields)))
+    headings, rows = tolerance_rows(settings, yields)
     rows = pictures.wording.rows_in_words(rows)
     return [*parts, section("Which tolerance costs most", (), headings, rows, wide=True)]
 
