@@ -14,6 +14,7 @@ import typer
 import facets
 from facets import live, pictures
 from facets.core.errors import FacetsError, InputError
+from facets.estimation import PoseColumns
 from facets.files.whole import refuse_to_overwrite
 
 from .options import (
@@ -146,10 +147,8 @@ def acquire(
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")
     refuse_file(write, check_stage)
-    settings, request = choose_point(facets.load(config), point), zero_of(zero)
-    run = live.Run.from_config(
-        settings,
-        port,
+    settings = choose_point(facets.load(config), point)
+    options = live.RunOptions(
         record=record,
         folder=folder,
         track=track,
@@ -163,10 +162,9 @@ def acquire(
         publish=publish or (),
         web=web,
         page_scripts=pictures.page.scripts.rig_scripts(settings.sensor) if web else None,
-        zero=request,
-        covariance=covariance,
-        tell=tell,
+        columns=PoseColumns(zero_of(zero), covariance),
     )
+    run = live.Run.from_config(settings, port, options, tell)
     run_to_end(run, display(run.live, plain, json, display_rate))
     check_results(run, write)
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import facets
-from facets import live, pictures
+from facets import estimation, live, pictures
 
 from .console import FINDING, free_output
 from .options import (
@@ -92,8 +92,7 @@ def replay(
         recording,
         facets.load(config) if config else None,
         change=lambda settings: choose_point(settings, point),
-        zero=request,
-        covariance=covariance,
+        columns=estimation.PoseColumns(request, covariance),
     )
     poses = playback.poses(real_time, recover)
     if publish:

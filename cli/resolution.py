@@ -75,7 +75,7 @@ def resolution(
     show(resolutions, coverage)
     stated = {}
     if coverage is not None:
-        stated = estimation.coverage.describe_coverage(settings.sensor, coverage)
+        stated = estimation.uncertainty.describe_coverage(settings.sensor, coverage)
         report_coverage(stated)
     propagated = request.run(states)
     with results.publish(settings, more=stated) as (table, picture, _, *beside):

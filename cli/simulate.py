@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,13 +10,14 @@ import typer
 from facets import config as configuration
 from facets import core, estimation, pictures, simulation
 
-from .console import FINDING, load_config, show_table
+from .console import FINDING, load_config, report_lines, show_table
 from .options import (
     ConfigName,
     Covariance,
     Force,
     Look,
     Plot,
+    PlotKind,
     Point,
     Style,
     Table,
@@ -30,14 +30,11 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .options import PlotKind as PlotKind
 from .options.places import choose_point, zero_of
 from .results import Results
 
 if TYPE_CHECKING:
     from facets.core.rigid_body import MeasuredObject
-    from facets.estimation.differences import ZeroPose
-    from facets.estimation.zero import ZeroRequest
     from facets.simulation.run import AxisErrors, Segment
 
 
@@ -84,33 +81,33 @@ def simulate(
     names = [f"readings.{table.value}", f"poses.{table.value}", f"motion.{plot.value}", "run.yaml"]
     sources = [*configuration.source_files(settings), request.file if request else None]
     results = Results(output_folder(folder, settings.name), names, force, sources)
-    segments = simulation.run.simulate(settings, motion or [], noise, seed, track)
+    columns = estimation.PoseColumns(request, covariance)
+    segments = simulation.run.simulate(settings, motion or [], noise, seed, track, columns)
     drawn = settings.seed if seed is None else seed
-    zeros = simulation.run.find_zeros(settings, segments, request)
-    poses = simulation.run.pose_table(segments, settings.object, request, zeros, covariance)
-    with results.publish(settings, drawn, zero_entry(request, zeros)):
-        write(results, segments, poses, with_reference)
-    for segment, own in zip(segments, zeros, strict=True):
+    with results.publish(settings, drawn, zero_entry(segments)):
+        write(results, segments, with_reference)
+    for segment in segments:
         print_segment(segment, settings.object)
-        for sentence in estimation.zero.zero_findings(own) if own else ():
-            typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  ") + "\n")
+        for sentence in segment.measurement.zero_sentences():
+            report_lines(sentence)
+        typer.echo()
+    for sentence in segments[0].measurement.tally.sentences(settings):
+        report_lines(sentence)
     results.name()
     if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
 
 
-def write(
-    results: Results, segments: list[Segment], poses: dict[str, Any], with_reference: bool
-) -> None:
+def write(results: Results, segments: list[Segment], with_reference: bool) -> None:
     settings, about = results.settings, results.about
     columns = simulation.run.reading_table(segments)
     if with_reference:
         columns |= simulation.run.reference_table(
             segments, settings.calibrate.reference, int(about["seed"])
         )
-    readings, solved, picture, _ = results.paths
+    readings, poses, picture, _ = results.paths
     results.write_table(readings, columns)
-    results.write_table(solved, poses)
+    results.write_table(poses, simulation.run.pose_table(segments))
     pictures.style.save(pictures.motion.motion_picture(segments), picture)
     for segment in segments:
         commands = results.folder / f"commands-{segment.name}.csv"
@@ -120,12 +117,10 @@ def write(
     results.write_record(entries)
 
 
-def zero_entry(request: ZeroRequest | None, zeros: list[ZeroPose | None]) -> dict[str, str]:
+def zero_entry(segments: list[Segment]) -> dict[str, str]:
     """The zeros of the motions for the head of the tables."""
-    if request is None:
-        return {}
-    texts = dict.fromkeys(estimation.zero.zero_text(request, zero) for zero in zeros if zero)
-    return {"zero": "; ".join(texts)}
+    texts = dict.fromkeys(segment.measurement.zero_text for segment in segments)
+    return {"zero": "; ".join(texts)} if any(texts) else {}
 
 
 def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
@@ -134,7 +129,7 @@ def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
     print_errors(segment.name, simulation.run.axes(segment))
     if body is not None:
         print_errors(f"{segment.name}: the object", simulation.run.axes(segment, body))
-    typer.echo(outcome(segment) + "\n")
+    typer.echo(outcome(segment))
 
 
 def print_errors(title: str, axes: list[AxisErrors]) -> None:

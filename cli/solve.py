@@ -8,14 +8,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from textwrap import fill
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from facets import estimation, files
 
-from .console import FINDING, free_output, load_config, report_coverage
+from .console import FINDING, free_output, load_config, report_coverage, report_lines
 from .options import (
     ConfigName,
     Covariance,
@@ -28,16 +27,6 @@ from .options import (
     output_option,
 )
 from .options.places import choose_point, zero_of
-
-if TYPE_CHECKING:
-    from facets.config import Config, Solve
-    from facets.estimation.table import StatusCounts
-    from facets.estimation.zero import ZeroRequest
-
-
-#: Errors of a pose that are reported, and those without a bound; standard uncertainties.
-MUCH, BOUNDLESS = 10.0, 1e4
-
 
 #: The default of most options.
 CONFIGURED = describe_default("the configuration's")
@@ -152,28 +141,21 @@ def solve(
         options = replace(options, accept_unchecked=True)
     about = files.provenance.provenance_header(settings)
     if coverage is not None:
-        about |= estimation.coverage.describe_coverage(settings.sensor, coverage)
+        about |= estimation.uncertainty.describe_coverage(settings.sensor, coverage)
     path = output_folder(output, settings.name, "poses.csv")
     files.tables.ending(path)
     files.tables.require_table(readings)
     files.tables.refuse_to_overwrite([path], force, [readings, request.file if request else None])
+    columns = estimation.PoseColumns(request, covariance, coverage)
+    tally = estimation.Tally("rows", "READINGS has no column temperature_c")
+    measurement = estimation.Measurement(replace(settings, solve=options), columns, tally=tally)
     with progress_bar(readings) as advance:
-        count = estimation.table.solve_table(
-            settings,
-            options,
-            readings,
-            path,
-            about,
-            advance,
-            coverage=coverage,
-            zero=request,
-            covariance=covariance,
-        )
+        lines = estimation.solve_table(measurement, readings, path, about, advance)
     with free_output(path):
-        report(count, path, settings, options, request)
+        report(measurement, lines, path)
         if coverage is not None:
             report_coverage(about)
-    if not count.solved_count or misfit(count):
+    if not tally.solved_count or 2 * tally.misfit.flagged > tally.solved_count:
         raise typer.Exit(FINDING)
 
 
@@ -193,83 +175,15 @@ def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
         yield lambda done: progress.update(task, completed=done)
 
 
-def misfit(count: StatusCounts) -> bool:
-    """Return whether more than half of the solved rows fit worse than noise explains."""
-    return 2 * count.misfit.flagged > count.solved_count
-
-
-def report(
-    count: StatusCounts, output: Path, settings: Config, options: Solve, zero: ZeroRequest | None
-) -> None:
-    typer.echo(f"{count.solved_count} of {count.rows} rows solved: {output}")
-    for status, number in count.statuses.items():
+def report(measurement: estimation.Measurement, lines: list[int], output: Path) -> None:
+    """Print what became of the rows.  lines: the first that are not numbers."""
+    tally = measurement.tally
+    typer.echo(f"{tally.solved_count} of {tally.statuses.total()} rows solved: {output}")
+    for status, number in tally.statuses.items():
         if status != "converged":
             typer.echo(f"  {number} {status}")
-    if count.unparsable_lines:
-        lines = ", ".join(map(str, count.unparsable_lines))
-        more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
-        typer.echo(f"  not numbers in line {lines}{more}")
-    if zero is not None and count.zero is not None:
-        text = f"zero: {estimation.zero.zero_text(zero, count.zero)}"
-        typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
-    beside = (
-        unchecked_sentence(count),
-        edge_sentence(count),
-        unseen_sentence(count),
-        temperature_sentence(count, settings, options),
-        *(estimation.zero.zero_findings(count.zero) if count.zero else ()),
-    )
-    for sentence in (count.misfit.words, *beside):
-        if sentence:
-            typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
-
-
-def unchecked_sentence(count: StatusCounts) -> str:
-    """Message about rows that have, or could have, a pose which nothing checks."""
-    refused = count.statuses[estimation.solution.Status.UNCHECKED.label]
-    if refused:
-        return (
-            f"Rows with as many readings as unknowns: {refused}. A wrong reading would not be "
-            "noticed there; --accept-unchecked gives their poses all the same."
-        )
-    if count.unchecked:
-        return (
-            f"Poses from as many readings as unknowns: {count.unchecked}. No reading is left to "
-            "check them, and a distant pose may give the same readings."
-        )
-    return ""
-
-
-def edge_sentence(count: StatusCounts) -> str:
-    if not count.edges:
-        return ""
-    return (
-        f"Poses with a spot closer to its detector's edge than its own diameter: {count.edges}. "
-        "Light may miss the detector there, and then the stated uncertainties do not hold. Set "
-        "sensor.apertures.detectors to model the edges."
-    )
-
-
-def unseen_sentence(count: StatusCounts) -> str:
-    """Message about the undetected error that one spoilt number can cause, if it is large."""
-    place, power = count.unseen.tolist()
-    if not max(place, power) > MUCH:
-        return ""
-    return (
-        "A single wrong reading can shift a pose without raising its residual: a wrong position of "
-        f"a spot by {amount(place)}, a wrong power by {amount(power)} standard uncertainties."
-    )
-
-
-def temperature_sentence(count: StatusCounts, settings: Config, options: Solve) -> str:
-    """Message about the error if the table lacks a temperature that the sensor needs."""
-    if not count.lacks_temperature:
-        return estimation.table.unknown_temperatures(count.unknown_temperatures, "rows")
-    source = "READINGS has no column temperature_c"
-    return estimation.table.missing_temperature(settings.sensor, options, source)
-
-
-def amount(errors: float) -> str:
-    if errors > BOUNDLESS:
-        return "any amount"
-    return f"up to {errors:.2g}"
+    if lines:
+        more = " ..." if tally.statuses["unparsable"] > len(lines) else ""
+        typer.echo(f"  not numbers in line {', '.join(map(str, lines))}{more}")
+    for sentence in measurement.sentences():
+        report_lines(sentence)

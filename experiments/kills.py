@@ -22,7 +22,7 @@ import facets
 from facets.detectors.counts import readings_to_counts
 from facets.files.provenance import run_record
 from facets.live.recording.comparison import compare
-from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording.pose_table import join_columns, recorded_poses
 from facets.live.recording.replay import recorded_config, replay
 from facets.live.recording.writer import Recording
 from facets.live.run.live import Live
@@ -92,7 +92,7 @@ def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) 
     process.join()
     kept = (folder / "bytes.bin").read_bytes()
     assert data.startswith(kept)
-    parts = [pose_columns(p) for p in replay(folder, Pipeline(recorded_config(folder)))]
+    parts = [p.columns() for p in replay(folder, Pipeline(recorded_config(folder)))]
     solved = sum(len(part["seq"]) for part in parts)
     old = recorded_poses(folder)
     events = (folder / "events.jsonl").read_text()

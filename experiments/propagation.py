@@ -28,7 +28,7 @@ from facets.core.sensor import Calibration, Sensor
 from facets.core.settings import Solve
 from facets.core.units import UM, URAD, Floats
 from facets.detectors.noise import sample_readings
-from facets.estimation.varied import solve_each
+from facets.estimation.solver import solve_each
 from facets.model.arrays import parameters
 from facets.optics.parameters import PARAMETERS
 from facets.pictures import style
@@ -194,7 +194,8 @@ def compare_pairs(sensor: Sensor, options: Solve, state: Floats, count: int, see
         draws = draw_parameters(sensor, sensor.calibration, values, rng)
         own_parameters, values = draws.sensors.parameters, values + draws.readings
         means = np.append(np.tile(state[6:], (count, 1)), own_parameters[:, :1], axis=1)
-        found = solve_each(draws.sensors, values, draw_knowledge(known, means, rng)).states
+        drawn = draw_knowledge(known, means, rng)
+        found = solve_each(draws.sensors, values, options.question(drawn)).states
     own = solve_alone(sensor, own_parameters, values, start, options.power == "known")
     off = np.abs(found[:, :6] - own[:, :6]) / own[:, :6].std(axis=0)
     return float(off.max())

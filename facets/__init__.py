@@ -33,12 +33,15 @@ _NAMES_OF = {
     "optics.parameters": "PARAMETERS",
     "model.arrays": "footprints jacobian margins parameter_jacobian reaches readings",
     "detectors.noise": "add_noise standard_deviations",
+    "estimation.measurement": "Measurement",
     "estimation.prepared": "Solver",
+    "estimation.zero": "PoseColumns ZeroRequest",
+    "estimation.samples": "Poses Samples",
     "estimation.solution": "Solution Status",
     "estimation.solver": "solve",
     "estimation.differences": "difference_uncertainty mean_uncertainty ZeroPose zero_pose",
     "estimation.object_pose": "ObjectPose transform",
-    "estimation.reliability": "unseen_errors",
+    "estimation.uncertainty": "unseen_errors",
     "characterization.ranges": "AxisRange CAUSES axis_ranges",
     "characterization.outlines": "Boundary trace",
     "characterization.resolution": "Estimator budgets uncertainties",
@@ -89,13 +92,18 @@ if TYPE_CHECKING:
     from .estimation.differences import difference_uncertainty as difference_uncertainty
     from .estimation.differences import mean_uncertainty as mean_uncertainty
     from .estimation.differences import zero_pose as zero_pose
+    from .estimation.measurement import Measurement as Measurement
     from .estimation.object_pose import ObjectPose as ObjectPose
     from .estimation.object_pose import transform as transform
     from .estimation.prepared import Solver as Solver
-    from .estimation.reliability import unseen_errors as unseen_errors
+    from .estimation.samples import Poses as Poses
+    from .estimation.samples import Samples as Samples
     from .estimation.solution import Solution as Solution
     from .estimation.solution import Status as Status
     from .estimation.solver import solve as solve
+    from .estimation.uncertainty import unseen_errors as unseen_errors
+    from .estimation.zero import PoseColumns as PoseColumns
+    from .estimation.zero import ZeroRequest as ZeroRequest
     from .model.arrays import footprints as footprints
     from .model.arrays import jacobian as jacobian
     from .model.arrays import margins as margins

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 def solve_recording(playback: live.Playback) -> Columns:
     """Solve a recording for poses as columns, with a bar; print what is damaged."""
     with show_progress("solving the recording") as tell:
-        parts = [
-            live.recording.pose_table.table_columns(poses) for poses in playback.poses(tell=tell)
-        ]
+        parts = [poses.columns() for poses in playback.poses(tell=tell)]
     pipeline = playback.pipeline
     if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
         typer.echo("\n".join(playback.sentences()))

@@ -13,9 +13,9 @@ import numpy as np
 
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
-from ..estimation.coverage import effective_degrees_of_freedom
 from ..estimation.differences import carry, propagate_in_light
 from ..estimation.plan import make_plan
+from ..estimation.uncertainty import effective_degrees_of_freedom
 from .bundle_adjustment import OWN_COUNT, OWN_UNITS, own_information, states_of
 from .fit import Fit, Task, add_mean_power, sensor_covariance
 from .misfit import covariance_factor

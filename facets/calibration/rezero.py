@@ -34,7 +34,7 @@ from ..detectors.noise import standard_deviations
 from ..estimation.dwells import dwell_means, mean
 from ..estimation.solution import Status
 from ..estimation.solver import solve
-from ..estimation.uncertainty_parts import parameter_derivatives
+from ..estimation.uncertainty import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
 from .bundle_adjustment import PLACES, Data

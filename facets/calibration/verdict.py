@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
-from ..estimation.compiling import compile_for
+from ..estimation.estimates import compile_for
 from .bundle_adjustment import Data, add_approach, add_power_polynomials
 from .candidates import DELAY_SIGMA_S, tried_kinds
 from .effect_search import EffectSearch, search

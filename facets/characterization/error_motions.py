@@ -28,7 +28,7 @@ from ..detectors.noise import step_variances
 from ..estimation.differences import carry, lasting_covariance, propagate_in_light
 from ..estimation.plan import Plan, make_plan
 from ..estimation.solution import root_of_covariance
-from ..estimation.uncertainty_parts import Propagation, propagate
+from ..estimation.uncertainty import Propagation, propagate
 
 #: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
 LETTERS = "XYZABC"
@@ -345,7 +345,7 @@ def doubtful_covariance(
     explain (with `misfit`)."""
     places = np.ones((len(states), 3), dtype=bool)
     unit = Calibration(MISFIT, tuple(map(tuple, np.eye(9).tolist())))
-    gain = propagate(sensor, unit, states, places, plan.free, plan.weights).slopes
+    gain = propagate(sensor, unit, states, places, plan).slopes
     assert gain is not None
     variances = np.zeros((len(states), 9))
     if sensor.electronics is not None:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.names import ANGLES, FINE_UNITS, POSE
 from ..core.units import Booleans, Floats, Integers
-from ..estimation.coverage import coverage_factor
+from ..estimation.uncertainty import coverage_factor
 
 Complexes = NDArray[np.complex128]
 #: Averages that the default segment length aims at.

@@ -19,9 +19,9 @@ from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Sensor
 from ..core.settings import Solve
 from ..core.units import Floats
-from ..estimation.coverage import region_factor, require_probability
 from ..estimation.object_pose import ObjectPose, transform
 from ..estimation.solution import Status
+from ..estimation.uncertainty import region_factor, require_probability
 from .trials import PART, TrialResults, linear_solution, solve_trials
 
 #: Trials that have to lie beyond each end of an interval.

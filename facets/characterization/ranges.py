@@ -22,7 +22,7 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..detectors.noise import fullness, least_light, other_light, standard_deviations
-from ..estimation.compiling import compile_for
+from ..estimation.estimates import compile_for
 from ..model.arrays import (
     as_rows,
     centroids_as_ends,

@@ -25,9 +25,12 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
-from ..estimation.compiling import compile_for
-from ..estimation.coverage import coverage_factor, effective_degrees_of_freedom
-from ..estimation.uncertainty_parts import parameter_derivatives
+from ..estimation.estimates import compile_for
+from ..estimation.uncertainty import (
+    coverage_factor,
+    effective_degrees_of_freedom,
+    parameter_derivatives,
+)
 from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, largest_box, states_of
 

@@ -15,7 +15,7 @@ from ..core.rigid_body import MeasuredObject, object_displacements
 from ..core.units import Booleans, Floats
 from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
-from ..estimation.uncertainty_parts import propagate
+from ..estimation.uncertainty import propagate
 from ..files.tables import read_chunks
 from .frequency_response import Stretches, find_stretches
 
@@ -94,7 +94,7 @@ def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floa
     sensor = config.sensor
     plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
     used = np.ones((1, 3), bool)
-    found = propagate(sensor, None, state[None], used, plan.free, plan.weights)
+    found = propagate(sensor, None, state[None], used, plan)
     slopes = object_displacements(state[None, :6], state[:6], body)[1][0]
     variance = np.diagonal(slopes @ found.noise[0, :6, :6] @ slopes.T)
     deviation: Floats = np.sqrt(variance)

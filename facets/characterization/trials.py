@@ -25,10 +25,8 @@ from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import NAMES, correction_slopes, invert_correction
 from ..detectors.noise import fullness, sample_readings
-from ..estimation.problem import Results
 from ..estimation.solution import Solution, Status, root_of_covariance
-from ..estimation.solver import solve
-from ..estimation.varied import solve_each
+from ..estimation.solver import solve_each, solve_question
 from ..model.arrays import EFFECTS, effects, parameters, readings
 from ..model.beam_shape import OF_SHAPE, SHAPE, axes_of_shapes, shape_of
 from ..model.varied import VariedSensors
@@ -140,16 +138,8 @@ def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
 
 def linear_solution(sensor: Sensor, options: Solve, state: Floats) -> Solution:
     """The solution of the readings without noise at a state (8,), with its linear covariance."""
-    knowledge = knowledge_at(options, sensor, state)
-    return solve(
-        sensor,
-        readings(sensor, state)[None],
-        beam=knowledge.beam,
-        power=knowledge.power,
-        method=options.method,
-        max_steps=options.max_steps,
-        accept_unchecked=options.accept_unchecked,
-    )
+    question = options.question(knowledge_at(options, sensor, state))
+    return solve_question(sensor, readings(sensor, state)[None], question)
 
 
 def solve_trials(
@@ -194,24 +184,13 @@ def solve_part(
         # The paper's method takes no priors: the beam's place is free there, and its power known.
         is_paper = options.method == "paper"
         known = knowledge if is_paper else draw_knowledge(knowledge, means, rng)
-        found: Solution | Results = solve(
-            sensor,
-            values,
-            beam=known.beam,
-            power=known.power,
-            method=options.method,
-            max_steps=options.max_steps,
-            covariance=False,
-            accept_unchecked=options.accept_unchecked,
-        )
-        assert isinstance(found, Solution)
-        return found.state[:, :6], found.status
+        question = options.question(known)._replace(covariance=False)
+        solution = solve_question(sensor, values, question)
+        return solution.state[:, :6], solution.status
     raw = invert_correction(sensor, values)
     draws = draw_parameters(sensor, sensor.calibration, raw, rng)
     means[:, :2] += draws.centre
     means[:, 2] = draws.sensors.parameters[:, 0]
     known = draw_knowledge(knowledge, means, rng)
-    results = solve_each(
-        draws.sensors, values + draws.readings, known, options.max_steps, options.accept_unchecked
-    )
+    results = solve_each(draws.sensors, values + draws.readings, options.question(known))
     return results.states[:, :6], results.status

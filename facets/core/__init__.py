@@ -16,7 +16,7 @@ else:
             "errors": "ConfigError FacetsError InputError",
             "hues": "DARK LIGHT MARKS THEMES chosen_style use_style",
             "keys": "Key block_of item_of key",
-            "knowledge": "Knowledge",
+            "knowledge": "Knowledge Question",
             "layout": "AmplifierPart LaserPart PsdPart",
             "motions": "Mode Random Runs Sine Steps Sweep Table Vibration",
             "names": "ANGLES FINE_UNITS LABELS READING_COLUMNS STATE STATE_COLUMNS STATE_UNITS",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,3 +81,29 @@ class Knowledge:
     def power_prior(self, power: float) -> Prior:
         """The beam's power as a prior, mW.  power: the sensor's."""
         return self.power if isinstance(self.power, Prior) else Prior(power, self.power_sigma)
+
+
+class Question(NamedTuple):
+    """What is asked of readings: what is known of the beam, and how the pose is sought; each as of
+    `facets.solve`."""
+
+    beam: BeamKnowledge = "free"
+    power: PowerKnowledge = "known"
+    method: Literal["least-squares", "paper"] = "least-squares"
+    max_steps: int = 50
+    covariance: bool = True
+    accept_unchecked: bool = False
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """What is known of the beam."""
+        return Knowledge(self.beam, self.power)
+
+    def rows(self, which: Any) -> Question:
+        """The question of some readings, where priors have a mean for each."""
+        beam, power = self.beam, self.power
+        if isinstance(beam, Prior) and np.ndim(beam.mean) > 1:
+            beam = Prior(np.asarray(beam.mean)[which], beam.sigma)
+        if isinstance(power, Prior) and np.ndim(power.mean) > 0:
+            power = Prior(np.asarray(power.mean)[which], power.sigma)
+        return self._replace(beam=beam, power=power)

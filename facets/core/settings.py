@@ -11,7 +11,7 @@ from .axis_keys import MAX_LENGTH_MM
 from .calibrate import Calibrate
 from .channels import AuxiliaryChannel
 from .keys import Key, block_of, block_of_keys, item_of, key
-from .knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
+from .knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior, Question
 from .layout import Layout
 from .motions import Motion
 from .rigid_body import MIRROR, MeasuredObject
@@ -330,6 +330,13 @@ class Solve:
         `beam_offset` is added to it.
         """
         return Knowledge(beam=self._beam(sensor, position), power=self._power(sensor))
+
+    def question(self, knowledge: Knowledge) -> Question:
+        """Return the question that readings are solved for with some knowledge of the beam."""
+        return Question(
+            knowledge.beam, knowledge.power, self.method, self.max_steps,
+            accept_unchecked=self.accept_unchecked,
+        )  # fmt: skip
 
     def _beam(self, sensor: Sensor, position: Floats | None) -> BeamKnowledge:
         if self.beam == "free":

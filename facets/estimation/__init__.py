@@ -3,31 +3,35 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import coverage as coverage
     from . import solution as solution
     from . import table as table
+    from . import uncertainty as uncertainty
     from . import zero as zero
+    from .measurement import Measurement as Measurement
+    from .samples import Poses as Poses
+    from .samples import Samples as Samples
+    from .table import solve_table as solve_table
+    from .tally import Tally as Tally
+    from .zero import PoseColumns as PoseColumns
+    from .zero import ZeroRequest as ZeroRequest
 else:
     __getattr__ = load_on_use(
         __name__,
         {
             "block_code": "linearise",
             "blocks": "scales_of",
-            "block_task": "Form SCALES",
-            "chance": "FALSE_ALARM_RATE LIMITS",
-            "coverage": "coverage_factor effective_degrees_of_freedom region_factor",
             "differences": "lasting_covariance propagate_in_light",
             "doubts": "has_fold",
             "dwells": "dwell_means stands stands_of_axis",
-            "misfit": "Misfit",
-            "plan": "make_plan",
-            "series": "solve_series",
+            "measurement": "Measurement",
+            "plan": "FALSE_ALARM_RATE LIMITS make_plan",
+            "problem": "Form Results SCALES some_rows",
+            "samples": "Poses Samples in_words",
+            "solver": "solve_each",
             "step": "ask estimate",
-            "table": (
-                "StatusCounts add_temperature_uncertainty labels object_columns "
-                "pose_columns shift_per_kelvin solve_readings solve_table"
-            ),
-            "varied": "knowledge_of solve_each",
-            "zero": "ZeroRequest zero_findings zero_of_table",
+            "table": "solve_table",
+            "tally": "Misfit Tally shift_per_kelvin",
+            "uncertainty": "coverage_factor effective_degrees_of_freedom region_factor",
+            "zero": "PoseColumns ZeroRequest zero_findings zero_of_table",
         },
     )

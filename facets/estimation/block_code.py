@@ -19,8 +19,7 @@ from ..optics.forward import replace_power
 from ..scalars.lanes import LaneMemory, LaneWriter
 from ..scalars.machine import LONG, write_loop
 from ..scalars.nesting import leaves, nest
-from .block_task import SCALES, BlockTask, Form
-from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, UNKNOWNS
+from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, SCALES, UNKNOWNS, BlockTask, Form
 from .step import MIN_DAMPING, State, ask, begin, covariance_of, residual_of, step, unknown_slopes
 
 Numbers = list[Any]

@@ -14,20 +14,24 @@ import numpy as np
 from ..model.blocks import SINGLE, address_of, lane_code, lanes
 from ..model.threads import once
 from ..scalars.nesting import leaves
-from .block_task import SCALES, BlockTask, Form, Scales
-from .chance import count_checks
+from .plan import count_checks
 from .problem import (
     CONVERGED,
+    COVARIANCE,
+    RESIDUAL,
+    SCALES,
+    STATUS,
     UNKNOWNS,
+    BlockTask,
     FitProblem,
+    Form,
     Readings,
     Results,
-    ScreeningLimits,
+    Scales,
     empty_results,
     put_rows,
     some_rows,
 )
-from .solution import COVARIANCE, RESIDUAL, STATUS
 from .step import GOING
 
 if TYPE_CHECKING:
@@ -44,11 +48,9 @@ FEWEST_IN_A_ROW = 8
 #: The files that this is made of, beside those of the model's blocks.
 PARTS = (
     "block_code.py",
-    "block_task.py",
     "blocks.py",
     "problem.py",
     "step.py",
-    "straight.py",
 )
 
 
@@ -66,7 +68,8 @@ def kernel(form: Form, width: int | None = None) -> Code:
     return lane_code(form.name, width or lanes(), 1, make_writer, *files)
 
 
-def scales_of(readings: Readings, limits: ScreeningLimits, problem: FitProblem) -> Array:
+def scales_of(readings: Readings, problem: FitProblem) -> Array:
+    limits = problem.limits
     checks = count_checks(0, problem.free, problem.weight) - limits.eight
     scales = Scales(
         *limits._replace(eight=limits.rounding)[:4],
@@ -87,7 +90,6 @@ def estimate(
     code: Code,
     packed: Array,
     readings: Readings,
-    limits: ScreeningLimits,
     problem: FitProblem,
     results: Results,
     patient: bool = False,
@@ -101,7 +103,7 @@ def estimate(
     whole, ends = n // lanes() * lanes(), np.empty((n, 5))
     given = (readings.values, weights_of(readings), problem.means, problem.starts)
     found = (results.states, ends, results.residuals, results.covariances)
-    scales = scales_of(readings, limits, problem)
+    scales = scales_of(readings, problem)
     if whole:
         part = [rows[:whole] for rows in found]
         first = [first_rows(rows, whole, n) for rows in given]
@@ -115,7 +117,7 @@ def estimate(
             rows[whole:] = some[: len(rows[whole:])]
     put_ends(ends, results)
     if not patient:
-        estimate_late(code, packed, readings, limits, problem, results)
+        estimate_late(code, packed, readings, problem, results)
 
 
 def put_ends(ends: Array, results: Results) -> None:
@@ -142,7 +144,6 @@ def estimate_late(
     code: Code,
     packed: Array,
     readings: Readings,
-    limits: ScreeningLimits,
     problem: FitProblem,
     results: Results,
 ) -> None:
@@ -152,7 +153,7 @@ def estimate_late(
         again = empty_results(len(late), len(results.covariances) > 0)
         some, questions = some_rows(late, readings, problem)
         sensors = packed[late] if packed.ndim > 1 else packed
-        estimate(code, sensors, some, limits, questions, again, patient=True)
+        estimate(code, sensors, some, questions, again, patient=True)
         put_rows(results, late, again)
 
 
@@ -194,7 +195,6 @@ class KeptBlocks:
         self,
         packed: Array,
         readings: Readings,
-        limits: ScreeningLimits,
         problem: FitProblem,
         covariance: bool,
     ) -> None:
@@ -203,7 +203,7 @@ class KeptBlocks:
         self.numbers = np.zeros((count, width))
         row = self.numbers[0]
         arrays = (
-            packed, scales_of(readings, limits, problem), readings.values, self._weights,
+            packed, scales_of(readings, problem), readings.values, self._weights,
             problem.means, problem.starts, row, row[STATUS:], row[RESIDUAL:], row[COVARIANCE:],
         )  # fmt: skip
         flags = (count > 1, False, False, width if count > 1 else 0, True)
@@ -221,7 +221,6 @@ def estimate_in_turn(
     code: Code,
     packed: Array,
     readings: Readings,
-    limits: ScreeningLimits,
     problem: FitProblem,
     results: Results,
 ) -> None:
@@ -239,7 +238,7 @@ def estimate_in_turn(
         if free is not None:
             begin[problem.free] = free
         covariance = len(results.covariances) > 0
-        return follow(code, packed, own, limits, some._replace(starts=begin), covariance)
+        return follow(code, packed, own, some._replace(starts=begin), covariance)
 
     while n < count:
         steps = 0
@@ -267,7 +266,6 @@ def follow(
     code: Code,
     packed: Array,
     readings: Readings,
-    limits: ScreeningLimits,
     problem: FitProblem,
     covariance: bool,
 ) -> Results:
@@ -284,7 +282,7 @@ def follow(
     run_blocks(
         code,
         (
-            packed, scales_of(readings, limits, problem), values, weights, means,
+            packed, scales_of(readings, problem), values, weights, means,
             states[:-SINGLE], states[SINGLE:], ends, found.residuals, found.covariances,
         ),
         patient=True,

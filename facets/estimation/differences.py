@@ -39,8 +39,8 @@ from ..core.units import Booleans, Floats
 from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..model.arrays import as_rows, as_vectors
 from .plan import Plan, make_plan
-from .solution import root_of_diagonal
-from .uncertainty_parts import Propagation, carry_over, propagate, slices_of
+from .solution import Solution, root_of_diagonal
+from .uncertainty import Propagation, carry_over, propagate, slices_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration
@@ -195,7 +195,7 @@ def propagate_in_light(sensor: Sensor, states: Floats, plan: Plan) -> Propagatio
     """`propagate` of states (n, 8) with light on all three detectors; NaN where one has no
     reading."""
     used = np.ones((len(states), 3), dtype=bool)
-    found = propagate(sensor, sensor.calibration, states, used, plan.free, plan.weights)
+    found = propagate(sensor, sensor.calibration, states, used, plan)
     is_dark = np.isnan(found.readings).any(axis=1)
     found.noise[is_dark], found.statistical[is_dark] = np.nan, np.nan
     return found
@@ -305,13 +305,12 @@ class ZeroPose:
 @check_arguments
 def zero_pose(
     sensor: Sensor,
-    states: ArrayLike,
+    states: Solution | ArrayLike,
     samples: int | None = None,
     *,
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
     temperature: float | None = None,
-    used: ArrayLike | None = None,
 ) -> ZeroPose:
     """Compute a reference pose of the mirror, from which `facets.transform` gives displacements.
 
@@ -320,16 +319,14 @@ def zero_pose(
     sensor
         The sensor; with `Sensor.calibration` its errors are common to this pose and the others.
     states
-        States (..., 8) of samples at the reference; mm and rad, world frame. Rows with NaN do not
-        count.
+        A solution of samples at the reference, or states (..., 8), which all detectors have seen;
+        mm and rad, world frame. Rows with NaN do not count.
     samples
         Number of samples whose mean `states` already is; by default the number of rows.
     beam, power
         What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
     temperature
         Mean temperature of the samples, degrees Celsius, for a sensor that follows it.
-    used
-        Which detectors took part, (..., 3), as `Solution.used`; by default all.
 
     Returns
     -------
@@ -353,22 +350,16 @@ def zero_pose(
     """
     if samples is not None and samples < 1:
         raise InputError(f"samples is {samples}; allowed: 1 or more")
-    knowledge = Knowledge(beam=beam, power=power)
+    knowledge, used = Knowledge(beam=beam, power=power), None
+    if isinstance(states, Solution):
+        used, states = states.used.reshape(-1, 3), states.state
     rows, _ = as_rows(states, 8, "states")
     warmer = 0.0
     if temperature is not None:
         require_plausible(temperature, TEMPERATURE_COLUMN, "temperature")
         warmer = temperature - sensor.thermal.reference
     plan = make_plan(sensor, knowledge, shape=(len(rows),))
-    try:
-        detectors = None if used is None else as_rows(np.asarray(used, float), 3, "used")[0] > 0
-    except (TypeError, ValueError):
-        raise InputError(
-            "used is not an array (..., 3) of truth values; give `Solution.used` of the samples"
-        ) from None
-    if detectors is not None and len(detectors) != len(rows):
-        raise InputError(f"used has {len(detectors)} rows and states {len(rows)}; give one of each")
-    return make_zero(sensor, rows, plan, detectors, samples, warmer)
+    return make_zero(sensor, rows, plan, used, samples, warmer)
 
 
 def make_zero(
@@ -400,9 +391,7 @@ def make_zero(
             "light on the same two, or on all"
         )
     mean = rows.mean(axis=0, keepdims=True)
-    found = propagate(
-        sensor, sensor.calibration, mean, common, plan.free, plan.weights, np.array([warmer])
-    )
+    found = propagate(sensor, sensor.calibration, mean, common, plan, np.array([warmer]))
     if np.isnan(found.readings[np.repeat(common, 3, axis=1)]).any():
         raise InputError(
             "at the mean pose of the zero a detector has no light, so that it cannot have been "
@@ -474,9 +463,7 @@ def displacement_covariance(
     by_calibration = np.empty((len(whole), 6, 6))
     for part in slices_of(len(whole)):
         states, plan = poses.states[part], zero.plan
-        other = propagate(
-            zero.sensor, known, states, poses.used[part], plan.free, plan.weights, warmer[part]
-        )
+        other = propagate(zero.sensor, known, states, poses.used[part], plan, warmer[part])
         ends = [
             by[part] @ end.slopes[:, :6]
             for by, end in zip(slopes, (other, zero.propagation), strict=True)

@@ -19,10 +19,9 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import derivatives, margins, readings
-from .chance import Chance
-from .plan import Plan
+from .plan import Chance, Plan
 from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results, put_rows
-from .uncertainty_parts import propagate
+from .uncertainty import propagate
 
 Rows = NDArray[np.intp]
 #: Estimates some rows anew from states (n, 9).
@@ -80,7 +79,7 @@ def replace_unlikely(
     if not len(rows):
         return
     free, here = plan.free[plan.free < 8], found.states[rows]
-    spread = propagate(sensor, None, here[:, :8].copy(), found.used[rows], plan.free, plan.weights)
+    spread = propagate(sensor, None, here[:, :8].copy(), found.used[rows], plan)
     covariance = spread.statistical[:, free[:, None], free]
     size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     _, directions = np.linalg.eigh(covariance / size[:, :, None] / size[:, None, :])

@@ -1,29 +1,38 @@
-"""Estimate readings by compiled code, in blocks."""
+"""Estimate readings by compiled code, in blocks, and compile what a command is about to need."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
 from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
-from ..model.arrays import packed_vectors
+from ..core.units import Floats
+from ..model import blocks as of_model
+from ..model.arrays import kernel_name, packed_vectors
 from ..model.blocks import SINGLE
 from ..model.kinds import LIT, kind_of
+from ..model.threads import run_side_by_side
 from . import blocks, problem
-from .block_task import Form
 from .plan import Plan, make_plan
-from .solution import Status
-from .uncertainty_parts import UncertaintyParts, uncertainty_parts
+from .problem import Form
+from .uncertainty import UncertaintyParts, uncertainty_parts
 
 
-def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> UncertaintyParts | None:
+def add_calibration(
+    sensor: Sensor, todo: Plan, found: problem.Results, warmer: Floats | None = None
+) -> UncertaintyParts | None:
     """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
-    covariances."""
+    covariances.
+
+    warmer: (n,) than the reference temperature of the calibration, K.
+    """
     if sensor.calibration is None or not found.covariances.shape[1]:
         return None
-    parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo.free, todo.weights)
+    parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo, warmer)
     found.covariances[:] += parts.calibration
     return parts
 
@@ -31,7 +40,6 @@ def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> Uncer
 def estimate(
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.ScreeningLimits,
     request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
@@ -39,12 +47,12 @@ def estimate(
 
     Under real light, stalled estimates are repeated with exact derivatives.
     """
-    run(sensor, False, readings, limits, request, found)
-    stalled = np.flatnonzero(found.status == Status.STALLED) if needs_exactness(sensor) else ()
+    run(sensor, False, readings, request, found)
+    stalled = np.flatnonzero(found.status == problem.STALLED) if needs_exactness(sensor) else ()
     if len(stalled):
         again = problem.empty_results(len(stalled), len(found.covariances) > 0)
         some, questions = problem.some_rows(stalled, readings, request)
-        run(sensor, True, some, limits, questions._replace(previous=False), again)
+        run(sensor, True, some, questions._replace(previous=False), again)
         problem.put_rows(found, stalled, again)
 
 
@@ -52,14 +60,13 @@ def run(
     sensor: Sensor,
     exact: bool,
     readings: problem.Readings,
-    limits: problem.ScreeningLimits,
     request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """exact: see `Form`."""
     code = block_code(sensor, request, exact, SINGLE if request.previous else None)
     way = blocks.estimate_in_turn if request.previous else blocks.estimate
-    way(code, packed_vectors(sensor), readings, limits, request, found)
+    way(code, packed_vectors(sensor), readings, request, found)
 
 
 def block_code(
@@ -83,3 +90,49 @@ def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
 def needs_exactness(sensor: Sensor) -> bool:
     """Whether the usual derivatives leave something out, so that estimates may stall."""
     return kind_of(sensor) in LIT
+
+
+Task = Literal[
+    "readings", "derivatives", "approximate_derivatives", "footprints", "slopes", "poses"
+]
+Makers = list[Callable[[], Any]]
+
+
+def compile_for(
+    sensor: Sensor,
+    *tasks: Task,
+    knowledge: Knowledge | None = None,
+    kinds: Sequence[str] = (),
+) -> None:
+    """Compiles or loads what a sensor's tasks take.
+
+    tasks: results of `facets.model`, "slopes" being derivatives by parameters; "poses" those of
+    `facets.solve`.  knowledge: of the beam, for "poses"; by default its position is free.
+    kinds: of `model.kinds.LIT`, whose slopes by the numbers of the light are asked for, too.
+    """
+    makers: Makers = []
+    for task in tasks:
+        if task == "poses":
+            makers += estimators(sensor, knowledge or Knowledge())
+        elif task == "slopes":
+            makers += slopes(kind_of(sensor), kinds)
+        else:
+            makers.append(partial(of_model.kernel, kernel_name(sensor, task)))
+    run_side_by_side(makers)
+
+
+def slopes(own: str, kinds: Sequence[str]) -> Makers:
+    """own: the kind of light that is on, see `model.kinds.kind_of`."""
+    names = [f"slopes_of_{kind}" for kind in {*kinds, own} & {*LIT, "cut"}]
+    if own == "plain":
+        names.append("slopes_by_parameters")
+    return [partial(of_model.slopes_kernel, name) for name in names]
+
+
+def estimators(sensor: Sensor, knowledge: Knowledge) -> Makers:
+    """What makes the blocks that estimate poses, and those by which doubts are told."""
+    free = tuple(make_plan(sensor, knowledge).free.tolist())
+    makers: Makers = [partial(blocks.kernel, Form(free, kind_of(sensor)))]
+    if 6 in free:
+        makers.append(partial(of_model.kernel, "derivatives"))  # `doubts.has_fold`
+    return makers

@@ -1,4 +1,9 @@
-"""The plan of an estimate, made once for a sensor: the unknowns, the priors and the starts."""
+"""The plan of an estimate, made once for a sensor: unknowns, priors, starts, limits of residuals.
+
+The numbers of a reading and the priors in excess of the unknowns check the pose. The squared
+residual of a right model follows the chi-square distribution with so many degrees of freedom; noise
+alone leaves more than the limit with a chance of `FALSE_ALARM_RATE`.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +15,79 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import as_floats
 from ..core.errors import InputError
-from ..core.knowledge import Knowledge, Prior
+from ..core.knowledge import Knowledge, Prior, Question
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
 from ..model.arrays import as_vectors, readings, spot_size
 from . import problem
-from .chance import Chance, count_checks, widening_of
+
+#: The chance that the residual of a right pose is beyond its limit.
+FALSE_ALARM_RATE = 1e-4
+#: The residuals, in standard deviations, that noise exceeds at FALSE_ALARM_RATE with 0 to 9
+#: degrees of freedom. Numbers, because the library that has the distribution loads slowly.
+LIMITS = np.array([
+    np.inf, 3.8905918864130937, 4.291932052578694, 4.594291399787372, 4.848993962152442,
+    5.073936534787943, 5.277910688521919, 5.466031824754125, 5.641598000678736, 5.806888016740519,
+])  # fmt: skip
+
+
+def count_checks(detectors: int, free: NDArray[np.int64], weights: Floats) -> int:
+    """The number of readings of the detectors and priors in excess of the unknowns.
+
+    free: numbers of the unknowns.  weights: (3,) of the priors of bx, by and the power.
+    """
+    priors = sum(bool(weights[c - 6] > 0) for c in free.tolist() if c >= 6)
+    return 3 * detectors + priors - len(free)
+
+
+class Chance(NamedTuple):
+    """The limits of residuals for one request.
+
+    none: `count_checks` without a detector.  widening: see `widening_of`.
+    """
+
+    none: int
+    widening: float
+
+    def checks(self, used: NDArray[np.bool_]) -> NDArray[np.int8]:
+        """The number of redundant readings of each pose (...), from the detectors used (..., 3)."""
+        if used.all():  # counting takes longer than a step of the estimate
+            return np.full(used.shape[:-1], max(9 + self.none, 0), np.int8)
+        found = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
+        return np.asarray(found, np.int8)
+
+    def limits(self, checks: NDArray[np.int8]) -> Floats:
+        """The residuals (...) that noise alone hardly exceeds; infinite without redundancy."""
+        return np.asarray(self.widening * LIMITS.take(checks))
+
+    @property
+    def limit(self) -> float:
+        """The limit of a pose from all three detectors."""
+        return float(self.widening * LIMITS[max(9 + self.none, 0)])
+
+
+def widening_of(sensor: Sensor) -> float:
+    """The factor by which a calibrated sensor's residuals exceed the noise."""
+    known = sensor.calibration
+    if known is None or not any(name in (*MISFIT, *MODEL_ERROR) for name in known.names):
+        return 1.0
+    kept: float | None = sensor.__dict__.get("_widening")
+    if kept is None:
+        kept = sensor.__dict__["_widening"] = measure_widening(sensor)
+    return kept
+
+
+def measure_widening(sensor: Sensor) -> float:
+    assert sensor.calibration is not None
+    noise, known = standard_deviations(sensor, readings(sensor, np.zeros(8))), sensor.calibration
+    missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}
+    over = [
+        sum(missed.get(name, 0.0) for name in names) / s**2
+        for *names, s in zip(MISFIT, MODEL_ERROR, noise, strict=True)
+    ]
+    return float(np.sqrt(1 + np.nanmax(over)))
 
 
 class Plan(NamedTuple):
@@ -176,22 +247,31 @@ def start_states(
     return starts
 
 
+def is_previous(start: object) -> bool:
+    """Whether each sample starts where the last converged one ended."""
+    return isinstance(start, str) and start == "previous"
+
+
 def make_problem(
-    plan: Plan, starts: Floats, start: object, method: str, max_steps: int, accept_unchecked: bool
+    plan: Plan, starts: Floats, question: Question, previous: bool = False
 ) -> problem.FitProblem:
     """A plan as compiled code takes it.
 
-    starts: from `start_states`.  start, method, max_steps, accept_unchecked: as for `facets.solve`.
+    starts: from `start_states`.  previous: see `is_previous`.
     """
+    if question.max_steps < 1:
+        raise InputError(f"max_steps is {question.max_steps}; allowed: 1 or more")
+    is_paper = question.method == "paper"
     return problem.FitProblem(
         means=plan.means,
         weight=plan.weights,
         free=plan.free,
         starts=starts,
-        previous=isinstance(start, str) and start == "previous",
-        max_steps=max_steps,
-        damped=method != "paper",
-        accept_unchecked=accept_unchecked or method == "paper",
+        previous=previous,
+        max_steps=question.max_steps,
+        damped=not is_paper,
+        accept_unchecked=question.accept_unchecked or is_paper,
+        limits=plan.limits,
     )
 
 

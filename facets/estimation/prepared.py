@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
-from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ..core.knowledge import BeamKnowledge, PowerKnowledge, Question
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
@@ -22,20 +22,9 @@ from .blocks import KeptBlocks
 from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate, needs_exactness
 from .plan import Plan, chance_of, make_plan, make_problem, start_states
-from .solution import (
-    CHECKS,
-    COVARIANCE,
-    ITERATIONS,
-    LIMIT,
-    RESIDUAL,
-    STATUS,
-    USED,
-    LazySolution,
-    Solution,
-    results_of,
-    solution,
-)
-from .uncertainty_parts import UncertaintyParts
+from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED
+from .solution import LazySolution, Solution, results_of, solution
+from .uncertainty import UncertaintyParts
 
 
 @check_arguments
@@ -70,21 +59,32 @@ class Solver:
         covariance: bool = True,
         accept_unchecked: bool = False,
     ) -> None:
-        if max_steps < 1:
-            raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-        self._asked = (sensor, beam, power, start, method, max_steps, covariance, accept_unchecked)
-        self._plan = make_plan(sensor, Knowledge(beam=beam, power=power), method)
+        question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
+        self._begin(sensor, question, start)
+
+    @classmethod
+    def of_question(
+        cls, sensor: Sensor, question: Question, start: Literal["zero", "previous"] = "zero"
+    ) -> Solver:
+        """The solver of a question."""
+        solver = cls.__new__(cls)
+        solver._begin(sensor, question, start)
+        return solver
+
+    def _begin(self, sensor: Sensor, question: Question, start: str) -> None:
+        self._asked = (sensor, question, start)
+        self._plan = make_plan(sensor, question.knowledge, question.method)
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
         self._pool.put_back(self._prepare())  # refuses now what it would refuse later
 
     def __reduce__(self) -> Any:
         """A copy is a solver of its own, which begins anew: its memory has other addresses."""
-        return _solver, self._asked
+        return Solver.of_question, self._asked
 
     def _prepare(self) -> PreparedEstimate:
-        sensor, _, _, _, method, max_steps, covariance, accept_unchecked = self._asked
-        return PreparedEstimate(sensor, self._plan, method, max_steps, covariance, accept_unchecked)
+        sensor, question, _ = self._asked
+        return PreparedEstimate(sensor, self._plan, question)
 
     def solve(self, reading: ArrayLike) -> Solution:
         """Solve one reading (9,) for its pose: psi, zeta (mm), power (mW) of detectors A, B, C.
@@ -111,11 +111,14 @@ class Solver:
         self._pool.put_back(prepared)
         return found
 
-    def solve_some(self, values: Floats) -> Solution | None:
+    def solve_some(self, values: Floats, warmer: Floats | None = None) -> Solution | None:
         """The poses of a few readings (n, 9) that are checked, from zero; None where more is to be
-        done than kept memory serves."""
+        done than kept memory serves.
+
+        warmer: (n,) than the reference temperature of the calibration, K.
+        """
         prepared = self._pool.take()
-        found = prepared.solve_some(values)
+        found = prepared.solve_some(values, warmer)
         self._pool.put_back(prepared)
         return found
 
@@ -141,15 +144,7 @@ class PreparedEstimate:
 
     end: Floats | None = None
 
-    def __init__(
-        self,
-        sensor: Sensor,
-        todo: Plan,
-        method: str,
-        max_steps: int,
-        covariance: bool,
-        accept_unchecked: bool,
-    ) -> None:
+    def __init__(self, sensor: Sensor, todo: Plan, question: Question) -> None:
         self._sensor, self._plan = sensor, todo
         self._zero = start_states(sensor, "zero", todo, np.zeros((1, 9)), ())
         self._unknown_power = bool(todo.weights[2] == 0 and todo.free[-1] == 8)
@@ -157,16 +152,14 @@ class PreparedEstimate:
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
         self._given = problem.Readings(np.empty((1, 9)), self._sigmas)
-        self._problem = make_problem(
-            todo, self._starts, "zero", method, max_steps, accept_unchecked
-        )
+        self._problem = make_problem(todo, self._starts, question)
         self._chance = chance_of(sensor, todo)
         self._doubtful = is_doubtful(sensor, todo.free)
         self._seeks = sensor.light.on and self._problem.damped
         self._has_exact = needs_exactness(sensor)
         self._code: Any = None  # made when it is asked for
         self._block = KeptBlocks(
-            packed_vectors(sensor), self._given, todo.limits, self._problem, covariance
+            packed_vectors(sensor), self._given, self._problem, question.covariance
         )
         self._numbers = self._block.numbers[0]
         self._ends = self._numbers.data
@@ -174,8 +167,11 @@ class PreparedEstimate:
         self._some: KeptBlocks | None = None
         self._rows = self._given
 
-    def solve_some(self, values: Floats) -> Solution | None:
-        """The poses of a few readings (n, 9), from zero; None where blocks alone do not tell."""
+    def solve_some(self, values: Floats, warmer: Floats | None) -> Solution | None:
+        """The poses of a few readings (n, 9), from zero; None where blocks alone do not tell.
+
+        warmer: (n,) than the reference temperature of the calibration, K.
+        """
         if self._doubtful or self._unknown_power:
             return None
         count = len(values)
@@ -191,17 +187,15 @@ class PreparedEstimate:
         wandered = self._seeks and (numbers[:, ITERATIONS] > WANDERED).any()
         if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
             return None
-        return LazySolution.from_numbers(self._put_limits(numbers), self._parts(numbers))
+        return LazySolution.from_numbers(self._put_limits(numbers), self._parts(numbers, warmer))
 
     def _make_some(self, rows: int) -> KeptBlocks:
         self._rows = problem.Readings(
             np.empty((rows, 9)), np.empty((rows if len(self._sigmas) else 0, 9))
         )
         self._wide_code = block_code(self._sensor, self._problem)
-        packed, limits = packed_vectors(self._sensor), self._plan.limits
-        kept = KeptBlocks(
-            packed, self._rows, limits, self._problem, len(self._numbers) > COVARIANCE
-        )
+        packed = packed_vectors(self._sensor)
+        kept = KeptBlocks(packed, self._rows, self._problem, len(self._numbers) > COVARIANCE)
         kept.numbers[:, CHECKS:COVARIANCE] = self._numbers[CHECKS:COVARIANCE]
         return kept
 
@@ -213,10 +207,10 @@ class PreparedEstimate:
             numbers[..., CHECKS], numbers[..., LIMIT] = checks, self._chance.limits(checks)
         return numbers
 
-    def _parts(self, numbers: Floats) -> UncertaintyParts | None:
+    def _parts(self, numbers: Floats, warmer: Floats | None = None) -> UncertaintyParts | None:
         if self._sensor.calibration is None:
             return None
-        return add_calibration(self._sensor, self._plan, results_of(numbers))
+        return add_calibration(self._sensor, self._plan, results_of(numbers), warmer)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
         """The pose of a reading (9,), from `start` or else from zero.
@@ -278,50 +272,24 @@ class PreparedEstimate:
         """The reading from another start, in results of its own."""
         found = problem.empty_results(1, len(self._numbers) > COVARIANCE)
         asked = self._problem._replace(starts=starts)
-        estimate(self._sensor, self._given, self._plan.limits, asked, found)
+        estimate(self._sensor, self._given, asked, found)
         return found
-
-
-def _solver(
-    sensor: Sensor,
-    beam: Any,
-    power: Any,
-    start: Any,
-    method: Any,
-    max_steps: int,
-    covariance: bool,
-    accept_unchecked: bool,
-) -> Solver:
-    return Solver(
-        sensor, beam=beam, power=power, start=start, method=method, max_steps=max_steps,
-        covariance=covariance, accept_unchecked=accept_unchecked,
-    )  # fmt: skip
 
 
 #: Solvers are kept for so many questions.
 MAX_SOLVERS = 8
-_kept: dict[tuple[Any, ...], Solver] = {}
+_kept: dict[tuple[int, Question], Solver] = {}
 
 
-def find_solver(
-    sensor: Sensor,
-    beam: str,
-    power: str,
-    method: str,
-    max_steps: int,
-    covariance: bool,
-    accept_unchecked: bool,
-) -> Solver:
+def find_solver(sensor: Sensor, question: Question) -> Solver:
     """Return a cached solver for a sensor that starts from zero.
 
     The cache keeps the sensor, so that no other sensor can have its identity.
     """
-    rest = (method, max_steps, covariance, accept_unchecked)
-    key = (id(sensor), beam, power, *rest)
-    found = _kept.get(key)
-    if found is None:
+    key = (id(sensor), question)
+    solver = _kept.get(key)
+    if solver is None:
         if len(_kept) >= MAX_SOLVERS:
             _kept.clear()
-        found = _solver(sensor, beam, power, "zero", *rest)
-        _kept[key] = found
-    return found
+        solver = _kept[key] = Solver.of_question(sensor, question)
+    return solver

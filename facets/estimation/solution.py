@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.units import Floats
 from . import problem
-from .chance import Chance
-from .coverage import coverage_factor, effective_degrees_of_freedom
-from .uncertainty_parts import UncertaintyParts
+from .plan import Chance
+from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED
+from .uncertainty import UncertaintyParts, coverage_factor, effective_degrees_of_freedom
 
 
 class Status(IntEnum):
@@ -23,7 +23,9 @@ class Status(IntEnum):
 
     UNCHECKED: there are as many usable readings as unknowns, so that a wrong reading also gives a
     pose and nothing shows the error; `solve(..., accept_unchecked=True)` gives it. AMBIGUOUS:
-    another pose gives the same reading.
+    another pose gives the same reading. Of live samples only: SKIPPED: it was recorded and not
+    solved, since the run had fallen behind; a replay solves it. SATURATED: a converter was at its
+    end, so that the reading is not finite.
     """
 
     CONVERGED = problem.CONVERGED
@@ -35,10 +37,16 @@ class Status(IntEnum):
     STALLED = problem.STALLED
     UNCHECKED = problem.UNCHECKED
     AMBIGUOUS = problem.AMBIGUOUS
+    SKIPPED = 64
+    SATURATED = 66
 
     @property
     def label(self) -> str:
         return self.name.lower().replace("_", " ")
+
+
+#: The words of each status, by its number.
+LABELS = {status.value: status.label for status in Status}
 
 
 class UncertainResult:
@@ -283,11 +291,7 @@ def solution(
     )
 
 
-#: Where the numbers of a `LazySolution` are: the state and the power, then how the estimate has
-#: ended, which detectors were used, and what is left, then the checks and the limit, and the
-#: covariance if there is one.
-STATUS, ITERATIONS, USED = 9, 10, 11
-RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
+#: How a field of a `LazySolution` is made of its numbers.
 FIELDS: dict[str, Callable[[Floats], Any]] = {
     "state": lambda numbers: numbers[..., :8],
     "status": lambda numbers: numbers[..., STATUS].astype(np.int8),

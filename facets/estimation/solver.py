@@ -1,24 +1,40 @@
-"""Solve readings for the mirror's pose: weighted least squares with all prior knowledge."""
+"""Solve readings for the mirror's pose: weighted least squares with all prior knowledge.
+
+`solve_each` solves readings of which each has a sensor of its own: the draws of a calibration's
+parameters. Blocks do nearly all of them; light that is cut is solved one by one.
+"""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
-from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ..core.knowledge import BeamKnowledge, PowerKnowledge, Question
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import as_rows, as_vectors
 from ..model.threads import part_of, share
-from . import problem
+from ..model.varied import VariedSensors
+from . import blocks, problem
 from .doubts import is_doubtful, replace_unlikely, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate
-from .plan import Plan, chance_of, find_plan, make_problem, sigmas_of, start_states
+from .plan import (
+    Plan,
+    chance_of,
+    find_plan,
+    is_plain,
+    is_previous,
+    make_plan,
+    make_problem,
+    sigmas_of,
+    start_states,
+)
 from .prepared import find_solver
+from .problem import Form
 from .solution import Solution, solution
 
 
@@ -101,22 +117,44 @@ def solve(
     'no light'
     """
     given = as_vectors(readings, 9, "readings")
-    if max_steps < 1:
-        raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-    if isinstance(beam, str) and isinstance(power, str) and threads >= 0 and are_few(given, start):
-        solver = find_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
+    question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
+    return solve_question(sensor, given, question, start, threads)
+
+
+def solve_question(
+    sensor: Sensor,
+    given: Floats,
+    question: Question,
+    start: Literal["zero", "previous"] | ArrayLike = "zero",
+    threads: int = 1,
+    warmer: Floats | None = None,
+) -> Solution:
+    """`solve` of readings (..., 9) that are checked.
+
+    warmer: (n,) of readings (n, 9), than the reference temperature of the calibration, K.
+    """
+    if is_short(question) and threads >= 0 and are_few(given, start):
+        solver = find_solver(sensor, question)
         if given.ndim == 1:
             return solver.solve_from(given, solver.start_state(start, given))
-        if (found := solver.solve_some(given)) is not None:
-            return found
+        if (kept := solver.solve_some(given, warmer)) is not None:
+            return kept
     values, shape = as_rows(given, 9, "readings")
-    todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
+    todo = find_plan(sensor, question.knowledge, question.method, shape)
     starts = start_states(sensor, start, todo, values, shape)
-    asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
+    asked = make_problem(todo, starts, question, is_previous(start))
     rows = problem.Readings(values, sigmas_of(sensor, values))
-    results = solve_rows(sensor, rows, todo, asked, covariance, threads)
-    parts = add_calibration(sensor, todo, results)
+    results = solve_rows(sensor, rows, todo, asked, question.covariance, threads)
+    parts = add_calibration(sensor, todo, results, warmer)
     return solution(results, shape, chance_of(sensor, todo), parts)
+
+
+def is_short(question: Question) -> bool:
+    """Whether a question has no array, so that a solver is kept for it."""
+    beam, power = question.beam, question.power
+    return (isinstance(beam, str) or is_plain(beam, 2)) and (
+        isinstance(power, str) or is_plain(power, 1)
+    )
 
 
 #: The memory of so many readings is kept.
@@ -132,11 +170,12 @@ def are_few(readings: Floats, start: str | ArrayLike) -> bool:
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
-    todo, values = find_plan(sensor, Knowledge(), "least-squares", ()), reading[None].copy()
+    question, values = Question(), reading[None].copy()
+    todo = find_plan(sensor, question.knowledge, question.method, ())
     starts = start_states(sensor, start, todo, values, ())
-    asked = make_problem(todo, starts, start, "least-squares", 50, False)
+    asked = make_problem(todo, starts, question)
     found = problem.empty_results(1, False)
-    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
+    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), asked, found)
     return found.states[0, :8], float(found.residuals[0])
 
 
@@ -156,7 +195,7 @@ def solve_rows(
     def run(part: slice) -> None:
         some, questions = problem.some_rows(part, readings, request)
         results = problem.Results(*(part_of(array, part, n) for array in found))
-        estimate(sensor, some, todo.limits, questions, results)
+        estimate(sensor, some, questions, results)
 
     share(run, n, threads)
 
@@ -164,7 +203,7 @@ def solve_rows(
         some, questions = problem.some_rows(rows, readings, request)
         results = problem.empty_results(len(rows), covariance)
         questions = questions._replace(starts=starts, previous=False)
-        estimate(sensor, some, todo.limits, questions, results)
+        estimate(sensor, some, questions, results)
         return results
 
     chance = chance_of(sensor, todo)
@@ -173,3 +212,92 @@ def solve_rows(
     if is_doubtful(sensor, todo.free):
         withdraw_doubtful(sensor, todo.free, chance, found, again)
     return found
+
+
+def solve_each(
+    sensors: VariedSensors,
+    values: Floats,
+    question: Question,
+) -> problem.Results:
+    """Solve readings (n, 9) as `facets.solve` does, each with its own sensor; no covariances.
+
+    question: priors with means (n, 2), (n) are those of each reading. A reading whose sensor cannot
+    be has the status NON_FINITE.
+    """
+    sensor, shape = sensors.sensor, (len(values),)
+    plan = make_plan(sensor, question.knowledge, shape=shape)
+    starts = start_states(sensor, "zero", plan, values, shape)
+    request = make_problem(plan, starts, question)
+    readings = problem.Readings(values, sigmas_of(sensor, values))
+
+    def estimate(
+        which: Any, some: problem.Readings, questions: problem.FitProblem
+    ) -> problem.Results:
+        found = problem.empty_results(len(some.values), False)
+        own, some_question = sensors.rows(which), question.rows(which)
+        left = np.arange(len(some.values))
+        if own.kind is not None and len(left):
+            left = estimate_in_blocks(own, own.kind, some, questions, found)
+        estimate_singly(own, left, some.values, some_question, questions.starts, found)
+        return found
+
+    found = estimate(np.arange(len(values)), readings, request)
+    if is_doubtful(sensor, plan.free) and sensors.kind is not None:
+
+        def again(which: Any, begin: Floats) -> problem.Results:
+            some, questions = problem.some_rows(which, readings, request)
+            return estimate(which, some, questions._replace(starts=begin))
+
+        withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), found, again)
+    return found
+
+
+def estimate_in_blocks(
+    sensors: VariedSensors,
+    kind: str,
+    readings: problem.Readings,
+    request: problem.FitProblem,
+    found: problem.Results,
+) -> Any:
+    """Fill `found`, as `estimates.estimate` does.
+
+    Returns the numbers of the rows without light where they begin: their sensors may be none that
+    can be.
+    """
+
+    def run(which: Any, exact: bool) -> None:
+        code = blocks.kernel(Form(tuple(request.free.tolist()), kind, exact, varied=True))
+        some, questions = problem.some_rows(which, readings, request)
+        part = problem.empty_results(len(which), False)
+        blocks.estimate(code, sensors.rows(which).pack(kind), some, questions, part)
+        problem.put_rows(found, which, part)
+
+    run(np.arange(len(readings.values)), False)
+    unlit = (found.status == problem.OUT_OF_RANGE) & (found.steps == 0) & found.used.all(axis=1)
+    stalled = np.flatnonzero(found.status == problem.STALLED)
+    if len(stalled) and kind != "plain":
+        run(stalled, True)
+    return np.flatnonzero(unlit)
+
+
+def estimate_singly(
+    sensors: VariedSensors,
+    which: Any,
+    values: Floats,
+    question: Question,
+    starts: Floats,
+    found: problem.Results,
+) -> None:
+    """Fill rows of `found`, with a `Sensor` for each."""
+    for row in which.tolist():
+        start = starts[row if len(starts) > 1 else 0]
+        try:
+            asked = question.rows(row)._replace(covariance=False)
+            one = solve_question(sensors.one(row), values[row], asked, start[:8])
+        except InputError:
+            found.status[row], found.used[row] = problem.NON_FINITE, False
+            found.states[row] = found.residuals[row] = np.nan
+            continue
+        found.states[row, :8], found.states[row, 8] = one.state, one.power
+        found.status[row], found.used[row] = one.status, one.used
+        found.steps[row], found.residuals[row] = one.iterations, one.residual

@@ -17,9 +17,8 @@ from math import inf
 from typing import Any, NamedTuple
 
 from ..optics.forward import Geometry, power_derivative
+from ..scalars import linear_algebra
 from ..scalars.dispatch import select, select_each, sqrt
-from . import straight
-from .block_task import Form, Scales
 from .problem import (
     AMBIGUOUS,
     CONVERGED,
@@ -35,6 +34,8 @@ from .problem import (
     SINGULAR,
     STALLED,
     UNCHECKED,
+    Form,
+    Scales,
 )
 
 #: The status of a state that has not ended.
@@ -186,7 +187,7 @@ def equations(x: Sequence[Any], question: Question, linearise: Linearise) -> tup
             weight = question.weights[i]
             rows.append([select(used, weight * each, 0.0) for each in row])
             residuals.append(select(used, weight * (question.values[i] - value), 0.0))
-    matrix, right = straight.normal_equations([*zip(*rows, strict=True)], residuals)
+    matrix, right = linear_algebra.normal_equations([*zip(*rows, strict=True)], residuals)
     cost: Any = 0.0
     for residual in residuals:
         cost = cost + residual * residual
@@ -270,8 +271,8 @@ def move(state: State, ready: Any, normal: Any, question: Question) -> State:
     so short.
     """
     damping, held = state.damping, state.damping > 0
-    factor, sure = straight.factorise(normal[0], damping)
-    steps, gain = straight.solution(factor, normal[1])
+    factor, sure = linear_algebra.factorise(normal[0], damping)
+    steps, gain = linear_algebra.solution(factor, normal[1])
     end = list(state.here)
     for c, change in zip(question.form.free, steps, strict=True):
         end[c] = end[c] + change
@@ -308,9 +309,9 @@ def residual_of(end: State) -> Any:
     return sqrt(select(left > 0, left, 0.0))
 
 
-def covariance_of(factor: straight.Triangle, free: Sequence[int]) -> list[list[Any]]:
+def covariance_of(factor: linear_algebra.Triangle, free: Sequence[int]) -> list[list[Any]]:
     """That of the free unknowns at its places in that of the state, (8, 8)."""
-    steps = straight.inverse(factor)
+    steps = linear_algebra.inverse(factor)
     covariance = [[0.0 for _ in range(8)] for _ in range(8)]
     for i, a in enumerate(free):
         for j, b in enumerate(free):

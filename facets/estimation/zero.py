@@ -1,24 +1,23 @@
-"""The zero of a table: which samples are the reference pose from which displacements are given."""
+"""The zero: which samples are the reference pose from which displacements are given."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
+from ..core.names import DETECTORS, POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats, Integers
 from ..files import tables
 from .differences import ZeroPose, make_zero
 from .plan import make_plan
 
 if TYPE_CHECKING:
-    from ..core.settings import Config, Solve
+    from ..core.settings import Config
+    from .samples import Samples
     from .solution import Solution
 
 #: Scatter of a zero's samples over their noise above which the mirror did not stand still; and what
@@ -53,6 +52,15 @@ class ZeroRequest:
         members: Booleans = (np.cumsum(is_outside) == 0) & np.isfinite(after)
         return members
 
+    def require_length(self, lasts: float, samples: int, what: str) -> None:
+        """Raise `InputError` where all samples, of `what`, last for less than the zero, but for the
+        time to the next sample; a live run has no zero then."""
+        if lasts + 2 * lasts / max(samples - 1, 1) < self.seconds:
+            raise InputError(
+                f"--zero is {self.text}, but {what} lasts {lasts:.4g} s; give a shorter time, or "
+                "row:N"
+            )
+
     @property
     def text(self) -> str:
         """The request as a phrase."""
@@ -61,85 +69,109 @@ class ZeroRequest:
         return f"row {self.row}" if self.row else f"the first {self.seconds:g} s"
 
 
-class SolvedPart(NamedTuple):
-    """A piece of a table, its solution, and whether each row is a sample of the zero."""
+@dataclass(frozen=True)
+class PoseColumns:
+    """What poses have beside the mirror's pose and the object's.
 
-    chunk: tables.Chunk
-    solution: Solution
-    members: Booleans
+    zero: the samples from whose mean pose displacements are given.  covariance: whether whole
+    covariances.  coverage: the probability of expanded uncertainties, or None for none.
+    """
 
-
-def find_zero(
-    request: ZeroRequest,
-    config: Config,
-    options: Solve,
-    solved: Iterable[tuple[tables.Chunk, Solution]],
-) -> tuple[ZeroPose, Iterator[SolvedPart]]:
-    """The zero, and all pieces of the table; those that the zero needs are held in memory."""
-    parts = mark_members(request, solved)
-    if request.file is not None:
-        return zero_of_table(request.file, config, options), parts
-    held = []
-    for part in parts:
-        held.append(part)
-        if not part.members[-1] and any(one.members.any() for one in held):
-            break
-    if not any(part.members.any() for part in held):
-        count = sum(len(part.members) for part in held)
-        raise InputError(f"--zero is {request.text}, but the table has {count} rows without it")
-    if request.seconds and held[-1].members[-1]:
-        require_length(request, np.concatenate([part.chunk.columns["time_s"] for part in held]))
-    return zero_of_parts(config, options, held), chain(held, parts)
+    zero: ZeroRequest | None = None
+    covariance: bool = False
+    coverage: float | None = None
 
 
-def zero_of_parts(config: Config, options: Solve, held: Sequence[SolvedPart]) -> ZeroPose:
-    """The zero of pieces of a table."""
-    some = [(part.chunk.columns, part.solution, part.members & part.solution.ok) for part in held]
-    temperature = [
-        columns[TEMPERATURE_COLUMN][rows]
-        for columns, _, rows in some
-        if TEMPERATURE_COLUMN in columns
-    ]
-    return zero_of_samples(
-        config,
-        options,
-        np.concatenate([solution.state[rows] for _, solution, rows in some]),
-        np.concatenate(temperature) if temperature else None,
-        np.concatenate([solution.used[rows] for _, solution, rows in some]),
-    )
+class ZeroSearch:
+    """Collects the samples of a zero, in whatever order they come, until it is known.
 
+    zero: the reference pose, None until it is known.  is_begun: whether a sample of it has come.
+    """
 
-def require_length(request: ZeroRequest, time: Floats, what: str = "the table") -> None:
-    """Raise `InputError` where samples at these times (n,), s, end before the seconds of their
-    zero, but for the time to the next sample; a live run has no zero then."""
-    known = time[np.isfinite(time)]
-    lasts = known[-1] - known[0]
-    if lasts + 2 * lasts / max(len(known) - 1, 1) < request.seconds:
-        raise InputError(
-            f"--zero is {request.text}, but {what} lasts {lasts:.4g} s; give a shorter time, or "
-            "row:N"
-        )
+    def __init__(self, request: ZeroRequest, config: Config, waits: bool) -> None:
+        """waits: whether the samples are counted from the first one that has a pose that fits, as
+        those of a run, which may begin in the dark; else from the first of all.
 
+        Raises `InputError` where the table that is requested is of no use.
+        """
+        self.request, self.config, self.waits = request, config, waits
+        self.zero: ZeroPose | None = None
+        if request.file is not None:
+            self.zero = zero_of_table(request.file, config)
+        self.begin_anew()
 
-def mark_members(
-    request: ZeroRequest, solved: Iterable[tuple[tables.Chunk, Solution]]
-) -> Iterator[SolvedPart]:
-    """Yield the pieces of a table with their samples of the zero."""
-    count, start, is_over = 0, np.nan, False
-    for chunk, solution in solved:
-        time = chunk.columns.get("time_s")
-        rows = count + 1 + np.arange(len(chunk.lines))
-        if time is not None and not np.isfinite(start):
-            start = next((t for t in time.tolist() if np.isfinite(t)), np.nan)
-        members = request.members(rows, time, start) & (not is_over)
-        is_over |= bool(request.seconds) and not members.all()
-        yield SolvedPart(chunk, solution, members)
-        count += len(rows)
+    def begin_anew(self) -> None:
+        """Forget the samples so far."""
+        self.is_begun = self.is_over = False
+        self.first = 0, np.nan
+        self.count, self.last = 0, np.nan
+        #: Of the zero's samples so far: states, temperatures, and detectors.
+        self.members: list[tuple[Floats, Floats, Booleans]] = []
+
+    def add(self, samples: Samples, solution: Solution) -> Booleans:
+        """Take in solved samples, and make the zero once the first sample after it has come.
+
+        Returns which samples belong to it and have a pose that fits: (n,). Raises `InputError`,
+        and begins anew, where its samples are of no use.
+        """
+        nothing = np.zeros(len(samples.readings), dtype=bool)
+        if self.zero is not None or not (self.is_begun or self.begin(samples, solution)):
+            return nothing
+        number, start = self.first
+        inside = self.request.members(samples.numbers - number + 1, samples.time, start)
+        inside &= not self.is_over
+        members: Booleans = inside & solution.ok
+        self.count += int(inside.sum())
+        if members.any():
+            warm = np.empty(0) if samples.temperature is None else samples.temperature[members]
+            self.members.append((solution.state[members], warm, solution.used[members]))
+        ahead = inside[samples.numbers >= number]
+        if samples.time is not None and np.isfinite(samples.time).any():
+            self.last = float(np.nanmax(samples.time))
+        self.is_over |= bool(self.request.seconds) and len(ahead) > 0 and not ahead[-1]
+        if self.count and (self.is_over or self.request.row):
+            self.measure()
+        return members
+
+    def begin(self, samples: Samples, solution: Solution) -> bool:
+        """Whether the first sample of all, or the first with a pose, is among these."""
+        starts = solution.ok if self.waits else np.ones(len(samples.readings), dtype=bool)
+        time = samples.time
+        if time is None:
+            time = np.full(len(starts), np.nan)
+        elif self.request.seconds:
+            starts = starts & np.isfinite(time)
+        if starts.any():
+            first = int(np.argmax(starts))
+            self.first = int(samples.numbers[first]) if self.waits else 1, float(time[first])
+            self.is_begun = True
+        return self.is_begun
+
+    def measure(self) -> None:
+        """Make the zero of the samples so far."""
+        members = self.members or [(np.empty((0, 8)), np.empty(0), np.empty((0, 3), bool))]
+        states, temperature, used = map(np.concatenate, zip(*members, strict=True))
+        self.begin_anew()
+        self.zero = zero_of_samples(self.config, states, temperature, used)
+
+    def finish(self, what: str, rows: int) -> None:
+        """Make the zero at the end of all samples, those of `what`.
+
+        Raises `InputError` where they do not have it.
+        """
+        if self.zero is not None:
+            return
+        if not self.count:
+            raise InputError(
+                f"--zero is {self.request.text}, but {what} has {rows} rows without it"
+            )
+        if self.request.seconds:
+            self.request.require_length(self.last - self.first[1], self.count, what)
+        self.measure()
 
 
 def zero_of_samples(
     config: Config,
-    options: Solve,
     states: Floats,
     temperature: Floats | None = None,
     used: Booleans | None = None,
@@ -153,25 +185,30 @@ def zero_of_samples(
     warmer = 0.0
     if temperature is not None and len(temperature) and sensor.thermal.is_on:
         warmer = float(np.nanmean(temperature)) - sensor.thermal.reference
-    plan = make_plan(sensor, options.knowledge(sensor), options.method)
+    plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
     return make_zero(sensor, states, plan, used, warmer=warmer)
 
 
-def zero_of_table(path: Path, config: Config, options: Solve) -> ZeroPose:
+def zero_of_table(path: Path, config: Config) -> ZeroPose:
     """The mean of the poses of a table that fit their readings.
 
     The errors of the calibration are common to this zero and later poses only if the table says
     that it was made from the same configuration.
     """
     columns = STATE_COLUMNS[:6], (*STATE_COLUMNS[6:], "misfit")
-    states = []
+    states, fitting = [], []
     for chunk in tables.read_chunks(path, *columns):
         zeros = np.zeros(len(chunk.lines))
         rows = np.column_stack([chunk.columns.get(name, zeros) for name in STATE_COLUMNS])
         fits = ~(chunk.columns.get("misfit", zeros) > 0)
         states.append(rows[fits] * STATE_UNITS)
+        fitting.append(fits)
+    used, words = None, tables.read_words(path, "used")
+    if words is not None:
+        letters = np.array([[letter in word for letter in DETECTORS] for word in words], bool)
+        used = letters.reshape(-1, 3)[np.concatenate(fitting or [np.zeros(0, bool)])]
     try:
-        zero = zero_of_samples(config, options, np.concatenate(states or [np.empty((0, 8))]))
+        zero = zero_of_samples(config, np.concatenate(states or [np.empty((0, 8))]), used=used)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     same = tables.read_head(path).get("config_sha256") == config.sha256

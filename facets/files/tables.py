@@ -252,6 +252,22 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
     return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
 
 
+def read_words(path: Path, name: str) -> list[str] | None:
+    """Read a column of words of a whole table; None if it has no such column."""
+    require_table(path)
+    if ending(path) == ".parquet":
+        import pyarrow.parquet as pq
+
+        if name not in pq.read_schema(path).names:
+            return None
+        return [str(word) for word in pq.read_table(path, columns=[name])[name].to_pylist()]
+    with open_sheet(path) as sheet:
+        if name not in sheet.names:
+            return None
+        place = sheet.names.index(name)
+        return [row[place].strip() if place < len(row) else "" for _, row in sheet.rows()]
+
+
 def read_csv(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:

@@ -21,7 +21,7 @@ _NAMES_OF = {
     "run.live": "Live",
     "playback": "Playback refuse_output",
     "web.replay_page": "ReplayPage",
-    "assembly": "Run",
+    "assembly": "Run RunOptions",
     "run.view": "Screen json_line plain_line summary values",
     "streams.publication": "require_packages Publication Publications",
     "run.poses": "poses",
@@ -31,13 +31,13 @@ _NAMES_OF = {
     "recording.comparison": "compare",
     "recording.disk": "Disk",
     "recording.index": "Damage are_events_whole",
-    "recording.pose_table": "join_columns pose_columns recorded_poses",
+    "recording.pose_table": "join_columns recorded_columns recorded_poses",
     "recording.reader": "blocks meta_of utc_offset",
     "recording.replay": "recorded_config replay",
     "recording.writer": "Recording",
     "run.board_poses": "SOLVED board_solution",
     "run.loop": "CLOCK_MOVED Ending Loop acquire",
-    "run.pipeline": "FULL LABELS Pipeline Poses SKIPPED TWO_DETECTORS join_poses",
+    "run.pipeline": "Pipeline Poses join_poses",
     "run.pulses": "PulseClock",
     "run.reader": "MAX_BLOCK_S Reader",
     "run.sink": "Sink",
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from . import virtual as virtual
     from . import web as web
     from .assembly import Run as Run
+    from .assembly import RunOptions as RunOptions
     from .playback import Playback as Playback
     from .playback import refuse_output as refuse_output
     from .run.live import Live as Live

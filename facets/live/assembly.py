@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from math import inf
@@ -16,6 +16,7 @@ from ..config.loading import fingerprint
 from ..core.errors import InputError
 from ..core.keys import block_of
 from ..core.rigid_body import MIRROR, MeasuredObject
+from ..estimation.zero import PoseColumns
 from ..files.provenance import run_record
 from ..files.whole import hold_signals
 from ..tracking.check import StageCheck
@@ -32,10 +33,73 @@ from .web.status import status_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
-    from ..estimation.zero import ZeroRequest
 
 Tell = Callable[[str], None]
 Show = Callable[[Live], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """What a run does beside reading and solving.
+
+    Attributes
+    ----------
+    record, folder
+        Whether the run is recorded, and the new folder for the recording; `recordings/TIME` by
+        default.
+    track, check_stage
+        Whether the stage follows the mirror, or moves for a check of its wiring; not both. If
+        neither is set, the stage never moves.
+    stage_port
+        Port of the stage; `stage.port` of the configuration by default.
+    seconds, samples
+        The run ends after this time, s, or after this number of samples.
+    reconnect
+        Whether the run waits for an unplugged board.
+    max_loss, compare
+        Largest share of lost samples or of silence in a good run, and whether poses that differ
+        from the board's poses make a run bad.
+    publish
+        Addresses at which samples are published.
+    web, page_scripts
+        Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
+        `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
+    columns
+        What poses have beside those of mirror and object, such as displacements from a zero.
+
+    Raises
+    ------
+    InputError
+        For options that contradict each other.
+    """
+
+    record: bool = True
+    folder: Path | None = None
+    track: bool = False
+    check_stage: bool = False
+    stage_port: str | None = None
+    seconds: float | None = None
+    samples: int | None = None
+    reconnect: bool = False
+    max_loss: float = 0.001
+    compare: bool = False
+    publish: Sequence[str] = ()
+    web: str | None = None
+    page_scripts: dict[str, str] | None = None
+    columns: PoseColumns = field(default_factory=PoseColumns)
+
+    def __post_init__(self) -> None:
+        if self.check_stage and self.track:
+            raise InputError("--check-stage and --track both move the stage; check it first")
+        if self.seconds == 0:
+            raise InputError(
+                "--seconds 0 would end at once; give more, or leave the option out to run until "
+                "Ctrl-C"
+            )
+
+    @property
+    def moves_stage(self) -> bool:
+        return self.track or self.check_stage
 
 
 class Run:
@@ -62,17 +126,10 @@ class Run:
     10000
     """
 
-    def __init__(
-        self,
-        config: Config,
-        max_loss: float = 0.001,
-        compare: bool = False,
-        zero: ZeroRequest | None = None,
-        covariance: bool = False,
-    ) -> None:
+    def __init__(self, config: Config, options: RunOptions) -> None:
         """Prepare the solver; `from_config` adds the source and the sinks."""
-        self.config, self.max_loss, self.compare = config, max_loss, compare
-        self.live = Live(Pipeline(config, zero, covariance))
+        self.config, self.options = config, options
+        self.live = Live(Pipeline(config, options.columns))
         self.live.pipeline.warm_up()
         self.reader: Reader
         self.ending = Ending()
@@ -86,22 +143,7 @@ class Run:
         cls,
         config: Config,
         port: str | None = None,
-        *,
-        record: bool = True,
-        folder: Path | None = None,
-        track: bool = False,
-        check_stage: bool = False,
-        stage_port: str | None = None,
-        seconds: float | None = None,
-        samples: int | None = None,
-        reconnect: bool = False,
-        max_loss: float = 0.001,
-        compare: bool = False,
-        publish: Sequence[str] = (),
-        web: str | None = None,
-        page_scripts: dict[str, str] | None = None,
-        zero: ZeroRequest | None = None,
-        covariance: bool = False,
+        options: RunOptions | None = None,
         tell: Tell = lambda _: None,
     ) -> Self:
         """Open the source, the recording, the publications, the page and the stage of a run.
@@ -112,60 +154,38 @@ class Run:
             Sensor, solver, stream and stage.
         port : str, optional
             Port of the detector board; `acquire.port` of the configuration by default.
-        record, folder
-            Whether the run is recorded, and the new folder for the recording; `recordings/TIME` by
-            default.
-        track, check_stage : bool
-            Whether the stage follows the mirror, or moves for a check of its wiring; not both. If
-            neither is set, the stage never moves.
-        stage_port : str, optional
-            Port of the stage; `stage.port` of the configuration by default.
-        seconds, samples
-            The run ends after this time, s, or after this number of samples.
-        reconnect : bool
-            Whether the run waits for an unplugged board.
-        max_loss, compare
-            Largest share of lost samples or of silence in a good run, and whether poses that differ
-            from the board's poses make a run bad.
-        publish
-            Addresses at which samples are published.
-        web, page_scripts
-            Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
-            `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
-        zero, covariance
-            The samples from whose mean pose displacements are given, and whether poses have the
-            columns of their whole covariances.
+        options : RunOptions, optional
+            What the run does beside reading and solving; it is recorded by default.
         tell : callable
             Receives messages for the user at the beginning, line by line.
 
         Raises
         ------
         InputError
-            For contradictory options, and for an address or a folder that cannot be used.
+            For an address or a folder that cannot be used.
         PortError
             If the board or the stage cannot be opened. All parts opened before are then closed
             again, and an empty recording is removed.
         """
-        refuse_options(track, check_stage, seconds)
+        options = options or RunOptions()
         port = require_port(port or config.acquire.port, "--port", "acquire.port")
-        moves_stage = track or check_stage
-        if moves_stage:
+        if options.moves_stage:
             refuse_board(config, port)
-        if check_stage:  # the check uses only the readings' place of the beam
+        if options.check_stage:  # the check uses only the readings' place of the beam
             config = replace(config, solve=replace(config.solve, beam="free"))
-        require_packages(publish, web)
-        run = cls(resolve_object(config), max_loss, compare, zero, covariance)
+        require_packages(options.publish, options.web)
+        run = cls(resolve_object(config), options)
         with ExitStack() as on_failure:
             on_failure.callback(run.abandon)
-            if record:
-                run.begin_recording(folder)
-            if publish or web is not None:
-                run.publish(publish, web, page_scripts, tell)
-            if moves_stage:
-                run.open_stage(stage_port, check_stage, tell)
-            run.reader = Reader(config, port, reconnect, run.live, tell)
+            if options.record:
+                run.begin_recording()
+            if options.publish or options.web is not None:
+                run.publish(tell)
+            if options.moves_stage:
+                run.open_stage(tell)
+            run.reader = Reader(config, port, options.reconnect, run.live, tell)
             on_failure.pop_all()
-        run.ending = Ending(seconds or inf, samples or inf, run.is_check_over)
+        run.ending = Ending(options.seconds or inf, options.samples or inf, run.is_check_over)
         return run
 
     @property
@@ -178,48 +198,44 @@ class Run:
         """Whether the run has a check of the stage that is complete or was stopped."""
         return self.check is not None and self.check.is_over
 
-    def begin_recording(self, folder: Path | None) -> None:
+    def begin_recording(self) -> None:
         """Begin a recording in a new folder."""
         now = datetime.now(UTC)
-        folder = folder or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
+        folder = self.options.folder or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
         begin = {"begin_utc": now.isoformat(), "begin_monotonic": time.monotonic()}
-        if (zero := self.live.pipeline.object_poses.request) is not None:
+        if (zero := self.live.pipeline.measurement.request) is not None:
             begin["zero"] = zero.text
         meta = run_record(self.config, None, 0.0, begin)
         with hold_signals():  # a folder that is begun has an owner, who removes it
             self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
         self.live.sinks.append(self.recording)
 
-    def publish(
-        self,
-        addresses: Sequence[str],
-        web: str | None,
-        page_scripts: dict[str, str] | None,
-        tell: Tell,
-    ) -> None:
+    def publish(self, tell: Tell) -> None:
         """Begin to publish samples; report where."""
-        objects = self.live.pipeline.object_poses
-        self.publications = Publications(addresses, self.config, objects=objects)
+        options, measurement = self.options, self.live.pipeline.measurement
+        self.publications = Publications(options.publish, self.config, objects=measurement)
         self.live.sinks.append(self.publications)
-        if addresses:
+        if options.publish:
             tell(f"publishing at {', '.join(self.publications.places())}")
-        if web is None:
+        if options.web is None:
             return
-        if page_scripts is None:
+        if options.page_scripts is None:
             raise InputError("a page (web) needs page_scripts; give rig_scripts of the sensor")
         status = partial(status_of, self.live)
-        content = row_content(self.config, self.live.pipeline.object_poses)
-        more = {"kind": "acquire", **content}
-        self.page = WebPage(self.config, web, status, more, drawn=page_scripts)
+        more = {"kind": "acquire", **row_content(self.config, measurement)}
+        self.page = WebPage(self.config, options.web, status, more, drawn=options.page_scripts)
         self.publications.all.append(self.page)
         for text in self.page.greeting():
             tell(text)
         self.page.show()
 
-    def open_stage(self, port: str | None, check: bool, tell: Tell) -> None:
+    def open_stage(self, tell: Tell) -> None:
         """Open the stage, which the page can then resume."""
-        self.stage_port = require_port(port or self.config.stage.port, "--stage-port", "stage.port")
-        tracker = open_tracker(self.config, self.stage_port, check, tell, self.live.add_event)
+        port = self.options.stage_port or self.config.stage.port
+        self.stage_port = require_port(port, "--stage-port", "stage.port")
+        tracker = open_tracker(
+            self.config, self.stage_port, self.options.check_stage, tell, self.live.add_event
+        )
         self.live.tracker = tracker
         if self.page:
             self.page.resume = partial(tracker.resume, "the page")
@@ -250,9 +266,9 @@ class Run:
         live, found = self.live, self.sample_complaints()
         if live.pipeline.tally.misfit.is_mostly_flagged:
             found.append(live.pipeline.tally.misfit.sentence)
-        if live.pipeline.object_poses.is_measuring:
-            found.append(f"{live.pipeline.object_poses.sentences()[0]}.")
-        if self.compare:
+        if live.pipeline.measurement.is_measuring:
+            found.append(f"{live.pipeline.measurement.zero_sentences()[0]}.")
+        if self.options.compare:
             found += live.pipeline.board.complaints()
         if self.check:
             return found + self.check.faults()
@@ -268,11 +284,11 @@ class Run:
         """What is wrong with the samples of a finished run, in sentences."""
         live, without = self.live, self.live.time_without_samples
         found = [text for text in (live.pipeline.tally.pose_complaint(),) if text]
-        if live.loss > self.max_loss:
+        if live.loss > self.options.max_loss:
             silence = f" and none came for {without:.1f} s" if without else ""
             found.append(
                 f"{live.pipeline.sequence.lost} samples were lost{silence}, {100 * live.loss:.3g} "
-                f"% of all; --max-loss allows {100 * self.max_loss:.3g} %."
+                f"% of all; --max-loss allows {100 * self.options.max_loss:.3g} %."
             )
         return found
 
@@ -291,16 +307,6 @@ def resolve_object(config: Config) -> Config:
         return config
     resolved = config.resolved | {"object": keys}
     return replace(config, resolved=resolved, sha256=fingerprint(resolved))
-
-
-def refuse_options(track: bool, check_stage: bool, seconds: float | None) -> None:
-    """Raise `InputError` for options that contradict each other."""
-    if check_stage and track:
-        raise InputError("--check-stage and --track both move the stage; check it first")
-    if seconds == 0:
-        raise InputError(
-            "--seconds 0 would end at once; give more, or leave the option out to run until Ctrl-C"
-        )
 
 
 def require_port(port: str | None, option: str, key: str) -> str:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 from ..core.channels import describe_channels
 from ..core.errors import InputError
 from ..core.extras import require_extra
-from ..estimation.zero import ZeroRequest, zero_text
+from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
 from .recording.comparison import compare, comparison_sentences
 from .recording.index import Damage
-from .recording.pose_table import join_columns, pose_columns, recorded_poses
+from .recording.pose_table import join_columns, recorded_poses
 from .recording.reader import meta_of, seal_of, utc_offset
 from .recording.replay import label, recorded_config, replay
 from .run.pipeline import Pipeline, Poses, join_poses
@@ -40,10 +40,8 @@ class Playback:
         The configuration for solving; the recording's own by default.
     change : callable, optional
         Returns the configuration with changes, such as another point of the object.
-    zero : ZeroRequest, optional
-        The samples from whose mean pose displacements are given.
-    covariance : bool
-        Whether poses have the columns of their whole covariances.
+    columns : PoseColumns, optional
+        What poses have beside those of mirror and object, such as displacements from a zero.
 
     Raises
     ------
@@ -66,13 +64,12 @@ class Playback:
         config: Config | None = None,
         *,
         change: Callable[[Config], Config] = lambda config: config,
-        zero: ZeroRequest | None = None,
-        covariance: bool = False,
+        columns: PoseColumns | None = None,
     ) -> None:
         meta = meta_of(folder, own=config is None)
         self.folder, self.recorded = folder, str(meta.get("made", ""))
         self.config = change(config or recorded_config(folder))
-        self.pipeline, self.damage = Pipeline(self.config, zero, covariance), Damage()
+        self.pipeline, self.damage = Pipeline(self.config, columns), Damage()
 
     def poses(
         self,
@@ -120,8 +117,9 @@ class Playback:
         tell: receives the addresses.  say: receives, at the end, the number of published samples.
         """
         offset = utc_offset(self.folder)
-        objects = self.pipeline.object_poses
-        with Publications(addresses, self.config, True, offset, objects) as publications:
+        with Publications(
+            addresses, self.config, True, offset, self.pipeline.measurement
+        ) as publications:
             tell(f"publishing at {', '.join(publications.places())}")
             for part in poses:
                 publications.add_poses(part)
@@ -143,9 +141,8 @@ class Playback:
         for words, count in tally.statuses.items():
             if count and words != "converged":
                 yield f"  {count} {words}"
-        temperature = self.pipeline.temperature_sentence()
-        board, zero = self.pipeline.board, self.pipeline.object_poses.sentences()
-        for text in (tally.misfit.words, temperature, *zero, board.sentence(), board.trouble()):
+        board, sentences = self.pipeline.board, self.pipeline.measurement.sentences()
+        for text in (*sentences, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"
 
@@ -157,10 +154,10 @@ class Playback:
         """
         about = provenance.provenance_header(self.config)
         about |= describe_channels(self.config.acquire.channels) | {"recorded": self.recorded}
-        poses, objects = self.await_zero(poses), self.pipeline.object_poses
-        if objects.request is not None and objects.zero is not None:
-            about["zero"] = zero_text(objects.request, objects.zero)
-        content = row_content(self.config, objects)
+        poses, measurement = self.await_zero(poses), self.pipeline.measurement
+        if measurement.zero is not None:
+            about["zero"] = measurement.zero_text
+        content = row_content(self.config, measurement)
         if smooth:
             yield self.write_with_smoothing(path, list(poses), smooth, about)
         elif is_mcap(path):
@@ -178,10 +175,10 @@ class Playback:
         """The same poses, taken in up to the end of the zero's samples.  Raises `InputError` if
         there is no sample after them."""
         held, rest = [], iter(poses)
-        while self.pipeline.object_poses.is_measuring:
+        while self.pipeline.measurement.is_measuring:
             part = next(rest, None)
             if part is None:
-                raise InputError(f"{self.folder}: {self.pipeline.object_poses.sentences()[0]}")
+                raise InputError(f"{self.folder}: {self.pipeline.measurement.zero_sentences()[0]}")
             held.append(part)
         return chain(held, rest)
 
@@ -195,7 +192,7 @@ class Playback:
         try:
             columns, result = smoothed_columns(
                 self.config, seconds, joined.solution, carried, model,
-                self.pipeline.object_poses.covariance,
+                self.pipeline.measurement.columns.covariance,
             )  # fmt: skip
         except ValueError as error:
             raise InputError(f"{path}: not written: {error}") from None
@@ -225,7 +222,7 @@ class Playback:
         config_name: of the configuration for solving, unless it is the recording's own. Returns the
         sentences for the user, and whether everything is equal and complete.
         """
-        parts = [pose_columns(part) for part in poses]
+        parts = [part.columns() for part in poses]
         result = compare(recorded_poses(self.folder), join_columns(parts) if parts else {})
         version = meta_of(self.folder, own=False).get("facets")
         return comparison_sentences(

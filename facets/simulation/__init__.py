@@ -14,7 +14,7 @@ else:
             "imperfect_optics": "imperfect_readings ray_readings",
             "motion": "shaker_force states",
             "reference": "reference_columns reference_poses",
-            "run": "axes find_zeros pose_table reading_table reference_table statuses",
+            "run": "axes pose_table reading_table reference_table statuses",
             "vibration": "receptance shake",
         },
     )

@@ -19,17 +19,13 @@ from ..core.units import Floats
 from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise, fullness
 from ..detectors.skew import align
-from ..estimation.differences import ZeroPose
+from ..estimation.measurement import Measurement
 from ..estimation.object_pose import transform
-from ..estimation.solution import Solution, Status
-from ..estimation.table import (
-    compile_for_poses,
-    labels,
-    object_columns,
-    pose_columns,
-    solve_readings,
-)
-from ..estimation.zero import ZeroRequest, require_length, zero_of_samples, zero_of_table
+from ..estimation.samples import Poses, Samples, in_words
+from ..estimation.solution import LABELS, Solution
+from ..estimation.table import compile_for_poses
+from ..estimation.tally import Tally
+from ..estimation.zero import PoseColumns
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
 from .imperfect_optics import delayed_readings
@@ -44,7 +40,7 @@ class Segment:
     time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as solved, NaN for a detector that its
     spot misses.  place: (n, 2) the reported place of the beam, mm.  reached: (n, 3) whether the
     spots lie on their detectors.  saturated: (n, 3) whether so much light fell on these that they
-    read nothing.  force: (n,) of a vibration's shaker, N.
+    read nothing.  poses: solved by the measurement.  force: (n,) of a vibration's shaker, N.
     """
 
     name: str
@@ -54,8 +50,14 @@ class Segment:
     place: Floats
     reached: NDArray[np.bool_]
     saturated: NDArray[np.bool_]
-    solution: Solution
+    poses: Poses
+    measurement: Measurement
     force: Floats | None = None
+
+    @property
+    def solution(self) -> Solution:
+        """The solution of each sample."""
+        return self.poses.solution
 
     @property
     def error(self) -> Floats:
@@ -122,9 +124,10 @@ def reported_beam_place(
 
 
 def simulate_motion(
-    config: Config, name: str, noise: bool, rng: np.random.Generator, track: bool = False
+    measurement: Measurement, name: str, noise: bool, rng: np.random.Generator, track: bool = False
 ) -> Segment:
     """Simulate and solve one motion."""
+    config = measurement.config
     force = shaker_force(config.motions[name], rng)
     time, truth = states(config.motions[name], rng)
     if track:
@@ -132,8 +135,9 @@ def simulate_motion(
     seen, reached, saturated = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
     aligned = align(config.sensor, time, seen)
-    solution = solve_readings(config.sensor, config.solve, aligned, place)
-    return Segment(name, time, truth, seen, place, reached, saturated, solution, force)
+    samples = Samples(aligned, time=time, place=place)
+    (poses,) = measurement.poses_of_all([samples], f"motion {name}")
+    return Segment(name, time, truth, seen, place, reached, saturated, poses, measurement, force)
 
 
 @check_arguments
@@ -143,6 +147,7 @@ def simulate(
     noise: bool | None = None,
     seed: int | None = None,
     track: bool = False,
+    columns: PoseColumns | None = None,
 ) -> list[Segment]:
     """Simulate a configuration's motions of the mirror, their readings and the solutions.
 
@@ -159,6 +164,9 @@ def simulate(
         own, so that omitting a motion changes no other.
     track
         Whether the beam follows the mirror, carried by the configuration's stage.
+    columns
+        What poses have beside those of mirror and object, such as displacements from a zero of each
+        motion.
 
     Returns
     -------
@@ -169,7 +177,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the configuration does not have a motion of that name.
+        If the configuration does not have a motion of that name, or a motion not its zero.
 
     Examples
     --------
@@ -187,12 +195,16 @@ def simulate(
         raise InputError(f"seed is {seed}; allowed: 0 or more")
     noisy = config.noise if noise is None else noise
     streams = np.random.SeedSequence(config.seed if seed is None else seed)
-    compile_for_poses(config.sensor, config.solve, "readings")
+    compile_for_poses(config, "readings")
     children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
+    tally = Tally()
     return [
-        simulate_motion(config, name, noisy, np.random.default_rng(children[name]), track)
+        simulate_motion(
+            Measurement(config, columns, tally=tally),
+            name, noisy, np.random.default_rng(children[name]), track,
+        )
         for name in names
-    ]
+    ]  # fmt: skip
 
 
 def axes(segment: Segment, body: MeasuredObject = MIRROR) -> list[AxisErrors]:
@@ -225,8 +237,8 @@ def axes(segment: Segment, body: MeasuredObject = MIRROR) -> list[AxisErrors]:
 
 def statuses(segment: Segment) -> dict[str, int]:
     """Count the samples of each status that occurs."""
-    counts = np.bincount(segment.solution.status, minlength=len(Status))
-    return {status.label: int(counts[status]) for status in Status if counts[status]}
+    numbers, counts = np.unique(segment.solution.status, return_counts=True)
+    return {LABELS[n]: count for n, count in zip(numbers.tolist(), counts.tolist(), strict=True)}
 
 
 def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
@@ -247,73 +259,25 @@ def reference_table(
     return reference_columns(reference_poses(truth, sigma, rng))
 
 
-def find_zeros(
-    config: Config, segments: Sequence[Segment], request: ZeroRequest | None
-) -> list[ZeroPose | None]:
-    """The zero of each segment."""
-    if request is None:
-        return [None] * len(segments)
-    if request.file is not None:
-        return [zero_of_table(request.file, config, config.solve)] * len(segments)
-    zeros: list[ZeroPose | None] = []
-    for segment in segments:
-        members = members_of(segment, request)
-        if not members.any():
-            raise InputError(f"--zero is {request.text}, which motion {segment.name} does not have")
-        if request.seconds and members[-1]:
-            require_length(request, segment.time, f"motion {segment.name}")
-        found, rows = segment.solution, members & segment.solution.ok
-        zeros.append(
-            zero_of_samples(config, config.solve, found.state[rows], used=found.used[rows])
-        )
-    return zeros
+def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
+    """True states, estimates and their uncertainties of all segments as columns."""
+    parts = [true_columns(part) | in_words(part.poses.columns()) for part in segments]
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return time_columns(segments) | joined
 
 
-def members_of(segment: Segment, request: ZeroRequest) -> NDArray[np.bool_]:
-    """Whether each sample of a segment belongs to its zero: (n,)."""
-    rows = 1 + np.arange(len(segment.time))
-    return request.members(rows, segment.time, float(segment.time[0]))
-
-
-def pose_table(
-    segments: Sequence[Segment],
-    body: MeasuredObject | None = None,
-    request: ZeroRequest | None = None,
-    zeros: Sequence[ZeroPose | None] | None = None,
-    covariance: bool = False,
-) -> dict[str, Any]:
-    """True states, estimates and their uncertainties of all segments as columns.
-
-    body, covariance: as of `object_columns`.  request, zeros: the zero of each segment, from
-    `find_zeros`.
-    """
-    columns = time_columns(segments)
-    parts = []
-    for segment, zero in zip(segments, zeros or [None] * len(segments), strict=True):
-        solution = segment.solution
-        members = None if request is None else members_of(segment, request) & solution.ok
-        part = true_columns(segment, body, zero, members)
-        part |= pose_columns(solution, labels(solution, np.zeros(len(segment.time), dtype=bool)))
-        part |= object_columns(solution, body, zero, members=members, covariance=covariance)
-        parts.append(part)
-    return columns | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def true_columns(
-    segment: Segment,
-    body: MeasuredObject | None,
-    zero: ZeroPose | None,
-    members: NDArray[np.bool_] | None,
-) -> dict[str, Any]:
+def true_columns(segment: Segment) -> dict[str, Any]:
     """True states, and true poses and displacements of the object, as columns.
 
     A displacement is that from the true mean pose of the zero's samples; from the zero itself where
     it comes from a file.
     """
-    poses = {"": segment.truth}
+    measurement = segment.measurement
+    poses, body, zero = {"": segment.truth}, measurement.config.object, measurement.zero
     if body is not None:
         poses["object_"] = transform(segment.truth, body).pose
-    if zero is not None and members is not None:
+    if zero is not None:
+        members = segment.poses.members
         start = segment.truth[members].mean(axis=0) if members.any() else zero.state
         poses["displacement_"] = transform(segment.truth, body, start).pose
     return {

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments import bench_rays, rigs
+from measured import measure
 from rig_samples import CONFIG, IDEAL_RAYS, NOMINAL, accepted_effects, judge, settings, words_of
 
 import facets
+from facets import Samples
 from facets.calibration import (
     REFERENCE,
     average_stop,
@@ -21,7 +23,7 @@ from facets.calibration import (
 from facets.config import sensor_keys
 from facets.core import READING_COLUMNS, STATE_UNITS, InputError, Solve
 from facets.detectors import TEMPERATURE, add_noise, standard_deviations
-from facets.estimation import shift_per_kelvin, solve_readings
+from facets.estimation import shift_per_kelvin
 from facets.files import tables
 
 #: Of the posts and of the beam's position, mm/K.
@@ -102,7 +104,7 @@ def test_poses_at_another_temperature(calibrated):
     temperature = np.full(400, 22.5)
     raw = add_noise(NOMINAL, read(pose, temperature), rng)
     corrected, ignored = (
-        solve_readings(calibrated, KNOWN, raw, None, each) for each in (temperature, None)
+        measure(calibrated, KNOWN, Samples(raw, temperature=each)) for each in (temperature, None)
     )
     held, held_without = (
         (np.abs((each.state[:, :6] - pose) / each.uncertainty[:, :6]) < 1.96).mean(axis=0)

@@ -162,9 +162,8 @@ def test_chunks_do_not_show(tmp_path):
     results = []
     for size in (1000, 10, 1):
         out = tmp_path / f"p{size}.csv"
-        solve_table(
-            paper, paper.solve, tmp_path / "r.csv", out, provenance_header(paper), rows=size
-        )
+        measurement = facets.Measurement(paper)
+        solve_table(measurement, tmp_path / "r.csv", out, provenance_header(paper), rows=size)
         results.append(poses(out))
     for other in results[1:]:
         pd.testing.assert_frame_equal(results[0], other)

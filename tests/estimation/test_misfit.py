@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measure
 
 import facets
-from facets import add_noise
+from facets import Measurement, Samples, add_noise
 from facets.estimation import (
     FALSE_ALARM_RATE,
     LIMITS,
     Misfit,
-    StatusCounts,
-    solve_readings,
 )
 
 CONFIG = facets.load("paper")
@@ -43,7 +42,7 @@ def test_redundancy_is_what_is_read_beside_what_is_sought(beam, power, count):
 
 def flags(sensor, raw, options=OPTIONS):
     found = Misfit()
-    solution = solve_readings(sensor, options, raw, None)
+    solution = measure(sensor, options, Samples(raw))
     found.add(solution, sensor, options.knowledge(sensor), options.method, raw)
     return solution.misfit, found
 
@@ -117,7 +116,7 @@ def test_limits_are_those_of_the_distribution_and_chance_flags_as_many_as_it_sho
 
     exact = np.sqrt(chi2.isf(FALSE_ALARM_RATE, np.arange(1, 10)))
     assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)
-    solution = solve_readings(CONFIG.sensor, OPTIONS, read(), None)
+    solution = measure(CONFIG.sensor, OPTIONS, Samples(read()))
     assert 0.03 < (solution.residual > np.sqrt(chi2.isf(0.05, 2))).mean() < 0.07
 
 
@@ -125,10 +124,10 @@ def test_spots_near_an_edge_are_counted_where_the_model_has_none():
     """Light is lost there; of three poses one has a spot nearer to an edge than its own size."""
     states = np.zeros((3, 8))
     states[1:, 2] = 6.0, 5.5
-    readings, words = facets.readings(CONFIG.sensor, states), np.array(["converged"] * 3)
+    readings = facets.readings(CONFIG.sensor, states)
     for cut, edges in ((False, 1), (True, 0)):
         sensor = replace(CONFIG.sensor, apertures=facets.Apertures(detectors=cut))
-        count, solution = StatusCounts(), solve_readings(sensor, OPTIONS, readings, None)
-        count.add(sensor, OPTIONS, readings, solution, words)
-        assert count.edges == edges
-    assert count.unseen[1] > count.unseen[0] > 5
+        measurement = Measurement(replace(CONFIG, sensor=sensor, solve=OPTIONS))
+        measurement.poses(Samples(readings))
+        assert measurement.tally.edges == edges
+    assert measurement.tally.unseen[1] > measurement.tally.unseen[0] > 5

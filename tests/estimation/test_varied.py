@@ -3,7 +3,8 @@
 import numpy as np
 
 import facets
-from facets import Knowledge, Status
+from facets import Status
+from facets.core import Question
 from facets.estimation import solve_each
 from facets.model import VariedSensors, parameters
 
@@ -14,7 +15,7 @@ def test_readings_without_a_pose_and_sensors_that_cannot_be_keep_their_places():
     values[2], values[3, 2], values[5, 0] = np.nan, 0.0, 6.6
     sensors = VariedSensors(sensor, np.tile(parameters(sensor), (10, 1)), None)
     sensors.parameters[7, 6] = -0.1
-    found = solve_each(sensors, values, Knowledge())
+    found = solve_each(sensors, values, Question())
     lost = [2, 3, 5, 7]
     expected = [Status.NON_FINITE, Status.NO_LIGHT, Status.OUT_OF_RANGE, Status.NON_FINITE]
     assert found.status[lost].tolist() == expected

@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 import facets
-from facets import InputError
+from facets import InputError, Measurement, Samples
 from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from facets.estimation import ZeroRequest, object_columns, solve_table, zero_findings, zero_of_table
+from facets.estimation import (
+    PoseColumns,
+    ZeroRequest,
+    solve_table,
+    zero_findings,
+    zero_of_table,
+)
 from facets.files import read_head, write_table
 
 CONFIG = replace(facets.load("paper"), object=facets.MeasuredObject((0, 0, 50.0)))
@@ -41,16 +47,18 @@ def solve(readings, name, request, rows, config=CONFIG):
     import pandas as pd
 
     path, about = readings.with_name(name), {"config_sha256": CONFIG.sha256}
-    count = solve_table(config, config.solve, readings, path, about, rows=rows, zero=request)
-    return pd.read_csv(path, comment="#"), count
+    measurement = Measurement(config, PoseColumns(request))
+    solve_table(measurement, readings, path, about, rows=rows)
+    table = pd.read_csv(path, comment="#") if path.suffix == ".csv" else None
+    return table, measurement.zero
 
 
 @pytest.mark.parametrize("rows", [1000, 7])
 def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
-    poses, count = solve(readings, "poses.csv", ZeroRequest(seconds=0.1), rows)
-    assert count.zero.samples == 99
+    poses, zero = solve(readings, "poses.csv", ZeroRequest(seconds=0.1), rows)
+    assert zero.samples == 99
     mean = poses[list(STATE_COLUMNS)][:100].drop(index=7).mean().to_numpy() * STATE_UNITS
-    np.testing.assert_allclose(count.zero.state, mean, atol=1e-12)
+    np.testing.assert_allclose(zero.state, mean, atol=1e-12)
     assert "first 0.1 s, 99 samples" in read_head(readings.with_name("poses.csv"))["zero"]
     moved = poses.displacement_tx_mm[199] - 50 * np.sin(1e-3)
     assert abs(moved) < 4 * poses.u_displacement_tx_mm[199]
@@ -65,8 +73,8 @@ def test_a_zero_is_the_mean_of_the_first_seconds(readings, rows):
 def test_a_zero_is_no_longer_than_its_table(readings, tmp_path, rows):
     short = tmp_path / "short.csv"
     short.write_text("".join(readings.read_text().splitlines(True)[:103]))  # up to 5.1 s
-    _, count = solve(short, "poses.csv", ZeroRequest(seconds=0.1), rows)
-    assert count.zero.samples > 95
+    _, zero = solve(short, "poses.csv", ZeroRequest(seconds=0.1), rows)
+    assert zero.samples > 95
     with pytest.raises(InputError, match=r"first 9999 s, but the table lasts 0\.\d+ s; give"):
         solve(short, "none.csv", ZeroRequest(seconds=9999), rows)
     assert not (tmp_path / "none.csv").exists()
@@ -84,21 +92,21 @@ def test_detectors_are_read_at_one_instant_also_across_the_pieces_of_a_table(rea
 def test_a_saved_pose_is_a_zero(readings):
     solve(readings, "saved.csv", None, 1000)
     path = readings.with_name("saved.csv")
-    zero = zero_of_table(path, CONFIG, CONFIG.solve)
+    zero = zero_of_table(path, CONFIG)
     assert (zero.samples, zero.same_calibration) == (COUNT - 1, True)
     assert "mirror moved" in zero_findings(zero)[0]
     known = facets.Calibration(("psd_a.height",), ((1e-6,),))
     other = replace(CONFIG, sha256="0", sensor=replace(CONFIG.sensor, calibration=known))
-    zero = zero_of_table(path, other, CONFIG.solve)
+    zero = zero_of_table(path, other)
     assert not zero.same_calibration
     assert "independent" in zero_findings(zero)[1]
     head = ",".join(STATE_COLUMNS[:6])
     path.write_text(f"{head}\n0,0,0.1,0,0,0\n")
-    zero = zero_of_table(path, CONFIG, CONFIG.solve)
+    zero = zero_of_table(path, CONFIG)
     assert (zero.state.tolist(), zero_findings(zero)) == ([0, 0, 0.1, 0, 0, 0, 0, 0], [])
     path.write_text(f"{head}\n90,0,0.1,0,0,0\n")
     with pytest.raises(facets.InputError, match=r"saved.csv: at the mean pose .* no light"):
-        zero_of_table(path, CONFIG, CONFIG.solve)
+        zero_of_table(path, CONFIG)
 
 
 def test_a_zero_of_two_detectors_has_their_noise(readings):
@@ -108,19 +116,17 @@ def test_a_zero_of_two_detectors_has_their_noise(readings):
     rows[:, 6:] = np.nan
     columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
     write_table(path, {"time_s": np.arange(COUNT) * 1e-3} | columns, {})
-    _, count = solve(path, "pose.csv", ZeroRequest(seconds=0.2), 30, replace(CONFIG, solve=way))
+    config = replace(CONFIG, solve=way)
+    _, measured = solve(path, "pose.csv", ZeroRequest(seconds=0.2), 30, config)
+    solve(path, "pose.parquet", None, 30, config)
+    saved = [zero_of_table(path.with_name(f"pose.{kind}"), config) for kind in ("csv", "parquet")]
     found = facets.solve(CONFIG.sensor, rows, beam="known", accept_unchecked=True)
-    zero = facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=found.used)
-    for each in (count.zero, zero):
+    zero = facets.zero_pose(CONFIG.sensor, found, beam="known")
+    for each in (measured, zero, *saved):
         assert np.abs(each.scatter - 1).max() < 0.2
-    for used, words in (
-        ([[True, True, False], [True, False, True]] * (COUNT // 2), "different detectors; choose"),
-        (found.used[:2], "used has 2 rows and states 200"),
-        (np.ones(COUNT, bool), "used has shape"),
-        ([[True], [True, False]], r"used is not an array \(..., 3\)"),
-    ):
-        with pytest.raises(InputError, match=words):
-            facets.zero_pose(CONFIG.sensor, found.state, beam="known", used=used)
+    mixed = np.tile([[True, True, False], [True, False, True]], (COUNT // 2, 1))
+    with pytest.raises(InputError, match="different detectors; choose"):
+        facets.zero_pose(CONFIG.sensor, replace(found, used=mixed), beam="known")
 
 
 def test_few_samples_of_a_mirror_that_moves_are_told():
@@ -149,7 +155,8 @@ def test_zeros_that_the_table_does_not_have(readings):
 
 def test_columns_hold_the_whole_covariance():
     solution = facets.solve(CONFIG.sensor, facets.readings(CONFIG.sensor, np.zeros((2, 8))))
-    columns = object_columns(solution, CONFIG.object, covariance=True)
+    samples = Samples(facets.readings(CONFIG.sensor, np.zeros((2, 8))))
+    columns = Measurement(CONFIG, PoseColumns(covariance=True)).poses(samples).object
     matrix = facets.transform(solution, CONFIG.object).covariance
     np.testing.assert_allclose(columns["cov_object_tx_pitch_mm_mrad"], 1e3 * matrix[:, 0, 4])
     np.testing.assert_allclose(columns["cov_pitch_yaw_mrad2"], 1e6 * solution.covariance[:, 4, 5])

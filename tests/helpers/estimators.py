@@ -23,19 +23,19 @@ from facets.experiments.sensors import skew_sensor
 from hypothesis import strategies as st
 
 import facets
-from facets import Knowledge, Prior, Status, firmware, pictures
+from facets import Prior, Status, core, firmware, pictures
 from facets.estimation import (
     SCALES,
     Form,
+    Results,
     ask,
     estimate,
     estimates,
-    knowledge_of,
     linearise,
     scales_of,
     solve_each,
+    some_rows,
 )
-from facets.estimation.problem import Results, some_rows
 from facets.model import VariedSensors, effects, geometry_of, parameters
 from facets.scalars.nesting import nest
 
@@ -61,7 +61,7 @@ class Question(NamedTuple):
 
     def rows(self, which: Any) -> Question:
         """The question of some of the readings, or of one."""
-        known = knowledge_of(Knowledge(self.beam, self.power), which)
+        known = core.Question(self.beam, self.power).rows(which)
         start = self.start if isinstance(self.start, str) else self.start[which]
         return self._replace(
             readings=self.readings[which], beam=known.beam, power=known.power, start=start
@@ -149,8 +149,8 @@ def solve_floats(question: Question) -> Answer:
     vectors, blocks, code = geometry_of(question.sensor), estimates.blocks, estimates.block_code
 
     def way(form: Form, packed: Any, *given: Any, **options: Any) -> None:
-        readings, limits, request, found = given
-        scales = nest(SCALES, iter(scales_of(readings, limits, request).tolist()))
+        readings, request, found = given
+        scales = nest(SCALES, iter(scales_of(readings, request).tolist()))
         weights = 1 / readings.sigmas if len(readings.sigmas) else readings.values
         rows_of_each = (readings.values, weights, request.means, request.starts)
         for n in range(len(readings.values)):
@@ -161,7 +161,7 @@ def solve_floats(question: Question) -> Answer:
             except (ArithmeticError, ValueError):
                 some, rest = some_rows(np.array([n]), readings, request)
                 one = Results(*(part[n : n + 1] for part in found))
-                usual(code(question.sensor, request), packed, some, limits, rest, one, True)
+                usual(code(question.sensor, request), packed, some, rest, one, True)
                 continue
             has_pose = end.status == Status.CONVERGED
             found.status[n], found.steps[n], found.used[n] = end.status, end.steps, used
@@ -191,8 +191,8 @@ def solve_varied(question: Question) -> Answer:
     if sensor.light.on:
         light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 36)))
     found = solve_each(
-        VariedSensors(sensor, values, light), twice.readings, Knowledge(twice.beam, twice.power),
-        accept_unchecked=twice.accept_unchecked,
+        VariedSensors(sensor, values, light), twice.readings,
+        core.Question(twice.beam, twice.power, accept_unchecked=twice.accept_unchecked),
     )  # fmt: skip
     states, power = found.states[:, :8], found.states[:, 8]
     numbers = (states, found.status, found.used, power, found.residuals)

@@ -18,6 +18,7 @@ import facets
 from facets import live
 from facets.core import READING_COLUMNS
 from facets.detectors import TEMPERATURE, counts_to_readings
+from facets.estimation import PoseColumns, ZeroRequest, in_words
 from facets.files import write_table
 
 #: Standard uncertainties of what was calibrated: a height, what the model leaves, and how the
@@ -107,9 +108,8 @@ def acquire(folder: Path) -> PathResult:
     """What a run records of the poses that it solved."""
     words = ("--port", "file:board.bin", "--folder", "rec", "--plain", *ZERO)
     said = run_command(folder, "acquire", "mine.yaml", *words)
-    poses = pd.DataFrame(live.recorded_poses(folder / "rec"))
-    poses["status"] = [live.LABELS[status] for status in poses.status]
-    return PathResult(poses, said)
+    poses = in_words(live.recorded_poses(folder / "rec"))
+    return PathResult(pd.DataFrame(poses), said)
 
 
 def replay(folder: Path) -> PathResult:
@@ -122,20 +122,17 @@ def replay(folder: Path) -> PathResult:
 
 def solve_replay(folder: Path) -> PathResult:
     """The table that a replay wrote, as one of readings, with its time by the name of a table."""
-    table = replay(folder).poses.rename(columns={"board_us": "time_s"})
-    table["time_s"] *= 1e-6
-    table.to_csv(folder / "again.csv", index=False)
+    replay(folder).poses.to_csv(folder / "again.csv", index=False)
     return solve_table(folder, *ZERO, readings="again.csv")
 
 
 def iterate(folder: Path) -> PathResult:
     """The poses that a program in Python gets in a loop."""
     config = facets.load(folder / "mine.yaml")
-    parts = live.poses(config, f"file:{folder / 'board.bin'}")
+    columns = PoseColumns(ZeroRequest(seconds=0.03), covariance=True)
+    parts = live.poses(config, f"file:{folder / 'board.bin'}", columns=columns)
     joined = live.join_poses(list(parts))
-    columns = pd.DataFrame(live.pose_columns(joined))
-    columns["status"] = [live.LABELS[status] for status in joined.solution.status]
-    return PathResult(columns, "")
+    return PathResult(pd.DataFrame(in_words(joined.columns())), "")
 
 
 def simulate(folder: Path) -> PathResult:

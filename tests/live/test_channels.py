@@ -8,18 +8,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measure
 from streams import BENCH, samples_of, yawing
 
 import facets
+from facets import Samples
 from facets.core import STATE_COLUMNS, STATE_UNITS, AuxiliaryChannel, Calibration, Thermal
 from facets.detectors import TEMPERATURE
-from facets.estimation import ZeroRequest, add_temperature_uncertainty, shift_per_kelvin
+from facets.estimation import PoseColumns, ZeroRequest, shift_per_kelvin
 from facets.live import (
     Bench,
     Faults,
     Pipeline,
     Playback,
     Run,
+    RunOptions,
     encode,
     recorded_poses,
 )
@@ -89,7 +92,8 @@ def test_a_sensor_that_follows_the_temperature_takes_it_from_its_channel(beam):
     solution = pipeline.feed(data, 1.0).solution
     known = np.arange(420) >= 20
     np.testing.assert_array_equal(solution.converged, known)
-    assert pipeline.temperature_sentence().startswith("20 samples have no value of temperature_c")
+    sentences = " ".join(pipeline.measurement.sentences())
+    assert "20 samples have no value of temperature_c" in sentences
     (text,) = pipeline.doubts.sentences()
     assert text.startswith("5 % of the newest samples have no value of temperature_c")
     sigma = solution.uncertainty[known, :6].mean(axis=0)
@@ -105,14 +109,22 @@ def test_a_sensor_that_follows_the_temperature_takes_it_from_its_channel(beam):
     np.testing.assert_array_equal(np.concatenate(cold_states), cold)
 
 
+def temperature_sentence(config):
+    """What is said of the temperature after a few samples."""
+    pipeline = Pipeline(config)
+    named = config.acquire.channels
+    pipeline.feed(warm_stream(np.full(20, 20.0)) if named else frames(0)[0], 1.0)
+    return pipeline.tally.temperature_sentence(config)
+
+
 def test_a_run_without_a_temperature_that_the_sensor_follows_says_what_it_costs():
     config = configure(thermal=THERMAL)
-    text = Pipeline(config).temperature_sentence()
+    text = temperature_sentence(config)
     assert text.startswith("acquire.channels names no channel temperature_c, though")
     shift = np.abs(shift_per_kelvin(config.sensor, config.solve))
     assert f"up to {1e3 * shift[:3].max():.2g} um and" in text
-    for config in (BENCH, configure(HEAT, thermal=THERMAL)):
-        assert Pipeline(config).temperature_sentence() == ""
+    for config in (BENCH, configure(FORCE, HEAT, thermal=THERMAL)):
+        assert temperature_sentence(config) == ""
 
 
 def test_a_zero_is_measured_at_its_temperature():
@@ -120,19 +132,17 @@ def test_a_zero_is_measured_at_its_temperature():
     config = configure(FORCE, HEAT, thermal=THERMAL, beam="known")
     covariance = Calibration(TEMPERATURE, tuple(map(tuple, (1e-8 * np.eye(8)).tolist())))
     sensor = replace(config.sensor, calibration=covariance)
-    pipeline = Pipeline(replace(config, sensor=sensor), zero=ZeroRequest(seconds=0.02))
+    pipeline = Pipeline(replace(config, sensor=sensor), PoseColumns(ZeroRequest(seconds=0.02)))
     columns = pipeline.feed(warm_stream(np.repeat([22.0, 24.0], 250)), 1.0).object
-    assert 5 < pipeline.object_poses.zero.samples < 251
+    assert 5 < pipeline.measurement.zero.samples < 251
     late, u, part = (
         np.array([columns[f"{prefix}displacement_{name}"][-100:] for name in STATE_COLUMNS[:6]])
         for prefix in ("", "u_", "u_calibration_")
     )
     assert np.abs(late / u).max() < 4
     # the coefficients' errors shift the zero by 2 K and the last sample by 4 K: by 2 K their step
-    solution = facets.solve(sensor, facets.readings(sensor, np.zeros((1, 8))), beam="known")
-    expected = add_temperature_uncertainty(
-        sensor, config.solve, config.solve.knowledge(sensor), solution, np.array([24.0])
-    ).calibration_uncertainty[0, :6]
+    samples = Samples(facets.readings(sensor, np.zeros((1, 8))), temperature=np.array([24.0]))
+    expected = measure(sensor, config.solve, samples).calibration_uncertainty[0, :6]
     assert part[:, -1] == pytest.approx(expected / np.array(STATE_UNITS[:6]) / 2, rel=0.02)
 
 
@@ -155,7 +165,7 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     thread.start()
     try:
         port = str(tmp_path / "bench" / "board")
-        Run.from_config(config, port, folder=tmp_path / "rec", samples=300).acquire()
+        Run.from_config(config, port, RunOptions(folder=tmp_path / "rec", samples=300)).acquire()
     finally:
         bench.last = np.inf
         thread.join()

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from commands import command
 from facets.experiments import kills, soak
+from measured import measure
 from programs import Program, count_lines, size_of
 
 import facets
-from facets import BenchLight
+from facets import BenchLight, Samples
 from facets.detectors import align
-from facets.estimation import solve_readings
 from facets.live import (
     MAX_BLOCK_S,
     SIZE,
@@ -25,6 +25,7 @@ from facets.live import (
     Pty,
     Recording,
     Run,
+    RunOptions,
     join_poses,
     pack,
     parser,
@@ -116,7 +117,7 @@ def test_no_pose_depends_on_the_blocks_where_detectors_are_read_one_after_the_ot
     poses = join_poses([*parts, *map(pipeline.solve, pipeline.release())])
     np.testing.assert_array_equal(poses.seq, np.arange(16 * 37))
     exact = align(sensor, 1e-6 * poses.time.astype(float), poses.readings)
-    expected = solve_readings(sensor, CONFIG.solve, exact, None)
+    expected = measure(sensor, CONFIG.solve, Samples(exact))
     np.testing.assert_allclose(poses.solution.state, expected.state, atol=1e-12)
 
 
@@ -296,7 +297,7 @@ def test_the_reason_for_exit_status_1_is_said_and_recorded(
 
 def test_a_board_that_falls_silent_is_a_reason_for_the_exit_status(tmp_path):
     (tmp_path / "board.bin").write_bytes(DATA[: 20 * SIZE])
-    run = Run.from_config(CONFIG, f"file:{tmp_path / 'board.bin'}", record=False)
+    run = Run.from_config(CONFIG, f"file:{tmp_path / 'board.bin'}", RunOptions(record=False))
     assert run.live.tracker is None  # no stage moves without --track
     run.acquire()
     assert not run.complaints()

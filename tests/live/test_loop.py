@@ -14,10 +14,7 @@ from streams import CALIBRATED
 import facets
 from facets import Status
 from facets.live import (
-    FULL,
     SIZE,
-    SKIPPED,
-    TWO_DETECTORS,
     Block,
     Ending,
     Live,
@@ -26,7 +23,6 @@ from facets.live import (
     Sink,
     compare,
     join_columns,
-    pose_columns,
 )
 from facets.tracking import Encoder
 
@@ -82,7 +78,7 @@ class Memory(Sink):
         self.events.append((name, details))
 
     def add_poses(self, poses):
-        self.parts.append(pose_columns(poses))
+        self.parts.append(poses.columns())
 
 
 class Slow(Pipeline):
@@ -118,7 +114,7 @@ def solve_in_turn(count):
     """What the poses are where there is all the time in the world."""
     pipeline = Pipeline(CONFIG)
     parts = [pipeline.feed(block.data, block.arrival) for block in Board(Clock(), count).blocks]
-    return join_columns([pose_columns(part) for part in parts])
+    return join_columns([part.columns() for part in parts])
 
 
 def test_a_loop_in_time_solves_in_turn_and_says_nothing(monkeypatch):
@@ -150,7 +146,7 @@ def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     live, events, poses, _ = run(monkeypatch, repeat(4e-3), 1_000)
     assert events == ["behind", "caught up", "end"]
     assert (poses["seq"] == np.arange(1_000 * EACH)).all()
-    skipped = poses["status"] == SKIPPED
+    skipped = poses["status"] == Status.SKIPPED
     assert 0.35 < skipped.mean() < 0.55
     assert skipped.sum() == live.pipeline.tally.skipped_count
     assert np.isnan(poses["tx_mm"][skipped]).all()
@@ -160,7 +156,7 @@ def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
 def test_a_comparison_knows_what_it_can_not_compare():
     whole = solve_in_turn(10)
     part = {name: column.copy() for name, column in whole.items()}
-    part["status"][20:40] = SKIPPED
+    part["status"][20:40] = Status.SKIPPED
     part["tx_mm"][20:40] = np.nan
     comparison = compare(part, whole)
     assert (comparison.is_same, comparison.skipped, comparison.absent) == (True, 20, 0)
@@ -171,7 +167,7 @@ def test_a_comparison_knows_what_it_can_not_compare():
     assert comparison.worst == pytest.approx(3)
     part["tx_mm"][100] = np.nan
     assert compare(part, whole).worst == np.inf
-    for before, now in ((Status.NON_FINITE, FULL), (TWO_DETECTORS, Status.UNCHECKED)):
+    for before, now in ((Status.NON_FINITE, Status.SATURATED),):
         whole["status"][:5], part["status"][:5] = now, before  # as older recordings have it
         part["status"][5] = before
         assert compare(part, whole).different == 2
@@ -181,7 +177,7 @@ def test_a_comparison_knows_what_it_can_not_compare():
 def test_skipped_samples_of_a_calibrated_rig_have_the_parts_of_an_uncertainty():
     pipeline = Pipeline(CALIBRATED)
     (batch,) = pipeline.take(kills.stream(40), 1_000.0)
-    solved, skipped = pose_columns(pipeline.solve(batch)), pose_columns(pipeline.skip(batch))
+    solved, skipped = pipeline.solve(batch).columns(), pipeline.skip(batch).columns()
     assert solved.keys() == skipped.keys()
     assert np.isnan(skipped["u_noise_tz_mm"]).all()
     before = {name: column for name, column in solved.items() if "u_noise" not in name}
@@ -203,11 +199,17 @@ def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
 def test_the_place_of_a_moving_beam_is_known_as_well_as_its_age_and_speed_allow():
     pipeline = Pipeline(replace(CONFIG, solve=replace(CONFIG.solve, beam="known")))
     encoder = Encoder(10.0, np.array([1.0, 2.0]), np.array([3.0, 4.0]))
-    beam = pipeline.knowledge(np.array([10.02]), encoder).beam
+    (batch,) = pipeline.take(kills.stream(1), 10.0)
+
+    def beam_at(host):
+        samples = pipeline.samples_of(replace(batch, host=np.array([host]), encoder=encoder))
+        return pipeline.measurement.knowledge(samples).beam
+
+    beam = beam_at(10.02)
     assert beam.mean == pytest.approx(np.array([[1.06, 2.08]]) + CONFIG.solve.beam_offset)
     still = np.hypot(CONFIG.stage.accuracy, CONFIG.sensor.electronics.pointing)
     assert beam.sigma == pytest.approx(np.hypot(still, 5 * (1e-3 + 0.01)))  # half the way, and 1 ms
-    assert pipeline.knowledge(np.array([99.0]), encoder).beam == "free"
+    assert beam_at(99.0) == "free"
 
 
 def test_older_files_accept_poses_from_two_detectors(tmp_path):
@@ -243,7 +245,9 @@ def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts(light, f
     batch.readings[::2, 3 : 9 if flag else 6] = light
     batch.flags[::2] |= flag
     status = pipeline.solve(batch).solution.status
-    assert (status[::2] == FULL).sum() == pipeline.tally.statuses["saturated"] == 20 * flag
+    assert (
+        (status[::2] == Status.SATURATED).sum() == pipeline.tally.statuses["saturated"] == 20 * flag
+    )
     rows, fine = np.arange(5_000) % 40, np.zeros(5_000, bool)
     look, live = pipeline.doubts.add, Live(pipeline)
     look(batch.readings[rows], batch.flags[rows], fine, fine)

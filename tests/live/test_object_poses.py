@@ -12,7 +12,7 @@ from streams import BENCH, CALIBRATED, samples_of
 import facets
 from facets import MeasuredObject
 from facets.core import STATE_COLUMNS, STATE_UNITS
-from facets.estimation import ZeroRequest
+from facets.estimation import PoseColumns, ZeroRequest
 from facets.live import (
     SIZE,
     Live,
@@ -21,7 +21,6 @@ from facets.live import (
     Subscription,
     join_poses,
     pack,
-    pose_columns,
     recorded_config,
     recorded_poses,
     rows_of,
@@ -49,7 +48,7 @@ DATA = pack(samples_of(facets.readings(BENCH.sensor, STATES), np.random.default_
 
 
 def solve(config, zero=None, covariance=False, count=COUNT):
-    pipeline = Pipeline(config, zero, covariance)
+    pipeline = Pipeline(config, PoseColumns(zero, covariance))
     size = 200 * SIZE
     parts = [pipeline.feed(DATA[n : n + size], 1.0 + n) for n in range(0, count * SIZE, size)]
     return pipeline, join_poses(parts)
@@ -76,12 +75,12 @@ def test_objects_and_their_displacements_after_the_zero_err_as_stated():
     first = int(np.argmax(np.isfinite(moved[:, 0])))
     assert 400 <= first <= 600  # the batch that holds the first sample after the zero
     assert np.isnan(moved[:first]).all()
-    assert pipeline.object_poses.zero.samples == 400
+    assert pipeline.measurement.zero.samples == 400
     ratio = rms_error(poses.object, "displacement_", STATES[0], first)
     assert ratio == pytest.approx(1, abs=0.15)
     variance = poses.object["u_displacement_yaw_mrad"] ** 2
     np.testing.assert_allclose(poses.object["cov_displacement_yaw_yaw_mrad2"], variance, rtol=1e-12)
-    assert tuple(pose_columns(poses))[-len(poses.object) :] == pipeline.object_poses.names
+    assert tuple(poses.columns())[-len(poses.object) :] == pipeline.measurement.object_names
 
 
 def test_a_zero_of_two_detectors_scatters_as_it_states():
@@ -90,13 +89,13 @@ def test_a_zero_of_two_detectors_scatters_as_it_states():
     way = replace(BENCH.solve, beam="known", accept_unchecked=True)
     rows = facets.readings(BENCH.sensor, np.zeros((STILL, 8)))
     rows[:, 6:] = 0.0
-    pipeline = Pipeline(replace(WITH_OBJECT, solve=way), ZeroRequest(seconds=0.04))
+    pipeline = Pipeline(replace(WITH_OBJECT, solve=way), PoseColumns(ZeroRequest(seconds=0.04)))
     pipeline.feed(pack(samples_of(rows, np.random.default_rng(8))), 1.0)
-    assert np.abs(pipeline.object_poses.zero.scatter - 1).max() < 0.3
+    assert np.abs(pipeline.measurement.zero.scatter - 1).max() < 0.3
 
 
 def test_a_zero_waits_for_light_and_says_that_the_mirror_moves():
-    pipeline = Pipeline(WITH_OBJECT, ZeroRequest(seconds=0.05))
+    pipeline = Pipeline(WITH_OBJECT, PoseColumns(ZeroRequest(seconds=0.05)))
     live = Live(pipeline, begin=np.inf)  # no run, which could be silent
     batch = pipeline.take(DATA[STILL * SIZE : (STILL + 100) * SIZE], 1.0)[0]
     pipeline.solve(replace(batch, aligned=np.full_like(batch.readings, np.nan)))
@@ -107,7 +106,7 @@ def test_a_zero_waits_for_light_and_says_that_the_mirror_moves():
     ):
         pipeline.feed(DATA[(STILL + max(first - 500, 100)) * SIZE : (STILL + first) * SIZE], 2.0)
         assert words in live.messages()[0]
-    assert any("The mirror moved" in text for text in pipeline.object_poses.sentences())
+    assert any("The mirror moved" in text for text in pipeline.measurement.sentences())
 
 
 def test_smoothed_poses_of_the_object_err_as_stated():
@@ -126,7 +125,7 @@ def test_subscribers_are_told_of_the_object():
     assert u[1].min() > 1e-8
     with (
         Publications(
-            ["zmq://127.0.0.1:0"], WITH_ALL, True, 5.0, objects=pipeline.object_poses
+            ["zmq://127.0.0.1:0"], WITH_ALL, True, 5.0, objects=pipeline.measurement
         ) as publications,
         Subscription(publications.places()[0]) as subscription,
     ):
@@ -149,6 +148,9 @@ def test_bluesky_is_told_of_the_object():
     sensor = PoseSensor(WITH_OBJECT, "zmq://127.0.0.1:9", name="sensor")
     assert sensor.hints == {"fields": [f"sensor-object_{name}" for name in POSE]}
     assert asyncio.run(sensor.describe())["sensor-u_object_tx_mm"]["units"] == "mm"
+    parts = PoseSensor(WITH_ALL, "zmq://127.0.0.1:9", name="sensor")
+    assert asyncio.run(parts.describe())["sensor-u_calibration_object_tx_mm"]["units"] == "mm"
+    assert asyncio.run(parts.describe())["sensor-u_noise_tx_mm"]["units"] == "mm"
     assert asyncio.run(sensor.read_configuration())["sensor-object"]["value"] == OBJECT.text
 
 

@@ -16,7 +16,6 @@ from streams import BENCH, CALIBRATED
 from facets import InputError, live
 from facets.core import AuxiliaryChannel
 from facets.live import (
-    LABELS,
     SAMPLE,
     SIZE,
     FixedFrames,
@@ -262,5 +261,5 @@ def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
         publications.add_poses(pipeline.feed(data[:SIZE], time.monotonic()))
         engine(flight(sensor, live.Interval(samples=400), during))
     assert documents.flown("seq") == list(range(1, 401))
-    assert set(documents.flown("status")) == {LABELS[0]}
+    assert set(documents.flown("status")) == {"converged"}
     assert not [name for name in documents.all["event_page"][0]["data"] if "u_noise" in name]

@@ -22,7 +22,6 @@ from facets.live import (
     encode,
     join_columns,
     meta_of,
-    pose_columns,
     recorded_poses,
     replay,
 )
@@ -60,7 +59,7 @@ def record(config):
         sure.append((len(log.done), written))
     assert [name for what, name, _ in log.done if what == "append"].count("poses.arrows") >= BLOCKS
     recording.close()
-    return log, begun, join_columns([pose_columns(part) for part in poses]), sure
+    return log, begun, join_columns([part.columns() for part in poses]), sure
 
 
 def make_blocks(form):
@@ -95,7 +94,7 @@ def test_a_recording_survives_the_power_going_at_any_moment(form, cuts, tmp_path
                 assert not list(replay(folder, pipeline))
             continue
         assert (folder / "meta.yaml").read_bytes() == meta
-        parts = [pose_columns(part) for part in replay(folder, pipeline, damage=damage)]
+        parts = [part.columns() for part in replay(folder, pipeline, damage=damage)]
         poses = join_columns(parts) if parts else {"seq": np.zeros(0, np.int64)}
         check_nothing_is_made_up(poses, whole)
         synced = max((written for end, written in sure if end <= moment), default=0)

@@ -26,7 +26,7 @@ from facets.live import (
     Publications,
     Subscription,
     join_columns,
-    pose_columns,
+    recorded_columns,
     rows_of,
 )
 
@@ -119,7 +119,7 @@ def test_two_local_subscribers_get_every_sample_with_all_columns_of_the_recordin
             reader.start()
         for part in 10 * parts:
             publications.add_poses(part)
-    columns = join_columns([pose_columns(part) for part in parts])
+    columns = join_columns(list(map(recorded_columns, parts)))
     for reader, subscription, lots in zip(readers, both, came, strict=True):
         reader.join()
         rows = np.concatenate(lots)

@@ -7,8 +7,8 @@ import facets
 from facets import add_noise, simulate
 from facets.core import STATE_COLUMNS
 from facets.detectors import fullness
-from facets.estimation import ZeroRequest
-from facets.simulation import axes, find_zeros, pose_table, reading_table, statuses
+from facets.estimation import PoseColumns, ZeroRequest
+from facets.simulation import axes, pose_table, reading_table, statuses
 
 PAPER = facets.load("paper")
 
@@ -56,11 +56,11 @@ def test_a_spot_beside_its_detector_is_withheld_and_counted(tmp_path):
     assert axes(segment)[2].largest < 0.02
 
 
-def test_tables_have_a_row_a_sample_and_a_saved_zero_holds_for_each_motion(segments, tmp_path):
+def test_tables_have_a_row_a_sample_and_a_saved_zero_holds_for_each_motion(tmp_path):
     (tmp_path / "zero.csv").write_text(",".join(STATE_COLUMNS[:6]) + "\n0,0,0.1,0,0,0\n")
     request = ZeroRequest(file=tmp_path / "zero.csv")
-    zeros = find_zeros(PAPER, segments, request)
-    poses = pose_table(segments, request=request, zeros=zeros)
+    segments = simulate(PAPER, seed=4, columns=PoseColumns(request))
+    poses = pose_table(segments)
     assert {len(column) for column in reading_table(segments).values()} == {1901}
     errors = poses["yaw_mrad"] - poses["true_yaw_mrad"]
     assert errors == pytest.approx(1e3 * np.concatenate([s.error[:, 5] for s in segments]))

@@ -24,7 +24,6 @@ from facets.live import (
     board_solution,
     join_columns,
     parser,
-    pose_columns,
     recorded_config,
     recorded_poses,
     replay,
@@ -112,7 +111,7 @@ def test_frames_of_every_format_and_content(stored, expected, form, content, cha
     named = config.acquire.channels[:channels]
     acquire = replace(config.acquire, format=form, content=content, channels=named)
     poses = Pipeline(replace(config, acquire=acquire)).feed(data, 100.0)
-    assert_poses(pose_columns(poses), expected, 2e-4, ("", "object_"))
+    assert_poses(poses.columns(), expected, 2e-4, ("", "object_"))
 
 
 RECORDINGS = [path / "recording" for path in VERSIONS]
@@ -127,7 +126,7 @@ def test_recordings_of_every_layout(folder):
     parts = list(replay(folder, Pipeline(config), damage=damage))
     assert damage == Damage()
     assert are_events_whole((folder / "events.jsonl").read_bytes())
-    for columns in (join_columns(list(map(pose_columns, parts))), recorded_poses(folder)):
+    for columns in (join_columns([part.columns() for part in parts]), recorded_poses(folder)):
         assert_poses(columns, expected, 2e-4, ("", "object_"))
         force, temperature = np.array(expected["channels"]).T
         np.testing.assert_array_equal(columns["force_n"], 0.5 * force)

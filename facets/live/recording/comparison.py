@@ -12,7 +12,6 @@ import numpy as np
 from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
 from ...estimation.solution import Status
-from ..run.pipeline import FULL, SKIPPED, TWO_DETECTORS
 from .index import Damage
 from .pose_table import Columns
 from .reader import Seal
@@ -53,25 +52,23 @@ class PoseComparison:
 
 
 def compare(old: Columns, new: Columns) -> PoseComparison:
-    """Compare what a recording holds with what its replay gives; both by `pose_columns`.
+    """Compare what a recording holds with what its replay gives; both as of `Poses.columns`.
 
-    A sample that an older version called "non finite" or "two detectors only" and this one
-    "saturated" or "unchecked" is the same.
+    A sample that an older version called "non finite" and this one "saturated" is the same.
     """
     none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
     old, new = old or none, new or none
     there = np.isin(old["seq"], new["seq"])
     unrecorded = new["seq"][~np.isin(new["seq"], old["seq"])]
     ends = (int(unrecorded[0]), int(unrecorded[-1])) if len(unrecorded) else (0, 0)
-    skipped = old["status"] == SKIPPED
+    skipped = old["status"] == Status.SKIPPED
     solved = there & ~skipped
     rows = np.searchsorted(new["seq"], old["seq"][solved])
     apart, columns = np.zeros(len(rows), bool), []
     for name in [name for name in old if name in new] if len(rows) else ():
         one, other = old[name][solved], new[name][rows]
         if name == "status":
-            other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
-            other = np.where((one == TWO_DETECTORS) & (other == Status.UNCHECKED), one, other)
+            other = np.where((one == Status.NON_FINITE) & (other == Status.SATURATED), one, other)
         differs = (one != other) & ~(is_nan(one) & is_nan(other))
         if differs.any():
             columns.append(name)

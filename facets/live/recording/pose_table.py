@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ...estimation.table import uncertainty_columns
 from ..run.pipeline import Poses
 
 Columns = dict[str, NDArray[Any]]
@@ -18,30 +16,13 @@ Columns = dict[str, NDArray[Any]]
 END = b"\xff\xff\xff\xff\0\0\0\0"
 #: The column that proves a batch: the CRC-32 of all others, the same in each of its rows.
 CRC = "crc"
+#: Columns of poses that a recording leaves out; its replay has them.
+REPLAYED = ("used", "power_mw", "misfit")
 
 
-def pose_columns(poses: Poses) -> Columns:
-    """Poses as columns of a table, with the readings that they are from, the object's poses and
-    the auxiliary channels."""
-    solution = poses.solution
-    columns: Columns = {
-        "seq": poses.seq,
-        "board_us": poses.time,
-        "host_s": poses.host,
-        "status": solution.status,
-        "flags": poses.flags,
-    }
-    columns |= {name: poses.readings[:, i] for i, name in enumerate(READING_COLUMNS)}
-    for i, name in enumerate(STATE_COLUMNS):
-        columns[name] = solution.state[:, i] / STATE_UNITS[i]
-    columns |= uncertainty_columns(solution)
-    columns["residual"] = solution.residual
-    return columns | poses.further
-
-
-def table_columns(poses: Poses) -> Columns:
-    """`pose_columns`, and `misfit`: 1 where the residual is beyond chance."""
-    return pose_columns(poses) | {"misfit": poses.solution.misfit.astype(np.int64)}
+def recorded_columns(poses: Poses) -> Columns:
+    """The columns of poses that a recording keeps, and that publications send."""
+    return {name: column for name, column in poses.columns().items() if name not in REPLAYED}
 
 
 def join_columns(parts: list[Columns]) -> Columns:
@@ -75,7 +56,7 @@ def recorded_poses(folder: Path) -> Columns:
     """The poses that a recording holds, in the samples' order, as far as they can be proven.
 
     A batch that is not as it was written is left out; past a torn end nothing can be read. Status
-    is one of `Status`, `pipeline.SKIPPED`, `pipeline.TWO_DETECTORS` or `pipeline.FULL`.
+    is the number of a `facets.Status`.
     """
     import pyarrow as pa
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from ...core.errors import ConfigError, InputError
 from ...core.version import __version__
-from ..run.pipeline import LABELS, Pipeline, Poses
+from ...estimation.samples import in_words
+from ..run.pipeline import Pipeline, Poses
 from .index import Damage, name_of_copy
-from .pose_table import Columns, table_columns
+from .pose_table import Columns
 from .reader import blocks, meta_of, size_of
 
 if TYPE_CHECKING:
@@ -114,6 +115,4 @@ replayed = replay
 
 def label(poses: Poses) -> Columns:
     """The columns of a table, the status in words."""
-    columns = table_columns(poses)
-    words = np.array([LABELS[status] for status in columns["status"].tolist()], dtype=str)
-    return columns | {"status": words}
+    return {"time_s": 1e-6 * poses.time, **in_words(poses.columns())}

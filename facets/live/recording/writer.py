@@ -175,7 +175,7 @@ class Recording(ClosedAtExit, Sink):
         self.written = time.monotonic()
         if not self.waiting:
             return
-        rows = pose_table.make_batch(pose_table.pose_columns(join_poses(self.waiting)))
+        rows = pose_table.make_batch(pose_table.recorded_columns(join_poses(self.waiting)))
         self.waiting = []
         head = b"" if self.has_schema else pose_table.schema_of(rows)
         if self.put("poses.arrows", head, rows.serialize().to_pybytes()):

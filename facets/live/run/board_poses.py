@@ -101,7 +101,7 @@ class BoardPoses:
 
     def add_differences(self, known: Floats, found: NDArray[np.void]) -> None:
         """known: (n, 17) statuses, states and uncertainties; found: (n,) of the board."""
-        estimated = known[:, 0] <= max(Status)
+        estimated = known[:, 0] < Status.SKIPPED
         # whether such poses are given is asked of each by itself
         estimated &= (known[:, 0] != Status.UNCHECKED) & (found["status"] != Status.UNCHECKED)
         known, found = known[estimated], found[estimated]

@@ -135,7 +135,7 @@ class Live:
             )
         for sink in self.sinks:
             found += sink.messages()
-        found += self.pipeline.object_poses.messages()
+        found += self.pipeline.measurement.messages()
         if not self.pipeline.doubts.said and self.pipeline.tally.misfit.is_mostly_flagged:
             found.append("most poses have a residual beyond chance: do not trust them")
         found += self.pipeline.doubts.said

@@ -175,7 +175,7 @@ class Loop:
         """Give poses to the sinks, and tell them what happened to the zero of displacements."""
         for sink in self.live.sinks:
             sink.add_poses(poses)
-        for text in self.live.pipeline.object_poses.take_news():
+        for text in self.live.pipeline.measurement.take_news():
             self.live.add_event("zero", text=text)
 
     def report_backlog(self) -> None:

@@ -10,42 +10,35 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
-from math import hypot, isnan
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from math import hypot, inf, isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError
-from ...core.knowledge import Knowledge, Prior
-from ...core.names import TEMPERATURE_COLUMN
+from ...core.names import READING_COLUMNS, TEMPERATURE_COLUMN
 from ...core.units import Floats
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
 from ...detectors.noise import least_light
 from ...detectors.skew import align
 from ...estimation.estimates import prepare
-from ...estimation.misfit import Misfit
-from ...estimation.series import solve_series
-from ...estimation.solution import Solution, Status, empty_solution
-from ...estimation.table import (
-    add_temperature_uncertainty,
-    beam_place,
-    exact_readings,
-    missing_temperature,
-    unknown_temperatures,
-)
+from ...estimation.measurement import Measurement
+from ...estimation.samples import Poses as SolvedPoses
+from ...estimation.samples import Samples as MeasuredSamples
+from ...estimation.solution import Solution
+from ...estimation.tally import Tally
+from ...estimation.zero import PoseColumns
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
 from ..sources.host_time import HostTime
 from .board_poses import BoardPoses, is_pose
 from .doubts import Doubts, Trust
-from .object_poses import ObjectPoses
 
 if TYPE_CHECKING:
     from ...core.settings import Config
-    from ...estimation.zero import ZeroRequest
 
 
 #: Standard uncertainty of the time of a sample relative to the time of the stage, s; it adds the
@@ -62,23 +55,6 @@ FLAGS = {
 }
 #: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
 BATCH = 250
-#: Maximum number of steps of the estimator for a live sample. Where a pose can be found, it takes
-#: four or five steps from rest, and up to sixteen from a millimetre off the beam.
-MAX_STEPS = 20
-#: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
-#: none of the estimator's: a replay solves the sample.
-SKIPPED = 64
-#: What older recordings have for `Status.UNCHECKED`.
-TWO_DETECTORS = 65
-#: The status of a sample that the estimator calls "non finite" since a converter was at its end.
-FULL = 66
-LABELS = {status.value: status.label for status in Status} | {
-    SKIPPED: "skipped",
-    TWO_DETECTORS: "two detectors only",
-    FULL: "saturated",
-}
-
-
 #: The fields of `Batch` with a row for each sample.
 PER_SAMPLE = ("seq", "time", "host", "readings", "aligned", "flags")
 
@@ -119,30 +95,30 @@ class Batch:
     def join(self, later: Batch) -> Batch:
         """Both, with the arrival of the later samples and what the stage said then."""
 
-        def join(one: Any, other: Any) -> Any:
-            return np.concatenate([one, other])
+        columns = {
+            name: join([getattr(self, name), getattr(later, name)])
+            for name in (*PER_SAMPLE, "channels")
+        }
+        return replace(later, **columns)
 
-        channels = {name: join(self.channels[name], later.channels[name]) for name in self.channels}
-        columns = {name: join(getattr(self, name), getattr(later, name)) for name in PER_SAMPLE}
-        return replace(later, channels=channels, **columns)
+    def with_poses(self, poses: SolvedPoses) -> Poses:
+        """The samples with their poses."""
+        return Poses(
+            seq=self.seq, time=self.time, host=self.host, readings=self.readings,
+            flags=self.flags, channels=self.channels, **vars(poses),
+        )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Poses:
-    """What became of some samples: the columns of `Batch`, solution (n), and channels.
-
-    The solution's status is one of `Status`, or SKIPPED, UNCHECKED or FULL; see LABELS.
-    object: (n,) each of the measured object's columns; see `ObjectPoses`.
-    """
+@dataclass(frozen=True, kw_only=True)
+class Poses(SolvedPoses):
+    """What became of some samples of a board: its solution, and the columns of `Batch`."""
 
     seq: NDArray[np.int64]
     time: NDArray[np.int64]
     host: Floats
     readings: Floats
-    solution: Solution
     flags: NDArray[np.uint8]
-    channels: dict[str, Floats] = field(default_factory=dict)
-    object: dict[str, Floats] = field(default_factory=dict)
+    channels: dict[str, Floats]
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -152,57 +128,48 @@ class Poses:
         """The columns that only some runs have: of the object, and of auxiliary channels."""
         return {**self.object, **self.channels}
 
+    def columns(self) -> dict[str, Any]:
+        """The samples and their poses as columns of numbers, as a recording has them."""
+        head = {
+            "seq": self.seq,
+            "board_us": self.time,
+            "host_s": self.host,
+            "flags": self.flags,
+            **{name: self.readings[:, i] for i, name in enumerate(READING_COLUMNS)},
+        }
+        return {**head, **super().columns(), **self.channels}
+
 
 @dataclass
-class Tally:
-    """What happened so far.
-
-    samples: that came.  statuses: of those that are solved or given up.  misfit: of the poses,
-    those whose residual is beyond chance.  unknown_temperatures: samples without the temperature
-    that the sensor follows.
-    """
+class RunTally(Tally):
+    """The tally of a run.  samples: that came.  flags: of these, by their words."""
 
     samples: int = 0
-    unknown_temperatures: int = 0
-    misfit: Misfit = field(default_factory=Misfit)
-    statuses: Counter[str] = field(default_factory=Counter)
     flags: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def unsolved_count(self) -> int:
-        """Samples that were looked at and have no pose."""
-        return self.statuses.total() - self.statuses[Status.CONVERGED.label]
 
     def pose_complaint(self) -> str:
         """Why there is no pose at all; nothing where there is one."""
         if not self.samples:
             return "no sample came."
         words = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
-        return "" if self.statuses[Status.CONVERGED.label] else f"no sample gave a pose: {words}."
-
-    @property
-    def skipped_count(self) -> int:
-        return self.statuses[LABELS[SKIPPED]]
+        return "" if self.solved_count else f"no sample gave a pose: {words}."
 
 
 class Pipeline:
     """Parses, follows the counters, converts; and solves."""
 
-    def __init__(
-        self, config: Config, zero: ZeroRequest | None = None, covariance: bool = False
-    ) -> None:
-        """zero, covariance: which further columns poses have, as of `ObjectPoses`."""
+    def __init__(self, config: Config, columns: PoseColumns | None = None) -> None:
+        """columns: what poses have beside those of mirror and object."""
         self.config = config
-        self.object_poses = ObjectPoses(config, zero, covariance)
+        self.tally = RunTally(cold=f"acquire.channels names no channel {TEMPERATURE_COLUMN}")
+        self.measurement = Measurement(config, columns, waits=True, tally=self.tally)
         settings = config.acquire
         self.parser = parser(settings.format, settings.content, len(settings.channels))
         self.sequence = Sequence()
         self.host_time = HostTime()
-        self.tally = Tally()
         self.board = BoardPoses()
         self.doubts = Doubts(least_light(config.sensor))
         self.trust = Trust(config)
-        self.at_rest = knowledge_at_rest(config)
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
         self.latest = -float("inf")  # host's time of the last sample, s
@@ -322,11 +289,9 @@ class Pipeline:
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), light, light,
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
-        prepare(self.config.sensor, self.knowledge(nobody.host, nobody.encoder))
-        kept, self.object_poses = self.object_poses, ObjectPoses(self.config)
-        self.solve(nobody)
-        self.object_poses, self.tally = kept, Tally()
-        self.doubts, self.trust = Doubts(self.doubts.floor), Trust(self.config)
+        prepare(self.config.sensor, self.measurement.at_rest)
+        warm = Pipeline(self.config)
+        warm.measurement.poses(warm.samples_of(nobody))
 
     def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
         """Readings (n, 9) and flags (n,) of counts."""
@@ -350,92 +315,42 @@ class Pipeline:
         The estimator screens each sample first: one with too few detectors that have enough light,
         within their edges and below saturation, gets its status without a step.
         """
-        temperature = self.temperature_of(batch)
-        solution, knowledge, exact = self.estimate(batch, temperature)
-        unknown = np.zeros(len(batch), dtype=bool)
-        if temperature is not None:
-            unknown = ~np.isfinite(temperature)
-            self.tally.unknown_temperatures += int(unknown.sum())
-        self.tally.misfit.carried |= batch.encoder is not None
-        self.tally.misfit.add(
-            solution, self.config.sensor, knowledge, self.config.solve.method, exact
-        )
-        self.doubts.add(batch.readings, batch.flags, solution.misfit, unknown)
+        samples = self.samples_of(batch)
+        poses = self.measurement.poses(samples)
+        cold = np.zeros(len(batch), dtype=bool)
+        if samples.temperature is not None:
+            cold = ~np.isfinite(samples.temperature)
+        solution = poses.solution
+        self.doubts.add(batch.readings, batch.flags, solution.misfit, cold)
         self.trust.add_poses(solution, 1e-6 * int(batch.time[-1]))
         if self.board.came:  # which does not know the temperature
-            known = solution if temperature is None else self.estimate(batch, None)[0]
+            known = solution
+            if samples.temperature is not None:
+                known, *_ = self.measurement.estimate(replace(samples, temperature=None))
             self.board.compare(batch.seq, known)
-        return self.finish(batch, name_causes(solution, batch.flags))
-
-    def estimate(
-        self, batch: Batch, temperature: Floats | None
-    ) -> tuple[Solution, Knowledge, Floats]:
-        """The solution of a batch, by what knowledge of the beam, and of which exact readings."""
-        sensor, options = self.config.sensor, self.config.solve
-        exact = exact_readings(sensor, batch.aligned, temperature)
-        knowledge = self.knowledge(batch.host, batch.encoder, temperature)
-        solution = solve_series(
-            sensor,
-            exact,
-            knowledge,
-            method=options.method,
-            max_steps=min(options.max_steps, MAX_STEPS),
-            accept_unchecked=options.accept_unchecked,
-        )
-        if temperature is not None:
-            solution = add_temperature_uncertainty(
-                sensor, options, knowledge, solution, temperature
-            )
-        return solution, knowledge, exact
+        return batch.with_poses(poses)
 
     def skip(self, batch: Batch) -> Poses:
         """The batch without poses, for want of time."""
-        has_parts = self.config.sensor.calibration is not None
-        return self.finish(batch, empty_solution(len(batch), SKIPPED, has_parts))
+        return batch.with_poses(self.measurement.skip(self.samples_of(batch)))
 
-    def finish(self, batch: Batch, solution: Solution) -> Poses:
-        for status, count in enumerate(np.bincount(solution.status).tolist()):
-            if count:
-                self.tally.statuses[LABELS[status]] += count
-        return Poses(
-            batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags,
-            batch.channels,
-            self.object_poses.columns(solution, batch.seq, batch.time, self.temperature_of(batch)),
+    def samples_of(self, batch: Batch) -> MeasuredSamples:
+        """The samples of a batch, with what the stage said of the beam, and their temperatures."""
+        place = sigma = None
+        if (encoder := batch.encoder) is not None:
+            sigma, age = inf, float(batch.host[-1]) - encoder.time
+            place = encoder.places(batch.host)
+            if age <= MAX_EXTRAPOLATION_S:
+                # a stage may have changed its speed since it was asked: half the way is in doubt
+                moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
+                sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
+        temperature = None
+        if self.config.sensor.thermal.is_on:
+            temperature = batch.channels.get(TEMPERATURE_COLUMN)
+        return MeasuredSamples(
+            batch.aligned, batch.seq, 1e-6 * batch.time.astype(np.float64), temperature, place,
+            sigma, batch.flags & SATURATED > 0,
         )  # fmt: skip
-
-    def temperature_of(self, batch: Batch) -> Floats | None:
-        """Temperatures (n,), degrees Celsius, if the sensor follows them and a channel has them."""
-        if not self.config.sensor.thermal.is_on:
-            return None
-        return batch.channels.get(TEMPERATURE_COLUMN)
-
-    def temperature_sentence(self) -> str:
-        """What it costs that samples lack a temperature that the sensor follows; empty if none."""
-        channels = {channel.column for channel in self.config.acquire.channels}
-        if not self.config.sensor.thermal.is_on or TEMPERATURE_COLUMN in channels:
-            return unknown_temperatures(self.tally.unknown_temperatures, "samples")
-        source = f"acquire.channels names no channel {TEMPERATURE_COLUMN}"
-        return missing_temperature(self.config.sensor, self.config.solve, source)
-
-    def knowledge(
-        self, host: Floats, encoder: Encoder | None, temperature: Floats | None = None
-    ) -> Knowledge:
-        """What is known of the beam at the samples' times and temperatures."""
-        sensor, options = self.config.sensor, self.config.solve
-        if self.at_rest.beam == "free":
-            return self.at_rest
-        shift = beam_place(sensor, None, temperature)
-        shift = np.zeros(2) if shift is None else np.nan_to_num(shift)
-        if encoder is None:
-            return self.at_rest if temperature is None else options.knowledge(sensor, shift)
-        age = float(host[-1]) - encoder.time
-        if not age <= MAX_EXTRAPOLATION_S:
-            return replace(self.at_rest, beam="free")
-        # a stage may have changed its speed since it was asked: half the way is in doubt
-        moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
-        sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
-        places = encoder.places(host) + np.array(options.beam_offset) + shift
-        return replace(self.at_rest, beam=Prior(places, sigma))
 
     def count(self, flags: NDArray[np.uint8]) -> None:
         self.tally.samples += len(flags)
@@ -449,38 +364,18 @@ def jitter_of(config: Config) -> float:
     return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
-def knowledge_at_rest(config: Config) -> Knowledge:
-    """What is known of the beam where no stage carries it, or where its position is solved for."""
-    if config.solve.method == "paper":
-        return Knowledge()
-    return config.solve.knowledge(config.sensor)
-
-
-def name_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
-    """The same with the status FULL for what is not finite since a converter was at its end."""
-    full = flags & SATURATED > 0
-    if not full.any():
-        return solution
-    full &= solution.status == Status.NON_FINITE
-    return replace(solution, status=np.where(full, np.int8(FULL), solution.status))
-
-
 def join_poses(parts: list[Poses]) -> Poses:
     """Poses one after the other."""
-    if len(parts) == 1:
-        return parts[0]
-    joined = {
-        f.name: np.concatenate([getattr(part.solution, f.name) for part in parts])
-        for f in fields(Solution)
-        if getattr(parts[0].solution, f.name) is not None
-    }
-    columns = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("seq", "time", "host", "readings", "flags")
-    }
-    further = [
-        {name: np.concatenate([getattr(part, kind)[name] for part in parts])
-         for name in getattr(parts[0], kind)}
-        for kind in ("channels", "object")
-    ]  # fmt: skip
-    return Poses(solution=Solution(**joined), channels=further[0], object=further[1], **columns)
+    return parts[0] if len(parts) == 1 else join(parts)
+
+
+def join(parts: list[Any]) -> Any:
+    """Records of arrays, and of records and tables of these, one after the other."""
+    first = parts[0]
+    if isinstance(first, dict):
+        return {name: join([part[name] for part in parts]) for name in first}
+    if not is_dataclass(first):
+        return None if first is None else np.concatenate(parts)
+    kind: Any = Solution if isinstance(first, Solution) else type(first)
+    names = [item.name for item in fields(kind)]
+    return kind(**{name: join([getattr(part, name) for part in parts]) for name in names})

@@ -12,22 +12,27 @@ from .pipeline import Pipeline, Poses
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ...estimation.zero import PoseColumns
 
 
 def poses(
-    config: Config, port: str | None = None, ended: Callable[[], bool] = lambda: False
+    config: Config,
+    port: str | None = None,
+    ended: Callable[[], bool] = lambda: False,
+    columns: PoseColumns | None = None,
 ) -> Iterator[Poses]:
     """Opens a detector board and gives the poses of its samples as they come, some at a time.
 
     config: of the sensor and the stream; its `pipeline` is warm before the port is opened.  port:
     its own if left out.  ended: is asked at each read whether to end, for programs with threads.
+    columns: what poses have beside those of mirror and object, in `Poses.object`.
     Ends with the stream, of a file, or where the loop is left; the port is then closed. Raises
     `PortError` where the port cannot be opened, or goes away.
 
     A sample that cannot be solved has a status and NaN, as `facets.solve` has it. A loop that is
     slower than the stream loses samples in the system's buffers; `seq` tells.
     """
-    pipeline = Pipeline(config)
+    pipeline = Pipeline(config, columns)
     pipeline.warm_up()
     name = port or config.acquire.port
     if not name:

@@ -25,9 +25,9 @@ from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
 from ...estimation.object_pose import ObjectPose, carry_pose
 from ...estimation.plan import Plan, find_plan
-from ...estimation.table import covariance_columns, result_columns
-from ...estimation.uncertainty_parts import propagate, slices_of
-from .pipeline import jitter_of, knowledge_at_rest
+from ...estimation.samples import covariance_columns, result_columns
+from ...estimation.uncertainty import propagate, slices_of
+from .pipeline import jitter_of
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -324,13 +324,13 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
 def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool) -> Floats:
     """`noise_covariance` of states (n, 8) by the detectors used (n, 3)."""
     plan = plan_of(config, carried)
-    found = propagate(config.sensor, None, states, used, plan.free, plan.weights)
+    found = propagate(config.sensor, None, states, used, plan)
     return found.noise[:, :6, :6]
 
 
 def plan_of(config: Config, carried: bool) -> Plan:
     """The unknowns and priors with which samples are solved."""
-    known = knowledge_at_rest(config)
+    known = config.solve.knowledge(config.sensor)
     if carried and known.beam != "free":
         known = replace(
             known, beam=Prior((0.0, 0.0), hypot(config.stage.accuracy, jitter_of(config)))

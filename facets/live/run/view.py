@@ -15,12 +15,12 @@ from ...core.names import ANGLES, DETECTORS, POSE, STATE
 from ...core.units import round_to
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
-from ...estimation.solution import Status
-from ...estimation.table import UNCERTAINTY_PARTS
+from ...estimation.samples import UNCERTAINTY_PARTS
+from ...estimation.solution import LABELS, Status
 from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live
-from .pipeline import FLAGS, LABELS, Poses
+from .pipeline import FLAGS, Poses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -185,10 +185,7 @@ def sample_sentences(live: Live) -> Iterator[str]:
         without = f", {tally.statuses[full]} of them without a pose" if words == full else ""
         if count:
             yield f"{count} {words}{without}"
-    if tally.misfit.words:
-        yield tally.misfit.words
-    yield from filter(None, [live.pipeline.temperature_sentence()])
-    yield from live.pipeline.object_poses.sentences()
+    yield from live.pipeline.measurement.sentences()
 
 
 def loop_sentences(live: Live) -> Iterator[str]:

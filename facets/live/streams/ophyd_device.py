@@ -31,7 +31,7 @@ from ophyd_async.core import AsyncConfigurable, AsyncReadable, AsyncStatus, Devi
 from ...core.errors import FacetsError, InputError
 from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
-from ..run.pipeline import LABELS
+from ...estimation.solution import LABELS
 from .row_stream import Rows, RowStream, is_published, kept_dtype
 from .sample_rows import SAMPLE, row_content, unit_of
 

@@ -22,7 +22,8 @@ from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.version import __version__
-from ..run.pipeline import LABELS, Poses
+from ...estimation.solution import LABELS
+from ..run.pipeline import Poses
 from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
 from ..sources.host_time import wall_clock_offset
@@ -32,7 +33,7 @@ from .sample_rows import description, row_content, rows_of, sample_dtype
 
 if TYPE_CHECKING:
     from ...core.settings import Config
-    from ..run.object_poses import ObjectPoses
+    from ...estimation.measurement import Measurement
 
 #: Maximum size of what waits in this process for one receiver: 1.4 s at 50,000 samples a second.
 MAX_WAITING_BYTES = 16_000_000
@@ -226,7 +227,7 @@ class Publications(ClosedAtExit, Sink):
         config: Config,
         patient: bool = False,
         utc_offset: float | None = None,
-        objects: ObjectPoses | None = None,
+        objects: Measurement | None = None,
     ) -> None:
         """Raises `InputError` for an address that cannot be used; none is then open.
 

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import FacetsError
-from ..run.object_poses import ObjectPoses
 from ..run.poses import poses
-from .sample_rows import SAMPLE, row_dtype, rows_of
+from .sample_rows import SAMPLE, row_content, rows_of, sample_dtype
 from .subscription import Subscription
 
 if TYPE_CHECKING:
@@ -195,10 +194,8 @@ class RowStream:
 
 
 def kept_dtype(config: Config) -> np.dtype[np.void]:
-    """Of kept rows: the columns of SAMPLE, those of the configuration's object, and its auxiliary
-    channels."""
-    channels = (channel.column for channel in config.acquire.channels)
-    return row_dtype(False, (*ObjectPoses(config).names, *channels))
+    """The columns of kept rows: all that the configuration gives."""
+    return sample_dtype(row_content(config))
 
 
 def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
@@ -215,7 +212,8 @@ def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
     if lacks:
         raise FacetsError(
             f"the publication has no {', '.join(lacks)}: it is of another version of facets, or "
-            "its configuration names other auxiliary channels (acquire.channels)"
+            "its configuration names other auxiliary channels (acquire.channels) or has no "
+            "covariance of a calibration (sensor.calibration)"
         )
     found = np.empty(len(rows), dtype)
     for name in names:

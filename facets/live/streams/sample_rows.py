@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ...estimation.table import UNCERTAINTY_PARTS
+from ...estimation.measurement import Measurement
+from ...estimation.samples import UNCERTAINTY_PARTS
 from ...files.tables import unit_of_column
-from ..run.object_poses import ObjectPoses
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -40,7 +40,7 @@ PARTS = tuple(f"u_{part}_{name}" for part in UNCERTAINTY_PARTS for name in STATE
 CALIBRATED_SAMPLE = np.dtype([*SAMPLE.descr, *((name, "<f8") for name in PARTS)])
 
 
-def row_content(config: Config, objects: ObjectPoses | None = None) -> dict[str, Any]:
+def row_content(config: Config, objects: Measurement | None = None) -> dict[str, Any]:
     """What rows hold beside the columns of SAMPLE, as a publication says it: whether the parts of
     the uncertainties, which point's pose, and which auxiliary channels.
 
@@ -48,7 +48,7 @@ def row_content(config: Config, objects: ObjectPoses | None = None) -> dict[str,
     """
     return {
         "uncertainty_parts": config.sensor.calibration is not None,
-        **(objects or ObjectPoses(config)).description(),
+        **(objects or Measurement(config)).description(),
         "channels": [
             {"column": one.column, "name": one.name, "unit": one.unit, "delay_us": 1e6 * one.delay}
             for one in config.acquire.channels

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from ...core.names import ANGLES, DETECTORS, STATE
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
+from ...estimation.solution import LABELS
 from ...model.arrays import half_sizes
-from ..run.pipeline import LABELS
 from ..streams.publication import MAX_WAITING_BYTES, Publication
 from ..streams.sample_rows import row_content
 from .guard import is_local, parse_address, place

@@ -79,7 +79,7 @@ class ReplayPage:
         offset = utc_offset(recording)
         self.offset, self.recording = offset or 0.0, recording
         more = {"kind": "replay", "recording": str(recording), "utc_known": offset is not None}
-        more |= row_content(pipeline.config, pipeline.object_poses)
+        more |= row_content(pipeline.config, pipeline.measurement)
         self.page = WebPage(pipeline.config, web, self.status, more, True, drawn=drawn)
 
     def status(self) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def status_of(live: Live) -> dict[str, Any]:
 def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
     """Of a recording that is solved again, for `seconds` s by now."""
     board = pipeline.board.trouble()
-    zero = pipeline.object_poses.messages()
+    zero = pipeline.measurement.messages()
     messages = [*pipeline.doubts.said, *zero, *([board] if board else [])]
     return {
         "seconds": round(seconds, 3),

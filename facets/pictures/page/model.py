@@ -16,8 +16,8 @@ from ...core.names import FINE_UNITS
 from ...core.rules import Rules
 from ...core.sensor import Sensor
 from ...detectors import noise
-from ...estimation import chance, doubts, plan, step
-from ...estimation.block_task import Form
+from ...estimation import doubts, plan, step
+from ...estimation.problem import Form
 from ...estimation.solution import Status
 from ...model import arrays
 from ...model.kinds import kind_of
@@ -234,7 +234,7 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
         "samples": doubts.unit_samples().round(9),
         "fold": FOLD,
         "noise": electronic_noise(sensor),
-        "statuses": [status.label for status in Status],
+        "statuses": [status.label for status in Status if status < Status.SKIPPED],
         "refusal": refusal(sensor),
     }
 
@@ -291,7 +291,7 @@ def plan_data(sensor: Sensor, knowledge: Knowledge) -> dict[str, Any]:
         "weights": todo.weights,
         "free": todo.free,
         "none": likely.none,
-        "limits": likely.limits(np.arange(len(chance.LIMITS), dtype=np.int8)),
+        "limits": likely.limits(np.arange(len(plan.LIMITS), dtype=np.int8)),
     }
 
 

@@ -10,7 +10,7 @@ from ...characterization.propagation import PropagationResult
 from ...core.hues import chosen_hues
 from ...core.names import POSE
 from ...core.units import Floats, unit_of
-from ...estimation.coverage import region_factor
+from ...estimation.uncertainty import region_factor
 from .. import style
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from ...calibration.table import parameter_table
 from ...core.names import POSE
 from ...core.units import MICRO, round_to, unit_of, write_micro
 from ...core.version import __version__
-from ...estimation.coverage import coverage_factor
+from ...estimation.uncertainty import coverage_factor
 from ...files.provenance import origin_line, provenance_header
 from ...files.tables import Whole
 from .report_page import ReportSection, report

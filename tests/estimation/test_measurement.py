@@ -1,13 +1,15 @@
-"""Samples of a motion that are solved together."""
+"""Samples that are solved together."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measure
 
 import facets
-from facets import Knowledge, Prior
-from facets.estimation import solve_series
+from facets import Samples
 
-SENSOR = facets.Sensor()
+SENSOR, OPTIONS = facets.Sensor(), facets.load("paper").solve
 
 
 def test_a_reading_that_needs_more_steps_from_rest_starts_from_its_neighbour():
@@ -16,7 +18,7 @@ def test_a_reading_that_needs_more_steps_from_rest_starts_from_its_neighbour():
     states[:, 0] = np.linspace(0, 0.4, 40)
     readings = facets.readings(SENSOR, states)
     alone = facets.solve(SENSOR, readings, max_steps=4)
-    together = solve_series(SENSOR, readings, Knowledge(), max_steps=4)
+    together = measure(SENSOR, replace(OPTIONS, max_steps=4), Samples(readings))
     assert together.ok.sum() > alone.ok.sum()
     # as far as the estimate converges: 1e-6 of the noise, 2.6 nm a pm
     np.testing.assert_allclose(together.state[together.ok], states[together.ok], atol=1e-6)
@@ -30,7 +32,8 @@ def test_a_spoilt_reading_gets_its_status_and_spoils_no_other(wrong):
     states[:, 0] = states[:, 6] = np.linspace(0, 3, 30)
     readings = facets.readings(SENSOR, states)
     readings[7] = wrong
-    solution = solve_series(SENSOR, readings, Knowledge(beam=Prior(states[:, 6:], 0.0)))
+    samples = Samples(readings, place=states[:, 6:])
+    solution = measure(SENSOR, replace(OPTIONS, beam="known"), samples)
     assert not solution.ok[7]
     assert np.isnan(solution.state[7]).all()
     others = np.delete(np.arange(30), 7)

@@ -1,10 +1,21 @@
-"""What the uncertainty of a pose consists of: noise, and what noise is not.
+"""The uncertainty of a pose: noise, and what noise is not; unseen errors; expanded uncertainties.
 
 The noise of the readings differs from sample to sample, so that a mean over n samples has 1 / n of
 its variance. The calibrated parameters are off by the same amount in every sample: a mean keeps
 their part, and a difference of two poses has that of the difference between their derivatives. What
 is known of beam and power beforehand (a prior) stays in a mean, too, but for the laser's pointing
 jitter and power noise, which differ from sample to sample as the readings' noise does.
+
+The largest error by one wrong number that the residual does not show is called external reliability
+in geodesy (W. Baarda, 1968). A number takes the share h of its own error into the pose and leaves
+1 - h in the residual, both squared and in standard deviations. So an error that leaves the limit L
+of `Chance` as its residual moves the pose by L sqrt(h / (1 - h)), and no component of the pose by
+more of its standard uncertainties.
+
+JCGM 100 (GUM), annex G: the expanded uncertainty is U = k u, with k the quantile of Student's t
+distribution for the effective degrees of freedom. The noise of a reading is known and has
+infinitely many; the calibration has those of its residuals. For a region in m dimensions k follows
+from the chi-square distribution (JCGM 102, 6.5), or from Hotelling's with few degrees of freedom.
 """
 
 from __future__ import annotations
@@ -12,19 +23,33 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ..core.arguments import check_arguments
+from ..core.errors import InputError
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.names import FINE_UNITS
+from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR, TEMPERATURE
 from ..detectors.correction import NAMES, correction_slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
+from ..model.arrays import (
+    EFFECTS,
+    as_rows,
+    derivatives,
+    effect_jacobian,
+    jacobian,
+    parameter_jacobian,
+    readings,
+)
 from ..model.beam_shape import SHAPE, shape_derivatives
 from ..optics.parameters import PARAMETERS
+from .plan import chance_of, make_plan
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration, Sensor
+    from .plan import Plan
 
 
 #: How many samples at once: 5 kB each.
@@ -66,8 +91,7 @@ def uncertainty_parts(
     sensor: Sensor,
     states: Floats,
     used: NDArray[np.bool_],
-    free: NDArray[np.int64],
-    weights: Floats,
+    plan: Plan,
     warmer: Floats | None = None,
 ) -> UncertaintyParts:
     """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
@@ -75,7 +99,7 @@ def uncertainty_parts(
     noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
     for part in slices_of(len(states)):
         found = propagate(
-            sensor, sensor.calibration, states[part], used[part], free, weights,
+            sensor, sensor.calibration, states[part], used[part], plan,
             None if warmer is None else warmer[part],
         )  # fmt: skip
         noise[part] = found.noise
@@ -96,17 +120,16 @@ def propagate(
     known: Calibration | None,
     states: Floats,
     used: NDArray[np.bool_],
-    free: NDArray[np.int64],
-    weights: Floats,
+    plan: Plan,
     warmer: Floats | None = None,
 ) -> Propagation:
     """How solved states (n, 8) follow noise, priors and the parameters that are `known`.
 
-    used: (n, 3) detectors.  free, weights: the unknowns that were solved for, out of the state
-    and the power, and one over the sigmas of what was known of bx, by and the power.
+    used: (n, 3) detectors.  plan: the unknowns that were solved for, and what was known of bx, by
+    and the power.
     warmer: (n,) than the reference temperature of the calibration, K; None where it is not known.
     """
-    seen = readings(sensor, states)
+    seen, free, weights = readings(sensor, states), plan.free, plan.weights
     weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
     by_state = np.zeros((len(states), 9, 9))
     by_state[:, :, :8] = jacobian(sensor, states)
@@ -202,3 +225,141 @@ def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | Non
         slopes[:, [0, 1, 3, 4, 6, 7], np.arange(2, len(TEMPERATURE))] = 1.0
         slopes *= warmer[:, None, None]
     return slopes
+
+
+#: Shares of an error that a residual has of it, squared, below this are rounding.
+NOTHING = 1e-12
+
+
+@check_arguments
+def unseen_errors(
+    sensor: Sensor,
+    state: ArrayLike,
+    *,
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
+) -> Floats:
+    """Bound the error of a pose by one wrong number that the residual does not show.
+
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
+    beam, power
+        What is known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+
+    Returns
+    -------
+    ndarray
+        (..., 9): for each number of the reading, in standard uncertainties of the pose. Where only
+        that number is wrong and the solution is `ok` all the same, no component of the pose is off
+        by more, to first order and but for the noise of the others. Infinite where nothing checks
+        the number; NaN where a detector has no light.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> facets.unseen_errors(facets.Sensor(), np.zeros(8), beam="known").round()[:3].tolist()
+    [4.0, 12.0, 6.0]
+    >>> facets.unseen_errors(facets.Sensor(), np.zeros(8), beam="free").round()[:3].tolist()
+    [inf, inf, 6.0]
+    """
+    states, shape = as_rows(state, 8, "state")
+    asked = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
+    exact = readings(sensor, states)
+    slopes = np.zeros((len(states), 9, 9))
+    slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS
+    slopes[:, 2::3, 8] = exact[:, 2::3]
+    slopes /= standard_deviations(sensor, exact)[:, :, None]
+    known = np.diag([*[0.0] * 6, *asked.weights * [*FINE_UNITS[6:], sensor.beam.power]])
+    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, asked.free]
+    out = np.full((len(states), 9), np.nan)
+    lit = np.isfinite(rows).all(axis=(1, 2))
+    into_pose = (np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0][:, :9] ** 2).sum(axis=2)
+    left = 1 - into_pose
+    limit = chance_of(sensor, asked).limit
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out[lit] = np.where(left > NOTHING, limit * np.sqrt(into_pose / left), np.inf)
+    return out.reshape(*shape, 9)
+
+
+def column_lengths(matrices: Floats) -> Floats:
+    found: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
+    return found
+
+
+def require_probability(probability: float) -> float:
+    """The coverage probability.  Raises `InputError` if it is not between 0 and 1."""
+    if not 0 < probability < 1:
+        raise InputError(
+            f"the coverage probability is {probability}; allowed: between 0 and 1, such as 0.95"
+        )
+    return probability
+
+
+def describe_coverage(sensor: Sensor, probability: float) -> dict[str, str]:
+    """What the header of a table says of its expanded uncertainties."""
+    known = sensor.calibration
+    if known is None:
+        source = "infinite, as the configuration has no covariance of a calibration"
+    elif known.degrees_of_freedom is None:
+        source = "unknown; coverage factors are those of the normal distribution"
+    else:
+        source = f"{known.degrees_of_freedom:.6g}"
+    return {
+        "coverage_probability": f"{require_probability(probability):g}",
+        "calibration_degrees_of_freedom": source,
+    }
+
+
+def effective_degrees_of_freedom(
+    variance: ArrayLike, part: ArrayLike, degrees_of_freedom: ArrayLike
+) -> Floats:
+    """Degrees of freedom of combined variances (...) by the formula of Welch and Satterthwaite.
+
+    part: (...) of these variances, with `degrees_of_freedom` (...) of its own, NaN for unknown;
+    the rest has infinitely many. Unknown ones matter only where the part is above zero.
+    """
+    whole, share, known = np.broadcast_arrays(
+        *(np.asarray(numbers, float) for numbers in (variance, part, degrees_of_freedom))
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: Floats = np.where(share > 0, known * (whole / share) ** 2, np.inf)
+    return found
+
+
+def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) -> Floats:
+    """Coverage factor of an interval that is symmetric about the estimate (GUM, G.3).
+
+    degrees_of_freedom: (...); NaN for unknown, which gives the factor of the normal distribution.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    require_probability(probability)
+    freedom, upper = np.asarray(degrees_of_freedom, float), (1 + probability) / 2
+    is_finite = np.isfinite(freedom)
+    found: Floats = np.full(freedom.shape, ndtri(upper))
+    found[is_finite] = stdtrit(freedom[is_finite], upper)
+    return found
+
+
+def region_factor(probability: float, dimensions: int, degrees_of_freedom: float = np.inf) -> float:
+    """Coverage factor of a hyper-ellipsoid in some dimensions, about the estimate.
+
+    The region has the points whose difference d from the estimate has d' C^-1 d up to the factor's
+    square, C the covariance. NaN, as no region can be stated, with fewer degrees of freedom than
+    dimensions; NaN for the degrees of freedom (unknown) gives the factor of the normal
+    distribution.
+    """
+    from scipy.special import chdtri, fdtri
+
+    require_probability(probability)
+    if not np.isfinite(degrees_of_freedom):
+        return float(np.sqrt(chdtri(dimensions, 1 - probability)))
+    rest = degrees_of_freedom - dimensions + 1
+    if rest <= 0:
+        return float("nan")
+    scale = dimensions * degrees_of_freedom / rest
+    return float(np.sqrt(scale * fdtri(dimensions, rest, probability)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..scalars.dispatch import maximum
+from .dispatch import maximum
 
 #: A pivot that is less than this share of its diagonal element has no digits that rounding leaves:
 #: the condition number of J, columns scaled, is then above some 1e6.

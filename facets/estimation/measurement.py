@@ -1,0 +1,352 @@
+"""The one way from samples to poses, for tables, runs, replays and simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
+from functools import cached_property
+from math import isinf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.knowledge import Knowledge, Prior
+from ..core.units import Booleans, Floats
+from ..detectors.correction import correct
+from .object_pose import ObjectPose, transform
+from .samples import (
+    Poses,
+    Samples,
+    covariance_columns,
+    expanded_columns,
+    result_columns,
+)
+from .solution import Solution, Status, empty_solution
+from .solver import solve_question
+from .tally import PLACES, Tally
+from .zero import PoseColumns, ZeroRequest, ZeroSearch, zero_findings, zero_text
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+    from ..core.settings import Config
+    from .differences import ZeroPose
+
+
+#: Ends of an estimate that another start may spare.
+LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
+
+
+class Measurement:
+    """Solves samples as a configuration says it, and keeps what its user must be told.
+
+    Parameters
+    ----------
+    config : Config
+        The sensor, what is known of its beam (`solve`), and the measured object.
+    columns : PoseColumns, optional
+        What poses have beside those of mirror and object: displacements from a zero, covariances.
+    waits : bool
+        Whether the zero waits for the first pose that fits its readings, as in a run.
+    tally : Tally, optional
+        Where samples are counted; a new one by default.
+
+    Attributes
+    ----------
+    tally : Tally
+        What became of the samples so far.
+    news : list of str
+        What happened to the zero since `take_news`.
+
+    Raises
+    ------
+    InputError
+        Where the table of a zero is of no use.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> config = facets.load("paper")
+    >>> rows = facets.readings(config.sensor, np.zeros((3, 8)))
+    >>> measurement = facets.Measurement(config)
+    >>> measurement.poses(facets.Samples(rows)).solution.ok.tolist()
+    [True, True, True]
+    >>> measurement.tally.statuses
+    Counter({'converged': 3})
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        columns: PoseColumns | None = None,
+        *,
+        waits: bool = False,
+        tally: Tally | None = None,
+    ) -> None:
+        self.config, self.columns = config, columns or PoseColumns()
+        self.tally = Tally() if tally is None else tally
+        self.at_rest = config.solve.knowledge(config.sensor)
+        zero = self.columns.zero
+        self.search = ZeroSearch(zero, config, waits) if zero else None
+        self.news: list[str] = []
+        if self.zero is not None:
+            self.tell_zero()
+
+    @property
+    def zero(self) -> ZeroPose | None:
+        """The reference pose of displacements; None until it is known."""
+        return self.search.zero if self.search else None
+
+    @property
+    def is_measuring(self) -> bool:
+        """Whether a zero is requested and not known yet."""
+        return self.search is not None and self.search.zero is None
+
+    def poses(self, samples: Samples) -> Poses:
+        """Solve samples; displacements are NaN until the zero is known."""
+        return self.finish(samples, *self.begin(samples))
+
+    def poses_of_all(self, parts: Iterable[Samples], what: str) -> Iterator[Poses]:
+        """Solve the samples of a whole table; all have displacements.
+
+        What comes before the zero is known is held in memory. Raises `InputError` where the zero
+        is not in the table.  what: the table, for messages.
+        """
+        held, rows = [], 0
+        for samples in parts:
+            rows += len(samples.readings)
+            held.append((samples, *self.begin(samples)))
+            if not self.is_measuring:
+                yield from (self.finish(*one) for one in held)
+                held = []
+        if self.search and rows:
+            self.search.finish(what, rows)
+        yield from (self.finish(*one) for one in held)
+
+    def begin(self, samples: Samples) -> tuple[Solution, Booleans]:
+        """Solve samples, count them, and add them to the zero.
+
+        Returns the solution, and whether each sample belongs to the zero.
+        """
+        solution, knowledge, exact = self.estimate(samples)
+        self.tally.add(self.config, samples, solution, (knowledge, exact))
+        members = np.zeros(len(samples.readings), dtype=bool)
+        if self.search and self.is_measuring:
+            try:
+                members = self.search.add(samples, solution)
+            except InputError as error:
+                if not self.search.waits:
+                    raise
+                self.news.append(f"is measured again: {error}")
+            if self.zero is not None:
+                self.tell_zero()
+        return solution, members
+
+    def finish(self, samples: Samples, solution: Solution, members: Booleans) -> Poses:
+        """The poses of solved samples.  members: (n,) whether each belongs to the zero."""
+        columns = self.object_columns(solution, members, samples.temperature)
+        return Poses(solution, members, columns)
+
+    def skip(self, samples: Samples) -> Poses:
+        """The samples without poses, for want of time."""
+        has_parts = self.config.sensor.calibration is not None
+        count = len(samples.readings)
+        solution = empty_solution(count, Status.SKIPPED, has_parts)
+        self.tally.add_statuses(solution)
+        return self.finish(samples, solution, np.zeros(count, dtype=bool))
+
+    def estimate(self, samples: Samples) -> tuple[Solution, Knowledge, Floats]:
+        """Solve samples, without counting them.
+
+        Returns the solution, what was known of the beam, and the exact readings (n, 9).
+        """
+        sensor, options = self.config.sensor, self.config.solve
+        exact = exact_readings(sensor, samples.readings, samples.temperature)
+        knowledge = self.knowledge(samples)
+        if samples.place is not None and knowledge.beam != "free":
+            exact = np.where(np.isfinite(samples.place).all(axis=1, keepdims=True), exact, np.nan)
+        warmer = warmer_than_reference(sensor, samples.temperature)
+        if warmer is not None:
+            warmer = np.nan_to_num(warmer)
+        question = options.question(knowledge)
+
+        def solve(which: Any, start: Any) -> Solution:
+            return solve_question(
+                sensor,
+                exact[which],
+                question.rows(which),
+                start,
+                warmer=None if warmer is None else warmer[which],
+            )
+
+        solution = solve(np.s_[:], options.start)
+        if options.start == "zero" and not solution.converged.all():
+            retry(solution, solve)
+        if samples.saturated is not None and samples.saturated.any():
+            full = samples.saturated & (solution.status == Status.NON_FINITE)
+            status = np.where(full, np.int8(Status.SATURATED), solution.status)
+            solution = replace(solution, status=status)
+        return solution, knowledge, exact
+
+    def knowledge(self, samples: Samples) -> Knowledge:
+        """What is known of the beam at the samples' times and temperatures."""
+        if self.at_rest.beam == "free" or isinf(samples.place_sigma or 0.0):
+            return replace(self.at_rest, beam="free")
+        sensor, options = self.config.sensor, self.config.solve
+        place = beam_place(sensor, samples.place, samples.temperature)
+        if place is None:
+            return self.at_rest
+        place = np.nan_to_num(place)
+        if samples.place_sigma is None:
+            return options.knowledge(sensor, place)
+        return replace(self.at_rest, beam=Prior(place + options.beam_offset, samples.place_sigma))
+
+    @cached_property
+    def object_names(self) -> tuple[str, ...]:
+        """The names of the object's columns, of displacements and covariances."""
+        has_parts = self.config.sensor.calibration is not None
+        nothing = empty_solution(1, Status.NON_FINITE, has_parts)
+        return tuple(self.object_columns(nothing, np.zeros(1, dtype=bool), None))
+
+    def object_columns(
+        self, solution: Solution, members: Booleans, temperature: Floats | None
+    ) -> dict[str, Floats]:
+        """The columns of the object, of its displacements from the zero, and of covariances.
+
+        members: (n,) whether each sample belongs to the zero.
+        """
+        poses, body = {}, self.config.object
+        if body is not None:
+            poses["object_"] = transform(solution, body)
+        if self.zero is not None:
+            poses["displacement_"] = transform(
+                solution, body, self.zero, members=members, temperature=temperature
+            )
+        elif self.is_measuring:
+            poses["displacement_"] = unknown_displacements(solution)
+        covariance, coverage = self.columns.covariance, self.columns.coverage
+        columns = covariance_columns(solution) if covariance else {}
+        if coverage is not None:
+            columns |= expanded_columns(solution, coverage)
+        for prefix, pose in poses.items():
+            columns |= result_columns(pose, prefix, covariance, coverage)
+        return columns
+
+    def tell_zero(self) -> None:
+        """Add the zero that is now known to the news."""
+        self.news += [self.zero_text, *self.findings]
+
+    @property
+    def request(self) -> ZeroRequest | None:
+        """The zero of displacements that is asked for."""
+        return self.columns.zero
+
+    @property
+    def zero_text(self) -> str:
+        """The zero in words, for the provenance of a table; empty where there is none."""
+        return zero_text(self.request, self.zero) if self.request and self.zero else ""
+
+    @property
+    def findings(self) -> list[str]:
+        """What a user of the zero should know, as sentences."""
+        return zero_findings(self.zero) if self.zero else []
+
+    def take_news(self) -> list[str]:
+        """What happened to the zero since the last call."""
+        news, self.news = self.news, []
+        return news
+
+    def messages(self) -> list[str]:
+        """What a person should know of the zero now."""
+        if not self.is_measuring:
+            return self.findings
+        if self.search and self.search.is_begun:
+            return ["the zero is being measured: keep the mirror still"]
+        return ["the zero waits for a pose that fits its readings; there is none yet"]
+
+    def description(self) -> dict[str, Any]:
+        """What receivers of the columns are told: the point, the orientation, the zero, the
+        columns."""
+        body = self.config.object
+        return {
+            "object": None if body is None else {
+                "point_mm": list(body.point),
+                "orientation_deg": np.degrees(body.orientation).tolist(),
+            },
+            "zero": None if self.request is None else self.request.text,
+            "covariance": self.columns.covariance,
+            "object_columns": list(self.object_names),
+        }  # fmt: skip
+
+    def zero_sentences(self) -> list[str]:
+        """What is said of the zero at the end."""
+        if self.request is None:
+            return []
+        if self.zero is None:
+            return [
+                f"no displacements: --zero is {self.request.text}, and no sample with a pose came "
+                "after that"
+            ]
+        return [f"zero: {self.zero_text}", *self.findings]
+
+    def sentences(self) -> list[str]:
+        """What is said of the samples at the end."""
+        return [*self.zero_sentences(), *self.tally.sentences(self.config)]
+
+
+def unknown_displacements(solution: Solution) -> ObjectPose:
+    """Displacements that are not known, with the parts that the solution's covariance has."""
+    unknown = np.full((len(solution.status), 6, 6), np.nan)
+    part = None if solution.calibration_covariance is None else unknown
+    freedom = solution.calibration_degrees_of_freedom
+    return ObjectPose(unknown[:, 0], None, unknown, part, part, True, freedom)
+
+
+def warmer_than_reference(sensor: Sensor, temperature: Floats | None) -> Floats | None:
+    """How much warmer than its reference a sensor that follows the temperature is (n,), K."""
+    if temperature is None or not sensor.thermal.is_on:
+        return None
+    return temperature - sensor.thermal.reference
+
+
+def beam_place(sensor: Sensor, place: Floats | None, temperature: Floats | None) -> Floats | None:
+    """Where the beam is (n, 2), mm, at temperatures (n,); the origin at the reference's one, or
+    `place`."""
+    warmer = warmer_than_reference(sensor, temperature)
+    if warmer is None:
+        return place
+    shift: Floats = warmer[:, None] * np.array(sensor.thermal.beam)
+    return shift if place is None else place + shift
+
+
+def exact_readings(sensor: Sensor, readings: Floats, temperature: Floats | None = None) -> Floats:
+    """Convert readings (n, 9) of one instant each to those of the model at the sensor's reference
+    temperature."""
+    exact = correct(sensor, readings)
+    warmer = warmer_than_reference(sensor, temperature)
+    if warmer is not None:
+        exact = exact.copy()
+        exact[:, PLACES] -= warmer[:, None] * np.array(sensor.thermal.places)
+    return exact
+
+
+def retry(solution: Solution, solve: Any) -> None:
+    """Solve the samples without a pose again, each from the nearest that has one."""
+    lost = np.flatnonzero(np.isin(solution.status, LOST))
+    good = np.flatnonzero(solution.converged)
+    if not (len(lost) and len(good)):
+        return
+    again = solve(lost, solution.state[nearest(lost, good)])
+    for item in fields(Solution):
+        array = getattr(solution, item.name)
+        if array is not None:  # covariances may be left out
+            array[lost] = getattr(again, item.name)
+
+
+def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The nearest of some ascending numbers to each of others."""
+    after = np.clip(np.searchsorted(among, places), 1, len(among) - 1) if len(among) > 1 else 0
+    before = np.maximum(after - 1, 0)
+    closer = places - among[before] <= among[after] - places
+    return among[np.where(closer, before, after)]
