@@ -32,7 +32,8 @@ from facets.core.errors import FacetsError
 
 from . import signals
 from .command import Command
-from .console import BAD_INPUT, INTERRUPTED, Guarded, message
+from .console import BAD_INPUT, INTERRUPTED, message
+from .streams import Guarded
 
 #: The commands in the order of the help, and the module that each is in.
 COMMANDS = {

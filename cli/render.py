@@ -25,11 +25,10 @@ from .options import (
     output_option,
 )
 from .options.places import state_of
-from .parts.film import film_states, write_film
+from .parts.drawings import draw, draw_flat, film_states, write_film
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.pictures.stills.render import PictureForm
 
 
 class View(StrEnum):
@@ -205,21 +204,3 @@ def extras(
     if view is View.trail:
         return {"motion": film_states(settings, motion, recording, 600)}
     return {}
-
-
-def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict[str, Any]) -> None:
-    """Draw a picture, a page or a scene, by the file's suffix."""
-    if path.suffix.lower() == ".html":
-        pictures.page.rig_page.write_rig_page(
-            settings.sensor, settings.name, state, path, form.view, settings
-        )
-    elif path.suffix.lower() == ".gltf":
-        pictures.render.save_scene(settings.sensor, state, path)
-    else:
-        with pictures.render.Picture(settings.sensor, state, form, **more) as picture:
-            picture.save(path)
-
-
-def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
-    make = pictures.spots.spots_picture if spots else pictures.spots.plan_picture
-    pictures.style.save(make(settings.sensor, state), path)

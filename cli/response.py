@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-import facets
-from facets import characterization, core, files, live, pictures
+from facets import characterization, core, pictures
 from facets.core.errors import InputError
 
-from .console import FINDING, load_config
+from .console import FINDING
 from .options import (
     ConfigOption,
     Force,
@@ -26,13 +25,12 @@ from .options import (
     output_folder,
 )
 from .options.places import choose_point
-from .parts.recordings import solve_recording
+from .parts.response_input import describe_input, read_columns
 from .results import Results
 from .sentences.response import show_estimate
 
 if TYPE_CHECKING:
-    from facets.characterization.response_signals import Columns
-    from facets.config import Config
+    pass
 
 Measurement = Annotated[
     Path,
@@ -163,38 +161,3 @@ def response(
         typer.echo(f"{uff}")
     if characterization.response_findings.silent_axes(estimate).all():
         raise typer.Exit(FINDING)
-
-
-def read_columns(data: Path, column: str, config: str | None) -> tuple[Columns, Config]:
-    """Read the columns of a recording or of a table, and the sensor's configuration."""
-    if data.is_dir() or not data.name.lower().endswith(files.tables.ENDINGS):
-        return solve_columns(data, column, config)
-    if config is None:
-        raise InputError(
-            f"{data}: a table needs --config CONFIG, the configuration of the sensor, whose noise "
-            "and bandwidth the picture shows"
-        )
-    return characterization.response_signals.read_signal_table(data, column), load_config(config)
-
-
-def solve_columns(recording: Path, column: str, config: str | None) -> tuple[Columns, Config]:
-    """Solve a recording, which must have the auxiliary channel of the column."""
-    playback = live.Playback(recording, facets.load(config) if config else None)
-    names = [one.column for one in playback.config.acquire.channels]
-    if column not in names:
-        has = ", ".join(names) or "none (acquire.channels names them)"
-        raise InputError(
-            f"{recording}: has no auxiliary channel with the column {column}; it has: {has}"
-        )
-    columns = solve_recording(playback)
-    if not columns:
-        raise InputError(f"{recording}: holds no complete sample")
-    return columns, playback.config
-
-
-def describe_input(settings: Config, column: str) -> tuple[float, str]:
-    """The delay of the input's samples, s, and the input's unit; 0 and by its name by default."""
-    for channel in settings.acquire.channels:
-        if channel.column == column:
-            return channel.delay, "" if channel.unit == "1" else channel.unit
-    return 0.0, files.tables.unit_of_column(column)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from facets import config as configuration
-from facets import core, estimation, pictures, simulation
+from facets import estimation, pictures, simulation
 
-from .console import FINDING, load_config, report_lines, show_table
+from .console import FINDING, load_config, report_lines
 from .options import (
     ConfigName,
     Covariance,
@@ -32,10 +32,10 @@ from .options import (
 )
 from .options.places import choose_point, zero_of
 from .results import Results
+from .sentences.simulation import print_segment
 
 if TYPE_CHECKING:
-    from facets.core.rigid_body import MeasuredObject
-    from facets.simulation.run import AxisErrors, Segment
+    from facets.simulation.run import Segment
 
 
 Motions = Annotated[
@@ -121,49 +121,3 @@ def zero_entry(segments: list[Segment]) -> dict[str, str]:
     """The zeros of the motions for the head of the tables."""
     texts = dict.fromkeys(segment.measurement.zero_text for segment in segments)
     return {"zero": "; ".join(texts)} if any(texts) else {}
-
-
-def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
-    """Print the errors of one motion by axis, of mirror and object, then the outcome of its
-    samples."""
-    print_errors(segment.name, simulation.run.axes(segment))
-    if body is not None:
-        print_errors(f"{segment.name}: the object", simulation.run.axes(segment, body))
-    typer.echo(outcome(segment))
-
-
-def print_errors(title: str, axes: list[AxisErrors]) -> None:
-    headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
-    rows = []
-    for axis in axes:
-        unit, factor, fine_unit, fine = core.units.unit_of(axis.name)
-        moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
-        sizes = (axis.largest, axis.rms, axis.uncertainty)
-        errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
-        rows.append([axis.name, *(moved if axis.is_varied else ("", "", "")), *errors, fine_unit])
-    show_table(title, headings, rows, left=(0, 3, 7))
-
-
-def outcome(segment: Segment) -> str:
-    """Samples by status, detectors that read nothing, and the largest cross-axis error."""
-    counts = ", ".join(
-        f"{count} {label}" for label, count in simulation.run.statuses(segment).items()
-    )
-    text = f"  {len(segment.time)} samples: {counts}"
-    lost = {"the spot fell beside it": ~segment.reached, "it was saturated": segment.saturated}
-    for why, which in lost.items():
-        for letter, count in zip("ABC", which.sum(axis=0), strict=True):
-            if count:
-                text += f"\n  {count} samples without PSD {letter}: {why}"
-    still = [
-        axis
-        for axis in simulation.run.axes(segment)
-        if not axis.is_varied and axis.largest == axis.largest
-    ]
-    for kind in (core.units.LENGTH, core.units.ANGLE):
-        group = [axis for axis in still if core.units.unit_of(axis.name) == kind]
-        if group and len(still) < 6:
-            worst = max(group, key=lambda axis: axis.largest)
-            error = f"{worst.largest * kind.fine_factor:.3g} {kind.fine_unit}"
-            text += f"\n  largest cross-axis error: {error} in {worst.name}"
-    return text

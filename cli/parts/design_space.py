@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from facets import characterization, design, files, pictures, proof
+from facets import config as configuration
 
 from ..console import FINDING, leave_out_picture, show_progress, show_table
+from ..options import require_yaml
 from ..results import name_files
 from ..sentences.design_pages import write_gallery
 
@@ -147,3 +149,21 @@ def show_own_measures(space: Space) -> dict[str, float]:
     shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)
     typer.echo(f"as it is: {why or shown}")
     return own
+
+
+def write_pick(
+    settings: Config, space: Space, file: Path, number: int, output: Path | None, force: bool
+) -> None:
+    """Write one design of an earlier run as a configuration that extends that of the run."""
+    path = output or Path(f"{settings.name}-{number}.yaml")
+    require_yaml(path)
+    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
+    found = design.gallery.choose_design(settings, space, file, number)
+    x, words = design.gallery.make_buildable(space, found)
+    typer.echo("\n".join(words))
+    sensor = design.variables.sensor_of(space.sensor, space.names, x)
+    about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}
+    design.changes.write_design(settings, sensor, path, about)
+    for key, before, after in design.changes.changes_of(settings, sensor):
+        typer.echo(f"  {key:<24} {before} -> {after}")
+    typer.echo(f"{path}: design {number} of {file}")

@@ -1,4 +1,4 @@
-"""Films of `facets render`: the states of a motion or a recording, and their frames."""
+"""What `facets render` draws: pictures, pages and scenes of a state, films of a motion."""
 
 from __future__ import annotations
 
@@ -63,3 +63,21 @@ def write_film(
         typer.echo(
             f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
         )
+
+
+def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict[str, Any]) -> None:
+    """Draw a picture, a page or a scene, by the file's suffix."""
+    if path.suffix.lower() == ".html":
+        pictures.page.rig_page.write_rig_page(
+            settings.sensor, settings.name, state, path, form.view, settings
+        )
+    elif path.suffix.lower() == ".gltf":
+        pictures.render.save_scene(settings.sensor, state, path)
+    else:
+        with pictures.render.Picture(settings.sensor, state, form, **more) as picture:
+            picture.save(path)
+
+
+def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
+    make = pictures.spots.spots_picture if spots else pictures.spots.plan_picture
+    pictures.style.save(make(settings.sensor, state), path)
