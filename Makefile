@@ -130,7 +130,7 @@ docs: .venv/developed
 
 # The pictures of the documentation.
 gallery: .venv/developed
-	$(BIN)/python -m facets.experiments.gallery docs/gallery
+	$(BIN)/python -m facets.experiments.studies.gallery docs/gallery
 
 # three.js and Papa Parse as the pages of rigs carry them, in the versions of vendor/package.json there.
 vendor:

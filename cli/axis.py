@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import characterization, files, live, pictures
+from facets import characterization, core, files, live, pictures
 from facets.core.errors import InputError
 
 from .console import FINDING
@@ -125,11 +125,13 @@ def axis(
         settings.sensor,
         settings.solve.knowledge(settings.sensor),
         series,
-        axis.value,
-        commanded,
-        settings.object,
-        line.value,
-        dwell,
+        characterization.error_motions.AxisTest(
+            axis.value,
+            commanded,
+            settings.object or core.rigid_body.MIRROR,
+            line.value,
+            dwell,
+        ),
     )
     with results.publish(settings):
         write(report, results, f"Axis {axis.value} of {poses.name}")

@@ -24,16 +24,11 @@ STUDIES = {
     "light": ("light", "the light of a bench: time a pose, beside ideal light"),
     "starts": ("starts", "starts and first uses, nothing compiled before, and the next ones"),
     "live": ("live", "a live run at 10 kHz: from a byte to its pose"),
-    "scaling": ("studies", "batch size and threads: time a pose"),
     "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
-    "maps": ("maps", "range maps: outlines to 0.1 um and 0.1 urad, beside grids as fine"),
     "layouts": ("layouts", "layouts: the best one, and many, beside SciPy on the float model"),
-    "drawing": ("drawing", "pictures and frames of a film: the first and the next ones"),
     "stability": ("stability", "errors over apex offset and tilt, against high precision"),
-    "digits": ("stability", "digits lost in the range"),
-    "steps": ("stability", "steps from zero to a pose"),
 }
-DRAWINGS = ("work_precision.svg", "stability.png", "histograms.svg")
+DRAWINGS = ("work_precision.svg", "stability.png")
 
 
 def bench(
@@ -46,7 +41,7 @@ def bench(
     """Measure run times and errors, and compare with other methods.
 
     All methods run in turn on the paper's sensor; ratios are relative to this package. Writes a
-    table for each study, the facts of the machine (machine.json) and three pictures into the
+    table for each study, the facts of the machine (machine.json) and two pictures into the
     folder. --quick takes under a minute.
     """
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
@@ -75,12 +70,8 @@ def run_study(
 
 def draw(results: dict[str, list[dict[str, Any]]], output: Path) -> None:
     work = benchmarks.pictures.work_precision(results["forward"], results["inverse"])
-    errors, steps = benchmarks.pictures.heat_map(results["stability"]), results["steps"]
-    for name, picture in zip(
-        DRAWINGS,
-        (work, errors, benchmarks.pictures.histograms(results["digits"], steps)),
-        strict=True,
-    ):
+    errors = benchmarks.pictures.heat_map(results["stability"])
+    for name, picture in zip(DRAWINGS, (work, errors), strict=True):
         pictures.style.save(picture, output / name)
 
 

@@ -20,13 +20,7 @@ FOLDER_COMMANDS = (
     "bench", "reproduce",
 )  # fmt: skip
 #: What to give instead of an option that a command does not have.
-RENAMED = {
-    **{(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")},
-    **{
-        ("acquire", f"--{word}"): "the key stage.search_mm of the configuration, 0 by default"
-        for word in ("search", "no-search", "search-mirror", "no-search-mirror")
-    },
-}
+RENAMED = {(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")}
 
 
 class Command(TyperCommand):

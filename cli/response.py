@@ -137,9 +137,14 @@ def response(
     bandwidth = settings.electronics.bandwidth
     delay, unit = describe_input(settings, input_column)
     estimate = characterization.frequency_response.estimate_response(
-        signals.stimulus, signals.motion, signals.stretches, resolution_hz, signals.deviation,
-        bandwidth, correct_bandwidth, delay,
-    )  # fmt: skip
+        signals.stimulus,
+        signals.motion,
+        signals.stretches,
+        resolution_hz,
+        characterization.frequency_response.OutputChannel(
+            signals.deviation, bandwidth, correct_bandwidth, delay
+        ),
+    )
     peaks = characterization.response_findings.find_peaks(estimate)
     averages = f"{estimate.averages:.4g}"
     origin = {"input": input_column, "point": body.text, "averages": averages}
@@ -151,7 +156,11 @@ def response(
         )
         if uff is not None:
             universal.write_universal_file(
-                uff, estimate, input_column, node, dof, body.point, results.about
+                uff,
+                estimate,
+                universal.InputChannel(input_column, *dof),
+                universal.Node(node, body.point),
+                results.about,
             )
     show_estimate(estimate, signals, peaks, unit, body.text)
     limits = characterization.response_findings.find_limits(estimate, signals, peaks, bandwidth)

@@ -10,6 +10,7 @@ import sys
 from contextvars import copy_context
 from pathlib import Path
 
+import facets.experiments
 import pytest
 from hypothesis import settings
 
@@ -21,6 +22,8 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+# an installed package has no studies, and takes those beside its tests
+facets.experiments.__path__.append(str(Path(__file__).parents[1] / "experiments"))
 
 #: Files that take long, the longest first. They are begun with, so that at the end no process works
 #: on one of them while the others have nothing left to do.

@@ -63,16 +63,16 @@ class CalibrationFiles:
 def write_results(settings: Config, found: Verdict, paths: CalibrationFiles) -> None:
     """Write the results to a temporary place and load them, so that no unreadable file is left."""
     path, table, covariance, picture = paths.results
-    assert found.found is not None
+    assert found.fit is not None
     assert found.errors is not None
     assert found.search is not None
     about = files.provenance.provenance_header(settings)
     with TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)
-        write_covariance(matrix, found.found.sensor, about)
-        bent = write_grids(settings, trial, found.found, about)
-        trial.write_text(as_yaml(settings, found.found, matrix, bent, about), "utf-8")
+        write_covariance(matrix, found.fit.sensor, about)
+        bent = write_grids(settings, trial, found.fit, about)
+        trial.write_text(as_yaml(settings, found.fit, matrix, bent, about), "utf-8")
         try:
             calibrated = facets.load(trial)
         except FacetsError as error:
@@ -88,10 +88,10 @@ def write_results(settings: Config, found: Verdict, paths: CalibrationFiles) -> 
                 with files.tables.Whole(target) as temporary:
                     copyfile(source, temporary)
             files.tables.write_table(
-                table, calibration.table.found_table(found.search.sensor, found.found), about
+                table, calibration.table.unknowns_table(found.search.sensor, found.fit), about
             )
             pictures.style.save(
-                pictures.calibration.residual_picture(found.fitted, found.found, found.errors),
+                pictures.calibration.residual_picture(found.fitted, found.fit, found.errors),
                 picture,
             )
             if paths.report is not None:

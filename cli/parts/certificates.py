@@ -68,9 +68,10 @@ def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, R
 
 def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
     sensor, share = claim.settings.sensor, claim.least_share
+    effort = proof.uniqueness.Effort(work, limit)
     with show_progress("proving") as tell:
         return proof.uniqueness.certify(
-            sensor, claim.box, share, limit, lambda done: tell(done, 1.0), claim.deviations, work
+            sensor, claim.box, share, claim.deviations, effort, lambda done: tell(done, 1.0)
         )
 
 

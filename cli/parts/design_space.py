@@ -144,7 +144,7 @@ def follow_front(job: Exploration, points: int) -> None:
 
 def show_own_measures(space: Space) -> dict[str, float]:
     """Print the measures of the unchanged sensor in one line, and return them."""
-    _, values, why = design.gallery.own_design(space)
+    _, values, why = design.gallery.present_design(space)
     own = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
     shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)
     typer.echo(f"as it is: {why or shown}")

@@ -160,7 +160,7 @@ def show_pair(pair: AmbiguousPair | None) -> None:
         return
     typer.echo("two states with the same readings:")
     for name, unit, one, other in zip(
-        STATE_COLUMNS, STATE_UNITS, pair.one, pair.other, strict=True
+        STATE_COLUMNS, STATE_UNITS, pair.first, pair.second, strict=True
     ):
         typer.echo(f"  {name:<10} {one / unit:12.6g} {other / unit:12.6g}")
 

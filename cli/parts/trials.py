@@ -109,14 +109,13 @@ class TrialRequest(NamedTuple):
                 solved += more
                 tell(solved, self.trials * len(states))
 
+            method = characterization.propagation.MonteCarlo
             for number, (where, state) in enumerate(states.items()):
                 found[where] = characterization.propagation.propagate_distributions(
                     self.settings.sensor,
                     self.settings.solve,
                     state,
-                    self.trials,
-                    self.probability,
-                    seed=(self.seed, number),
+                    method(self.trials, self.probability, (self.seed, number)),
                     object=self.settings.object,
                     advance=advance,
                 )

@@ -49,12 +49,12 @@ def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
 def show_verdict(settings: Config, verdict: Verdict) -> None:
     if verdict.search is not None:
         show_candidates(verdict.search)
-    if verdict.errors is not None and verdict.found is not None and verdict.search is not None:
-        show_parameters(calibration.table.found_table(verdict.search.sensor, verdict.found))
+    if verdict.errors is not None and verdict.fit is not None and verdict.search is not None:
+        show_parameters(calibration.table.unknowns_table(verdict.search.sensor, verdict.fit))
         show_errors(verdict.errors)
     for finding in verdict.findings:
         typer.echo(wrap(("! " if finding.bad else "- ") + finding.words))
-    fit = verdict.found
+    fit = verdict.fit
     if fit is not None and verdict.is_trusted:
         typer.echo(
             f"The fit converged in {fit.steps} steps. Chi-square per degree of freedom is "

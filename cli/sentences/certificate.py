@@ -108,7 +108,7 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
         lines = [f"undecided: the nearest two states with the same readings lie outside by {by}"]
     else:
         lines = ["counterexample, found by numbers: two states of it with the same readings"]
-    rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.one, pair.pair.other, strict=True)
+    rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.first, pair.pair.second, strict=True)
     return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
 
 

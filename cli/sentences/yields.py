@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.core.sensor import Sensor
     from facets.design.production import SimulatedHeads
-    from facets.design.tolerancing import Sensitivity, Shares
+    from facets.design.tolerancing import Sensitivity, YieldShares
 
 Rows = tuple[list[str], list[list[str]]]
 
@@ -26,7 +26,7 @@ class Yields:
 
     def __init__(
         self,
-        predicted: Shares,
+        predicted: YieldShares,
         heads: SimulatedHeads,
         by_tolerance: list[Sensitivity],
         accurate: bool,
@@ -45,7 +45,7 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
         made = design.production.simulate_heads(built, heads, seed, tell)
     accurate = bool(built.asked.accuracy_axes)
     return Yields(
-        design.tolerancing.shares(expansion, draws),
+        design.tolerancing.predict_yields(expansion, draws),
         made,
         design.tolerancing.sensitivities(expansion, draws),
         accurate,
@@ -92,7 +92,7 @@ def margin_advice(settings: Config, found: Yields) -> str:
 
 
 def kinds_of(settings: Config, found: Yields) -> dict[str, str]:
-    """Requirements of a head in words, by the fields of `tolerancing.Shares`."""
+    """Requirements of a head in words, by the fields of `tolerancing.YieldShares`."""
     kinds = {"kept": "spots, light and limits"}
     if found.accurate:
         kinds["built"] = "and accuracy, as built"

@@ -27,9 +27,9 @@ WHY = {
 }  # fmt: skip
 
 
-def simulate_table(config_name: str, motion: str, track: bool = False) -> Table:
+def simulate_table(config_name: str, motion: str) -> Table:
     """Simulate truth, estimate and standard uncertainty of six axes; mm and mrad."""
-    segments = simulate(facets.load(config_name), [motion], track=track)
+    segments = simulate(facets.load(config_name), [motion])
     table = pose_table(segments)
     wanted = ["time_s", "status", *STATE_COLUMNS]
     wanted += [f"true_{name}" for name in STATE_COLUMNS]

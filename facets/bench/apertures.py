@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..core.sensor import Apertures, Sensor
 from ..estimation.solver import solve
 from ..model.arrays import jacobian, readings
-from . import rivals
 from .clock import Contender, alternate
+from .head import SENSOR, states_in_range
 
 Row = dict[str, Any]
 CUTS = {
@@ -33,9 +33,9 @@ def apertures(quick: bool, seed: int) -> list[Row]:
     The states are those of the other studies: all centroids lie on their detectors, up to the edge.
     """
     poses = 500 if quick else 50_000
-    states = rivals.states_in_range(poses, seed)
-    sensors = {name: replace(rivals.SENSOR, apertures=cut) for name, cut in CUTS.items()}
-    wide = replace(rivals.SENSOR, apertures=Apertures(rim=1e6))  # the same code, which cuts nothing
+    states = states_in_range(poses, seed)
+    sensors = {name: replace(SENSOR, apertures=cut) for name, cut in CUTS.items()}
+    wide = replace(SENSOR, apertures=Apertures(rim=1e6))  # the same code, which cuts nothing
     plain = readings(wide, states)[:, 2::3]
     rows: list[Row] = []
     timings = [

@@ -26,10 +26,9 @@ from ..estimation.prepared import Solver
 from ..estimation.solver import solve
 from ..model.arrays import jacobian, packed_vectors, readings
 from ..model.blocks import address_of
-from . import rivals
 from .clock import Contender
+from .head import SENSOR, states_in_range
 
-SENSOR = rivals.SENSOR
 #: Ratios to the reference loop on an AMD EPYC, whose loop takes 7.9 us.
 STORED = {
     "reference loop: 1000 steps": 1.0,
@@ -154,7 +153,7 @@ def child_cpu_seconds() -> float:
 def calls(quick: bool, seed: int) -> list[dict[str, Any]]:
     """Measure each way to call: us, the ratio to the reference loop, and the stored ratio."""
     poses, few = (5_000, 200) if quick else (50_000, 2_000)
-    states = rivals.states_in_range(poses, seed)
+    states = states_in_range(poses, seed)
     rows = np.hstack([readings(SENSOR, states), states])
     timed = contenders(poses, few)
     times = least(timed, rows, 5 if quick else 15)

@@ -13,16 +13,14 @@ from ..config import load
 from ..core.knowledge import Knowledge
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
-from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, measure_design, part_of
+from ..design.exploration import Space, designs, measure_design
 from ..design.problem import problem_of
 from ..design.search import solve_from, starts_of
 from ..design.variables import sensor_of
 from ..design.volume import states_of
-from ..model.arrays import half_sizes, margins, readings
+from ..model.arrays import half_sizes, margins
 
 Row = dict[str, Any]
-#: Limit of the search for one axis's range, mm and rad.
-FAR = np.array([0.6, 0.6, 12, 0.06, 0.06, 0.12])
 
 
 def layouts(quick: bool, seed: int) -> list[Row]:
@@ -31,26 +29,16 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     names = ["radius_mm", "diameter_mm"] if quick else list(config.layout.variables)
     bounds = {name: config.layout.variables[name] for name in names}
     layout = replace(config.layout, variables=bounds, starts=1)
-    fast_start, built, best = optimise_with_facets(config.sensor, layout)
+    seconds, best = optimise_with_facets(config.sensor, layout)
     slow, value = optimise_with_scipy(config.sensor, layout, names)
     space = Space(config.sensor, config.range, config.layout, "sobol", 16 if quick else 64, seed)
     drawn = designs(space)
     measure_design(space, drawn[0])
-    fast = mean_call_time(lambda x: measure_design(space, x), drawn)
-    table = part_of(space, 0, NO_RIVALS)
-    best_of = front(table, list(space.objectives))
-    rivals = np.stack([table[name][best_of] for name in MEASURES], axis=1)
-    against = mean_call_time(lambda x: measure_design(space, x, rivals), drawn)
-    scalar = mean_call_time(
-        lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4]
-    )
+    each = mean_call_time(lambda x: measure_design(space, x), drawn)
     return [
-        row("a start of the best layout by IPOPT", fast_start, fast_start, best),
-        row("the same by SciPy SLSQP with differences", slow, fast_start, value),
-        row("its problem built", built, built, np.nan),
-        row("ranges and resolution of a design", fast, fast, np.nan),
-        row("the same where rivals are known", against, fast, np.nan),
-        row("ranges of a design by SciPy brentq", scalar, fast, np.nan),
+        row("a start of the best layout by IPOPT", seconds, seconds, best),
+        row("the same by SciPy SLSQP with differences", slow, seconds, value),
+        row("ranges and resolution of a design", each, each, np.nan),
     ]
 
 
@@ -58,16 +46,15 @@ def row(what: str, seconds: float, ours: float, value: float) -> Row:
     return {"what": what, "ms": 1e3 * seconds, "ratio": seconds / ours, "objective": float(value)}
 
 
-def optimise_with_facets(sensor: Any, layout: Any) -> tuple[float, float, float]:
-    """Processor seconds of a start and of building, and the worst uncertainty over its unit, at the
-    same states as for the other methods."""
+def optimise_with_facets(sensor: Any, layout: Any) -> tuple[float, float]:
+    """Processor seconds of a start, and the worst uncertainty over its unit, at the same states as
+    for the other method."""
     first = problem_of(sensor, layout)
     solve_from(first, starts_of(first, layout)[0])  # compiles
-    begin = time.process_time()
     problem = replace(problem_of(sensor, layout), span=None)
-    built = time.process_time()
+    begin = time.process_time()
     best = solve_from(problem, starts_of(problem, layout)[0])
-    return time.process_time() - built, built - begin, float(np.sqrt(best.objective))
+    return time.process_time() - begin, float(np.sqrt(best.objective))
 
 
 def mean_call_time(function: Any, drawn: Floats) -> float:
@@ -110,23 +97,3 @@ def optimise_with_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[flo
         constraints=[{"type": "ineq", "fun": fine}, {"type": "ineq", "fun": clearance}],
     )
     return time.process_time() - start, float(found.x[-1])
-
-
-def ranges_by_brentq(sensor: Any) -> list[float]:
-    """Find both ends of each axis on the same model, by one scalar root after the other."""
-    from scipy.optimize import brentq
-
-    half = float(half_sizes(sensor)[0, 0])
-    ends = []
-    for axis in range(6):
-        for side in (-1, 1):
-
-            def clear(distance: float, axis: int = axis, side: int = side) -> float:
-                state = np.zeros(8)
-                state[axis] = side * distance
-                spot = margins(sensor, state)[:, :4].min() / half
-                light = readings(sensor, state)[2::3].min() / 0.0324 - 1
-                return float(np.nan_to_num(min(spot, light), nan=-1.0))
-
-            ends.append(brentq(clear, 0.0, FAR[axis]) if clear(FAR[axis]) < 0 else np.inf)
-    return ends

@@ -16,14 +16,14 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import derivatives, effect_jacobian, jacobian, parameter_jacobian, readings
-from . import rivals
 from .calls import least
 from .clock import Contender
+from .head import SENSOR, states_in_range
 
 Row = dict[str, Any]
 
 #: The same sensor with ideal light, and with the shipped light of a bench.
-IDEAL = rivals.SENSOR
+IDEAL = SENSOR
 LIT = replace(IDEAL, light=load("bench-light").sensor.light)
 
 #: Tasks, and the factor by which each has fewer poses than the readings.
@@ -50,7 +50,7 @@ def light(quick: bool, seed: int) -> list[Row]:
     """
     poses = 2_000 if quick else 20_000
     rng = np.random.default_rng(seed)
-    states = SHARE * rivals.states_in_range(poses, seed)
+    states = SHARE * states_in_range(poses, seed)
     noise = IDEAL.noise.position * rng.standard_normal((poses, 9)) * np.tile([1.0, 1.0, 0.0], 3)
     rows = []
     for name, (task, fewer) in TASKS.items():

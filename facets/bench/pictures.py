@@ -99,29 +99,3 @@ def heat_map(rows: Sequence[Row]) -> Figure:
         bar.set_label("error, power of ten")
         bar.outline.set_visible(False)
     return picture
-
-
-def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
-    """Draw digits lost by powers and positions, and steps from zero to a pose."""
-    with style.style_context():
-        picture = style.figure(style.FULL, 2.9)
-        left, right = picture.subplots(1, 2)
-        bars(left, digits, "digits_lost", ("powers", "places"), 0.25)
-        left.set(xlabel="digits lost (0: the last bit)", ylabel="numbers", title="readings")
-        bars(right, steps, "steps", ("exact", "noisy"), 1.0)
-        right.set(xlabel="steps from zero", ylabel="poses", title="poses from readings")
-    return picture
-
-
-def bars(axes: Axes, rows: Sequence[Row], key: str, series: Sequence[str], width: float) -> None:
-    """Draw two series side by side, the second hatched."""
-    hues = chosen_hues()
-    places = np.array([row[key] for row in rows])
-    for n, (name, side) in enumerate(zip(series, (0.25, 0.75), strict=True)):
-        heights = [row[name] for row in rows]
-        axes.bar(places + side * width, heights, 0.45 * width, label=name, lw=0.8,
-                 facecolor=(hues.accent, hues.ground)[n], edgecolor=hues.accent,
-                 hatch=(None, "////")[n])  # fmt: skip
-    axes.grid(visible=False, axis="x")
-    axes.ticklabel_format(axis="y", style="plain")
-    axes.legend()

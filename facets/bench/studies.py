@@ -1,8 +1,8 @@
-"""Run time against error and against batch size, as rows of tables."""
+"""Run time against error, as rows of tables."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -14,11 +14,13 @@ from ..model.arrays import jacobian, parameters, readings
 from ..model.threads import cores
 from ..optics.forward import build_geometry
 from ..optics.forward import readings as text
-from . import rivals
 from .clock import Contender, Timing, alternate
+from .dblquad import readings_by_dblquad
+from .gauss_legendre import readings_by_legendre
+from .head import SENSOR, states_in_range
+from .scipy_roots import fsolve_root, least_squares_root, solve_by_roots
 
 Row = dict[str, Any]
-SENSOR = rivals.SENSOR
 
 
 def reference(states: Floats, digits: int = 40) -> Any:
@@ -52,37 +54,30 @@ def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
     return lambda inputs: np.array([function(one) for one in inputs])
 
 
-def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
+def forward_contenders(quick: bool, poses: int) -> list[Contender]:
     few = 200 if quick else 1000
-    random, sobol = rivals.random_points, rivals.sobol_points
-    count = 2**14 if quick else 2**20
-    made = [
+    return [
         Contender("facets: batch", lambda s: readings(SENSOR, s), poses),
         Contender("facets: with Jacobian", lambda s: jacobian(SENSOR, s), poses),
         Contender(f"facets: {cores()} threads", lambda s: readings(SENSOR, s, threads=0), poses),
         Contender("facets: one call each", one_by_one(lambda s: readings(SENSOR, s)), few),
-    ]
-    for nodes in (6, 12, 24):
-        batch = partial(rivals.legendre_batch, nodes=nodes)
-        made.append(Contender(f"Gauss-Legendre {nodes} (NumPy batch)", batch, few))
-    made += [
-        Contender(
-            "Gauss-Legendre 12 (plain Python)",
-            lambda s: rivals.moment_readings(s, rivals.legendre_moments(12)),
-            20,
+        *(
+            Contender(
+                f"Gauss-Legendre {nodes} (NumPy batch)",
+                partial(readings_by_legendre, nodes=nodes),
+                few,
+            )
+            for nodes in (6, 12, 24)
         ),
-        Contender("dblquad (as the paper)", rivals.dblquad, 2),
-        Contender(f"{count} random rays", lambda s: rivals.rays(s, random(count, seed)), 2),
-        Contender(f"{count} Sobol rays", lambda s: rivals.rays(s, sobol(count, seed)), 2),
+        Contender("dblquad (as the paper)", readings_by_dblquad, 2),
     ]
-    return made
 
 
 def forward(quick: bool, seed: int) -> list[Row]:
     """Measure time per pose against error, for readings."""
     poses = 5_000 if quick else 200_000
-    states = rivals.states_in_range(poses, seed)
-    contenders = forward_contenders(quick, poses, seed)
+    states = states_in_range(poses, seed)
+    contenders = forward_contenders(quick, poses)
     checked = 5 if quick else 50
     exact = reference(states[:checked])
     timings = alternate(contenders, states, 3 if quick else 9)
@@ -97,50 +92,22 @@ def forward(quick: bool, seed: int) -> list[Row]:
     return rows
 
 
-def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[Floats], Floats]:
-    """Solve by the paper's inversion: eight readings, eight unknowns, scaled to order one."""
-    scale = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2, 1, 1])
-
-    def solve_readings(xi: Floats) -> Floats:
-        def residual(x: Floats) -> Floats:
-            rest: Floats = (rivals.moment_readings((x * scale)[None], moments)[0] - xi)[:8]
-            return rest
-
-        state: Floats = root(residual) * scale
-        return state
-
-    return one_by_one(solve_readings)
-
-
-def fsolve_root(residual: Callable[[Floats], Floats]) -> Floats:
-    from scipy.optimize import fsolve
-
-    found: Floats = fsolve(residual, np.zeros(8))
-    return found
-
-
-def least_squares_root(residual: Callable[[Floats], Floats]) -> Floats:
-    from scipy.optimize import least_squares
-
-    found: Floats = least_squares(residual, np.zeros(8), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
-    return found
-
-
 def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
     """Ways from readings to poses; inputs are readings, then true states to start from: (n, 17)."""
-    twelve = rivals.legendre_moments(12)
 
-    def warm(rows: Floats, threads: int = 1) -> Floats:
-        given, near = rows[:, :9], rows[:, 9:] + 1e-6
-        return solve(SENSOR, given, start=near, covariance=False, threads=threads).state
+    def warm(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False).state
 
-    def cold(rows: Floats, threads: int = 1) -> Floats:
-        return solve(SENSOR, rows[:, :9], threads=threads).state
+    def cold(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9]).state
+
+    def on_threads(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9], covariance=False, threads=0).state
 
     contenders = [
         Contender("facets: batch from zero", cold, poses),
         Contender("facets: batch warm without covariance", warm, poses),
-        Contender(f"facets: the same on {cores()} threads", lambda r: warm(r, 0), poses),
+        Contender(f"facets: from zero on {cores()} threads", on_threads, poses),
         Contender(
             "facets: one warm call each",
             one_by_one(lambda r: solve(SENSOR, r[:9], start=r[9:] + 1e-6).state),
@@ -152,19 +119,21 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
             poses,
         ),
         Contender(
-            "fsolve on Gauss-Legendre 12", lambda r: solve_by(fsolve_root, twelve)(r[:, :9]), 10
+            "fsolve on Gauss-Legendre 12",
+            lambda r: solve_by_roots(fsolve_root, readings_by_legendre, r[:, :9], True),
+            10,
         ),
         Contender(
             "least_squares on Gauss-Legendre 12",
-            lambda r: solve_by(least_squares_root, twelve)(r[:, :9]),
+            lambda r: solve_by_roots(least_squares_root, readings_by_legendre, r[:, :9], True),
             5,
         ),
     ]
     if not quick:
         contenders.append(
             Contender(
-                "fsolve on dblquad",
-                lambda r: solve_by(fsolve_root, rivals.dblquad_moments)(r[:, :9]),
+                "fsolve on dblquad (as the paper)",
+                lambda r: solve_by_roots(fsolve_root, readings_by_dblquad, r[:, :9]),
                 1,
             )
         )
@@ -174,7 +143,7 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
 def inverse(quick: bool, seed: int) -> list[Row]:
     """Measure time per pose against error, for poses with eight unknowns."""
     poses = 5_000 if quick else 100_000
-    states = rivals.states_in_range(poses, seed)
+    states = states_in_range(poses, seed)
     index = np.column_stack([readings(SENSOR, states), states])
     contenders = inverse_contenders(quick, poses)
     timings = alternate(contenders, index, 3 if quick else 7)
@@ -189,42 +158,3 @@ def inverse(quick: bool, seed: int) -> list[Row]:
         }
         rows.append(timing_row(row, timing, timings[0].median))
     return rows
-
-
-def chunk_sizes(total: int, size: int) -> Iterator[int]:
-    for start in range(0, total, size):
-        yield min(size, total - start)
-
-
-def scaling(quick: bool, seed: int) -> list[Row]:
-    """Measure time per pose by batch size and threads; batches over a million go in chunks."""
-    largest = 10**4 if quick else 10**7
-    states = rivals.states_in_range(min(largest, 10**6), seed)
-    rows = []
-    for threads in sorted({1, cores()}):
-        size = 1
-        while size <= largest:
-            rows.append(scaling_row(states, size, threads, 1 if size >= 10**6 else 5))
-            size *= 10
-    return rows
-
-
-def scaling_row(states: Floats, size: int, threads: int, rounds: int) -> Row:
-    xi = readings(SENSOR, states[: min(size, len(states))])
-
-    def read(batch: range) -> None:
-        for count in chunk_sizes(len(batch), len(states)):
-            readings(SENSOR, states[:count], threads=threads)
-
-    def invert(batch: range) -> None:
-        for count in chunk_sizes(len(batch), len(states)):
-            solve(SENSOR, xi[:count], covariance=False, threads=threads)
-
-    contenders = [Contender("readings", read, size), Contender("solve", invert, size)]
-    read_time, solve_time = alternate(contenders, range(size), rounds)
-    return {
-        "poses": size,
-        "threads": threads,
-        "readings_us": 1e6 * read_time.median,
-        "solve_us": 1e6 * solve_time.median,
-    }

@@ -18,7 +18,7 @@ else:
         {
             "bundle_adjustment": (
                 "Data OWN_COUNT OWN_UNITS eliminate_own_unknowns "
-                "linear own_sigma predict_readings states_of"
+                "linearise_model own_sigma predict_readings states_of"
             ),
             "fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
             "laser": "fit_steady_laser",

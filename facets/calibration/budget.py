@@ -63,37 +63,38 @@ class Budget(NamedTuple):
 
 @one_thread
 def calibration_budget(
-    nominal: Sensor, data: Data, found: Fit, made: Sensor, robust: float | None
+    nominal: Sensor, data: Data, result: Fit, made: Sensor, robust: float | None
 ) -> Budget:
-    """The budget of a fit from `nominal`, with the sensor `made` that is written."""
+    """The budget of a fit that began at `nominal`.  made: the calibrated sensor, as it is
+    written."""
     assert made.calibration is not None
-    parts, names = fitted_parts(Task(nominal, data, found.choice, robust), found)
-    factor = covariance_factor(found)
+    parts, names = fitted_parts(Task(nominal, data, result.choice, robust), result)
+    factor = covariance_factor(result)
     written = np.diag(np.array(made.calibration.covariance))
     sensor = {}
     for source, part in parts.items():
-        own = np.array(sensor_covariance(names, found.every, factor * part).covariance)
-        beside = len(written) - len(own)
-        sensor[source] = np.pad(own, (0, beside))
+        covariance = np.array(sensor_covariance(names, result.all_values, factor * part).covariance)
+        beside = len(written) - len(covariance)
+        sensor[source] = np.pad(covariance, (0, beside))
     for source, kinds in UNSEEN.items():
         is_kind = [name in kinds for name in made.calibration.names]
         if any(is_kind):
             sensor[source] = np.diag(np.where(is_kind, written, 0.0))
     # An earlier calibration of which the values are known was itself estimated by residuals.
-    estimated = (READINGS,) if found.choice.joint is None else (READINGS, PRIOR)
-    freedom = made.calibration.degrees_of_freedom or found.freedom
+    estimated = (READINGS,) if result.choice.joint is None else (READINGS, PRIOR)
+    freedom = made.calibration.degrees_of_freedom or result.freedom
     return Budget(sensor, estimated if factor == 1 else tuple(parts), max(freedom, 1.0))
 
 
-def fitted_parts(task: Task, found: Fit) -> tuple[dict[str, Floats], list[str]]:
-    """Covariances (p, p) of the unknowns by source, and the unknowns' names: those of the fit, and
-    the laser's mean power where each sample has its own."""
-    at = task.guess(found.every, found.open)
+def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]:
+    """Covariances (p, p) of the unknowns by source, and the unknowns' names: the unknowns of the
+    fit, and the laser's mean power where each sample has its own."""
+    at = task.guess(result.all_values, result.own_values)
     _, _, normal = task.linearise(at, task.limit(at))
-    names, size = list(found.choice.names), len(found.covariance)
-    back, total = normal.back[:, :, :size], found.covariance
+    names, size = list(result.choice.names), len(result.covariance)
+    back, total = normal.back[:, :, :size], result.covariance
     by_common, by_own = np.eye(size), np.zeros((len(back), 1, OWN_COUNT))
-    if np.isinf(found.choice.power):
+    if np.isinf(result.choice.power):
         names.append("beam.power")
         total = add_mean_power(task, at, normal, total)
         unit = OWN_UNITS[6] * at.values[PLACE["beam.power"]]
@@ -101,14 +102,16 @@ def fitted_parts(task: Task, found: Fit) -> tuple[dict[str, Floats], list[str]]:
         by_own = np.zeros((len(back), size + 1, OWN_COUNT))
         by_own[:, -1] = np.linalg.inv(normal.inner)[:, 6] * unit / len(back)
     # The derivatives of the estimates by what was known before of each sample's own unknowns.
-    rows = by_own - by_common @ found.covariance @ np.swapaxes(back, 1, 2)
-    known = np.where(task.held, 0.0, own_information(task.own))
+    rows = by_own - by_common @ result.covariance @ np.swapaxes(back, 1, 2)
+    known = np.where(task.is_known, 0.0, own_information(task.own_sigma))
 
-    def part_of(own: slice) -> Floats:
-        some: Floats = np.einsum("npk,k,nqk->pq", rows[:, :, own], known[own], rows[:, :, own])
+    def part_of(unknowns: slice) -> Floats:
+        some: Floats = np.einsum(
+            "npk,k,nqk->pq", rows[:, :, unknowns], known[unknowns], rows[:, :, unknowns]
+        )
         return some
 
-    by_prior = by_common @ found.covariance
+    by_prior = by_common @ result.covariance
     parts = {
         REFERENCE: part_of(slice(0, 6)),
         LASER: part_of(slice(6, 7)),
@@ -124,12 +127,14 @@ def pose_covariances(
 ) -> dict[str, Floats]:
     """Covariances (n, 6, 6) of the poses at states (n, 8) by source of the calibration, mm and
     rad."""
-    found = propagate_in_light(sensor, states, make_plan(sensor, knowledge, shape=states.shape[:1]))
-    assert found.slopes is not None
-    slopes = found.slopes[:, :6]
+    propagated = propagate_in_light(
+        sensor, states, make_plan(sensor, knowledge, shape=states.shape[:1])
+    )
+    assert propagated.slopes is not None
+    slopes = propagated.slopes[:, :6]
     return {source: carry(slopes, part) for source, part in budget.sensor.items()}
 
 
-def fitted_states(data: Data, found: Fit) -> Floats:
+def fitted_states(data: Data, result: Fit) -> Floats:
     """The states (n, 8) of the samples of a fit."""
-    return states_of(data, found.open, found.every)
+    return states_of(data, result.own_values, result.all_values)

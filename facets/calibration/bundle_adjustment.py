@@ -18,6 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
+from ..core.rigid_body import (
+    angle_axes,
+    angle_rates,
+    cross_matrix,
+    rotation_angles,
+    rotation_matrix,
+)
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, correct, correction_slopes
@@ -97,60 +104,6 @@ class Data(NamedTuple):
         return self._replace(**kept)
 
 
-class Rotations(NamedTuple):
-    """Rotations (n, 3, 3) of roll, pitch and yaw, and their derivatives by each (n, 3, 3, 3)."""
-
-    matrix: Floats
-    slopes: Floats
-
-
-def rotations_of(angles: Floats) -> Rotations:
-    """R = Rz(yaw) Ry(pitch) Rx(roll) of angles (n, 3)."""
-    c, s, zero, one = np.cos(angles), np.sin(angles), np.zeros(len(angles)), np.ones(len(angles))
-
-    def matrix(rows: list[list[Floats]]) -> Floats:
-        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-    def axis_rotation(axis: int, cos: Floats, sin: Floats, fixed: Floats) -> Floats:
-        if axis == 0:
-            return matrix([[fixed, zero, zero], [zero, cos, -sin], [zero, sin, cos]])
-        if axis == 1:
-            return matrix([[cos, zero, sin], [zero, fixed, zero], [-sin, zero, cos]])
-        return matrix([[cos, -sin, zero], [sin, cos, zero], [zero, zero, fixed]])
-
-    turn = [axis_rotation(i, c[:, i], s[:, i], one) for i in range(3)]
-    slope = [axis_rotation(i, -s[:, i], c[:, i], zero) for i in range(3)]
-    whole = turn[2] @ turn[1] @ turn[0]
-    by = (turn[2] @ turn[1] @ slope[0], turn[2] @ slope[1] @ turn[0], slope[2] @ turn[1] @ turn[0])
-    return Rotations(whole, np.stack(by, axis=1))
-
-
-def angles_of(matrix: Floats) -> Floats:
-    """Roll, pitch and yaw (n, 3) of rotations (n, 3, 3)."""
-    return np.stack(
-        [
-            np.arctan2(matrix[:, 2, 1], matrix[:, 2, 2]),
-            -np.arcsin(np.clip(matrix[:, 2, 0], -1, 1)),
-            np.arctan2(matrix[:, 1, 0], matrix[:, 0, 0]),
-        ],
-        axis=-1,
-    )
-
-
-def turn_axes(angles: Floats) -> Floats:
-    """(n, 3, 3): its columns are the axes, in the world, about which the angles turn."""
-    (_, cp, cy), (_, sp, sy) = np.cos(angles).T, np.sin(angles).T
-    zero, one = np.zeros(len(angles)), np.ones(len(angles))
-    return np.stack(
-        [
-            np.stack([cy * cp, sy * cp, -sp], axis=-1),
-            np.stack([-sy, cy, zero], axis=-1),
-            np.stack([zero, zero, one], axis=-1),
-        ],
-        axis=-1,
-    )
-
-
 class Seating(NamedTuple):
     """The mirror's place on the reference in each sample: each (n, 3); mm and rad."""
 
@@ -160,16 +113,16 @@ class Seating(NamedTuple):
 
 
 def seating(data: Data, mounting: Floats) -> Seating:
-    """The seating of each sample. mounting: of `MOUNTING`."""
+    """The seating of each sample.  mounting: values of `MOUNTING`."""
     every = mounting.reshape(-1, len(OF_SEAT))
     rows = every[np.zeros(len(data.raw), dtype=np.int64) if data.seat is None else data.seat]
     return Seating(rows[:, :3], rows[:, 3:6], rows[:, 6:])
 
 
-def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
+def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
     """The reference's pose of each sample (n, 6), with the delay and the sample's own part added
     and backlash and lag subtracted."""
-    pose: Floats = data.pose + opening[:, :6]
+    pose: Floats = data.pose + own_values[:, :6]
     if data.approach is not None:
         pose = pose - values[block(BACKLASH)] * data.approach
     if data.step is not None:
@@ -179,18 +132,18 @@ def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
     return pose
 
 
-def states_of(data: Data, opening: Floats, values: Floats) -> Floats:
+def states_of(data: Data, own_values: Floats, values: Floats) -> Floats:
     """The mirror's states (n, 8), from the reference's poses and the samples' own unknowns.
 
-    opening: (n, 9).  values: of `ALL`.
+    own_values: (n, 9).  values: values of all names in `ALL`.
     """
-    pose = pose_of(data, opening, values)
+    pose = pose_of(data, own_values, values)
     seat = seating(data, values[block(MOUNTING)])
-    turn = rotations_of(pose[:, 3:]).matrix
-    state = np.concatenate([pose, data.beam + opening[:, 7:]], axis=1)
+    turn = rotation_matrix(pose[:, 3:])
+    state = np.concatenate([pose, data.beam + own_values[:, 7:]], axis=1)
     state[:, :3] += np.einsum("nij,nj->ni", turn - np.eye(3), seat.lever) + seat.apex
     if seat.mount.any():
-        state[:, 3:6] = angles_of(turn @ rotations_of(seat.mount).matrix)
+        state[:, 3:6] = rotation_angles(turn @ rotation_matrix(seat.mount))
     state[:, 6:] += drift(data, values)[:, :2]
     return state
 
@@ -207,10 +160,10 @@ def drift(data: Data, values: Floats) -> Floats:
 PLACES = np.array([0, 1, 3, 4, 6, 7])
 
 
-def light_of(data: Data, opening: Floats, values: Floats) -> Floats:
+def relative_power(data: Data, own_values: Floats, values: Floats) -> Floats:
     """The laser's power (n,) relative to `beam.power`."""
-    own: Floats = 1 + opening[:, 6]
-    return own if data.slow is None else own + data.slow @ values[block(POWER_DRIFT)]
+    power: Floats = 1 + own_values[:, 6]
+    return power if data.slow is None else power + data.slow @ values[block(POWER_DRIFT)]
 
 
 def add_power_polynomials(data: Data) -> Data:
@@ -235,17 +188,17 @@ def add_approach(data: Data) -> Data:
 
 
 def predict_readings(
-    sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats
+    sensor: Sensor, data: Data, own_values: Floats, values: Floats, state: Floats
 ) -> Floats:
     """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
     seen = evaluate_turned_mirror(sensor, data, state, readings)
-    add_skew(seen, sensor, data, opening, values)
-    seen[:, 2::3] *= light_of(data, opening, values)[:, None]
+    add_skew(seen, sensor, data, own_values, values)
+    seen[:, 2::3] *= relative_power(data, own_values, values)[:, None]
     seen[:, PLACES] += drift(data, values)[:, 2:]
     return seen
 
 
-def add_skew(seen: Floats, sensor: Sensor, data: Data, opening: Floats, values: Floats) -> None:
+def add_skew(seen: Floats, sensor: Sensor, data: Data, own_values: Floats, values: Floats) -> None:
     """Replace the readings of detectors that are read later than the stated time by those at that
     later time."""
     if data.velocity is None:
@@ -254,7 +207,7 @@ def add_skew(seen: Floats, sensor: Sensor, data: Data, opening: Floats, values: 
         if values[PLACE[name]]:
             later = values.copy()
             later[PLACE[DELAY]] += values[PLACE[name]]
-            state = states_of(data, opening, later)
+            state = states_of(data, own_values, later)
             part = slice(3 * k, 3 * k + 3)
             seen[:, part] = evaluate_turned_mirror(sensor, data, state, readings)[:, part]
 
@@ -331,19 +284,21 @@ def deviations(sensor: Sensor, data: Data) -> Floats:
     return sigma
 
 
-def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: Choice) -> Linear:
+def linearise_model(
+    sensor: Sensor, data: Data, own_values: Floats, values: Floats, choice: Choice
+) -> Linear:
     """The model linearised at values of `ALL`; a missing reading has zero weight."""
-    opening = whole_opening(opening)
-    state = states_of(data, opening, values)
-    seen = predict_readings(sensor, data, opening, values, state)
+    own_values = pad_own_values(own_values)
+    state = states_of(data, own_values, values)
+    seen = predict_readings(sensor, data, own_values, values, state)
     sigma = deviations(sensor, data)
-    left = (correct(sensor, data.raw) - seen) / sigma
+    residual = (correct(sensor, data.raw) - seen) / sigma
     by_state = evaluate_turned_mirror(sensor, data, state, jacobian)
-    light = light_of(data, opening, values)[:, None, None]
+    light = relative_power(data, own_values, values)[:, None, None]
     by_state[:, 2::3] *= light
-    pose = pose_of(data, opening, values)
+    pose = pose_of(data, own_values, values)
     turning = Turning.from_pose(pose, seating(data, values[block(MOUNTING)]), state)
-    own = own_columns(by_state, turning, seen, light[:, 0])
+    by_own = own_columns(by_state, turning, seen, light[:, 0])
     bent = any(name in SPLINE for name in choice.names)
     every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
     if bent:
@@ -358,13 +313,15 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
         every[:, :, block(EFFECTS)] = assign_to_mirror(columns, EFFECTS, data)
         every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)
-    add_run(every, data, own, by_state)
-    common, own = every[:, :, choice.places] / sigma[:, :, None], own * OWN_UNITS
-    own = own / sigma[:, :, None]
-    known = np.isfinite(left) & np.isfinite(common).all(axis=2) & np.isfinite(own).all(axis=2)
-    for part in (left, common, own):
+    add_run(every, data, by_own, by_state)
+    common, by_own = every[:, :, choice.places] / sigma[:, :, None], by_own * OWN_UNITS
+    by_own = by_own / sigma[:, :, None]
+    known = (
+        np.isfinite(residual) & np.isfinite(common).all(axis=2) & np.isfinite(by_own).all(axis=2)
+    )
+    for part in (residual, common, by_own):
         part[~known] = 0.0
-    return Linear(left, common, own)
+    return Linear(residual, common, by_own)
 
 
 def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
@@ -388,8 +345,8 @@ def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Flo
 class Turning(NamedTuple):
     """The derivatives of the mirror's state by the reference's pose: each (n, 3, 3).
 
-    matrix: the reference's rotation.  lever: the apex's shift by the reference's angles.
-    angles: the mirror's angles by the reference's.  mount: the same by the mount's angles.
+    matrix: the reference's rotation.  lever: the apex's shift by the reference's angles.  angles:
+    the mirror's angles by the reference's.  mount: the mirror's angles by the mount's.
     """
 
     matrix: Floats
@@ -399,30 +356,30 @@ class Turning(NamedTuple):
 
     @classmethod
     def from_pose(cls, pose: Floats, seat: Seating, state: Floats) -> Turning:
-        turn = rotations_of(pose[:, 3:])
-        lever = np.einsum("najk,nk->nja", turn.slopes, seat.lever)
-        axes = np.linalg.inv(turn_axes(state[:, 3:6]))
+        turn, turn_axes = rotation_matrix(pose[:, 3:]), angle_axes(pose[:, 3:])
+        arm = np.einsum("nij,nj->ni", turn, seat.lever)
+        rates = angle_rates(state[:, 3:6])
         return cls(
-            turn.matrix,
-            lever,
-            axes @ turn_axes(pose[:, 3:]),
-            axes @ turn.matrix @ turn_axes(seat.mount),
+            turn,
+            -cross_matrix(arm) @ turn_axes,
+            rates @ turn_axes,
+            rates @ turn @ angle_axes(seat.mount),
         )
 
 
 def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats) -> Floats:
     """The derivatives of the readings by each sample's own unknowns (n, 9, 9), per mm, rad and
     share."""
-    own = np.zeros((len(by_state), 9, OWN_COUNT))
-    own[:, :, :3] = by_state[:, :, :3]
-    own[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
-    own[:, 2::3, 6] = seen[:, 2::3] / light
-    own[:, :, 7:] = by_state[:, :, 6:]
-    return own
+    columns = np.zeros((len(by_state), 9, OWN_COUNT))
+    columns[:, :, :3] = by_state[:, :, :3]
+    columns[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
+    columns[:, 2::3, 6] = seen[:, 2::3] / light
+    columns[:, :, 7:] = by_state[:, :, 6:]
+    return columns
 
 
 def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) -> None:
-    """Fill the columns of `MOUNTING`, those of its seating for each sample."""
+    """Fill the columns of `MOUNTING`: for each sample, those of the seating that it has."""
     part = np.concatenate(
         [
             by_state[:, :, :3] @ (turning.matrix - np.eye(3)),
@@ -440,22 +397,22 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
         every[rows, :, start : start + len(OF_SEAT)] = part[rows]
 
 
-def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
+def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats) -> None:
     """Fill the columns of changes over the run: the laser, the delay, the last step, the drifts."""
     if data.slow is not None:
-        every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
+        every[:, :, block(POWER_DRIFT)] = by_own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
-        moving = np.einsum("nij,nj->ni", own[:, :, :6], data.velocity)
+        moving = np.einsum("nij,nj->ni", by_own[:, :, :6], data.velocity)
         every[:, :, PLACE[DELAY]] = moving
         for k, name in enumerate(SKEW):
             every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
     if data.approach is not None:
-        every[:, :, block(BACKLASH)] = -own[:, :, :6] * data.approach[:, None, :]
+        every[:, :, block(BACKLASH)] = -by_own[:, :, :6] * data.approach[:, None, :]
     if data.step is not None:
-        every[:, :, block(LAG)] = -own[:, :, :6] * data.step[:, None, :]
+        every[:, :, block(LAG)] = -by_own[:, :, :6] * data.step[:, None, :]
     if data.clock is None:
         return
-    by_drift = np.zeros((len(own), 9, len(OF_DRIFT)))
+    by_drift = np.zeros((len(by_own), 9, len(OF_DRIFT)))
     by_drift[:, :, :2] = by_state[:, :, 6:]
     by_drift[:, PLACES, np.arange(2, len(OF_DRIFT))] = 1.0
     for n in range(len(CLOCKS)):
@@ -463,17 +420,17 @@ def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
         every[:, :, start : start + len(OF_DRIFT)] = by_drift * data.clock[:, n, None, None]
 
 
-def whole_opening(opening: Floats) -> Floats:
-    """Extend (n, 6) of poses to (n, 9)."""
-    missing = OWN_COUNT - opening.shape[1]
-    return opening if not missing else np.pad(opening, ((0, 0), (0, missing)))
+def pad_own_values(own_values: Floats) -> Floats:
+    """Append zeros of power and beam to own values (n, 6) of poses alone: (n, 9)."""
+    missing = OWN_COUNT - own_values.shape[1]
+    return own_values if not missing else np.pad(own_values, ((0, 0), (0, missing)))
 
 
-def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Floats:
+def residuals(sensor: Sensor, data: Data, own_values: Floats, values: Floats) -> Floats:
     """Residuals (n, 9) in standard deviations; 0 without a reading, `MISSING_RESIDUAL` without a
     model."""
-    state = states_of(data, opening, values)
-    seen = predict_readings(sensor, data, opening, values, state)
+    state = states_of(data, own_values, values)
+    seen = predict_readings(sensor, data, own_values, values, state)
     over: Floats = (correct(sensor, data.raw) - seen) / deviations(sensor, data)
     over[~np.isfinite(over)] = MISSING_RESIDUAL
     over[~np.isfinite(data.raw)] = 0.0
@@ -483,9 +440,10 @@ def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Fl
 class Normal(NamedTuple):
     """Normal equations without the samples' own unknowns, and the solution for those.
 
-    matrix: (p, p), side: (p,) of the data alone.  back: (n, 9, p + 1), own = back[p] - back[:p] x.
-    inner: (n, 9, 9) the information on the samples' own unknowns, including the prior.  fall: of
-    chi-square, by a step of the samples' own unknowns.  level: chi-square after that step.
+    matrix: (p, p), side: (p,) of the data alone.  back: (n, 9, p + 1), own unknowns = back[p] -
+    back[:p] x.  inner: (n, 9, 9) the information on the samples' own unknowns, including the prior.
+    fall: by how much a step of the samples' own unknowns lowers chi-square.  level: chi-square
+    after that step.
     """
 
     matrix: Floats
@@ -510,26 +468,26 @@ def own_information(sigma: Floats) -> Floats:
 
 
 def eliminate_own_unknowns(
-    found: Linear, weights: Floats, opening: Floats, sigma: Floats
+    model: Linear, weights: Floats, own_values: Floats, sigma: Floats
 ) -> Normal:
     """Eliminate each sample's own unknowns from the normal equations.
 
-    opening: (n, 9) present values of the samples' own unknowns.  sigma: (9,) their prior
+    own_values: (n, 9) present values of the samples' own unknowns.  sigma: (9,) their prior
     uncertainties, or (6,) those of the reference alone with constant power and beam.
     """
-    opening = whole_opening(opening)
+    own_values = pad_own_values(own_values)
     known = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))
-    common, own = found.common * weights[:, :, None], found.own * weights[:, :, None]
-    own = own * (known < 1e18)
-    left = found.residual * weights
-    inner = np.swapaxes(own, 1, 2) @ own
+    common, by_own = model.common * weights[:, :, None], model.own * weights[:, :, None]
+    by_own = by_own * (known < 1e18)
+    residual = model.residual * weights
+    inner = np.swapaxes(by_own, 1, 2) @ by_own
     inner += np.diag(known + 1e-18)
-    across = np.swapaxes(own, 1, 2) @ common
-    beside = np.where(known < 1e18, opening / OWN_UNITS, 0.0)
-    pull = (np.swapaxes(own, 1, 2) @ left[:, :, None])[:, :, 0] - known * beside
+    across = np.swapaxes(by_own, 1, 2) @ common
+    beside = np.where(known < 1e18, own_values / OWN_UNITS, 0.0)
+    pull = (np.swapaxes(by_own, 1, 2) @ residual[:, :, None])[:, :, 0] - known * beside
     back = np.linalg.solve(inner, np.concatenate([across, pull[:, :, None]], axis=2))
     size = common.shape[2]
-    rows, column = common.reshape(-1, size), left.ravel()
+    rows, column = common.reshape(-1, size), residual.ravel()
     flat = across.reshape(-1, size)
     matrix = rows.T @ rows - flat.T @ back[:, :, :size].reshape(-1, size)
     side = rows.T @ column - flat.T @ back[:, :, size].ravel()

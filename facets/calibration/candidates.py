@@ -68,7 +68,7 @@ class Candidate:
 
 def light_unknowns(candidate: str) -> Sigmas:
     """The unknowns of one of `LIGHT_CANDIDATES`."""
-    every = [one.sigmas for one in LIGHT_EFFECTS.values() if one.candidate == candidate]
+    every = [effect.sigmas for effect in LIGHT_EFFECTS.values() if effect.candidate == candidate]
     return {name: sigma for sigmas in every for name, sigma in sigmas.items()}
 
 
@@ -114,6 +114,7 @@ def motion_unknowns(sigma: Sigmas) -> Unknowns:
 
 
 def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+    """The unknowns of a backlash, of the axes that the reference measures."""
     if data is None or data.approach is None or not data.approach.any():
         return {}
     measured = np.isfinite(data.sigma)
@@ -121,7 +122,7 @@ def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) ->
 
 
 def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
-    """In a motion that is followed in time a lag is a delay."""
+    """The unknowns of a lag; none in a motion that is followed in time, where a lag is a delay."""
     if data is None or data.velocity is not None:
         return {}
     axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data, settings))
@@ -129,7 +130,7 @@ def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigm
 
 
 def drift_unknowns(*causes: str) -> Unknowns:
-    """causes: of `CLOCKS`, all of which must change."""
+    """Unknowns of a drift.  causes: names out of `CLOCKS`, all of which must change."""
     columns = [CLOCKS.index(cause) for cause in causes]
 
     def unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
@@ -174,14 +175,14 @@ EVERY_EFFECT = (
 def candidates(sensor: Sensor, data: Data | None, settings: Calibrate) -> list[Candidate]:
     """The effects that sensor, table and settings allow; without samples, those of the light, the
     detectors and the beam."""
-    found = []
+    allowed = []
     for effect in EVERY_EFFECT:
         if is_off(effect, settings) or (effect.of_light and sensor.apertures.cut):
             continue  # the model has real light or cut light, not both
         sigma = effect.unknowns(sensor, data, settings)
         if sigma or effect.beam:
-            found.append(Candidate(effect, sigma))
-    return found
+            allowed.append(Candidate(effect, sigma))
+    return allowed
 
 
 def is_off(effect: Effect, settings: Calibrate) -> bool:
@@ -190,7 +191,7 @@ def is_off(effect: Effect, settings: Calibrate) -> bool:
 
 def effects_without_columns(every: list[Candidate], settings: Calibrate) -> list[Effect]:
     """Effects that the table has no columns for."""
-    possible = {one.key for one in every}
+    possible = {candidate.key for candidate in every}
     return [
         effect
         for effect in EVERY_EFFECT
@@ -200,15 +201,18 @@ def effects_without_columns(every: list[Candidate], settings: Calibrate) -> list
 
 def tried_kinds(sensor: Sensor, settings: Calibrate) -> list[str]:
     """The kinds of light, see `model.kinds.LIT`, whose effects are tried."""
-    light = [one.effect for one in candidates(sensor, None, settings) if one.effect.of_light]
-    kinds = {lit_kind(add_coating(sensor) if one.coated else sensor) for one in light}
-    if any(one.key in ("profile", "asymmetry") for one in light):
+    tried = candidates(sensor, None, settings)
+    light = [candidate.effect for candidate in tried if candidate.effect.of_light]
+    kinds = {lit_kind(add_coating(sensor) if effect.coated else sensor) for effect in light}
+    if any(effect.key in ("profile", "asymmetry") for effect in light):
         kinds.add(lit_kind(sensor, profiled=True))
     return sorted(kinds)
 
 
-def add_candidate(chosen: Choice, one: Candidate) -> Choice:
-    return replace(chosen.add_unknowns(one.sigma), beam=max(chosen.beam, one.effect.beam))
+def add_candidate(chosen: Choice, candidate: Candidate) -> Choice:
+    return replace(
+        chosen.add_unknowns(candidate.sigma), beam=max(chosen.beam, candidate.effect.beam)
+    )
 
 
 #: Directions of polarisation from which a fit is begun, rad: half a turn is a whole period.

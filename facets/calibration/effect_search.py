@@ -16,7 +16,7 @@ import numpy as np
 from ..core.sensor import Sensor
 from .bundle_adjustment import Data, deviations
 from .candidates import Candidate, add_candidate, candidates, effects_without_columns
-from .fit import NORMAL_MEDIAN, Fit, fit
+from .fit import NORMAL_MEDIAN, Fit, StoppingRule, fit
 from .laser import fit_steady_laser
 from .linear_prediction import (
     CHANCE,
@@ -42,7 +42,7 @@ RAISED_TO = 3.0
 #: How often at most the laser's steadiness is estimated anew, and the candidates tried again.
 ROUNDS = 4
 #: An intermediate fit ends after this many steps, or where another lowers chi-square by less.
-INTERMEDIATE_STEPS, INTERMEDIATE_FALL = 12, 0.3
+INTERMEDIATE = StoppingRule(steps=12, fall=0.3)
 #: Width over which edges are rolled off, mm, where a fit begins: at zero it has no derivative.
 ROLLOFF_WIDTH, ROLLOFF_WIDTH_START_MM = "rolloff.width", 0.03
 #: Candidates are added together down to this share of what the best brings: the linear model is
@@ -55,17 +55,17 @@ REQUESTED = "asked for"
 class SearchState:
     """The result of the search so far.
 
-    sensor: from which the last fit began.  data: with the noise of the present stage.  every: all
-    candidates.  found: the last fit.  rows: a decision by key.  refused: keys that are not tried
-    again at this stage.  outliers: rows that were removed.  scatter: causes and sizes of the
-    scatter.
+    sensor: from which the last fit began.  data: with the noise of the present stage.  candidates:
+    all of them.  fit: the last fit.  rows: the decision on each candidate by its key.  refused:
+    keys that are not tried again at this stage.  outliers: rows that were removed.  scatter: causes
+    and sizes of the scatter.
     """
 
     sensor: Sensor
     data: Data
     settings: Calibrate
-    every: list[Candidate]
-    found: Fit
+    candidates: list[Candidate]
+    fit: Fit
     rows: dict[str, Decision]
     refused: frozenset[str]
     outliers: list[int]
@@ -78,19 +78,22 @@ class SearchState:
     def fit_again(self) -> Fit:
         """Continue the last fit until it settles, with the present sensor and data."""
         robust = self.settings.outliers
-        return fit(self.sensor, self.data, self.found.choice, robust, self.found)
+        return fit(self.sensor, self.data, self.fit.choice, robust, self.fit)
 
 
 @dataclass(frozen=True)
 class EffectSearch:
-    """sensor: from which the last fit began.  plain: the fit without candidates.  found: with what
-    was taken.  error: the plain fit's cross-validated one.  rows: what became of each candidate.
-    data: what was fitted in the end.  outliers: rows that were removed.  scatter: what scatters.
+    """The result of the search for effects.
+
+    sensor: from which the last fit began.  plain: the fit without candidates.  fit: the fit with
+    the accepted candidates.  error: the cross-validated error of the plain fit.  rows: the decision
+    on each candidate.  data: the samples that were fitted last.  outliers: rows that were removed.
+    scatter: causes and sizes of the scatter from sample to sample.
     """
 
     sensor: Sensor
     plain: Fit
-    found: Fit
+    fit: Fit
     error: float
     rows: list[Decision]
     data: Data
@@ -123,11 +126,11 @@ def search(
 def ordered_decisions(state: SearchState) -> list[Decision]:
     """The decisions in the order of the candidates, followed by effects for which the table has no
     columns."""
-    order = [one.key for one in state.every]
+    order = [candidate.key for candidate in state.candidates]
     rows = sorted(state.rows.values(), key=lambda row: order.index(row.key))
     return rows + [
         Decision(effect.key, effect.words, 0, np.nan, np.nan, False, effect.missing)
-        for effect in effects_without_columns(state.every, state.settings)
+        for effect in effects_without_columns(state.candidates, state.settings)
     ]
 
 
@@ -139,7 +142,7 @@ def raise_noise(sensor: Sensor, data: Data, plain: Fit) -> Data:
 
     Detectors may be so fine that real light leaves residuals of a hundred times their noise.
     """
-    size = NORMAL_MEDIAN * float(np.median(np.abs(plain.left[np.isfinite(data.raw)])))
+    size = NORMAL_MEDIAN * float(np.median(np.abs(plain.residuals[np.isfinite(data.raw)])))
     if size < 2 * RAISED_TO:
         return data
     return data._replace(noise=deviations(sensor, data) * (size / RAISED_TO))
@@ -152,19 +155,21 @@ def first_state(
     every = candidates(sensor, data, settings)
     why = "without it no fit settles"
     rows = {
-        one.key: Decision(one.key, one.effect.words, len(one.sigma), np.nan, np.nan, True, why)
-        for one in every
-        if one.sigma and set(one.sigma) <= set(plain.choice.names)
+        candidate.key: Decision(
+            candidate.key, candidate.effect.words, len(candidate.sigma), np.nan, np.nan, True, why
+        )
+        for candidate in every
+        if candidate.sigma and set(candidate.sigma) <= set(plain.choice.names)
     }
     return SearchState(sensor, data, settings, every, plain, rows, frozenset(), outliers, NOTHING)
 
 
 def add_requested_effects(state: SearchState) -> SearchState:
     """Add the effects that are on in `calibrate.effects`."""
-    for one in state.every:
-        if state.settings.effects.get(one.key) == "on" and one.key not in state.rows:
-            row, *_ = rank_candidates(state.sensor, state.data, state.found, [one])
-            state = add_candidates(state, [one], [row._replace(why=REQUESTED)])
+    for candidate in state.candidates:
+        if state.settings.effects.get(candidate.key) == "on" and candidate.key not in state.rows:
+            row, *_ = rank_candidates(state.sensor, state.data, state.fit, [candidate])
+            state = add_candidates(state, [candidate], [row._replace(why=REQUESTED)])
     return state
 
 
@@ -178,11 +183,11 @@ def add_all(state: SearchState) -> SearchState:
         adds = True
         while adds:
             state, adds = add_best(state)
-        before = state.found
+        before = state.fit
         steady = fit_steady_laser(state.sensor, state.data, before, state.settings.outliers)
         if steady is before:
             break
-        state = replace(state, found=steady, refused=frozenset())
+        state = replace(state, fit=steady, refused=frozenset())
     return state
 
 
@@ -192,11 +197,15 @@ def add_best(state: SearchState) -> tuple[SearchState, bool]:
     Expensive candidates are tried one by one, after the others.
     """
     done = state.accepted_keys | state.refused
-    rest = [one for one in state.every if not one.effect.beam and one.key not in done]
-    groups = [[one for one in rest if not one.effect.tried_last]]
-    groups += [[one] for one in rest if one.effect.tried_last]
+    rest = [
+        candidate
+        for candidate in state.candidates
+        if not candidate.effect.beam and candidate.key not in done
+    ]
+    groups = [[candidate for candidate in rest if not candidate.effect.tried_last]]
+    groups += [[candidate] for candidate in rest if candidate.effect.tried_last]
     for group in groups:
-        tried = rank_candidates(state.sensor, state.data, state.found, group)
+        tried = rank_candidates(state.sensor, state.data, state.fit, group)
         rows = state.rows | {row.key: row._replace(accepted=False) for row in tried}
         state = replace(state, rows=rows)
         good = [row for row in tried if row.accepted]
@@ -204,7 +213,7 @@ def add_best(state: SearchState) -> tuple[SearchState, bool]:
             largest = max(row.fall for row in good)
             together = [row for row in good if row.fall > TOGETHER_SHARE * largest]
             keys = {row.key for row in together}
-            chosen = [one for one in group if one.key in keys]
+            chosen = [candidate for candidate in group if candidate.key in keys]
             return add_candidates(state, chosen, together), True
     return state, False
 
@@ -216,18 +225,18 @@ def add_candidates(
 
     An intermediate fit need not settle, because it may do so once others are added.
     """
-    sensor, wider = state.sensor, state.found.choice
-    for one in several:
-        wider = add_candidate(wider, one)
-    if any(one.effect.coated for one in several):
-        sensor, _ = best_coating(sensor, state.data, state.found, wider)
-    every = values_for(sensor, state.found)
+    sensor, wider = state.sensor, state.fit.choice
+    for candidate in several:
+        wider = add_candidate(wider, candidate)
+    if any(candidate.effect.coated for candidate in several):
+        sensor, _ = best_coating(sensor, state.data, state.fit, wider)
+    every = values_for(sensor, state.fit)
     if ROLLOFF_WIDTH in wider.names and not every[PLACE[ROLLOFF_WIDTH]]:
         every[PLACE[ROLLOFF_WIDTH]] = ROLLOFF_WIDTH_START_MM
-    start = replace(state.found, every=every)
+    start = replace(state.fit, all_values=every)
     better = fit(sensor, state.data, wider, state.settings.outliers, start,
-                 INTERMEDIATE_STEPS, INTERMEDIATE_FALL)  # fmt: skip
-    fall = state.found.loss - better.loss
+                 INTERMEDIATE)  # fmt: skip
+    fall = state.fit.loss - better.loss
     gains = chance_of(fall, max(sum(row.unknowns for row in rows), 1)) <= CHANCE
     decided, refused = dict(state.rows), set(state.refused)
     for row in rows:
@@ -239,37 +248,41 @@ def add_candidates(
             decided[row.key] = row._replace(fall=fall, accepted=False, why="gains nothing in a fit")
     state = replace(state, rows=decided, refused=frozenset(refused))
     if gains or any(row.why == REQUESTED for row in rows):
-        return replace(state, sensor=sensor, found=better)
+        return replace(state, sensor=sensor, fit=better)
     return state
 
 
 def use_true_noise(state: SearchState, data: Data) -> SearchState:
     """Continue with the true noise, once the large effects have been added."""
     state = replace(state, data=data, refused=frozenset())
-    return replace(state, found=state.fit_again())
+    return replace(state, fit=state.fit_again())
 
 
 def explain_scatter(state: SearchState) -> SearchState:
     """Find the likeliest cause of the scatter from sample to sample, and fit with it."""
-    moving = [one for one in state.every if one.effect.beam]
-    data, found, scatter = fit_with_scatter(
-        state.sensor, state.data, state.found, state.settings.outliers, bool(moving)
+    moving = [candidate for candidate in state.candidates if candidate.effect.beam]
+    data, result, scatter = fit_with_scatter(
+        state.sensor, state.data, state.fit, state.settings.outliers, bool(moving)
     )
     rows = dict(state.rows)
-    for one in (one for one in moving if one.key not in state.accepted_keys):
+    for candidate in (
+        candidate for candidate in moving if candidate.key not in state.accepted_keys
+    ):
         accepted, why = "beam" in scatter.causes, "nothing is left to explain"
         if scatter.causes:
             why = "the data call for it" if accepted else "something else is likelier"
         count = 2 * len(state.data.raw) * accepted
-        fall = state.found.loss - found.loss if accepted else 0.0
-        rows[one.key] = Decision(one.key, one.effect.words, count, fall, np.nan, accepted, why)
-    return replace(state, data=data, found=found, scatter=scatter, rows=rows)
+        fall = state.fit.loss - result.loss if accepted else 0.0
+        rows[candidate.key] = Decision(
+            candidate.key, candidate.effect.words, count, fall, np.nan, accepted, why
+        )
+    return replace(state, data=data, fit=result, scatter=scatter, rows=rows)
 
 
 def exclude_late_outliers(state: SearchState) -> SearchState:
     """Remove samples whose jumps were smaller than the model's error before."""
     gone = state.outliers
-    data, found, more = exclude_outliers(
-        state.sensor, state.data, state.found, state.settings.outliers, len(gone)
+    data, result, more = exclude_outliers(
+        state.sensor, state.data, state.fit, state.settings.outliers, len(gone)
     )
-    return replace(state, data=data, found=found, outliers=sorted([*gone, *more]))
+    return replace(state, data=data, fit=result, outliers=sorted([*gone, *more]))

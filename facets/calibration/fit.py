@@ -12,14 +12,15 @@ The most probable values minimise
 
 over the common unknowns x and each sample's own (Levenberg-Marquardt on the normal equations
 without the latter). The fit has settled when another step would lower chi-square by less than
-`ENOUGH`: then every value is within 0.03 of its standard uncertainty. A rule on the size of steps
-would follow the weakest direction for ever.
+`StoppingRule.fall`: then every value is within 0.03 of its standard uncertainty. A rule on the size
+of steps would follow the weakest direction for ever.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,14 +39,15 @@ from .bundle_adjustment import (
     Normal,
     deviations,
     eliminate_own_unknowns,
-    linear,
+    linearise_model,
     own_sigma,
     residuals,
 )
 from .small_matrices import one_thread
 from .unknowns import (
     ALL,
-    MOUNTING,
+    APEX,
+    MOUNT,
     OF_SENSOR,
     PLACE,
     Choice,
@@ -56,8 +58,8 @@ from .unknowns import (
     values_of,
 )
 
-#: Steps at most; the fall of chi-square that is no longer worth a step; damping that leads nowhere.
-STEPS, ENOUGH, STUCK = 60, 1e-3, 1e10
+#: Damping beyond which no step leads anywhere.
+STUCK = 1e10
 #: Residuals over the noise, as a root mean square, from which on a fit misses something.
 MISFIT = 1.3
 #: Unknowns that cannot be negative, and where a fit holds them, mm: a roll-off without a width has
@@ -69,27 +71,42 @@ GAINS = tuple(f"correction_{letter}.power" for letter in DETECTORS)
 NORMAL_MEDIAN = 1.4826
 
 
+class StoppingRule(NamedTuple):
+    """When a fit ends: after a number of steps, or where another would lower chi-square by less
+    than `fall`."""
+
+    steps: int = 60
+    fall: float = 1e-3
+
+
+#: The rule of a fit that settles.
+SETTLED = StoppingRule()
+
+
 @dataclass(frozen=True)
 class Fit:
-    """What was found.
+    """The result of a fit.
 
-    sensor: the calibrated one.  values: (p) of the names, in mm, rad, mW and shares.
-    covariance: (p, p) as the noise of readings and reference alone would have it.
-    every: of all of `ALL`, as fitted.  open: (n, 9) each sample's own: the pose beside the
-    reference's, its power's share, the beam.  left: (n, 9) residuals in standard deviations of the
-    readings.  weights: (n, 9) below 1 for outliers.  redundancy: (n, 9) the share of a reading that
-    others check: its residual's variance.  loss: what the fit made small.  chi_square, freedom: of
-    all readings but the outliers.  limit: of a residual, beyond which it is an outlier.  steps:
-    that it took.  ended: in time.  cause: why not.
+    sensor: the calibrated sensor.  choice: the unknowns.  values: (p,) values of the unknowns, in
+    mm, rad, mW and shares.  covariance: (p, p) of these values, as the noise of readings and
+    reference alone would have it.  all_values: the fitted values of all names in `ALL`.
+    own_values: (n, 9) the values of each sample's own unknowns: its pose relative to the
+    reference's, its share of the laser's power, its position of the beam.  residuals: (n, 9) in
+    standard deviations of the readings.  weights: (n, 9) of the readings, below 1 for outliers.
+    redundancy: (n, 9) the variance that a residual has, as a share of its reading's: how far other
+    readings check it.  loss: the sum that the fit minimised.  chi_square, freedom: chi-square and
+    degrees of freedom of all readings but the outliers.  limit: the size of a residual beyond which
+    its reading is an outlier.  steps: number of steps that the fit took.  ended: whether it
+    settled.  cause: why it did not settle, in words.
     """
 
     sensor: Sensor
     choice: Choice
     values: Floats
     covariance: Floats
-    every: Floats
-    open: Floats
-    left: Floats
+    all_values: Floats
+    own_values: Floats
+    residuals: Floats
     weights: Floats
     redundancy: Floats
     loss: float
@@ -108,8 +125,7 @@ class Fit:
     def apex(self) -> Floats:
         """Position of the apex relative to the beam, with the reference at zero, in the first
         seating (3,), mm."""
-        start = block(MOUNTING).start + 3
-        return self.every[start : start + 3]
+        return self.all_values[block(APEX)]
 
     @property
     def reduced_chi_square(self) -> float:
@@ -125,22 +141,22 @@ class Fit:
 
 def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
     """Initial guess of the poses relative to the reference, solved with the nominal sensor."""
-    opening = np.zeros((len(data.pose), OWN_COUNT))
+    own_values = np.zeros((len(data.pose), OWN_COUNT))
     free = np.isinf(data.sigma)
     if free.any():
-        found = solve(sensor, correct(sensor, data.raw), beam="free", covariance=False)
-        solved = found.converged[:, None] & free
-        opening[:, :6] = np.where(solved, found.state[:, :6] - data.pose, 0.0)
-    return opening
+        solution = solve(sensor, correct(sensor, data.raw), beam="free", covariance=False)
+        solved = solution.converged[:, None] & free
+        own_values[:, :6] = np.where(solved, solution.state[:, :6] - data.pose, 0.0)
+    return own_values
 
 
 @dataclass(frozen=True)
 class Guess:
-    """Present values of a fit.  values: of `ALL`.  opening: (n, 9).  residual: (n, 9)."""
+    """Present values of a fit.  values: of `ALL`.  own_values: (n, 9).  residual: (n, 9)."""
 
     sensor: Sensor
     values: Floats
-    opening: Floats
+    own_values: Floats
     residual: Floats
 
 
@@ -156,16 +172,16 @@ class Task:
         self.start = values_of(sensor)
         self.prior = prior_information(choice)
         self.bounds = np.array([LOWER_BOUNDS_MM.get(name, -np.inf) for name in choice.names])
-        self.own = own_sigma(data, choice)
-        self.held = self.own == 0
+        self.own_sigma = own_sigma(data, choice)
+        self.is_known = self.own_sigma == 0
 
-    def guess(self, values: Floats, opening: Floats) -> Guess:
+    def guess(self, values: Floats, own_values: Floats) -> Guess:
         """Evaluate values; raise `InputError` if they make no sensor."""
         sensor = assign_values(self.nominal, values)
-        opening = np.where(self.held, 0.0, opening)
-        if (opening[:, 6] <= -0.9).any():
+        own_values = np.where(self.is_known, 0.0, own_values)
+        if (own_values[:, 6] <= -0.9).any():
             raise InputError("a laser of no power")
-        return Guess(sensor, values, opening, residuals(sensor, self.data, opening, values))
+        return Guess(sensor, values, own_values, residuals(sensor, self.data, own_values, values))
 
     def limit(self, at: Guess) -> float:
         """The residual beyond which a reading has less weight, relative to most residuals."""
@@ -181,16 +197,16 @@ class Task:
         loss = size**2
         if np.isfinite(limit):
             loss = np.where(size > limit, 2 * limit * size - limit**2, loss)
-        known = np.isfinite(self.own) & ~self.held
-        beside = at.opening[:, known] / self.own[known]
+        known = np.isfinite(self.own_sigma) & ~self.is_known
+        beside = at.own_values[:, known] / self.own_sigma[known]
         before = (at.values - self.start)[self.choice.places]
         return float(loss.sum() + (beside**2).sum() + before @ self.prior @ before)
 
     def linearise(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
         """The linearised model, the roots of the readings' weights, and the normal equations."""
-        found = linear(at.sensor, self.data, at.opening, at.values, self.choice)
-        weights = huber_roots(found.residual, limit)
-        return found, weights, eliminate_own_unknowns(found, weights, at.opening, self.own)
+        model = linearise_model(at.sensor, self.data, at.own_values, at.values, self.choice)
+        weights = huber_roots(model.residual, limit)
+        return model, weights, eliminate_own_unknowns(model, weights, at.own_values, self.own_sigma)
 
     def add_prior(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
         """Add the prior to the normal equations."""
@@ -204,9 +220,9 @@ class Task:
         if is_beyond.any():
             step = np.where(is_beyond, self.bounds - values[places], step)
         values[places] = np.where(is_beyond, self.bounds, values[places] + step)
-        own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
+        own_step = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
         with suppress(InputError):
-            return self.guess(values, at.opening + own * OWN_UNITS)
+            return self.guess(values, at.own_values + own_step * OWN_UNITS)
         return None
 
     def hold_at_bounds(self, at: Guess, matrix: Floats, side: Floats) -> tuple[Floats, Floats]:
@@ -217,9 +233,7 @@ class Task:
         free = ~held
         return np.where(free[:, None] & free, matrix, np.diag(np.diag(matrix))), side * free
 
-    def settle(
-        self, at: Guess, most: int = STEPS, enough: float = ENOUGH
-    ) -> tuple[Guess, int, str]:
+    def settle(self, at: Guess, rule: StoppingRule) -> tuple[Guess, int, str]:
         """Take steps until another gains nothing; return their number, and the cause if it did not
         settle.
 
@@ -228,12 +242,12 @@ class Task:
         """
         damping, growth = 0.0, 10.0
         scale = np.diag(1 / self.choice.sigma**2)
-        for steps in range(1, most + 1):
+        for steps in range(1, rule.steps + 1):
             limit = self.limit(at)
             _, _, normal = self.linearise(at, limit)
             matrix, side = self.hold_at_bounds(at, *self.add_prior(at, normal))
             worth = float(side @ np.linalg.solve(matrix, side))
-            if worth < enough and normal.fall < enough * len(self.data.raw):
+            if worth < rule.fall and normal.fall < rule.fall * len(self.data.raw):
                 return at, steps - 1, ""
             level, better = self.cost(at, limit), None
             while damping < STUCK:
@@ -252,9 +266,9 @@ class Task:
                 )
             damping, growth = damping / 10 if damping > 0.1 else 0.0, 10.0
             at, fell = better, level - now
-            if fell < 1e-9 * level + enough and worth < 10 * enough:
+            if fell < 1e-9 * level + rule.fall and worth < 10 * rule.fall:
                 return at, steps, ""
-        return at, most, self.describe_remaining_moves(at, matrix, side, worth)
+        return at, rule.steps, self.describe_remaining_moves(at, matrix, side, worth)
 
     def describe_deadlock(self, worth: float) -> str:
         return (
@@ -266,7 +280,8 @@ class Task:
     def describe_remaining_moves(
         self, at: Guess, matrix: Floats, side: Floats, worth: float
     ) -> str:
-        """Along which unknowns it still moves, and whether that is for want of samples.
+        """A sentence on the unknowns along which the fit still moves, and whether samples are
+        missing.
 
         A fit whose residuals are larger than the noise creeps along any unknown that the samples
         hardly determine, and the cause is another: then none of these is to be held.
@@ -291,10 +306,10 @@ class Task:
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
         limit = self.limit(at)
-        found, weights, normal = self.linearise(at, limit)
+        model, weights, normal = self.linearise(at, limit)
         matrix, _ = self.add_prior(at, normal)
         covariance: Floats = np.linalg.inv(matrix).astype(float)
-        redundancy = redundancies(found, weights, normal, covariance)
+        redundancy = redundancies(model, weights, normal, covariance)
         chi_square, freedom = self.misfit(at, limit, redundancy)
         try:
             sensor = calibrated_sensor(self, at, normal, covariance, freedom)
@@ -305,9 +320,9 @@ class Task:
             choice=self.choice,
             values=at.values[self.choice.places],
             covariance=covariance,
-            every=at.values,
-            open=at.opening,
-            left=found.residual,
+            all_values=at.values,
+            own_values=at.own_values,
+            residuals=model.residual,
             weights=weights**2,
             redundancy=redundancy,
             loss=self.cost(at, np.inf if self.robust is None else self.robust),
@@ -334,23 +349,21 @@ def fit(
     choice: Choice,
     robust: float | None = 3.0,
     start: Fit | None = None,
-    most: int = STEPS,
-    enough: float = ENOUGH,
+    rule: StoppingRule = SETTLED,
 ) -> Fit:
     """Find the most probable values of the chosen unknowns.
 
     robust: residuals beyond this many standard deviations have less weight (Huber), relative to
     most residuals if these are larger than the noise; None: equal weights.  start: an earlier fit
-    to the same samples, to begin from.  most, enough: largest number of steps, and the fall of
-    chi-square at which the fit has settled. Raises `InputError` if there are too few samples or
-    unknowns. `Fit.cause` says why a fit did not settle.
+    to the same samples, to begin from.  rule: when the fit ends. Raises `InputError` if there are
+    too few samples or unknowns. `Fit.cause` says why a fit did not settle.
     """
     task = Task(sensor, data, choice, robust)
     if start is None:
         at = task.guess(task.start, solve_open_axes(data, sensor))
     else:
-        at = task.guess(start.every, start.open)
-    return task.conclusion(*task.settle(at, most, enough))
+        at = task.guess(start.all_values, start.own_values)
+    return task.conclusion(*task.settle(at, rule))
 
 
 #: How well the detectors' common gain keeps to what it is by convention.
@@ -402,20 +415,20 @@ def cut_variance(limit: float | None) -> float:
     return float(1 - 2 * limit * density / (2 * ndtr(limit) - 1))
 
 
-def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Floats) -> Floats:
-    """The share of each reading's variance that remains in its residual (n, 9), between 0 and 1.
+def redundancies(model: Linear, weights: Floats, normal: Normal, covariance: Floats) -> Floats:
+    """The share (n, 9) of each reading's variance that remains in its residual, between 0 and 1.
 
     The sample's own unknowns and the common ones absorb the rest.
     """
     size = covariance.shape[0]
-    common, own = found.common * weights[:, :, None], found.own * weights[:, :, None]
+    common, by_own = model.common * weights[:, :, None], model.own * weights[:, :, None]
     free = np.diagonal(normal.inner, axis1=1, axis2=2) < 1e17
-    own = own * free[:, None, :]
-    taken = (own @ np.linalg.inv(normal.inner) * own).sum(axis=2)
-    beside = common - own @ normal.back[:, :, :size]
+    by_own = by_own * free[:, None, :]
+    taken = (by_own @ np.linalg.inv(normal.inner) * by_own).sum(axis=2)
+    beside = common - by_own @ normal.back[:, :, :size]
     taken += (beside @ covariance * beside).sum(axis=2)
-    left: Floats = np.clip(1 - taken, 0.0, 1.0)
-    return left
+    remaining: Floats = np.clip(1 - taken, 0.0, 1.0)
+    return remaining
 
 
 # ---- from the fit to the sensor that is written
@@ -424,8 +437,8 @@ def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Flo
 def calibrated_sensor(
     task: Task, at: Guess, normal: Normal, covariance: Floats, freedom: float
 ) -> Sensor:
-    """The calibrated sensor with the covariance of its parameters, and the degrees of freedom of
-    the residuals: those of the covariance that was known before, if these are fewer or unknown.
+    """The calibrated sensor with the covariance of its parameters and its degrees of freedom, see
+    `joint_freedom`.
 
     The power is the mean over the samples if each had its own; the facets include the mirror's
     rotation on the reference; the mirror's place and the drifts are left out.
@@ -433,7 +446,7 @@ def calibrated_sensor(
     names, values = list(task.choice.names), at.values.copy()
     if np.isinf(task.choice.power):
         covariance = add_mean_power(task, at, normal, covariance)
-        values[PLACE["beam.power"]] *= 1 + float(at.opening[:, 6].mean())
+        values[PLACE["beam.power"]] *= 1 + float(at.own_values[:, 6].mean())
         names.append("beam.power")
     known = sensor_covariance(names, values, covariance)
     known = replace(known, degrees_of_freedom=joint_freedom(task, freedom))
@@ -450,7 +463,8 @@ def sensor_covariance(names: list[str], values: Floats, covariance: Floats) -> C
 
 
 def joint_freedom(task: Task, freedom: float) -> float | None:
-    """The degrees of freedom of a covariance by residuals, and by what was known before."""
+    """The degrees of freedom of the residuals, or of the covariance that was known before the fit
+    if these are fewer; None if these are unknown."""
     before = task.choice.joint
     if before is None:
         return max(freedom, 1.0)
@@ -459,7 +473,8 @@ def joint_freedom(task: Task, freedom: float) -> float | None:
 
 
 def thermal_of(values: Floats, temperature: float | None) -> Thermal:
-    """What follows the temperature by values of `ALL`; 0 at the mean temperature of the data."""
+    """The sensor's dependence on temperature by values of `ALL`; it is zero at the mean temperature
+    of the data."""
     if temperature is None or not values[block(TEMPERATURE)].any():
         return Thermal()
     beam_x, beam_y, *places = values[block(TEMPERATURE)].tolist()
@@ -471,17 +486,17 @@ def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) ->
     1)."""
     size, power = len(covariance), at.values[PLACE["beam.power"]]
     slope = -normal.back[:, 6, :size].mean(axis=0) * OWN_UNITS[6] * power
-    own = np.linalg.inv(normal.inner)[:, 6, 6].sum() / len(at.opening) ** 2
+    variance = np.linalg.inv(normal.inner)[:, 6, 6].sum() / len(at.own_values) ** 2
     out = np.empty((size + 1, size + 1))
     out[:size, :size] = covariance
     out[size, :size] = out[:size, size] = covariance @ slope
-    out[size, size] = slope @ covariance @ slope + own * (OWN_UNITS[6] * power) ** 2
+    out[size, size] = slope @ covariance @ slope + variance * (OWN_UNITS[6] * power) ** 2
     return out
 
 
 def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str], Floats]:
     """Names and covariance after the mirror's rotation has become part of the facets."""
-    if not any(PLACE[name] in range(*_mount()) for name in names):
+    if set(MOUNT).isdisjoint(names):
         return names, covariance
     facets, given, slope = fold_derivatives(values)
     into = [ALL[n] for n in facets]
@@ -493,8 +508,3 @@ def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str
         if name in rest:
             whole[6 + rest.index(name), n] = 1.0
     return into + rest, whole @ covariance @ whole.T
-
-
-def _mount() -> tuple[int, int]:
-    start = block(MOUNTING).start + 6
-    return start, start + 3

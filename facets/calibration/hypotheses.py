@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import POSE
+from ..core.rigid_body import rotation_angles, rotation_matrix
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
 from ..detectors.noise import standard_deviations
 from ..model.arrays import readings
-from .bundle_adjustment import Data, angles_of, rotations_of
-from .fit import NORMAL_MEDIAN, Fit, Guess, Task, solve_open_axes
+from .bundle_adjustment import Data
+from .fit import NORMAL_MEDIAN, Fit, Guess, StoppingRule, Task, solve_open_axes
 from .misfit import KINDS, Finding
 from .outliers import row_numbers
 from .unknowns import Choice
@@ -48,7 +49,8 @@ WORST = 17.0
 
 
 class Hypothesis(NamedTuple):
-    """words: what is wrong, a noun phrase.  remedy: what to do.  change: undoes it."""
+    """A fault that the data may have.  words: what is wrong, a clause.  remedy: what to do.
+    change: undoes the fault in samples."""
 
     words: str
     remedy: str
@@ -56,11 +58,11 @@ class Hypothesis(NamedTuple):
 
 
 def hypotheses(sensor: Sensor) -> Iterator[Hypothesis]:
-    yield from signs()
-    yield from exchanges()
-    yield from orders()
-    yield from axes()
-    yield from units()
+    yield from swapped_signs()
+    yield from exchanged_readings()
+    yield from angle_orders()
+    yield from reference_axes()
+    yield from wrong_units()
     yield from detector_kinds(sensor)
 
 
@@ -80,8 +82,9 @@ def change_pose(change: Callable[[Floats], Floats]) -> Change:
     return apply
 
 
-def signs() -> Iterator[Hypothesis]:
-    """Of a reading on one detector or on all, and of an axis of the reference."""
+def swapped_signs() -> Iterator[Hypothesis]:
+    """Hypotheses that a sign is swapped: of a reading on one detector or on all, or of an axis of
+    the reference."""
     for n, kind in enumerate(("psi", "zeta")):
         for k in (0, 1, 2, slice(None)):
             of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
@@ -104,8 +107,8 @@ def signs() -> Iterator[Hypothesis]:
         )
 
 
-def exchanges() -> Iterator[Hypothesis]:
-    """Of detectors, and of the two places on one."""
+def exchanged_readings() -> Iterator[Hypothesis]:
+    """Hypotheses that detectors are exchanged, or two of the nine readings."""
     for order in permutations(range(3)):
         if order == (0, 1, 2):
             continue
@@ -129,17 +132,19 @@ def exchanges() -> Iterator[Hypothesis]:
         def cross(raw: Floats, a: int = a, b: int = b) -> None:
             raw[:, [a, b]] = raw[:, [b, a]]
 
-        yield Hypothesis(f"{pair(a, b)} are exchanged", "exchange them", change_readings(cross))
+        yield Hypothesis(
+            f"{name_pair(a, b)} are exchanged", "exchange them", change_readings(cross)
+        )
 
 
-def pair(a: int, b: int) -> str:
+def name_pair(a: int, b: int) -> str:
     """Two of the nine readings, by name."""
-    (first, one), (second, other) = ((f"{KINDS[n % 3]}", "ABC"[n // 3]) for n in (a, b))
-    if one == other:
-        return f"{first} and {second} of detector {one}"
+    (first, letter), (second, other_letter) = ((f"{KINDS[n % 3]}", "ABC"[n // 3]) for n in (a, b))
+    if letter == other_letter:
+        return f"{first} and {second} of detector {letter}"
     if first == second:
-        return f"{first.replace('power', 'powers')} of detectors {one} and {other}"
-    return f"{first} of detector {one} and {second} of detector {other}"
+        return f"{first.replace('power', 'powers')} of detectors {letter} and {other_letter}"
+    return f"{first} of detector {letter} and {second} of detector {other_letter}"
 
 
 def rotations(pose: Floats, order: str) -> Floats:
@@ -148,20 +153,21 @@ def rotations(pose: Floats, order: str) -> Floats:
     for n in range(3):
         only = np.zeros((len(pose), 3))
         only[:, n] = pose[:, 3 + n]
-        about[:, n] = rotations_of(only).matrix
+        about[:, n] = rotation_matrix(only)
     whole = np.eye(3)
     for axis in order:
         whole = about[:, "xyz".index(axis)] @ whole
     return whole
 
 
-def orders() -> Iterator[Hypothesis]:
-    """Of the three angles, and a rotation that is given from the mirror to the world."""
+def angle_orders() -> Iterator[Hypothesis]:
+    """Hypotheses that the reference's angles are taken in another order, or that it gives the
+    inverse rotation."""
     for order in ("".join(axes) for axes in permutations("xyz")):
         if order != "xyz":
 
             def again(pose: Floats, order: str = order) -> Floats:
-                pose[:, 3:] = angles_of(rotations(pose, order))
+                pose[:, 3:] = rotation_angles(rotations(pose, order))
                 return pose
 
             axes = ", then ".join(order)
@@ -173,14 +179,14 @@ def orders() -> Iterator[Hypothesis]:
             )
 
     def inverse(pose: Floats) -> Floats:
-        pose[:, 3:] = angles_of(np.swapaxes(rotations_of(pose[:, 3:]).matrix, 1, 2))
+        pose[:, 3:] = rotation_angles(np.swapaxes(rotation_matrix(pose[:, 3:]), 1, 2))
         return pose
 
     yield Hypothesis("the reference gives the inverse rotation", "invert it", change_pose(inverse))
 
 
-def axes() -> Iterator[Hypothesis]:
-    """Of the reference, exchanged or turned by quarters."""
+def reference_axes() -> Iterator[Hypothesis]:
+    """Hypotheses that axes of the reference are exchanged, or turned by quarters of a turn."""
     for a, b in ((0, 1), (3, 4)):
 
         def cross(pose: Floats, a: int = a, b: int = b) -> Floats:
@@ -207,8 +213,8 @@ def axes() -> Iterator[Hypothesis]:
         )
 
 
-def units() -> Iterator[Hypothesis]:
-    """In which lengths, angles and powers may have been given."""
+def wrong_units() -> Iterator[Hypothesis]:
+    """Hypotheses that lengths, angles or powers are given in another unit."""
     degree = np.pi / 180 * 1000
     for words, factor in (
         ("degrees where mrad is asked for", degree),
@@ -255,7 +261,7 @@ def units() -> Iterator[Hypothesis]:
 
 
 def detector_kinds(sensor: Sensor) -> Iterator[Hypothesis]:
-    """Currents that were converted for another kind of detector: straightened or not."""
+    """Hypotheses that currents were converted for another kind of detector: straightened or not."""
 
     def straighten(raw: Floats) -> None:
         convert_places(sensor, raw, tetra_lateral_places)
@@ -285,10 +291,10 @@ def convert_places(sensor: Sensor, raw: Floats, convert: Callable[[Floats, float
             raw[:, columns] = convert(places, psd.size_z / psd.size_y) * half
 
 
-def moves(sensor: Sensor, data: Data, found: Fit) -> Iterator[Hypothesis]:
-    """What jumped at a time that nobody knows, by the residuals of a fit."""
+def jumps(sensor: Sensor, data: Data, result: Fit) -> Iterator[Hypothesis]:
+    """Hypotheses that something jumped at a time that nobody knows, by the residuals of a fit."""
     try:
-        steps = find_steps(Remainder(sensor, data, found, ROBUST))
+        steps = find_steps(Remainder(sensor, data, result, ROBUST))
     except (InputError, np.linalg.LinAlgError):
         return
     for step in steps[:STEPS_TRIED]:
@@ -308,8 +314,11 @@ def moves(sensor: Sensor, data: Data, found: Fit) -> Iterator[Hypothesis]:
 
 
 def subsample(sensor: Sensor, data: Data, count: int) -> Data:
-    """Some samples, all over the motion, with the noise of the mirror at rest: a fault in the
-    powers would change it, and what is compared with it."""
+    """Some samples, all over the motion, with the noise of the mirror at rest.
+
+    A fault in the powers would change the noise of each sample, and so the scale on which fits are
+    compared.
+    """
     rows = np.linspace(0, len(data.raw) - 1, min(count, len(data.raw))).astype(np.int64)
     part = data.part(np.unique(rows))
     noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))
@@ -320,7 +329,9 @@ def short_fit(sensor: Sensor, data: Data, chosen: Choice, steps: int) -> float:
     """Chi-square for each reading after some steps."""
     try:
         task = Task(sensor, data, chosen, 3.0)
-        at, _, _ = task.settle(task.guess(task.start, solve_open_axes(data, sensor)), steps)
+        at, _, _ = task.settle(
+            task.guess(task.start, solve_open_axes(data, sensor)), StoppingRule(steps)
+        )
     except (InputError, np.linalg.LinAlgError):
         return np.inf
     return mean_square(task, at)
@@ -339,8 +350,11 @@ def mean_square(task: Task, at: Guess) -> float:
 
 
 class Explanation(NamedTuple):
-    """faults: one, or two at once.  before, after: the residuals over the noise, as the data are
-    and with the faults undone.  others: faults that explain the data as well."""
+    """An explanation of a bad fit.
+
+    faults: one fault, or two at once.  before, after: the residuals over the noise, as the data are
+    and with the faults undone.  others: faults that explain the data as well.
+    """
 
     faults: tuple[Hypothesis, ...]
     before: float
@@ -349,11 +363,11 @@ class Explanation(NamedTuple):
 
     @property
     def finding(self) -> Finding:
-        what = ", and ".join(one.words for one in self.faults)
+        what = ", and ".join(fault.words for fault in self.faults)
         two = len(self.faults) > 1
-        remedies = "; ".join(one.remedy for one in self.faults)
+        remedies = "; ".join(fault.remedy for fault in self.faults)
         others = " or that ".join(
-            " and ".join(one.words for one in faults) for faults in self.others
+            " and ".join(fault.words for fault in faults) for faults in self.others
         )
         rest = f" It could be that {others} as well: these samples cannot tell." if others else ""
         return Finding(True, (
@@ -363,7 +377,7 @@ class Explanation(NamedTuple):
         ))  # fmt: skip
 
 
-def find_fault(sensor: Sensor, data: Data, chosen: Choice, found: Fit) -> Explanation | None:
+def find_fault(sensor: Sensor, data: Data, chosen: Choice, result: Fit) -> Explanation | None:
     """The fault that explains a bad fit best, or the two; None where none does.
 
     Single faults are tried first; two at once only where no single one leaves residuals as small as
@@ -372,9 +386,9 @@ def find_fault(sensor: Sensor, data: Data, chosen: Choice, found: Fit) -> Explan
     trials = Trials(
         sensor, chosen, subsample(sensor, data, SAMPLES[0]), subsample(sensor, data, SAMPLES[1])
     )
-    before = trials.last(())
-    every = [*hypotheses(sensor), *moves(sensor, data, found)]
-    single = trials.rank([(one,) for one in every])
+    before = trials.last_trial(())
+    every = [*hypotheses(sensor), *jumps(sensor, data, result)]
+    single = trials.rank([(hypothesis,) for hypothesis in every])
     explains = single.explains(before)
     small = before <= GOOD**2 or (explains and single.levels[0] <= GOOD**2)
     if not small:
@@ -388,12 +402,13 @@ def pairs_of(
     partners: list[tuple[Hypothesis, ...]], every: list[Hypothesis]
 ) -> list[tuple[Hypothesis, ...]]:
     """Each of the partners with every other hypothesis, each pair once."""
-    words = {one.words for (one,) in partners}
+    words = {hypothesis.words for (hypothesis,) in partners}
     return [
-        (one, other)
-        for (one,) in partners
+        (hypothesis, other)
+        for (hypothesis,) in partners
         for other in every
-        if other.words != one.words and (other.words not in words or one.words < other.words)
+        if other.words != hypothesis.words
+        and (other.words not in words or hypothesis.words < other.words)
     ]
 
 
@@ -405,18 +420,18 @@ class Trials(NamedTuple):
     small: Data
     large: Data
 
-    def first(self, faults: tuple[Hypothesis, ...]) -> float:
+    def first_trial(self, faults: tuple[Hypothesis, ...]) -> float:
         """Chi-square for each reading after a few steps with a few samples."""
         return short_fit(self.sensor, undo(self.small, faults), self.chosen, STEPS[0])
 
-    def last(self, faults: tuple[Hypothesis, ...]) -> float:
-        """The same with more samples and steps."""
+    def last_trial(self, faults: tuple[Hypothesis, ...]) -> float:
+        """Chi-square for each reading after more steps with more samples."""
         return short_fit(self.sensor, undo(self.large, faults), self.chosen, STEPS[1])
 
     def rank(self, several: list[tuple[Hypothesis, ...]]) -> Ranking:
-        """All have a first trial, the best of them a last one."""
-        first = sorted((self.first(faults), n) for n, faults in enumerate(several))
-        last = sorted((self.last(several[n]), n) for _, n in first[:FINAL])
+        """Give each of several faults a first trial, and the best of them a last one."""
+        first = sorted((self.first_trial(faults), n) for n, faults in enumerate(several))
+        last = sorted((self.last_trial(several[n]), n) for _, n in first[:FINAL])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],
@@ -425,14 +440,17 @@ class Trials(NamedTuple):
 
 
 def undo(data: Data, faults: tuple[Hypothesis, ...]) -> Data:
-    for one in faults:
-        data = one.change(data)
+    for fault in faults:
+        data = fault.change(data)
     return data
 
 
 class Ranking(NamedTuple):
-    """levels, faults: of those tried last, the best first.  partners: the best of those tried
-    first, which may be one of two."""
+    """Faults in the order of the chi-square that they leave when they are undone.
+
+    levels, faults: chi-square for each reading, and the faults that had a last trial, the best
+    first.  partners: the best faults of the first trials, each of which may be one of two.
+    """
 
     levels: list[float]
     faults: list[tuple[Hypothesis, ...]]

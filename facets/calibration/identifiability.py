@@ -15,7 +15,14 @@ from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import readings
-from .bundle_adjustment import OWN_COUNT, OWN_UNITS, Data, eliminate_own_unknowns, linear, own_sigma
+from .bundle_adjustment import (
+    OWN_COUNT,
+    OWN_UNITS,
+    Data,
+    eliminate_own_unknowns,
+    linearise_model,
+    own_sigma,
+)
 from .fit import solve_open_axes
 from .small_matrices import one_thread
 from .unknowns import ALL, PLACE, Choice, values_of
@@ -36,10 +43,10 @@ class Direction(NamedTuple):
 @one_thread
 def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
     """The information of the data alone (p, p), in units of the prior, at the nominal sensor."""
-    opening = solve_open_axes(data, sensor)
-    found = linear(sensor, data, opening, values_of(sensor), choice)
-    own = own_sigma(data, choice)
-    matrix = eliminate_own_unknowns(found, np.ones_like(data.raw), opening, own).matrix
+    own_values = solve_open_axes(data, sensor)
+    model = linearise_model(sensor, data, own_values, values_of(sensor), choice)
+    sigma = own_sigma(data, choice)
+    matrix = eliminate_own_unknowns(model, np.ones_like(data.raw), own_values, sigma).matrix
     scaled: Floats = choice.sigma[:, None] * matrix * choice.sigma
     return scaled
 
@@ -59,22 +66,22 @@ def weak_directions(
         scaled /= np.linalg.norm(scaled) or 1.0
         if np.linalg.norm(space.T @ scaled) > ALIKE:
             space = remove_direction(space, scaled)
-    found = []
+    weak = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
         whole, inside = np.linalg.norm(scaled), np.linalg.norm(space.T @ scaled)
         told = float(scaled @ matrix @ scaled / whole**2) if whole > 0 else np.inf
         if told < limit and inside > ALIKE * whole:
-            found.append(Direction(max(told, 0.0), words))
+            weak.append(Direction(max(told, 0.0), words))
             space = remove_direction(space, scaled / whole)
     small = space.T @ matrix @ space
     values, turned = np.linalg.eigh(small)
     rest = (space @ turned).T
-    found += [
+    weak += [
         Direction(max(float(told), 0.0), describe_direction(direction, choice))
         for told, direction in zip(values, rest, strict=True)
     ]
-    return sorted(found)
+    return sorted(weak)
 
 
 def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
@@ -83,18 +90,18 @@ def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
     They are the rotation of the mirror on its reference with its facets turned back and, if each
     sample has its own power, the detectors' common gain.
     """
-    found = []
+    changes = []
     for axis, name in (("x", "mount.roll"), ("y", "mount.pitch"), ("z", "mount.yaw")):
         if axis == "z":
             parts = {f"facet_{letter}.azimuth": -1.0 for letter in DETECTORS}
         else:
             parts = {key: -value for key, value in facet_tilts(sensor, axis).items()}
         if {name, *parts} <= set(choice.names):
-            found.append(change(parts | {name: 1.0}))
+            changes.append(change(parts | {name: 1.0}))
     gains = {f"correction_{letter}.power": 1.0 for letter in DETECTORS}
     if np.isinf(choice.power) and set(gains) <= set(choice.names):
-        found.append(change(gains))
-    return found
+        changes.append(change(gains))
+    return changes
 
 
 def change(parts: dict[str, float]) -> Floats:
@@ -123,10 +130,10 @@ def describe_direction(direction: Floats, choice: Choice) -> str:
 
 def patterns(sensor: Sensor) -> dict[str, Floats]:
     """Changes of `ALL` that have a name, mm and rad."""
-    found = {}
+    named = {}
 
     def add(words: str, parts: dict[str, float]) -> None:
-        found[words] = change(parts)
+        named[words] = change(parts)
 
     def each(what: str, name: str) -> dict[str, float]:
         return {f"{what}_{letter}.{name}": 1.0 for letter in DETECTORS}
@@ -154,7 +161,7 @@ def patterns(sensor: Sensor) -> dict[str, Floats]:
         add(f"shifting all PSDs and the apex along {axis}", parts | {f"apex.{axis}": 1.0})
     together = each("psd", "azimuth") | each("facet", "azimuth")
     add("turning all PSDs and facets about z", together)
-    return found
+    return named
 
 
 def facet_tilts(sensor: Sensor, axis: str) -> dict[str, float]:
@@ -179,7 +186,7 @@ def choose_poses(
     """
     rows = pose_information(sensor, choice, sigma, candidates)
     size = len(choice.names)
-    covariance, chosen, left = np.eye(size), [], []
+    covariance, chosen, reductions = np.eye(size), [], []
     for _ in range(count):
         spread = (rows.reshape(-1, size) @ covariance).reshape(rows.shape)
         told = np.eye(9) + spread @ np.swapaxes(rows, 1, 2)
@@ -187,8 +194,8 @@ def choose_poses(
         chosen.append(best)
         gain = covariance @ rows[best].T
         covariance = covariance - gain @ np.linalg.solve(told[best], gain.T)
-        left.append(mean_reduction(np.linalg.inv(covariance)))
-    return np.array(chosen), np.array(left)
+        reductions.append(mean_reduction(np.linalg.inv(covariance)))
+    return np.array(chosen), np.array(reductions)
 
 
 def mean_reduction(matrix: Floats) -> float:
@@ -202,11 +209,13 @@ def pose_information(sensor: Sensor, choice: Choice, sigma: Floats, candidates: 
     data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
     states = np.concatenate([candidates, data.beam], axis=1)
     data = data._replace(raw=readings(sensor, states))
-    found = linear(sensor, data, np.zeros((len(candidates), OWN_COUNT)), values_of(sensor), choice)
-    own = own_sigma(data, choice)
-    spread = np.where(np.isfinite(own), own / OWN_UNITS, 1e5)
-    wide = found.own * spread
+    model = linearise_model(
+        sensor, data, np.zeros((len(candidates), OWN_COUNT)), values_of(sensor), choice
+    )
+    own_uncertainty = own_sigma(data, choice)
+    spread = np.where(np.isfinite(own_uncertainty), own_uncertainty / OWN_UNITS, 1e5)
+    wide = model.own * spread
     inner = np.eye(9) + wide @ np.swapaxes(wide, 1, 2)
     root = np.linalg.cholesky(inner)
-    told: Floats = np.linalg.solve(root, found.common * choice.sigma)
+    told: Floats = np.linalg.solve(root, model.common * choice.sigma)
     return told

@@ -33,34 +33,34 @@ DRIFT = 0.3
 
 
 @one_thread
-def fit_steady_laser(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
+def fit_steady_laser(sensor: Sensor, data: Data, result: Fit, robust: float | None) -> Fit:
     """Fit again with a laser that drifts slowly and jitters as little as the data say.
 
     Returns the same fit if the jitter is as assumed, or if the laser jumps.
     """
-    if data.slow is None or not found.choice.power:
-        return found
-    start = found if np.isfinite(found.choice.power) else add_slow_drift(data, found)
+    if data.slow is None or not result.choice.power:
+        return result
+    start = result if np.isfinite(result.choice.power) else add_slow_drift(data, result)
     jitter = estimate_jitter(sensor, data, start, robust)
-    before = found.choice.power
+    before = result.choice.power
     if jitter is None or max(jitter, before) < SAME * min(jitter, before):
-        return found
+        return result
     again = fit(sensor, data, replace(start.choice, power=jitter), robust, start)
-    return again if again.ended else found
+    return again if again.ended else result
 
 
-def add_slow_drift(data: Data, found: Fit) -> Fit:
+def add_slow_drift(data: Data, result: Fit) -> Fit:
     """Convert a fit with one power for each sample to one with a slow drift, without fitting
     again."""
     assert data.slow is not None
     rows = np.column_stack([np.ones(len(data.slow)), data.slow])
-    power, weight = found.open[:, 6], np.ones(len(rows))
+    power, weight = result.own_values[:, 6], np.ones(len(rows))
     for _ in range(5):
         ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
-        left = power - rows @ ways
-        jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(left))))
-        weight = huber_roots(left / jitter, 3.0)
-    level = found.every[PLACE["beam.power"]]
+        residual = power - rows @ ways
+        jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(residual))))
+        weight = huber_roots(residual / jitter, 3.0)
+    level = result.all_values[PLACE["beam.power"]]
     if level * (1 + ways[0]) <= 0:
         raise InputError(
             f"the fit puts the laser's mean power at {level * (1 + ways[0]):.4g} mW, so these "
@@ -68,12 +68,12 @@ def add_slow_drift(data: Data, found: Fit) -> Fit:
             "poses, and see what the motion does not determine"
         )
     known = {"beam.power": DRIFT * level} | dict.fromkeys(POWER_DRIFT, DRIFT)
-    every, opening = found.every.copy(), found.open.copy()
+    every, own_values = result.all_values.copy(), result.own_values.copy()
     every[PLACE["beam.power"]] *= 1 + ways[0]
     every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
-    opening[:, 6] = left / (1 + ways[0])
-    wide = replace(found.choice.add_unknowns(known), power=jitter)
-    return replace(found, choice=wide, every=every, open=opening)
+    own_values[:, 6] = residual / (1 + ways[0])
+    wide = replace(result.choice.add_unknowns(known), power=jitter)
+    return replace(result, choice=wide, all_values=every, own_values=own_values)
 
 
 def estimate_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:

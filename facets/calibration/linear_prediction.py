@@ -22,7 +22,7 @@ from .bundle_adjustment import (
     Normal,
     deviations,
     eliminate_own_unknowns,
-    linear,
+    linearise_model,
     own_sigma,
 )
 from .candidates import POLARISATIONS, Candidate, add_candidate, add_coating, candidates
@@ -73,18 +73,21 @@ class FoldEquations(NamedTuple):
     prior_level: float
 
 
-def fold_equations(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> FoldEquations:
+def fold_equations(sensor: Sensor, data: Data, result: Fit, chosen: Choice) -> FoldEquations:
     """The equations at the values of a fit, for all names of a wider choice."""
-    values = values_for(sensor, found)
+    values = values_for(sensor, result)
     at = assign_values(sensor, values)
     data = data._replace(noise=deviations(sensor, data))
-    model, own = linear(at, data, found.open, values, chosen), own_sigma(data, chosen)
-    weights, parts = np.sqrt(found.weights), list[Normal]()
-    weights[found.weights < LEAST_WEIGHT] = 0.0  # else the largest jump would decide
+    model, sigma = (
+        linearise_model(at, data, result.own_values, values, chosen),
+        own_sigma(data, chosen),
+    )
+    weights, parts = np.sqrt(result.weights), list[Normal]()
+    weights[result.weights < LEAST_WEIGHT] = 0.0  # else the largest jump would decide
     for n in range(FOLDS):
         rows = slice(n, None, FOLDS)
         part = Linear(model.residual[rows], model.common[rows], model.own[rows])
-        parts.append(eliminate_own_unknowns(part, weights[rows], found.open[rows], own))
+        parts.append(eliminate_own_unknowns(part, weights[rows], result.own_values[rows], sigma))
     prior = prior_information(chosen)
     before = (values - values_of(sensor))[chosen.places]
     return FoldEquations(
@@ -98,11 +101,11 @@ def fold_equations(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Fo
     )
 
 
-def values_for(sensor: Sensor, found: Fit) -> Floats:
+def values_for(sensor: Sensor, result: Fit) -> Floats:
     """The values of a fit, for a sensor that may have received a coating since."""
-    every, nominal = found.every.copy(), values_of(sensor)
+    every, nominal = result.all_values.copy(), values_of(sensor)
     for name in ("coating.n", "coating.k", "light.polarization"):
-        if name in EFFECTS and name not in found.choice.names:
+        if name in EFFECTS and name not in result.choice.names:
             every[PLACE[name]] = nominal[PLACE[name]]
     return every
 
@@ -140,26 +143,26 @@ def chance_of(fall: float, count: int) -> float:
 
 
 def rank_candidates(
-    sensor: Sensor, data: Data, found: Fit, several: list[Candidate]
+    sensor: Sensor, data: Data, result: Fit, several: list[Candidate]
 ) -> list[Decision]:
-    """What each candidate would gain beside a fit and better candidates, and whether to accept it;
-    the best first."""
+    """Decisions on candidates, the best first: what each would gain beside a fit and the better
+    candidates, and whether it is accepted."""
     if not several:
         return []
-    wide = found.choice
-    for one in several:
-        wide = add_candidate(wide, one)
-    coated = any(one.effect.coated for one in several)
-    without = fold_equations(sensor, data, found, found.choice if coated else wide)
-    equations = best_coating(sensor, data, found, wide)[1] if coated else without
-    chosen, before = found.choice, predict(without, found.choice.names)
+    wide = result.choice
+    for candidate in several:
+        wide = add_candidate(wide, candidate)
+    coated = any(candidate.effect.coated for candidate in several)
+    without = fold_equations(sensor, data, result, result.choice if coated else wide)
+    equations = best_coating(sensor, data, result, wide)[1] if coated else without
+    chosen, before = result.choice, predict(without, result.choice.names)
     decisions, remaining = list[Decision](), list(several)
     while remaining:
-        wider = [add_candidate(chosen, one) for one in remaining]
+        wider = [add_candidate(chosen, candidate) for candidate in remaining]
         after = [predict(equations, choice.names) for choice in wider]
         tried = [
-            decide(one, len(choice.names) - len(chosen.names), found, before, there)
-            for one, choice, there in zip(remaining, wider, after, strict=True)
+            decide(candidate, len(choice.names) - len(chosen.names), result, before, there)
+            for candidate, choice, there in zip(remaining, wider, after, strict=True)
         ]
         good = [n for n, row in enumerate(tried) if row.accepted]
         if not good:
@@ -175,31 +178,33 @@ def rank_candidates(
 
 
 def best_coating(
-    sensor: Sensor, data: Data, found: Fit, wide: Choice
+    sensor: Sensor, data: Data, result: Fit, wide: Choice
 ) -> tuple[Sensor, FoldEquations]:
     """The coated sensor whose polarisation promises the lowest chi-square, and its equations."""
     coated = list(dict.fromkeys(add_coating(sensor, turn) for turn in POLARISATIONS))
-    tried = [(one, fold_equations(one, data, found, wide)) for one in coated]
-    return min(tried, key=lambda one: predict(one[1], wide.names).fitted)
+    tried = [(option, fold_equations(option, data, result, wide)) for option in coated]
+    return min(tried, key=lambda option: predict(option[1], wide.names).fitted)
 
 
-def cross_validated_error(chi_square: float, found: Fit) -> float:
+def cross_validated_error(chi_square: float, result: Fit) -> float:
     """The error of a reading that was not fitted, over its noise."""
-    count = float((found.weights == 1).sum())
-    if np.isinf(found.choice.power):
-        count -= len(found.left)
+    count = float((result.weights == 1).sum())
+    if np.isinf(result.choice.power):
+        count -= len(result.residuals)
     return float(np.sqrt(max(chi_square, 0.0) / max(count, 1.0)))
 
 
 def decide(
-    one: Candidate, count: int, found: Fit, before: Prediction, after: Prediction
+    candidate: Candidate, count: int, result: Fit, before: Prediction, after: Prediction
 ) -> Decision:
     """Decide on a candidate.  count: number of its unknowns.  before, after: chi-square without and
     with it."""
     fall = before.fitted - after.fitted
     chance, gain = chance_of(fall, count), before.left_out - after.left_out
-    error = cross_validated_error(after.left_out, found)
-    row = Decision(one.key, one.effect.words, count, fall, error, True, "the data call for it")
+    error = cross_validated_error(after.left_out, result)
+    row = Decision(
+        candidate.key, candidate.effect.words, count, fall, error, True, "the data call for it"
+    )
     if chance < CHANCE and gain > LEAST_GAIN:
         return row
     why = "within chance" if chance >= CHANCE else "does not predict what was left out"
@@ -210,9 +215,9 @@ def add_cheap_candidates(
     sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice
 ) -> Choice:
     """Add all candidates except a coating, a spline and a moving beam to a choice."""
-    for one in candidates(sensor, data, settings):
-        if not (one.effect.tried_last or one.effect.beam):
-            chosen = add_candidate(chosen, one)
+    for candidate in candidates(sensor, data, settings):
+        if not (candidate.effect.tried_last or candidate.effect.beam):
+            chosen = add_candidate(chosen, candidate)
     return chosen
 
 

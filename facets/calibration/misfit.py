@@ -18,7 +18,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..model.arrays import EFFECTS
-from .bundle_adjustment import Data, deviations, light_of
+from .bundle_adjustment import Data, deviations, relative_power
 from .fit import Fit
 from .outliers import MOST_SHARE, PLACE_SIGMA_MM, model_accuracy
 from .scatter import (
@@ -61,46 +61,46 @@ class Pattern(NamedTuple):
     size: float
 
 
-def standardised_residuals(found: Fit) -> Floats:
+def standardised_residuals(result: Fit) -> Floats:
     """Residuals (n, 9) over their own standard deviations; NaN where no other reading checks
     one."""
-    scale = np.sqrt(np.where(found.redundancy > 0.01, found.redundancy, np.nan))
-    out: Floats = found.left / scale
+    scale = np.sqrt(np.where(result.redundancy > 0.01, result.redundancy, np.nan))
+    out: Floats = result.residuals / scale
     return out
 
 
-def residual_sizes(found: Fit, data: Data) -> Floats:
+def residual_sizes(result: Fit, data: Data) -> Floats:
     """The standard deviation of each of the nine readings' residuals over the noise (9,)."""
-    over = np.where(found.weights < 1, np.nan, standardised_residuals(found))
+    over = np.where(result.weights < 1, np.nan, standardised_residuals(result))
     over[~np.isfinite(data.raw)] = np.nan
     count = np.maximum(np.isfinite(over).sum(axis=0), 1)
     size: Floats = np.sqrt(np.nansum(over**2, axis=0) / count)
     return size
 
 
-def count_outliers(found: Fit) -> int:
+def count_outliers(result: Fit) -> int:
     """Number of samples with a reading of reduced weight."""
-    return int((found.weights < 1).any(axis=1).sum())
+    return int((result.weights < 1).any(axis=1).sum())
 
 
-def expected_outliers(found: Fit) -> float:
-    """Number of such samples that noise alone makes."""
+def expected_outliers(result: Fit) -> float:
+    """Number of samples with a reading of reduced weight that noise alone makes."""
     from scipy.special import ndtr
 
-    if not np.isfinite(found.limit):
+    if not np.isfinite(result.limit):
         return 0.0
-    inside = 1 - 2 * ndtr(-found.limit)
-    return float(len(found.left) * (1 - inside ** found.left.shape[1]))
+    inside = 1 - 2 * ndtr(-result.limit)
+    return float(len(result.residuals) * (1 - inside ** result.residuals.shape[1]))
 
 
 # ---- patterns
 
 
-def patterns(found: Fit, data: Data) -> list[Pattern]:
+def patterns(result: Fit, data: Data) -> list[Pattern]:
     """Significant dependences of the residuals, the clearest first; one for each reading."""
     from scipy.special import chdtri
 
-    over = np.where(found.weights < 1, np.nan, standardised_residuals(found))
+    over = np.where(result.weights < 1, np.nan, standardised_residuals(result))
     over[~np.isfinite(data.raw)] = np.nan
     limit = float(chdtri(BINS, PATTERN))
     best: dict[tuple[str, str], Pattern] = {}
@@ -117,23 +117,23 @@ NONE = Pattern(0.0, "", "", "", 0.0)
 
 
 def pattern_variables(data: Data, k: int) -> dict[str, Floats]:
-    """The variables on which the residuals of detector k may depend."""
-    found: dict[str, Floats] = {
+    """The variables on which the residuals of detector k may depend, by name."""
+    variables: dict[str, Floats] = {
         "the spot's place along psi": data.raw[:, 3 * k],
         "the spot's place along zeta": data.raw[:, 3 * k + 1],
         "the power": data.raw[:, 3 * k + 2],
     }
     for n, name in enumerate(POSE):
-        found[f"the reference's {name}"] = data.pose[:, n]
+        variables[f"the reference's {name}"] = data.pose[:, n]
     if data.velocity is not None:
         for n, name in enumerate(POSE):
-            found[f"the speed of {name}"] = data.velocity[:, n]
+            variables[f"the speed of {name}"] = data.velocity[:, n]
     clock = np.zeros((len(data.raw), len(CLOCKS))) if data.clock is None else data.clock
     time: Floats = clock[:, 0] if clock[:, 0].any() else np.linspace(-1, 1, len(data.raw))
-    found["the time"] = time
+    variables["the time"] = time
     if clock[:, 1].any():
-        found["the temperature"] = clock[:, 1]
-    return found
+        variables["the temperature"] = clock[:, 1]
+    return variables
 
 
 def bin_residuals(over: Floats, along: Floats) -> tuple[float, float]:
@@ -155,44 +155,48 @@ CAUSES = {
 }
 
 
-def cause_of(one: Pattern) -> str:
-    if "time" in one.along:
+def cause_of(pattern: Pattern) -> str:
+    if "time" in pattern.along:
         return "something drifts: the beam, a detector's post, the laser or the reference"
-    if "temperature" in one.along:
+    if "temperature" in pattern.along:
         return "something expands; let calibrate.effects.temperature_drift be on"
-    if "speed" in one.along:
+    if "speed" in pattern.along:
         return "readings and reference are not of the same moment, or their clocks run apart"
-    if "reference" in one.along:
+    if "reference" in pattern.along:
         return "the reference's axes or scale are not what they are said to be, or a facet is bent"
-    return CAUSES[one.kind]
+    return CAUSES[pattern.kind]
 
 
 # ---- findings
 
 
-def findings(sensor: Sensor, found: Fit, data: Data, scatter: Scatter) -> list[Finding]:
+def findings(sensor: Sensor, result: Fit, data: Data, scatter: Scatter) -> list[Finding]:
     """All findings on a fit that has settled; those that forbid its use first."""
-    every = [chi_square_finding(found, data), spike_finding(found), *pull_findings(sensor, found)]
-    every += [pattern_finding(one) for one in patterns(found, data)[:3]]
+    every = [
+        chi_square_finding(result, data),
+        spike_finding(result),
+        *pull_findings(sensor, result),
+    ]
+    every += [pattern_finding(pattern) for pattern in patterns(result, data)[:3]]
     every += [
         scatter_finding(scatter),
-        backlash_finding(found),
-        lag_finding(found),
-        heat_lag_finding(found),
-        profile_finding(found),
-        power_finding(found, data),
+        backlash_finding(result),
+        lag_finding(result),
+        heat_lag_finding(result),
+        profile_finding(result),
+        power_finding(result, data),
     ]
-    return sorted((one for one in every if one), key=lambda one: not one.bad)
+    return sorted((finding for finding in every if finding), key=lambda finding: not finding.bad)
 
 
-def chi_square_finding(found: Fit, data: Data) -> Finding | None:
-    """Compare chi-square with that of noise alone."""
-    if found.excess == 0:
+def chi_square_finding(result: Fit, data: Data) -> Finding | None:
+    """A finding on a chi-square that is larger than that of noise alone."""
+    if result.excess == 0:
         return None
-    sizes = residual_sizes(found, data)
+    sizes = residual_sizes(result, data)
     worst = int(np.argmax(sizes))
     where = f"{KINDS[worst % 3]} of detector {DETECTORS[worst // 3].upper()}"
-    root = float(np.sqrt(found.reduced_chi_square))
+    root = float(np.sqrt(result.reduced_chi_square))
     if root > WORST:
         return Finding(True, (
             f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "
@@ -205,9 +209,10 @@ def chi_square_finding(found: Fit, data: Data) -> Finding | None:
     ))  # fmt: skip
 
 
-def spike_finding(found: Fit) -> Finding | None:
-    count, total, chance = count_outliers(found), len(found.left), expected_outliers(found)
-    beyond, far = count - chance, int((found.weights < 0.5).any(axis=1).sum())
+def spike_finding(result: Fit) -> Finding | None:
+    """A finding on samples of reduced weight: too many for chance, or far off."""
+    count, total, chance = count_outliers(result), len(result.residuals), expected_outliers(result)
+    beyond, far = count - chance, int((result.weights < 0.5).any(axis=1).sum())
     if beyond < 5 * np.sqrt(chance + 1) and not far:  # far: twice the limit, where chance has none
         return None
     share = beyond / total
@@ -222,9 +227,9 @@ def spike_finding(found: Fit) -> Finding | None:
     ))  # fmt: skip
 
 
-def pull_findings(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
-    """Unknowns that the fit moves by more than `far` times their prior uncertainty."""
-    off = far_unknowns(sensor, found, far)
+def pull_findings(sensor: Sensor, result: Fit, far: float = FAR) -> list[Finding]:
+    """A finding on unknowns that the fit moves by more than `far` times their prior uncertainty."""
+    off = far_unknowns(sensor, result, far)
     if not off:
         return []
     told = ", ".join(f"{name} ({size:.0f} times)" for name, size in off[:3])
@@ -234,10 +239,10 @@ def pull_findings(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]
     ))]  # fmt: skip
 
 
-def pattern_finding(one: Pattern) -> Finding:
+def pattern_finding(pattern: Pattern) -> Finding:
     return Finding(False, (
-        f"The residuals of {one.kind} of detector {one.detector} follow {one.along}, by up to "
-        f"{one.size:.2g} times the noise: {cause_of(one)}."
+        f"The residuals of {pattern.kind} of detector {pattern.detector} follow {pattern.along}, "
+        f"by up to {pattern.size:.2g} times the noise: {cause_of(pattern)}."
     ))  # fmt: skip
 
 
@@ -245,14 +250,16 @@ def pattern_finding(one: Pattern) -> Finding:
 POWER_CHANGE, POWER_JITTER = 2e-3, 1e-3
 
 
-def power_finding(found: Fit, data: Data) -> Finding | None:
-    """Changes of the laser's power: a slow drift or jitter."""
-    light = light_of(data, found.open, found.every)[(found.weights == 1).all(axis=1)]
+def power_finding(result: Fit, data: Data) -> Finding | None:
+    """A finding on changes of the laser's power: a slow drift or jitter."""
+    light = relative_power(data, result.own_values, result.all_values)[
+        (result.weights == 1).all(axis=1)
+    ]
     change = float(np.std(light)) if light.size else 0.0
     if change < POWER_CHANGE:
         return None
-    own = found.open[(found.weights == 1).all(axis=1), 6]
-    jitter = float(np.std(own)) if found.choice.power else 0.0
+    shares = result.own_values[(result.weights == 1).all(axis=1), 6]
+    jitter = float(np.std(shares)) if result.choice.power else 0.0
     words = f"The laser's power changed by {100 * change:.2g} % (r.m.s.) during the motion. "
     if jitter < POWER_JITTER:
         words += "It drifted slowly, and the fit follows the drift. "
@@ -265,42 +272,43 @@ def power_finding(found: Fit, data: Data) -> Finding | None:
     return Finding(False, words + "Solve with solve.power: unknown, or a prior.")
 
 
-def backlash_finding(found: Fit) -> Finding | None:
-    """Backlash of the reference, if it was fitted."""
+def backlash_finding(result: Fit) -> Finding | None:
+    """A finding on the reference's backlash, if it was fitted."""
     return step_finding(
-        found, BACKLASH, 2.0, "from side to side",
+        result, BACKLASH, 2.0, "from side to side",
         "The reference has backlash ({}): by the direction of each axis's last step the mirror was "
         "elsewhere than it says. The fit follows it; approach each pose from one side to be rid of "
         "it.",
     )  # fmt: skip
 
 
-def lag_finding(found: Fit) -> Finding | None:
-    """A mirror that lags behind the reference, if it was fitted."""
+def lag_finding(result: Fit) -> Finding | None:
+    """A finding on a mirror that lags behind the reference, if that was fitted."""
     return step_finding(
-        found, LAG, 1.0, "of the step",
+        result, LAG, 1.0, "of the step",
         "The mirror lags behind the reference by a share of its last step ({}), as a part that "
         "creeps. The fit follows it; wait longer at each pose to be rid of it.",
     )  # fmt: skip
 
 
 def step_finding(
-    found: Fit, group: tuple[str, ...], times: float, of: str, words: str
+    result: Fit, group: tuple[str, ...], times: float, of: str, words: str
 ) -> Finding | None:
-    """What the mirror misses after a step, by those unknowns of a group that are clear.
+    """A finding on how far the mirror lags after a step, by those unknowns of a group that are
+    clear.
 
     times: the shown multiple of an unknown.  of: its meaning.  words: with a place for the values.
     """
     told = []
-    for name, value in clear_values(found, group).items():
-        unit, factor = unit_of(name, found.sensor)
+    for name, value in clear_values(result, group).items():
+        unit, factor = unit_of(name, result.sensor)
         told.append(f"{name.partition('.')[2]} {times * factor * value:.2g} {unit}")
     return Finding(False, words.format(f"{', '.join(told)} {of}")) if told else None
 
 
-def heat_lag_finding(found: Fit) -> Finding | None:
-    """A head that follows the temperature late, if it was fitted."""
-    values = clear_values(found, PAST, 0.0).values()
+def heat_lag_finding(result: Fit) -> Finding | None:
+    """A finding on a head that follows the temperature late, if that was fitted."""
+    values = clear_values(result, PAST, 0.0).values()
     if not values:
         return None
     return Finding(False, (
@@ -315,44 +323,45 @@ def heat_lag_finding(found: Fit) -> Finding | None:
 CLEAR = 4.0
 
 
-def clear_values(found: Fit, group: tuple[str, ...], clear: float = CLEAR) -> dict[str, float]:
+def clear_values(result: Fit, group: tuple[str, ...], clear: float = CLEAR) -> dict[str, float]:
     """The magnitudes of those unknowns of a group that are larger than `clear` uncertainties."""
-    fitted = zip(found.choice.names, np.abs(found.values), found.uncertainty, strict=True)
+    fitted = zip(result.choice.names, np.abs(result.values), result.uncertainty, strict=True)
     return {name: float(x) for name, x, u in fitted if name in group and x > clear * u}
 
 
-def profile_size(found: Fit, kind: str) -> float:
-    """By how much a series makes the irradiance deviate from a Gaussian, r.m.s. over its light.
+def profile_size(result: Fit, kind: str) -> float:
+    """The r.m.s. deviation of the irradiance from a Gaussian, over the beam's light, that a series
+    makes.
 
     kind: "profile" or "asymmetry". The square of He_i(x) He_j(y) has the mean i! j!.
     """
     total = 0.0
-    for n, name in enumerate(found.choice.names):
+    for n, name in enumerate(result.choice.names):
         series, _, axes = name.partition(".")
         if series == kind:
             mean = factorial(axes.count("x")) * factorial(axes.count("y"))
-            total += mean * float(found.values[n]) ** 2
+            total += mean * float(result.values[n]) ** 2
     return float(np.sqrt(total))
 
 
-def profile_finding(found: Fit) -> Finding | None:
-    """The shape of a beam that is not Gaussian, where the fit includes it."""
+def profile_finding(result: Fit) -> Finding | None:
+    """A finding on a beam that is not Gaussian, where the fit includes its shape."""
     series = ("profile.", "asymmetry.")
-    places = [n for n, name in enumerate(found.choice.names) if name.startswith(series)]
-    values, sigmas = found.values[places], found.uncertainty[places]
+    places = [n for n, name in enumerate(result.choice.names) if name.startswith(series)]
+    values, sigmas = result.values[places], result.uncertainty[places]
     if not (np.abs(values) > CLEAR * sigmas).any():
         return None
     listed = ", ".join(
-        f"{found.choice.names[n].partition('.')[2]} {value:.2g} +- {sigma:.1g}"
+        f"{result.choice.names[n].partition('.')[2]} {value:.2g} +- {sigma:.1g}"
         for n, value, sigma in zip(places, values, sigmas, strict=True)
     )
-    size = 100 * float(np.hypot(profile_size(found, "profile"), profile_size(found, "asymmetry")))
+    size = 100 * float(np.hypot(profile_size(result, "profile"), profile_size(result, "asymmetry")))
     words = (
         f"The beam's profile is not Gaussian: its irradiance deviates by {size:.2g} % (r.m.s. over "
         f"its light; Hermite coefficients {listed}). The fit follows it to fourth order; clean the "
         "beam with a pinhole or a fibre to be rid of it."
     )
-    if profile_size(found, "asymmetry"):
+    if profile_size(result, "asymmetry"):
         words += (
             " It is not symmetric, perhaps by a second reflex: x and y may have an offset that is "
             "the same in all poses and that no reading shows; the stated uncertainty includes it."
@@ -369,7 +378,7 @@ SHORT = {
 
 
 def scatter_finding(scatter: Scatter) -> Finding | None:
-    """The cause of the scatter from sample to sample, and the alternatives."""
+    """A finding on the cause of the scatter from sample to sample, and on the alternatives."""
     if not scatter.causes:
         return None
     causes = {
@@ -421,7 +430,7 @@ def describe_detectors(scatter: Scatter) -> str:
 
 
 def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
-    """Samples that were excluded.  kind: what their numbers count."""
+    """A finding on samples that were excluded.  kind: what their numbers count."""
     if not rows:
         return []
     listed = ", ".join(str(row) for row in rows[:LISTED])
@@ -439,7 +448,7 @@ LISTED = 12
 # ---- what the model misses becomes part of the uncertainty
 
 
-def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dict[str, float]:
+def model_error(result: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dict[str, float]:
     """Standard deviations of what the model misses in the readings, by name, mm and mW.
 
     MISFIT: what the residuals show beyond chance, of a cause that is not known, and what a
@@ -452,13 +461,15 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
     more = np.array([scatter.size_of(PLACES), scatter.size_of(PLACES), scatter.size_of(POWERS)] * 3)
     missed = sigma * more / np.hypot(1.0, more)  # what the detectors scatter beside their noise
-    if is_doubtful(found):
-        sizes = residual_sizes(found, data)
-        share = float(found.redundancy[np.isfinite(data.raw)].mean())
+    if is_doubtful(result):
+        sizes = residual_sizes(result, data)
+        share = float(result.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
-    missed = np.hypot(missed, spline_error(sensor, data.raw, found.choice.names, found.covariance))
+    missed = np.hypot(
+        missed, spline_error(sensor, data.raw, result.choice.names, result.covariance)
+    )
     exact = np.zeros(9)
-    if any(name in EFFECTS for name in found.choice.names):
+    if any(name in EFFECTS for name in result.choice.names):
         exact = model_accuracy(data, PLACE_SIGMA_MM)
     named = zip((*MISFIT, *MODEL_ERROR), (*missed, *exact), strict=True)
     return {name: float(size) for name, size in named if size > 0}
@@ -466,7 +477,7 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
 
 #: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
 #: `uneven_share` gives. Of ghosts of a thousandth it gives 0.3 to 0.6, and they moved x and y of
-#: calibrations by 0.5 to 1.4 of their share (`python -m facets.experiments.disturbed_rigs`).
+#: calibrations by 0.5 to 1.4 of their share (the study `disturbed_rigs`).
 CENTRE_PER_SHARE = 1.5
 #: The same for each unit of an asymmetric beam's mean deviation from a Gaussian: another reflex,
 #: 1 to 2.5 of the beam's standard deviations away, moves the middle by 2.4 to 0.4 times as much.
@@ -480,18 +491,18 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
     it found, for another position of the apex; the residuals show little of it, and bound it. Light
     without any effect of a bench is taken to be Gaussian.
     """
-    if not any(name in EFFECTS for name in remainder.found.choice.names):
+    if not any(name in EFFECTS for name in remainder.fit.choice.names):
         return 0.0
     share = settings.before.get("beam_profile_percent", 0.0) / 100
     share = CENTRE_PER_SHARE * uneven_share(remainder, share) if share else 0.0
     beam_sigma = float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
-    asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.found, "asymmetry")
+    asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.fit, "asymmetry")
     return beam_sigma * float(np.hypot(share, asymmetry))
 
 
-def covariance_factor(found: Fit) -> float:
+def covariance_factor(result: Fit) -> float:
     """The factor of a fit's covariance in the written one: chi-square where it is in doubt."""
-    return found.reduced_chi_square if is_doubtful(found) else 1.0
+    return result.reduced_chi_square if is_doubtful(result) else 1.0
 
 
 #: Standard deviations of chance from which on readings are taken to scatter together.
@@ -505,7 +516,7 @@ def common_scatter(remainder: Remainder) -> dict[str, float]:
     A mirror that vibrates against the reference does the same, so the reference's stated
     uncertainty counts.
     """
-    found, at = {}, remainder.restricted
+    sigmas, at = {}, remainder.restricted
     for m, kind in enumerate(KINDS[:2]):
         column = remainder.is_read[:, m::3].astype(float)  # in standard deviations of the noise
         seen = (column * at.pulled[:, m::3]).sum(axis=1) ** 2
@@ -515,8 +526,8 @@ def common_scatter(remainder: Remainder) -> dict[str, float]:
         excess, size = float((seen - due).sum()), float((due**2).sum())
         if excess > TOGETHER * np.sqrt(2 * size):
             sigma = float(np.nanmedian(remainder.noise[:, m::3]))
-            found[kind] = sigma * float(np.sqrt(excess / size))
-    return found
+            sigmas[kind] = sigma * float(np.sqrt(excess / size))
+    return sigmas
 
 
 def common_findings(common: dict[str, float]) -> list[Finding]:
@@ -528,7 +539,7 @@ def common_findings(common: dict[str, float]) -> list[Finding]:
 
 
 def add_unseen_errors(
-    sensor: Sensor, found: Fit, missed: dict[str, float], centre: float, common: dict[str, float]
+    sensor: Sensor, result: Fit, missed: dict[str, float], centre: float, common: dict[str, float]
 ) -> Sensor:
     """The calibrated sensor whose uncertainty includes what the model misses in readings (`missed`,
     by name), the uncertainty of the light's middle (`centre`, mm), and what places of all detectors
@@ -541,7 +552,7 @@ def add_unseen_errors(
         missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
     if not missed:
         return sensor
-    factor, size = covariance_factor(found), len(known.names)
+    factor, size = covariance_factor(result), len(known.names)
     matrix = np.zeros((size + len(missed),) * 2)
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))

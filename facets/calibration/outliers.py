@@ -36,7 +36,7 @@ TIMES = 2
 
 
 def find_outliers(
-    sensor: Sensor, found: Fit, data: Data, robust: float | None
+    sensor: Sensor, result: Fit, data: Data, robust: float | None
 ) -> NDArray[np.bool_]:
     """Find samples (n,) with a reading that is far off relative to most residuals of its column.
 
@@ -45,9 +45,9 @@ def find_outliers(
     """
     if robust is None:
         return np.zeros(len(data.raw), dtype=bool)
-    size = np.where(np.isfinite(data.raw), np.abs(found.left), np.nan)
+    size = np.where(np.isfinite(data.raw), np.abs(result.residuals), np.nan)
     scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
-    if any(name in EFFECTS for name in found.choice.names):
+    if any(name in EFFECTS for name in result.choice.names):
         scale = np.maximum(scale, median(model_accuracy(data) / deviations(sensor, data)))
     with np.errstate(invalid="ignore"):
         off = size > robust * scale / LEAST_WEIGHT
@@ -55,19 +55,20 @@ def find_outliers(
 
 
 def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
-    """(9,) how well the model of real light holds the readings: mm and mW.  place: of a place."""
-    found = np.full(9, place)
-    found[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
-    return found
+    """The accuracy (9,) of the model of real light in each reading, mm and mW.  place: its accuracy
+    in a place, mm."""
+    accuracy = np.full(9, place)
+    accuracy[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
+    return accuracy
 
 
 def row_numbers(data: Data) -> NDArray[np.int64]:
-    """The rows of the table (n,), from 1."""
+    """The numbers (n,) of the samples' rows in the table, from 1."""
     return np.arange(1, len(data.raw) + 1) if data.number is None else data.number
 
 
 def exclude_outliers(
-    sensor: Sensor, data: Data, found: Fit, robust: float | None, spent: int = 0
+    sensor: Sensor, data: Data, result: Fit, robust: float | None, spent: int = 0
 ) -> tuple[Data, Fit, list[int]]:
     """Return the samples without outliers, the fit to them, and the rows that were removed.
 
@@ -75,10 +76,10 @@ def exclude_outliers(
     """
     gone = list[int]()
     for _ in range(TIMES):
-        off = find_outliers(sensor, found, data, robust)
+        off = find_outliers(sensor, result, data, robust)
         if not off.any() or off.sum() + len(gone) + spent > MOST_SHARE * (len(off) + len(gone)):
             break
         gone += row_numbers(data)[off].tolist()
-        data, start = data.part(~off), replace(found, open=found.open[~off])
-        found = fit(sensor, data, found.choice, robust, start)
-    return data, found, sorted(gone)
+        data, start = data.part(~off), replace(result, own_values=result.own_values[~off])
+        result = fit(sensor, data, result.choice, robust, start)
+    return data, result, sorted(gone)

@@ -34,7 +34,8 @@ class Proposal:
 
 
 def propose_poses(settings: Config, poses: Floats, count: int) -> Proposal:
-    """Out of poses (n, 6), mm and rad, those whose readings together determine the parameters."""
+    """Choose those of poses (n, 6), mm and rad, whose readings together determine the parameters
+    best."""
     sensor, calibrate = settings.sensor, settings.calibrate
     unknowns = choice(sensor, calibrate)
     sigma = np.array(calibrate.reference)

@@ -120,12 +120,12 @@ def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
     """The rest of the offset by a plain fit of some samples, s; 0 if the fit fails."""
     rows = np.unique(np.linspace(0, len(data.raw) - 1, min(len(data.raw), FEW)).astype(np.int64))
     wanted = choice(sensor, settings).add_unknowns({DELAY: 0.01})
-    found = fit(sensor, data.part(rows), wanted, settings.outliers)
-    return float(found.every[PLACE[DELAY]]) if found.ended else 0.0
+    result = fit(sensor, data.part(rows), wanted, settings.outliers)
+    return float(result.all_values[PLACE[DELAY]]) if result.ended else 0.0
 
 
 def usable_rows(columns: dict[str, Floats]) -> NDArray[np.bool_]:
-    """The rows that `gather_samples` keeps."""
+    """Whether each row of the table is one that `gather_samples` keeps."""
     raw = np.column_stack([columns[name] for name in READING_COLUMNS])
     good = np.asarray(np.isfinite(raw).any(axis=1))
     for name in BEAM:
@@ -181,19 +181,19 @@ def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
     said = said - said.mean(axis=0)
     rows = pose[good] - pose[good].mean(axis=0)
     ways, *_ = np.linalg.lstsq(rows / np.maximum(rows.std(axis=0), 1e-12), said, rcond=None)
-    left = said - rows / np.maximum(rows.std(axis=0), 1e-12) @ ways
+    residual = said - rows / np.maximum(rows.std(axis=0), 1e-12) @ ways
     moved = said.std(axis=0) > 1e-7
     if not moved.any():
         return 0.0
-    rest = (left[:, moved] ** 2).sum(axis=0) / (said[:, moved] ** 2).sum(axis=0)
+    rest = (residual[:, moved] ** 2).sum(axis=0) / (said[:, moved] ** 2).sum(axis=0)
     return 1 - float(np.exp(np.log(np.maximum(rest, 1e-12)).mean()))  # the clearest axes decide
 
 
 def add_reference(
     columns: dict[str, Floats], track: Track, offset: float
 ) -> tuple[dict[str, Floats], Floats]:
-    """The readings' columns with those of the reference at their times, NaN outside its own; and
-    its velocity (n, 6) there, mm/s and rad/s."""
+    """The readings' columns with the reference's at the readings' times, NaN outside the
+    reference's own; and its velocity (n, 6) there, mm/s and rad/s."""
     at, curve = columns["time_s"] + offset, track.curve
     outside = ~((at >= track.time[0]) & (at <= track.time[-1]))
     pose, velocity = curve(np.nan_to_num(at)), curve(np.nan_to_num(at), 1)

@@ -73,17 +73,17 @@ class ChangePriors:
     Parameters
     ----------
     beam
-        Of the beam's position in x and in y, mm.
+        Position of the beam in x and in y, mm.
     power
-        Of the laser's power, as a share of it.
+        Power of the laser, as a share of it.
     gain
-        Of each detector's gain, as a share.
+        Gain of each detector, as a share of it.
     post
-        Of the height of each detector's post, mm.
+        Height of each detector's post, mm.
     width
-        Of the beam's diameter, as a share of it, the same in all directions.
+        Diameter of the beam, as a share of it, the same in all directions.
     stop, stop_angle
-        Of the mirror's position (mm) and angles (rad) at the stop now against those then.
+        Position (mm) and angles (rad) of the mirror at the stop now relative to those then.
     """
 
     beam: float = 0.020
@@ -95,7 +95,8 @@ class ChangePriors:
     stop_angle: float = 5e-7
 
     def sigmas(self, power: float) -> Floats:
-        """Of the changes (10,), in mm, mW and shares.  power: the laser's, mW."""
+        """The standard uncertainties (10,) of the changes, in mm, mW and shares.  power: of the
+        laser, mW."""
         sizes = ([self.beam] * 2, [self.power * power], [self.gain] * 3, [self.post] * 3)
         return np.concatenate([*sizes, [self.width]])
 
@@ -103,8 +104,11 @@ class ChangePriors:
 @dataclass(frozen=True)
 class StopReadings:
     """Mean readings (m, 9) at m stops as the detectors gave them, mm and mW, and the variances of
-    these means.  warmer: (m,) than the reference temperature of the calibration, K; None for a
-    sensor that does not follow the temperature."""
+    these means.
+
+    warmer: (m,) by how much a stop was warmer than the reference temperature of the calibration, K;
+    None for a sensor that does not follow the temperature.
+    """
 
     mean: Floats
     variance: Floats
@@ -123,12 +127,11 @@ class NewZero:
         Position of the beam (2,) beside the one that is known otherwise, mm: see
         `Solve.beam_offset`.
     change, uncertainty, prior
-        Of the changes (10,): they, their standard uncertainties, and those before; mm, mW and
-        shares.
+        The changes (10,), their standard uncertainties, and those before; mm, mW and shares.
     chi_square, freedom
-        Of the readings' differences, with all priors; and what it is on average.
+        Chi-square of the readings' differences with all priors, and its expectation.
     motion
-        Of the mirror along each axis alone (2, 6), if it moved beside the changes: the most
+        Motion of the mirror along each axis alone (2, 6), if it moved beside the changes: the most
         probable one and its standard uncertainty, mm and rad.
     """
 
@@ -172,7 +175,7 @@ def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> St
         Readings (n, 9) as the detectors gave them, mm and mW; rows that are not finite are left
         out.
     name
-        Of the readings, for messages.
+        Name of the readings, for messages.
 
     Returns
     -------
@@ -210,7 +213,11 @@ def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> St
 
 
 def combine_means(sensor: Sensor, means: Floats, sigma: Floats, rows: Floats) -> StopReadings:
-    """means, sigma: (m, 9).  rows: of which each is the mean (m,)."""
+    """Stops by mean readings, with the variance of the converter's steps added.
+
+    means, sigma: (m, 9) the means and their standard uncertainties.  rows: (m,) number of rows in
+    each.
+    """
     count = len(means)
     data = Data(
         means, np.zeros((count, 6)), np.zeros(6), np.zeros((count, 2)), noise=sigma, rows=rows
@@ -234,15 +241,15 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
     if not dwells:
         return average_stop(sensor, columns, str(path))
     pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
-    found = dwell_means(columns, pose, np.array(reference)[measured])
-    means = np.column_stack([found.columns[name] for name in READING_COLUMNS])
+    stands = dwell_means(columns, pose, np.array(reference)[measured])
+    means = np.column_stack([stands.columns[name] for name in READING_COLUMNS])
     if not len(means) or not np.isfinite(means).all():
         raise InputError(
             f"{path}: the reference stands still {len(means)} times; every stop needs all nine "
             "readings"
         )
     return add_temperature(
-        sensor, combine_means(sensor, means, found.noise, found.rows), found.columns, str(path)
+        sensor, combine_means(sensor, means, stands.noise, stands.rows), stands.columns, str(path)
     )
 
 
@@ -405,16 +412,17 @@ class StopComparison:
         return readings(*self.situation(change))
 
     def derivatives(self, change: Floats, names: tuple[str, ...]) -> Floats:
-        """How far model and readings part now for each unit of some parameters: (9 m, p)."""
+        """The derivatives (9 m, p) of the difference of model and readings now by some
+        parameters."""
         return derivatives(*self.situation(change), names, self.now_warmer)
 
     def slopes(self, change: Floats) -> Floats:
-        """How far model and readings part now for each unit of the changes: (9 m, 10)."""
+        """The derivatives (9 m, 10) of the difference of model and readings now by the changes."""
         return self.derivatives(change, CHANGES) @ spread_of(self.change_sensor(change))
 
     def weights(self, change: Floats) -> tuple[Floats, Floats]:
-        """The inverse covariance of the readings' differences without changes (9 m, 9 m), and by
-        how much they follow errors of the calibration (9 m, p)."""
+        """The inverse covariance (9 m, 9 m) of the readings' differences without changes, and the
+        derivatives (9 m, p) of these differences by the calibrated parameters."""
         apart = self.derivatives(change, self.names)
         apart -= derivatives(self.sensor, self.states, self.names, self.then_warmer)
         covariance = self.noise + apart @ self.known @ apart.T
@@ -433,14 +441,13 @@ class StopComparison:
         return change
 
     def residuals(self, change: Floats) -> Floats:
-        """What changes leave of the readings' differences (9 m,)."""
+        """The readings' differences (9 m,) less those that the changes explain."""
         exact = exact_at_reference(self.change_sensor(change), self.now.mean, self.now_warmer)
         return (exact - self.predict(change) - self.offset).ravel()
 
     def conclude(self, change: Floats) -> tuple[Floats, Floats, float, Floats]:
-        """Of the most probable changes: their covariance (10, 10), that between them and the
-        calibrated parameters (10, p), chi-square, and what the mirror's motion would be, see
-        `NewZero.motion`."""
+        """The covariance (10, 10) of the most probable changes, their covariance (10, p) with the
+        calibrated parameters, chi-square, and the motion of the mirror, see `NewZero.motion`."""
         weights, apart = self.weights(change)
         slopes, residuals = self.slopes(change), self.residuals(change)
         known = self.prior**-2
@@ -459,7 +466,7 @@ class StopComparison:
 
 
 def spread_of(sensor: Sensor) -> Floats:
-    """The parameters `CHANGES` for each unit of the changes: (12, 10)."""
+    """The matrix (12, 10) from the changes to the parameters `CHANGES`."""
     beam, spread = sensor.beam, np.eye(len(CHANGES), len(CHANGES) - 2)
     shape = shape_of(beam.diameter_x, beam.diameter_y, beam.rotation)
     spread[9:, 9] = 2 * np.array(shape)
@@ -474,7 +481,7 @@ def exact_at_reference(sensor: Sensor, raw: Floats, warmer: Floats) -> Floats:
 
 
 def derivatives(sensor: Sensor, states: Floats, names: tuple[str, ...], warmer: Floats) -> Floats:
-    """How far model and readings part for each unit of some parameters: (9 m, p)."""
+    """The derivatives (9 m, p) of the difference of model and readings by some parameters."""
     size = len(names)
     unit = Calibration(names, tuple(map(tuple, np.eye(size).tolist())))
     every = parameter_derivatives(sensor, unit, states, readings(sensor, states), warmer)
@@ -490,10 +497,11 @@ def block_diagonal(blocks: Floats) -> Floats:
 
 
 def add_covariance(sensor: Sensor, known: Calibration, covariance: Floats, cross: Floats) -> Sensor:
-    """The sensor with the covariance of its parameters now: each is the calibrated one and its
-    change.
+    """The sensor with the covariance of its parameters now, each of which is the calibrated one and
+    its change.
 
-    covariance, cross: of the changes (10, 10), and with the calibrated parameters (10, p)."""
+    covariance, cross: of the changes (10, 10), and with the calibrated parameters (10, p).
+    """
     names = (*known.names, *(name for name in CHANGES if name not in known.names))
     size, count = len(known.names), len(covariance)
     joint = np.block([[np.array(known.covariance), cross.T], [cross, covariance]])

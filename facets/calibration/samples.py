@@ -35,10 +35,16 @@ FEW = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
-    """The findings on the columns alone."""
-    found = [*stuck_channels(sensor, data), *mixed_kinds(data), *repeats(data), *still_axes(data),
-             *untimed_channels(sensor, data), *narrow_motion(sensor, data)]  # fmt: skip
-    return sorted(found, key=lambda one: not one.bad)
+    """The findings on the columns alone, those that forbid a calibration first."""
+    findings = [
+        *stuck_channels(sensor, data),
+        *mixed_kinds(data),
+        *repeats(data),
+        *still_axes(data),
+        *untimed_channels(sensor, data),
+        *narrow_motion(sensor, data),
+    ]
+    return sorted(findings, key=lambda finding: not finding.bad)
 
 
 def remove_jumps(values: Floats) -> Floats:
@@ -60,7 +66,7 @@ def spans(values: Floats) -> Floats:
 
 
 def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
-    """Channels that do not follow the motion."""
+    """Findings on channels that do not follow the motion."""
     state = states_of(data, np.zeros((len(data.raw), OWN_COUNT)), values_of(sensor))
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")  # a motion in wrong units may leave no reading at all
@@ -81,8 +87,8 @@ def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
 
 
 def mixed_kinds(data: Data) -> list[Finding]:
-    """Currents of one kind of detector that were converted by the formula of the other: then both
-    places of each detector are the same, or one is zero."""
+    """A finding on currents that were converted by the formula of another kind of detector: then
+    both places of each detector are the same, or one is zero."""
     psi, zeta = (remove_jumps(data.raw[:, n::3]) for n in (0, 1))
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")
@@ -101,26 +107,26 @@ def mixed_kinds(data: Data) -> list[Finding]:
 
 
 def repeats(data: Data) -> list[Finding]:
-    """Samples that repeat another one."""
+    """Findings on samples that repeat another one."""
     rows = len(np.unique(np.column_stack([data.pose, data.raw]), axis=0))
     poses = len(np.unique(data.pose, axis=0))
-    found = []
+    findings = []
     if rows < len(data.raw):
-        found.append(Finding(False, (
+        findings.append(Finding(False, (
             f"{len(data.raw) - rows} of {len(data.raw)} rows repeat another one in every number; "
             "each counts once."
         )))  # fmt: skip
     if poses < FEW and poses < len(data.raw):
-        found.append(Finding(True, (
+        findings.append(Finding(True, (
             f"The {len(data.raw)} samples hold {poses} different poses only: too few to part the "
             "sensor's parameters from each other. Take 50 or more, all over the range "
             "(facets calibrate --propose 50 lists good ones)."
         )))  # fmt: skip
-    return found
+    return findings
 
 
 def still_axes(data: Data) -> list[Finding]:
-    """Axes along which the motion hardly moves."""
+    """A finding on axes along which the motion hardly moves."""
     known = np.isfinite(data.sigma)
     span = spans(data.pose)
     names = [POSE[n] for n in range(6) if known[n] and span[n] < RANGE * data.sigma[n]]
@@ -133,7 +139,7 @@ def still_axes(data: Data) -> list[Finding]:
 
 
 def narrow_motion(sensor: Sensor, data: Data) -> list[Finding]:
-    """A motion in x and y that is too small for the powers' curvature."""
+    """A finding on a motion in x and y that is too small for the powers' curvature."""
     diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     beside = data.pose[:, :2] - data.beam
     span = spans(beside)[np.isfinite(data.sigma[:2])] / 2
@@ -148,7 +154,8 @@ def narrow_motion(sensor: Sensor, data: Data) -> list[Finding]:
 
 
 def untimed_channels(sensor: Sensor, data: Data) -> list[Finding]:
-    """Channels that are read one after the other, in a table without the speed of their change."""
+    """A finding on channels that are read one after the other, in a table without the speed of
+    their change."""
     if data.velocity is not None or not any(sensor.light.delays):
         return []
     return [Finding(False, (
@@ -166,14 +173,14 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
     if sensor.apertures.detectors:
         return data, []
     distance = edge_distance(sensor)
-    raw, found = data.raw.copy(), list[Finding]()
+    raw, findings = data.raw.copy(), list[Finding]()
     for k, near in enumerate(is_near_edge(sensor, raw).T):
         if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
             return data, []
         if not near.any():
             continue
         raw[near, 3 * k : 3 * k + 3] = np.nan
-        found.append(Finding(False, (
+        findings.append(Finding(False, (
             f"In {int(near.sum())} of {len(raw)} samples the spot on detector "
             f"{DETECTORS[k].upper()} comes nearer than {distance:.2g} mm to the edge of the "
             "sensitive area, where light is lost; its readings there are excluded. Keep spots "
@@ -181,7 +188,7 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
             "sensor.apertures.detectors."
         )))  # fmt: skip
     there = np.asarray(np.isfinite(raw).any(axis=1))
-    return (data._replace(raw=raw).part(there) if found else data), found
+    return (data._replace(raw=raw).part(there) if findings else data), findings
 
 
 def remove_duplicates(data: Data) -> Data:
@@ -191,7 +198,7 @@ def remove_duplicates(data: Data) -> Data:
 
 
 def average_equal_poses(sensor: Sensor, data: Data) -> Data:
-    """Average readings at the same pose to one sample with the noise of the mean, because the
+    """Average readings at equal poses to one sample with the noise of the mean, because the
     reference has the same error in all of them."""
     keys = np.column_stack([data.pose, data.beam])
     _, first, group, counts = np.unique(
@@ -215,9 +222,11 @@ def average_equal_poses(sensor: Sensor, data: Data) -> Data:
 
 
 def add_converter_steps(sensor: Sensor, data: Data) -> Data:
-    """Add the variance of the converter's steps to the noise of means: it is the same in all
-    readings at one state, so that averaging does not reduce it and their scatter does not show
-    it."""
+    """Add the variance of the converter's steps to the noise of means.
+
+    It is the same in all readings at one state, so that averaging does not reduce it and their
+    scatter does not show it.
+    """
     if data.rows is None or data.noise is None or sensor.electronics is None:
         return data
     raw, rows = correct(sensor, data.raw), data.rows[:, None]
@@ -226,5 +235,5 @@ def add_converter_steps(sensor: Sensor, data: Data) -> Data:
     share = np.ones(len(raw))
     there = np.isfinite(ratio).any(axis=1)
     share[there] = np.minimum(np.nanmedian(ratio[there], axis=1), 1.0)
-    left = np.nan_to_num(step_variances(sensor, raw, share)) * (1 - 1 / np.maximum(rows, 1))
-    return data._replace(noise=np.sqrt(data.noise**2 + left))
+    added = np.nan_to_num(step_variances(sensor, raw, share)) * (1 - 1 / np.maximum(rows, 1))
+    return data._replace(noise=np.sqrt(data.noise**2 + added))

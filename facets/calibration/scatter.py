@@ -60,19 +60,21 @@ class Likelihood:
     """The readings' likelihood as a function of the sizes of the scatter, with the model linearised
     at a fit."""
 
-    def __init__(self, task: Task, found: Fit) -> None:
-        at = task.guess(found.every, found.open)
+    def __init__(self, task: Task, result: Fit) -> None:
+        at = task.guess(result.all_values, result.own_values)
         part, roots, _ = task.linearise(at, task.limit(at))
         weights = roots**2
         good = np.isfinite(task.data.raw) & (weights >= LEAST_WEIGHT)
-        own = part.own * good[:, :, None]
+        by_own = part.own * good[:, :, None]
         self.common = part.common * good[:, :, None]
-        self.left = (part.residual * good) + (own @ (at.opening / OWN_UNITS)[:, :, None])[:, :, 0]
+        self.left = (part.residual * good) + (by_own @ (at.own_values / OWN_UNITS)[:, :, None])[
+            :, :, 0
+        ]
         self.noise = np.where(good, 1 / np.maximum(weights, LEAST_WEIGHT), 1.0)
-        self.own = own
+        self.own = by_own
         diagonal = np.sqrt(self.noise * good)[:, :, None] * np.eye(9)
         order = [0, 1, 3, 4, 6, 7, 2, 5, 8]
-        self.columns = np.concatenate([own, diagonal[:, :, order]], axis=2)
+        self.columns = np.concatenate([by_own, diagonal[:, :, order]], axis=2)
         self.prior = task.prior
         self.before = (at.values - task.start)[task.choice.places]
 
@@ -106,8 +108,8 @@ class Likelihood:
         )
 
     def shares(self, at: RestrictedLikelihood, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """For each free size (10,), the observed and the expected sum of squares; 1 for the
-        others."""
+        """The observed and the expected sum of squares for each free size (10,); 1 for sizes that
+        are not free."""
         there = np.flatnonzero(free[OF_COLUMN])
         columns, owner = self.columns[:, :, there], OF_COLUMN[there]
         across_samples = np.swapaxes(columns, 1, 2)
@@ -144,8 +146,12 @@ class Likelihood:
 
 
 class RestrictedLikelihood(NamedTuple):
-    """unlikely: -2 log L, but for a constant.  matrix: of the common unknowns (p, p).  inverse: of
-    the variances (n, 9, 9), weighted: that times the common columns (n, 9, p).  pulled: P y."""
+    """The likelihood of the readings with the common unknowns free.
+
+    unlikely: -2 log L, but for a constant.  matrix: (p, p) information on the common unknowns.
+    inverse: (n, 9, 9) inverse variances of the readings.  weighted: (n, 9, p) these times the
+    common columns.  pulled: P y.
+    """
 
     unlikely: float
     matrix: Floats
@@ -155,8 +161,8 @@ class RestrictedLikelihood(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """unlikely: -2 log L, but for a constant.  variances: (10,) by `NAMES`, in `OWN_UNITS`, and
-    beside 1 of the readings' noise."""
+    """Sizes of the scatter.  unlikely: -2 log L, but for a constant.  variances: (10,) by `NAMES`,
+    in `OWN_UNITS`; of places and powers relative to the readings' noise."""
 
     unlikely: float
     variances: Floats
@@ -166,9 +172,13 @@ class Sizes(NamedTuple):
 
 
 class Scatter(NamedTuple):
-    """causes: that explain the samples' scatter together, of `CAUSES`, none where nothing has to be
-    explained.  others: each of which could be it as well, alone.  sizes: (10,) by `NAMES`, what is
-    added to what was known before, in mm, rad and shares, and times the readings' noise."""
+    """The scatter from sample to sample and its causes.
+
+    causes: out of `CAUSES`, those that explain the scatter together; none where nothing has to be
+    explained.  others: causes of which each could explain it alone as well.  sizes: (10,) by
+    `NAMES`, what is added to what was known before, in mm, rad and shares, and times the readings'
+    noise.
+    """
 
     causes: tuple[str, ...]
     others: tuple[str, ...]
@@ -183,35 +193,38 @@ UNITS = np.array([*OWN_UNITS[:8], 1.0, 1.0])
 NOTHING = Scatter((), (), np.zeros(len(NAMES)))
 
 
-def is_doubtful(found: Fit) -> bool:
+def is_doubtful(result: Fit) -> bool:
     """Whether chi-square is above what chance allows."""
-    return bool(found.reduced_chi_square - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
+    return bool(result.reduced_chi_square - 1 > DOUBT * np.sqrt(2 / max(result.freedom, 1.0)))
 
 
-def far_unknowns(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, float]]:
+def far_unknowns(sensor: Sensor, result: Fit, far: float = FAR) -> list[tuple[str, float]]:
     """Unknowns that end more than `far` prior standard uncertainties from their prior, with that
     number; the farthest first."""
-    over = np.abs(found.values - values_of(sensor)[found.choice.places]) / found.choice.sigma
-    named = zip(found.choice.names, over.tolist(), strict=True)
+    over = np.abs(result.values - values_of(sensor)[result.choice.places]) / result.choice.sigma
+    named = zip(result.choice.names, over.tolist(), strict=True)
     off = [(name, size) for name, size in named if name not in MOUNTING and size > far]
-    return sorted(off, key=lambda one: -one[1])
+    return sorted(off, key=lambda pair: -pair[1])
 
 
 def prior_variances(data: Data, chosen: Choice) -> Floats:
-    """Prior variances (9,) of a sample's own unknowns in `OWN_UNITS`: those of the reference; none
-    of beam and power that could be estimated."""
-    own = own_sigma(data, chosen)
-    own[6] = own[6] if np.isinf(own[6]) else 0.0
-    own[7:] = 0.0
+    """Prior variances (9,) of a sample's own unknowns in `OWN_UNITS`: those of the reference; zero
+    for a beam and a power that could be estimated."""
+    sigma = own_sigma(data, chosen)
+    sigma[6] = sigma[6] if np.isinf(sigma[6]) else 0.0
+    sigma[7:] = 0.0
     with np.errstate(over="ignore"):
-        variances: Floats = np.minimum((own / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2)
+        variances: Floats = np.minimum((sigma / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2)
     return variances
 
 
 class SizeProblem(NamedTuple):
-    """What may scatter at a fit.  like: its likelihood.  known: (9,) variances of a sample's own
-    unknowns before.  causes: the names by cause that these samples can have.  start: (10,) sizes
-    that the fit had.  always: names whose sizes are estimated whatever the cause."""
+    """The sizes of the scatter at a fit, as unknowns.
+
+    like: the likelihood of the readings.  known: (9,) variances of a sample's own unknowns before.
+    causes: the names by cause that these samples can have.  start: (10,) sizes that the fit had.
+    always: names whose sizes are estimated whatever the cause.
+    """
 
     like: Likelihood
     known: Floats
@@ -230,15 +243,15 @@ class SizeProblem(NamedTuple):
         return self.like.likeliest(self.known, (*self.always, *names), start)
 
 
-def size_problem(task: Task, found: Fit, beam: bool) -> SizeProblem:
-    """The problem of sizes at a fit. beam: whether the beam may scatter."""
+def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
+    """The problem of sizes at a fit.  beam: whether the beam may scatter."""
     measured = tuple(name for name, s in zip(POSE, task.data.sigma, strict=True) if np.isfinite(s))
     causes = CAUSES | {"reference": measured, "beam": CAUSES["beam"] if beam else ()}
     start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
     if jitters:
         start[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2
     return SizeProblem(
-        Likelihood(task, found),
+        Likelihood(task, result),
         prior_variances(task.data, task.choice),
         {key: names for key, names in causes.items() if names},
         start,
@@ -254,28 +267,30 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
         tried = {keys: problem.sizes(keys) for keys in combinations(every, count)}
         best = min(tried, key=lambda keys: tried[keys].unlikely)
         if tried[best].unlikely < whole.unlikely + BESIDE:
-            singles = {keys[0]: one for keys, one in tried.items() if count == 1 and keys != best}
+            singles = {
+                keys[0]: sizes for keys, sizes in tried.items() if count == 1 and keys != best
+            }
             likely = tried[best].unlikely + APART
-            others = tuple(key for key, one in singles.items() if one.unlikely < likely)
+            others = tuple(key for key, sizes in singles.items() if sizes.unlikely < likely)
             return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS)
     return Scatter(every, (), np.sqrt(whole.variances) * UNITS)
 
 
-def update_sizes(problem: SizeProblem, one: Scatter) -> Scatter:
-    """The likeliest sizes of the same causes at another fit."""
-    return one._replace(sizes=np.sqrt(problem.sizes(one.causes).variances) * UNITS)
+def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
+    """The scatter by the same causes with the likeliest sizes at another fit."""
+    return scatter._replace(sizes=np.sqrt(problem.sizes(scatter.causes).variances) * UNITS)
 
 
-def add_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
+def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Choice]:
     """Add the scatter to the prior uncertainties of samples and choice."""
     assert data.noise is not None
-    wider = np.ones(9) * np.hypot(1.0, one.size_of(PLACES))
-    wider[2::3] = np.hypot(1.0, one.size_of(POWERS))
-    power = one.size_of("power") if 0 < chosen.power < np.inf else chosen.power
+    wider = np.ones(9) * np.hypot(1.0, scatter.size_of(PLACES))
+    wider[2::3] = np.hypot(1.0, scatter.size_of(POWERS))
+    power = scatter.size_of("power") if 0 < chosen.power < np.inf else chosen.power
     return (
-        data._replace(sigma=np.hypot(data.sigma, one.sizes[:6]), noise=data.noise * wider),
+        data._replace(sigma=np.hypot(data.sigma, scatter.sizes[:6]), noise=data.noise * wider),
         replace(
-            chosen, power=max(power, LEAST_POWER) if power else power, beam=one.size_of("beam")
+            chosen, power=max(power, LEAST_POWER) if power else power, beam=scatter.size_of("beam")
         ),
     )
 
@@ -290,30 +305,30 @@ TIMES = 2
 
 @one_thread
 def fit_with_scatter(
-    sensor: Sensor, data: Data, found: Fit, robust: float | None, beam: bool
+    sensor: Sensor, data: Data, result: Fit, robust: float | None, beam: bool
 ) -> tuple[Data, Fit, Scatter]:
     """Return the samples with their scatter, the fit to them, and the causes.
 
     All stay unchanged if chi-square is within chance, or scatter cannot be the cause.
     """
-    if not is_doubtful(found) and not found.choice.beam:
-        return data, found, NOTHING
-    if found.reduced_chi_square > WORST or far_unknowns(sensor, found):
-        return data, found, NOTHING
-    bare, one = data._replace(noise=deviations(sensor, data)), NOTHING
+    if not is_doubtful(result) and not result.choice.beam:
+        return data, result, NOTHING
+    if result.reduced_chi_square > WORST or far_unknowns(sensor, result):
+        return data, result, NOTHING
+    bare, scatter = data._replace(noise=deviations(sensor, data)), NOTHING
     for n in range(TIMES):
-        problem = size_problem(Task(sensor, bare, found.choice, robust), found, beam)
-        one = update_sizes(problem, one) if n else estimate_scatter(problem)
-        data, chosen = add_scatter(bare, found.choice, one)
-        found = fit(sensor, data, chosen, robust, found)
-    walk = mean_inflation(found) if "beam" in one.causes else 1.0
+        problem = size_problem(Task(sensor, bare, result.choice, robust), result, beam)
+        scatter = update_sizes(problem, scatter) if n else estimate_scatter(problem)
+        data, chosen = add_scatter(bare, result.choice, scatter)
+        result = fit(sensor, data, chosen, robust, result)
+    walk = mean_inflation(result) if "beam" in scatter.causes else 1.0
     if walk > LONG:
-        sizes = one.sizes.copy()
+        sizes = scatter.sizes.copy()
         place = NAMES.index("beam")
         sizes[place] *= WALK
-        data, chosen = add_scatter(bare, found.choice, one._replace(sizes=sizes))
-        found = fit(sensor, data, chosen, robust, found)
-    return data, found, one
+        data, chosen = add_scatter(bare, result.choice, scatter._replace(sizes=sizes))
+        result = fit(sensor, data, chosen, robust, result)
+    return data, result, scatter
 
 
 #: A beam that walks keeps its place from sample to sample, so that a mean over many is no better
@@ -322,10 +337,10 @@ def fit_with_scatter(
 LONG, WALK = 2.0, 2.0
 
 
-def mean_inflation(found: Fit) -> float:
+def mean_inflation(result: Fit) -> float:
     """The factor by which the mean of the beam's positions scatters more than if these were
     independent."""
-    place = found.open[:, 7:] - found.open[:, 7:].mean(axis=0)
+    place = result.own_values[:, 7:] - result.own_values[:, 7:].mean(axis=0)
     share = float((place[1:] * place[:-1]).sum() / max((place**2).sum(), 1e-300))
     share = min(max(share, 0.0), 0.999)
     return float(np.sqrt((1 + share) / (1 - share)))

@@ -32,7 +32,7 @@ FINE_PLACES = 53
 
 @cache
 def directions() -> Floats:
-    """(KNOTS^2, LEFT): values at the knots that no polynomial up to third order has a part in."""
+    """Values (KNOTS^2, LEFT) at the knots in which no polynomial up to third order has a part."""
     at = np.linspace(-1, 1, KNOTS)
     y, z = (part.ravel() for part in np.meshgrid(at, at, indexing="ij"))
     powers = [y**a * z**b for a, b in product(range(4), repeat=2) if a + b <= 3]
@@ -42,7 +42,8 @@ def directions() -> Floats:
 
 
 def bases(places: Floats) -> Floats:
-    """(n, LEFT) what each coefficient adds at places (n, 2), in half sizes; past the edge as there.
+    """The values (n, LEFT) of the base functions at places (n, 2), in half sizes; beyond the edge,
+    the values at the edge.
 
     Scaled so that a coefficient is about the r.m.s. of what it adds at the knots.
     """
@@ -52,12 +53,13 @@ def bases(places: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         y, z = (along(np.clip(np.nan_to_num(places[:, n]), -1, 1)) for n in range(2))
     tensor = (y[:, :, None] * z[:, None, :]).reshape(len(places), KNOTS**2)
-    found: Floats = KNOTS * tensor @ directions()
-    return found
+    added: Floats = KNOTS * tensor @ directions()
+    return added
 
 
 def spline_slopes(sensor: Sensor, raw: Floats) -> Floats:
-    """What each coefficient adds to raw readings (n, 9): (n, 9, 6 LEFT)."""
+    """The derivatives (n, 9, 6 LEFT) of corrected readings by the coefficients, at raw readings (n,
+    9)."""
     out = np.zeros((len(raw), 9, len(SPLINE)))
     for k, half in enumerate(half_sizes(sensor)):
         part, first = bases(raw[:, 3 * k : 3 * k + 2] / half), 2 * LEFT * k
@@ -89,7 +91,8 @@ def replace_spline(sensor: Sensor, coefficients: Floats) -> Sensor:
 
 
 def spline_error(sensor: Sensor, raw: Floats, names: tuple[str, ...], covariance: Floats) -> Floats:
-    """(9,) r.m.s. standard uncertainty, over the samples, of what the splines add to readings, mm.
+    """The standard uncertainty (9,), r.m.s. over the samples, of what the splines add to readings,
+    mm.
 
     covariance: (p, p) of the names. What the splines share with other unknowns is in the
     uncertainty of those; here it is theirs with the others where they are.

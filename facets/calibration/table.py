@@ -88,7 +88,8 @@ def read(path: Path, settings: Calibrate) -> Data:
 def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
-    """Read columns of a table into memory; without `time_s` the times are those of a recording."""
+    """Read columns of a table into memory; where `time_s` is missing, the times of a recording
+    replace it."""
     chunks = []
     others = tuple(name for name in needed if name != "time_s")
     times = ("time_s", "host_s", "board_us")
@@ -121,8 +122,8 @@ def recording_time(host: Floats, board: Floats) -> Floats:
     knots = np.arange(board[0], board[-1], CLOCK_STEP_S)
     apart = (host - board)[np.searchsorted(board, knots)]
     size = int(CLOCK_WINDOW_S / CLOCK_STEP_S)
-    found: Floats = board + np.interp(board, knots, median_filter(apart, size, mode="reflect"))
-    return found
+    time: Floats = board + np.interp(board, knots, median_filter(apart, size, mode="reflect"))
+    return time
 
 
 def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
@@ -168,25 +169,25 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
 def averaged_columns(
     path: Path, columns: dict[str, Floats], settings: Calibrate
 ) -> tuple[dict[str, Floats], Floats, Floats]:
-    """Means over the times in which the reference stands still, the noise of their readings, and
-    of how many rows each is.
+    """Means of the columns over the times in which the reference stands still, the noise of their
+    readings, and the number of rows in each.
 
     Raises `InputError` where it does not stand still ten times.
     """
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
-    found = dwell_means(columns, pose, np.array(settings.reference)[measured])
-    if len(found.rows) < 10:
+    stands = dwell_means(columns, pose, np.array(settings.reference)[measured])
+    if len(stands.rows) < 10:
         raise InputError(
-            f"{path}: the reference stands still {len(found.rows)} times, for {FEWEST} rows or "
+            f"{path}: the reference stands still {len(stands.rows)} times, for {FEWEST} rows or "
             f"more within {WITHIN:g} of its standard uncertainties; a calibration needs 10 at "
             "least. Leave out --dwells for a motion that does not stop"
         )
-    return found.columns, found.noise, found.rows
+    return stands.columns, stands.noise, stands.rows
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """See `Data.clock`: (n, 4)."""
+    """The clock of the samples (n, 4), see `Data.clock`."""
     if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
     out = np.zeros((int(good.sum()), len(CLOCKS)))
@@ -208,8 +209,8 @@ PAST_HALF_RUNS = np.array([0.2, 0.8])
 
 
 def measure_past(time: Floats, temperature: Floats) -> Floats:
-    """How far a head that follows the temperature late is from it (n, 2), K, by `PAST_HALF_RUNS`;
-    it begins in equilibrium."""
+    """The difference (n, 2), K, between the temperature and a head that follows it late, by
+    `PAST_HALF_RUNS`; the head begins in equilibrium."""
     from scipy.integrate import cumulative_trapezoid
 
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
@@ -233,22 +234,23 @@ def velocities(time: Floats, pose: Floats) -> Floats | None:
     step = np.diff(time)
     if len(time) < 5 or not (np.isfinite(step).all() and (step > 0).all()):
         return None
-    found = np.gradient(pose, time, axis=0)
+    velocity = np.gradient(pose, time, axis=0)
     gap = step > 5 * np.median(step)
     broken = np.append(gap, False) | np.append(False, gap)
     bend = np.abs(pose[2:] - 2 * pose[1:-1] + pose[:-2]).mean(axis=0)
     span = np.abs(pose[2:] - pose[:-2]).mean(axis=0)
     if not (bend[span > 0] < FOLLOWED * span[span > 0]).any():
         return None
-    found[:, bend > FOLLOWED * span] = 0.0
-    found[broken] = 0.0
-    return found
+    velocity[:, bend > FOLLOWED * span] = 0.0
+    velocity[broken] = 0.0
+    return velocity
 
 
 def seats(
     path: Path, column: Floats | None, good: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
-    """The number of the mirror's seating in each sample, and its rotation in thirds of a turn."""
+    """The number of the mirror's seating in each sample, and its rotation in thirds of a turn; None
+    without the column."""
     if column is None:
         return None, None
     degrees, place = np.unique(column[good], return_inverse=True)
@@ -294,22 +296,23 @@ GROUPS = {
 
 def group_names(before: Iterable[str], groups: Sequence[str]) -> list[str]:
     """The parameters of groups; raises `InputError` where one has none."""
-    found = list[str]()
+    members = list[str]()
     for group in groups:
         names = [name for name in before if name.startswith(GROUPS[group])]
         if not names:
             raise InputError(f"--only {group}: every key of calibrate.before for it is null")
-        found += names
-    return found
+        members += names
+    return members
 
 
 def choose_groups(sensor: Sensor, settings: Calibrate, groups: Sequence[str]) -> Choice:
     """All parameters of a calibrated sensor, known before by the covariance of its calibration.
 
-    Those of `groups` may have changed since, by what `calibrate.before` says; with the change of
-    each independent, this is what a fit to the data of both calibrations would start from. The
-    laser's power, where each sample has its own, and the mirror's seat are known as in `choice`.
-    Raises `InputError` where the sensor has no calibration, or where a group holds nothing.
+    The parameters of `groups` may have changed since, by what `calibrate.before` says; with the
+    change of each independent, this is what a fit to the data of both calibrations would start
+    from. The laser's power, where each sample has its own, and the mirror's seat are known as in
+    `choice`. Raises `InputError` where the sensor has no calibration, or where a group holds
+    nothing.
     """
     if sensor.calibration is None:
         raise InputError(
@@ -428,21 +431,21 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
     return ("um", 1e3) if head.startswith(("correction", "spline")) else ("mrad", 1e3)
 
 
-def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
+def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
     """A table of each unknown's change and uncertainties.
 
     The first mount's angles are left out: in what is written they are part of the facets, whose
     change and uncertainty hold them here, too.
     """
-    calibrated = found.sensor.calibration
+    calibrated = result.sensor.calibration
     assert calibrated is not None
-    kept = [n for n, name in enumerate(found.choice.names) if not name.startswith("mount.")]
-    names = [found.choice.names[n] for n in kept]
+    kept = [n for n, name in enumerate(result.choice.names) if not name.startswith("mount.")]
+    names = [result.choice.names[n] for n in kept]
     units = [unit_of(name, nominal) for name in names]
     factors = np.array([factor for _, factor in units])
-    change = (found.values - values_of(nominal)[found.choice.places])[kept]
-    written, after = values_of(found.sensor), np.sqrt(np.diag(calibrated.covariance))
-    u = found.uncertainty[kept]
+    change = (result.values - values_of(nominal)[result.choice.places])[kept]
+    written, after = values_of(result.sensor), np.sqrt(np.diag(calibrated.covariance))
+    u = result.uncertainty[kept]
     for n, name in enumerate(names):
         if name.startswith("facet_"):
             change[n] = written[PLACE[name]] - values_of(nominal)[PLACE[name]]
@@ -450,21 +453,22 @@ def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
     return {
         "parameter": np.array(names),
         "unit": np.array([unit for unit, _ in units]),
-        "known_before": found.choice.sigma[kept] * factors,
+        "known_before": result.choice.sigma[kept] * factors,
         "change": change * factors,
         "u": u * factors,
     }
 
 
-def parameter_table(nominal: Sensor, found: Fit, made: Sensor) -> dict[str, NDArray[Any]]:
-    """A table of the parameters of the sensor `made` that a calibration has written.
+def parameter_table(nominal: Sensor, result: Fit, made: Sensor) -> dict[str, NDArray[Any]]:
+    """A table of the calibrated parameters of the sensor `made` that a calibration has written.
 
-    factor: from the unit of the code.  place: in the order of `Sensor.calibration`.
+    factor: from the unit of the code to the one shown.  place: in the order of
+    `Sensor.calibration`.
     """
     assert made.calibration is not None
     names = [name for name in made.calibration.names if name in PLACE]
     before, after = values_of(nominal), values_of(made)
-    after[block(DRIFTS)] = found.every[block(DRIFTS)]
+    after[block(DRIFTS)] = result.all_values[block(DRIFTS)]
     at = [PLACE[name] for name in names]
     units = [unit_of(name, nominal) for name in names]
     factors = np.array([factor for _, factor in units])

@@ -33,12 +33,12 @@ def short_order(points: Floats, start: Floats) -> NDArray[np.int64]:
     order = nearest_neighbours(apart)
     least = LEAST * max(float(apart.max()), 1e-300)
     while True:
-        found = reverse_part(apart, order, least)
-        if found is None:
-            found = move_part(apart, order, least)
-        if found is None:
+        shorter = reverse_part(apart, order, least)
+        if shorter is None:
+            shorter = move_part(apart, order, least)
+        if shorter is None:
             return order[1:] - 1
-        order = found
+        order = shorter
 
 
 def nearest_neighbours(apart: Floats) -> NDArray[np.int64]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE
+from ..core.rigid_body import rotation_matrix
 from ..core.sensor import MONOMIALS, Calibration, Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, NAMES_OF_ONE, coefficients
@@ -35,6 +36,8 @@ OF_SEAT = (
     *(f"apex.{axis}" for axis in "xyz"),
     *(f"mount.{axis}" for axis in ("roll", "pitch", "yaw")),
 )
+#: The last two of the first seating.
+APEX, MOUNT = OF_SEAT[3:6], OF_SEAT[6:]
 SEATS = 4
 MOUNTING = OF_SEAT + tuple(f"seat_{n}.{name}" for n in range(2, SEATS + 1) for name in OF_SEAT)
 DELAY = "reference.delay"
@@ -100,14 +103,14 @@ class Choice:
 def values_of(sensor: Sensor) -> Floats:
     """Values of `ALL` of the nominal sensor, with the apex on the pivot and on the beam."""
     given = dict(zip(PARAMETERS, parameters(sensor), strict=True))
-    found = np.zeros(len(ALL))
+    values = np.zeros(len(ALL))
     for name in GEOMETRY:
-        found[PLACE[name]] = given[name]
-    found[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
-    found[block(NAMES)] = coefficients(sensor)
-    found[block(EFFECTS)] = effects(sensor)
-    found[block(SKEW)] = sensor.light.delays
-    return found
+        values[PLACE[name]] = given[name]
+    values[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
+    values[block(NAMES)] = coefficients(sensor)
+    values[block(EFFECTS)] = effects(sensor)
+    values[block(SKEW)] = sensor.light.delays
+    return values
 
 
 def assign_values(sensor: Sensor, values: Floats) -> Sensor:
@@ -161,16 +164,6 @@ def normals(values: Floats) -> Floats:
     return np.array(rows)
 
 
-def rotation_matrix(angles: Floats) -> Floats:
-    """R = Rz(yaw) Ry(pitch) Rx(roll) of three angles."""
-    (a, b, c), (s, t, u) = np.cos(angles), np.sin(angles)
-    x = np.array([[1, 0, 0], [0, a, -s], [0, s, a]])
-    y = np.array([[b, 0, t], [0, 1, 0], [-t, 0, b]])
-    z = np.array([[c, -u, 0], [u, c, 0], [0, 0, 1]])
-    turn: Floats = z @ y @ x
-    return turn
-
-
 def fold_mount(values: Floats) -> Floats:
     """Values of `ALL` whose first mount is zero, because its rotation has become part of the
     facets.
@@ -178,28 +171,22 @@ def fold_mount(values: Floats) -> Floats:
     The mirror's frame is then that of the reference: where the reference says zero, the solved
     angles are zero.
     """
-    found = values.copy()
-    turn = rotation_matrix(values[mount_of(0)])
+    folded = values.copy()
+    turn = rotation_matrix(values[block(MOUNT)])
     for letter, normal in zip(DETECTORS, normals(values) @ turn.T, strict=True):
         place = PLACE[f"facet_{letter}.azimuth"]
         azimuth = np.arctan2(normal[1], normal[0])
-        found[place] = azimuth + 2 * np.pi * round((values[place] - azimuth) / (2 * np.pi))
-        found[PLACE[f"facet_{letter}.inclination"]] = np.arccos(np.clip(normal[2], -1, 1))
-    found[mount_of(0)] = 0.0
-    return found
-
-
-def mount_of(seat: int) -> slice:
-    start = block(MOUNTING).start + seat * len(OF_SEAT) + 6
-    return slice(start, start + 3)
+        folded[place] = azimuth + 2 * np.pi * round((values[place] - azimuth) / (2 * np.pi))
+        folded[PLACE[f"facet_{letter}.inclination"]] = np.arccos(np.clip(normal[2], -1, 1))
+    folded[block(MOUNT)] = 0.0
+    return folded
 
 
 def fold_derivatives(values: Floats) -> tuple[list[int], list[int], Floats]:
     """The derivative (6, 9) of `fold_mount`, with the places that it changes and those that it
     depends on."""
     facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
-    mount = mount_of(0)
-    given = facets + list(range(mount.start, mount.stop))
+    given = facets + [PLACE[name] for name in MOUNT]
     slope = np.empty((6, 9))
     for n, place in enumerate(given):
         step = np.zeros(len(ALL))

@@ -27,8 +27,8 @@ from .bundle_adjustment import (
     OWN_UNITS,
     Data,
     evaluate_turned_mirror,
-    light_of,
     own_sigma,
+    relative_power,
     states_of,
 )
 from .fit import Fit, Task
@@ -46,11 +46,11 @@ APART_CHANCE = 20.0
 
 
 class Trace(NamedTuple):
-    """What the residuals follow if a cause is there.
+    """The part of the residuals that a cause would explain.
 
-    fall: of chi-square, by this number of columns, the largest of a number of trials.
-    amounts: of the columns, in the units of the cause.  size: r.m.s. of what the powers follow, in
-    their standard deviations.  at: the period in mm, or the sample of a step; 0 for a drift.
+    fall: of chi-square, by this number of columns, the largest of a number of trials.  amounts: of
+    the columns, in the units of the cause.  size: r.m.s. of what the powers follow, in their
+    standard deviations.  at: the period in mm, or the sample of a step; 0 for a drift.
     """
 
     cause: str
@@ -83,20 +83,20 @@ def log_chance(fall: float, count: int) -> float:
 class Remainder:
     """The residuals of a fit and their likelihood, in which further columns are tested."""
 
-    def __init__(self, sensor: Sensor, data: Data, found: Fit, robust: float | None) -> None:
-        task = Task(sensor, data, found.choice, robust)
+    def __init__(self, sensor: Sensor, data: Data, result: Fit, robust: float | None) -> None:
+        task = Task(sensor, data, result.choice, robust)
         assert task.data.noise is not None
-        self.data, self.found, self.noise = task.data, found, task.data.noise
-        self.likelihood = Likelihood(task, found)
+        self.data, self.fit, self.noise = task.data, result, task.data.noise
+        self.likelihood = Likelihood(task, result)
         with np.errstate(over="ignore"):
             known = np.minimum(
-                (own_sigma(task.data, found.choice) / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2
+                (own_sigma(task.data, result.choice) / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2
             )
         self.restricted = self.likelihood.restrict(known, np.zeros(len(NAMES)))
         self.covariance = np.linalg.inv(self.restricted.matrix)
         self.is_read = (self.likelihood.own != 0).any(axis=2)
-        self.sensor = assign_values(sensor, found.every)
-        self.state = states_of(task.data, found.open, found.every)
+        self.sensor = assign_values(sensor, result.all_values)
+        self.state = states_of(task.data, result.own_values, result.all_values)
         self.light = np.nan_to_num(task.data.raw[:, 2::3] / self.noise[:, 2::3])
 
     def test(self, cause: str, columns: Floats, least: float = LEAST_OWN_SHARE) -> Trace:
@@ -115,7 +115,8 @@ class Remainder:
         return float(amounts @ amounts + np.trace(covariance))
 
     def equations(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
-        """The squares of columns (n, 9, q), the same beside the unknowns, and s: see above."""
+        """The squares of columns (n, 9, q), the matrix M and the vector s of the score test (see
+        the beginning of this file): (q, q), (q, q), (q,)."""
         columns = np.nan_to_num(columns) * self.is_read[:, :, None]
         flat, at = columns.reshape(-1, columns.shape[2]), self.restricted
         across = at.weighted.reshape(len(flat), -1).T @ flat
@@ -124,7 +125,8 @@ class Remainder:
         return whole, matrix, flat.T @ at.pulled.ravel()
 
     def size(self, excess: float) -> float:
-        """R.m.s. over the powers, in their standard deviations, of what lowers chi-square so."""
+        """The r.m.s. over the powers, in their standard deviations, of a part of the residuals that
+        lowers chi-square by `excess`."""
         return float(np.sqrt(max(float(excess), 0.0) / max(float((self.light > 0).sum()), 1.0)))
 
     def test_waves(self, cause: str, waves: Floats, powers: list[int], periods: Floats) -> Trace:
@@ -137,13 +139,13 @@ class Remainder:
         whole = np.empty((count, size, size))
         each, flat = np.ascontiguousarray(np.swapaxes(waves, 0, 1)), waves.reshape(len(waves), -1)
         turned = np.swapaxes(each, 1, 2)
-        for i, one in enumerate(chosen):
+        for i, column in enumerate(chosen):
             part = slice(2 * i, 2 * i + 2)
-            sides[:, part] = turned @ (light[:, i] * at.pulled[:, one])
-            weighted = at.weighted[:, one] * light[:, i : i + 1]
+            sides[:, part] = turned @ (light[:, i] * at.pulled[:, column])
+            weighted = at.weighted[:, column] * light[:, i : i + 1]
             across[:, :, part] = np.moveaxis((weighted.T @ flat).reshape(-1, count, 2), 0, 1)
-            for j, other in enumerate(chosen):
-                weight = light[:, i] * light[:, j] * at.inverse[:, one, other]
+            for j, other_column in enumerate(chosen):
+                weight = light[:, i] * light[:, j] * at.inverse[:, column, other_column]
                 whole[:, part, 2 * j : 2 * j + 2] = (turned * weight) @ each
         matrix = whole - np.swapaxes(across, 1, 2) @ self.covariance @ across
         fall, amounts, columns = falls_of(whole, matrix, sides)
@@ -203,12 +205,12 @@ DIFFERENCE = 0.25
 
 
 def shape_of_powers(remainder: Remainder) -> Trace:
-    """How much of the powers' residuals is a smooth function of the mirror's x and y.
+    """Test how much of the powers' residuals is a smooth function of the mirror's x and y.
 
-    What scatters follows nothing; light of another shape than the model's does, also where a
-    beam or a power of each sample's own takes up most of it.
+    What scatters follows nothing; light of another shape than the model's does, also where a beam
+    or a power of each sample's own takes up most of it.
     """
-    place = remainder.data.pose[:, :2] + remainder.found.open[:, :2]
+    place = remainder.data.pose[:, :2] + remainder.fit.own_values[:, :2]
     place = place - np.median(place, axis=0)
     x, y = (place / np.abs(place).max(axis=0).clip(1e-12)).T
     rows = np.column_stack([x**a * y**b for a in range(DEGREE + 1) for b in range(DEGREE + 1 - a)
@@ -226,7 +228,7 @@ def power_columns(remainder: Remainder, rows: Floats) -> Floats:
 
 
 def chip_columns(remainder: Remainder) -> Floats:
-    """What an area broken off the tip of each facet does, by mm^2: each facet lights its own
+    """The columns of an area broken off the tip of each facet, by mm^2: each facet lights its own
     detector."""
     slopes = effect_jacobian(remainder.sensor, remainder.state, names=("tip.area",))
     whole = slopes[:, :, EFFECTS.index("tip.area")] / remainder.noise
@@ -253,13 +255,13 @@ def profile_columns(remainder: Remainder, order: int) -> Floats:
                 sensor, remainder.data, state, readings
             ))  # fmt: skip
     here = evaluate_turned_mirror(sensor, remainder.data, remainder.state, readings)
-    light = light_of(remainder.data, remainder.found.open, remainder.found.every)
+    light = relative_power(remainder.data, remainder.fit.own_values, remainder.fit.all_values)
     columns = np.empty((*here.shape, order + 1))
     for n in range(order + 1):
         slope = np.zeros_like(here)
-        for i, one in STENCILS[order - n].items():
-            for j, other in STENCILS[n].items():
-                slope += one * other * moments[i, j] / DIFFERENCE**order
+        for i, weight in STENCILS[order - n].items():
+            for j, other_weight in STENCILS[n].items():
+                slope += weight * other_weight * moments[i, j] / DIFFERENCE**order
         column = np.empty_like(here)
         column[:, 2::3] = slope[:, 2::3] * light[:, None]
         for m in (0, 1):
@@ -279,11 +281,11 @@ STENCILS: tuple[dict[int, float], ...] = (
 
 
 def moments_of(reading: Floats) -> Floats:
-    """Readings (n, 9) with places times powers in place of places."""
-    found = reading.copy()
+    """Readings (n, 9) with each place multiplied by its power."""
+    moments = reading.copy()
     for m in (0, 1):
-        found[:, m::3] *= reading[:, 2::3]
-    return found
+        moments[:, m::3] *= reading[:, 2::3]
+    return moments
 
 
 #: The root of the sum of squares of the third-order Hermite numbers of another beam, for each unit
@@ -319,17 +321,17 @@ def find_fringes(remainder: Remainder) -> Trace:
 
 def find_window_fringes(remainder: Remainder) -> Trace:
     """Fringes of one detector's window: its power is periodic in the spot's place, or in z."""
-    found = list[Trace]()
+    traces = list[Trace]()
     for k in range(3):
         raw = np.nan_to_num(remainder.data.raw[:, 3 * k : 3 * k + 2])
         for values in (raw[:, 0], raw[:, 1], remainder.state[:, 2]):
             span = max(float(np.ptp(values)), 1e-12)
             phase = 2 * np.pi * values[:, None] * WINDOW_PERIODS / span
             waves = np.stack([np.cos(phase), np.sin(phase)], axis=-1)
-            one = remainder.test_waves(WINDOW, waves, [k], span / WINDOW_PERIODS)
-            found.append(one._replace(cause=f"{WINDOW}_{DETECTORS[k]}"))
-    best = min(found, key=lambda one: one.log_chance)
-    return best._replace(trials=best.trials * len(found))
+            trace = remainder.test_waves(WINDOW, waves, [k], span / WINDOW_PERIODS)
+            traces.append(trace._replace(cause=f"{WINDOW}_{DETECTORS[k]}"))
+    best = min(traces, key=lambda trace: trace.log_chance)
+    return best._replace(trials=best.trials * len(traces))
 
 
 #: The causes by which light may be another than the model's, each with its test. A test raises
@@ -352,14 +354,14 @@ SEATING_OWN_SHARE = 1e-3
 
 
 def reference_errors(remainder: Remainder) -> Trace:
-    """How much of the residuals is an error of the reference that its own coordinates give: of
+    """Test how much of the residuals is an error of the reference that its own coordinates give: of
     second order at most, as by scales, an Abbe offset or a bow."""
     pose = remainder.data.pose / np.abs(remainder.data.pose).max(axis=0).clip(1e-12)
     pairs = [pose[:, i] * pose[:, j] for i in range(6) for j in range(i + 1)]
     terms = np.column_stack([pose, *pairs])
-    own = remainder.likelihood.own[:, :, :6]
-    columns = own[:, :, :, None] * terms[:, None, None, :]
-    return remainder.test(REFERENCE, columns.reshape(*own.shape[:2], -1), SEATING_OWN_SHARE)
+    by_pose = remainder.likelihood.own[:, :, :6]
+    columns = by_pose[:, :, :, None] * terms[:, None, None, :]
+    return remainder.test(REFERENCE, columns.reshape(*by_pose.shape[:2], -1), SEATING_OWN_SHARE)
 
 
 # ---- something that was loose: a step at a time that nobody knows
@@ -372,7 +374,7 @@ BEAM, SEAT = "the beam", "the mirror on the reference"
 
 
 def step_columns(remainder: Remainder) -> dict[str, Floats]:
-    """What may move at once, and what that does to the readings, by mm, rad and shares."""
+    """The columns of each thing that may move at once, by mm, rad and shares."""
     count, columns = len(remainder.noise), dict[str, Floats]()
     for k, letter in enumerate(DETECTORS):
         place, gain = np.zeros((count, 9, 2)), np.zeros((count, 9, 1))
@@ -381,8 +383,8 @@ def step_columns(remainder: Remainder) -> dict[str, Floats]:
         gain[:, 3 * k + 2, 0] = remainder.light[:, k]
         columns[f"detector {letter.upper()}"] = place
         columns[f"the gain of detector {letter.upper()}"] = gain
-    own = remainder.likelihood.own / OWN_UNITS
-    columns[SEAT], columns[BEAM] = own[:, :, :6], own[:, :, 7:]
+    by_own = remainder.likelihood.own / OWN_UNITS
+    columns[SEAT], columns[BEAM] = by_own[:, :, :6], by_own[:, :, 7:]
     return columns
 
 
@@ -393,18 +395,18 @@ def find_changes(remainder: Remainder) -> list[Trace]:
         return []
     time = np.linspace(-1, 1, len(remainder.noise))
     slow = np.polynomial.legendre.legvander(time, DRIFT_DEGREE)[:, 1:]
-    found = list[Trace]()
+    traces = list[Trace]()
     for cause, columns in step_columns(remainder).items():
         drifts = (columns[:, :, :, None] * slow[:, None, None, :]).reshape(*columns.shape[:2], -1)
-        found += [remainder.test_steps(cause, columns), remainder.test(cause, drifts)]
-    beyond = [one for one in found if one.log_chance < np.log(LEAST_CHANCE)]
-    return sorted(beyond, key=lambda one: one.log_chance)
+        traces += [remainder.test_steps(cause, columns), remainder.test(cause, drifts)]
+    beyond = [trace for trace in traces if trace.log_chance < np.log(LEAST_CHANCE)]
+    return sorted(beyond, key=lambda trace: trace.log_chance)
 
 
 def find_steps(remainder: Remainder) -> list[Trace]:
     """Steps, the likeliest first; none where a slow drift explains the residuals better."""
     changes = find_changes(remainder)
-    return [one for one in changes if one.at] if changes and changes[0].at else []
+    return [trace for trace in changes if trace.at] if changes and changes[0].at else []
 
 
 def undo_step(data: Data, step: Trace, first: int) -> Data:
@@ -428,10 +430,12 @@ def undo_step(data: Data, step: Trace, first: int) -> Data:
 
 
 class Unmodelled(NamedTuple):
-    """light: what the powers and places follow, the likeliest cause first.  reference: what of the
-    same residuals errors of the reference explain.  powers: the median of a
-    power over its standard deviation.  changes: steps and drifts, the likeliest first.  rows: the
-    samples' numbers."""
+    """What the residuals of a fit follow that it has no unknowns for.
+
+    light: causes in the light, the likeliest first.  reference: errors of the reference, tested on
+    the same residuals.  powers: the median of a power over its standard deviation.  changes: steps
+    and drifts, the likeliest first.  rows: the samples' numbers.
+    """
 
     light: list[Trace]
     reference: Trace
@@ -442,12 +446,12 @@ class Unmodelled(NamedTuple):
     @property
     def shape(self) -> Trace:
         """The general test: of powers by polynomials of x and y."""
-        return next(one for one in self.light if one.cause == SHAPE)
+        return next(trace for trace in self.light if trace.cause == SHAPE)
 
 
 @one_thread
 def find_causes(remainder: Remainder) -> Unmodelled:
-    """What the residuals of a fit follow that it has no unknowns for."""
+    """Test the causes that a fit has no unknowns for on its residuals."""
     light = list[Trace]()
     for test in LIGHT_TESTS:
         try:
@@ -456,7 +460,7 @@ def find_causes(remainder: Remainder) -> Unmodelled:
             continue
     powers = remainder.light[remainder.light > 0]
     return Unmodelled(
-        sorted(light, key=lambda one: one.log_chance),
+        sorted(light, key=lambda trace: trace.log_chance),
         reference_errors(remainder),
         float(np.median(powers)) if powers.size else 1.0,
         find_changes(remainder),

@@ -33,18 +33,18 @@ UNDECIDED_SHARE = 0.1
 
 
 def unmodelled_findings(unmodelled: Unmodelled) -> list[Finding]:
-    """What forbids the use of a fit whose model lacks something."""
+    """Findings that forbid the use of a fit whose model lacks something."""
     changes = change_findings(unmodelled.changes, unmodelled.rows)
     light = light_finding(unmodelled)
     return [*changes, light] if light else changes
 
 
 def light_finding(unmodelled: Unmodelled) -> Finding | None:
-    """Light that is not that of the model, and the likeliest cause."""
+    """A finding on light that is not that of the model, and its likeliest cause."""
     likely = [
-        one for one in unmodelled.light
-        if one.log_chance < np.log(LEAST_CHANCE) and one.size / unmodelled.powers
-        > POWER_ACCURACY * (SHAPE_FACTOR if one.cause == SHAPE else CAUSE_FACTOR)
+        trace for trace in unmodelled.light
+        if trace.log_chance < np.log(LEAST_CHANCE) and trace.size / unmodelled.powers
+        > POWER_ACCURACY * (SHAPE_FACTOR if trace.cause == SHAPE else CAUSE_FACTOR)
     ]  # fmt: skip
     if not likely:
         return None
@@ -71,7 +71,8 @@ def light_finding(unmodelled: Unmodelled) -> Finding | None:
 
 
 def group_finding(is_clear: bool) -> Finding:
-    """Residuals that errors of the reference explain as well as any light, or clearly better."""
+    """A finding on residuals that errors of the reference explain as well as any light, or clearly
+    better."""
     group = (
         "The reference's axes are not what they are said to be (scales, squareness, an offset from "
         "the line of measurement, a bow)"
@@ -89,39 +90,40 @@ def group_finding(is_clear: bool) -> Finding:
 def alternatives(likely: list[Trace], describe: Callable[[Trace], str]) -> str:
     """A sentence on the causes that cannot be told apart from the first, if there are any."""
     limit = likely[0].log_chance + np.log(APART_CHANCE)
-    others = [one for one in likely[1:] if one.cause != SHAPE and one.log_chance < limit]
+    others = [trace for trace in likely[1:] if trace.cause != SHAPE and trace.log_chance < limit]
     if not others:
         return ""
-    words = " or ".join(describe(one) for one in others)
+    words = " or ".join(describe(trace) for trace in others)
     return f" It could be {words} as well: these samples cannot tell."
 
 
-def describe_light(one: Trace) -> str:
-    if one.cause == CHIP:  # beside an area that all facets have in common, so others may be less
-        largest = max(float(one.amounts.max()), 0.0)
-        parts = [k.upper() for k, area in zip(DETECTORS, one.amounts, strict=True)
+def describe_light(trace: Trace) -> str:
+    if trace.cause == CHIP:  # beside an area that all facets have in common, so others may be less
+        largest = max(float(trace.amounts.max()), 0.0)
+        parts = [k.upper() for k, area in zip(DETECTORS, trace.amounts, strict=True)
                  if area > 0.4 * largest > 0]  # fmt: skip
         facets = "all facets" if len(parts) == 3 else " and ".join(f"facet {k}" for k in parts)
         return f"the mirror's tip is chipped on {facets or 'some facets'}"
-    if one.cause == GHOST:
+    if trace.cause == GHOST:
         return "a second reflex beside the beam, or a beam that is not symmetric"
-    if one.cause == MODES:
+    if trace.cause == MODES:
         return "a beam with other modes beside the Gaussian one"
-    if one.cause == FRINGES:
-        return f"fringes across the beam, {one.at:.2g} mm apart, or dust of such a size"
+    if trace.cause == FRINGES:
+        return f"fringes across the beam, {trace.at:.2g} mm apart, or dust of such a size"
     return (
-        f"fringes of the window of detector {one.cause[-1].upper()}, {one.at:.2g} mm apart in the "
-        "spot's place or in z"
+        f"fringes of the window of detector {trace.cause[-1].upper()}, {trace.at:.2g} mm apart in "
+        "the spot's place or in z"
     )
 
 
 def change_findings(changes: list[Trace], rows: NDArray[np.int64]) -> list[Finding]:
-    """What jumped or drifted during the motion, and when.  rows: numbers of the samples."""
+    """A finding on what jumped or drifted during the motion, and when.  rows: numbers of the
+    samples."""
     if not changes:
         return []
     first = changes[0]
     others = alternatives(
-        changes, lambda one: f"{one.cause} that {'jumped' if one.at else 'drifted'}"
+        changes, lambda trace: f"{trace.cause} that {'jumped' if trace.at else 'drifted'}"
     )
     if not first.at:
         return [Finding(False, (
@@ -137,7 +139,8 @@ def change_findings(changes: list[Trace], rows: NDArray[np.int64]) -> list[Findi
 
 
 def centre_findings(centre: float) -> list[Finding]:
-    """What no residual shows: a common offset of x and y.  centre: its standard uncertainty, mm."""
+    """A finding on a common offset of x and y, which no residual shows.  centre: the standard
+    uncertainty of the light's middle, mm."""
     if not centre:
         return []
     return [Finding(False, (
@@ -148,16 +151,16 @@ def centre_findings(centre: float) -> list[Finding]:
     ))]  # fmt: skip
 
 
-def step_size(one: Trace) -> str:
-    if "gain" in one.cause:
-        return f"{100 * one.amounts[0]:.3g} %"
-    if one.cause == SEAT:
+def step_size(step: Trace) -> str:
+    if "gain" in step.cause:
+        return f"{100 * step.amounts[0]:.3g} %"
+    if step.cause == SEAT:
         sizes = [
             f"{factor * size:.3g} {unit} in {name}"
-            for name, size in zip(POSE, one.amounts, strict=True)
+            for name, size in zip(POSE, step.amounts, strict=True)
             for factor, unit in [(1e6, "urad") if name in ANGLES else (1e3, "um")]
         ]
         return ", ".join(sizes)
-    axes = ("x", "y") if one.cause == BEAM else KINDS[:2]
-    parts = zip(axes, one.amounts, strict=True)
+    axes = ("x", "y") if step.cause == BEAM else KINDS[:2]
+    parts = zip(axes, step.amounts, strict=True)
     return " and ".join(f"{1e3 * size:.3g} um along {name}" for name, size in parts)

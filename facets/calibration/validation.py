@@ -26,7 +26,8 @@ COVERAGE_FACTOR = 1.96
 
 
 class Trial(NamedTuple):
-    """Poses solved less those of the reference, and the standard uncertainty of that: (n, 6)."""
+    """Errors of solved poses against those of the reference, and their standard uncertainties: (n,
+    6)."""
 
     error: Floats
     uncertainty: Floats
@@ -41,10 +42,11 @@ class Trial(NamedTuple):
         return share
 
 
-def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
-    """Solves held-back readings, the beam known as well as the fit takes it to be.
+def compare_poses(sensor: Sensor, held: Data, values: Floats, result: Fit) -> Trial:
+    """Compare poses from held-back readings with the reference's, the beam known as well as the fit
+    takes it to be.
 
-    values: of `ALL`, for where the mirror is on the reference.
+    values: values of `ALL`, for where the mirror is on the reference.
     """
     data = held if held.seat is None else held.part(held.seat == 0)
     still, values = np.zeros((len(data.raw), OWN_COUNT)), fold_mount(values)
@@ -55,8 +57,8 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
     solution: Solution = solve(
         sensor,
         correct(sensor, data.raw) - (seen - exact),
-        beam=Prior(truth[:, 6:], found.choice.beam),
-        power="unknown" if found.choice.power else "known",
+        beam=Prior(truth[:, 6:], result.choice.beam),
+        power="unknown" if result.choice.power else "known",
         threads=0,
     )
     return Trial(
@@ -65,7 +67,7 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
     )
 
 
-def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any]]:
+def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDArray[Any]]:
     """Poses solved from held-back readings less the reference's; um and urad.
 
     before: by the nominal sensor, r.m.s., its mean error taken off, since where the mirror is on
@@ -74,8 +76,8 @@ def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any
     of pose and reference say.  inside: per cent of 95 % intervals that held.
     """
     known = np.isfinite(held.sigma)
-    start = trial(nominal, held, values_of(nominal), found)
-    ended = trial(found.sensor, held, found.every, found)
+    start = compare_poses(nominal, held, values_of(nominal), result)
+    ended = compare_poses(result.sensor, held, result.all_values, result)
     columns = {
         "before": rms(start.error - np.nanmean(start.error, axis=0)) * FINE_FACTORS,
         "after": rms(ended.error) * FINE_FACTORS,

@@ -46,7 +46,7 @@ from .table import split
 from .unknowns import DELAY, Choice
 from .unmodelled import Remainder, find_causes, find_changes
 from .unmodelled_findings import centre_findings, change_findings, unmodelled_findings
-from .validation import validation
+from .validation import validation_table
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -68,14 +68,17 @@ LEAST = 10
 
 @dataclass(frozen=True)
 class Verdict:
-    """fitted, held: the samples.  found: the last fit, None where none was made.
-    search: what became of the candidates.  sensor: what may be written.
-    errors: on held-back samples, a table.  findings: what is to be said, bad ones first.
+    """The result of a calibration.
+
+    fitted, held: the samples that were fitted, and those held back.  fit: the last fit, None where
+    none was made.  search: what became of the candidates.  sensor: the calibrated sensor with its
+    uncertainties, None where none may be written.  errors: a table of the errors on held-back
+    samples.  findings: in sentences, those that forbid the use first.
     """
 
     fitted: Data
     held: Data
-    found: Fit | None
+    fit: Fit | None
     search: EffectSearch | None
     sensor: Sensor | None
     errors: dict[str, NDArray[Any]] | None
@@ -83,13 +86,15 @@ class Verdict:
 
     @property
     def is_trusted(self) -> bool:
-        return self.sensor is not None and not any(one.bad for one in self.findings)
+        return self.sensor is not None and not any(finding.bad for finding in self.findings)
 
 
 @one_thread
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
-    """Screens, fits, explains, extends, validates.  Raises `InputError` where there is too little
-    to fit."""
+    """Screen the samples, fit them, look for faults, add effects, and validate.
+
+    Raises `InputError` where there are too few samples or unknowns to fit.
+    """
     screened = screen(sensor, data, settings)
     if screened.is_refused:
         return screened.verdict()
@@ -109,7 +114,11 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
 
 @dataclass(frozen=True)
 class Screened:
-    """fitted, held: the samples.  findings: of a look at the table.  kind: what a sample is."""
+    """The samples after a look at the table.
+
+    fitted, held: the samples to fit, and those held back.  findings: on the table.  kind: what a
+    sample is, rows or stands.
+    """
 
     fitted: Data
     held: Data
@@ -118,18 +127,18 @@ class Screened:
 
     @property
     def is_refused(self) -> bool:
-        return any(one.bad for one in self.findings)
+        return any(finding.bad for finding in self.findings)
 
     def verdict(self) -> Verdict:
         return Verdict(self.fitted, self.held, None, None, None, None, self.findings)
 
 
 def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
-    """Looks at the columns, leaves out what lies over an edge, and holds samples back."""
+    """Check the columns, leave out readings over an edge, and hold samples back."""
     kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
     whole, lost = exclude_edge_readings(
-        sensor, remove_duplicates(add_approach(add_row_numbers(data)))
+        sensor, remove_duplicates(add_approach(data._replace(number=row_numbers(data))))
     )
     early += lost
     if len(whole.raw) < LEAST:
@@ -142,92 +151,94 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     return Screened(fitted, held, early, kind)
 
 
-def add_row_numbers(data: Data) -> Data:
-    return data._replace(number=row_numbers(data))
-
-
 # ---- fit: without effects of light and without outliers
 
 
 @dataclass(frozen=True)
 class Plain:
-    """screened: the samples.  data: those that were fitted.  found: the fit.  outliers: rows that
-    were taken out.  hopeless: whether it is so bad that faults of the data are looked for.
-    promising: whether effects of light promise to explain it."""
+    """The fit without effects of the light and without outliers.
+
+    screened: all samples.  data: the samples that were fitted.  fit: the fit.  outliers: rows that
+    were taken out.  hopeless: whether the fit is so bad that faults of the data are looked for.
+    promising: whether effects of light promise to explain it.
+    """
 
     screened: Screened
     data: Data
-    found: Fit
+    fit: Fit
     outliers: list[int]
     hopeless: bool
     promising: bool
 
     def verdict(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
-        """One that is not to be trusted."""
+        """The verdict that the calibration is not to be trusted, with its reasons."""
         said = [*reasons, *self.screened.findings]
-        found, data = (self.found, self.data) if done is None else (done.found, done.data)
-        return Verdict(data, self.screened.held, found, done, None, None, said)
+        result, data = (self.fit, self.data) if done is None else (done.fit, done.data)
+        return Verdict(data, self.screened.held, result, done, None, None, said)
 
 
 def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Calibrate) -> Plain:
-    """Also with a reference that is late, where that may be."""
+    """Fit without effects of the light; where that is hopeless, also with a delay of the
+    reference."""
     robust = settings.outliers
     compile_for(sensor, "readings", "derivatives", "slopes", kinds=tried_kinds(sensor, settings))
 
     def fit_without_outliers(choice: Choice) -> tuple[Data, Fit, list[int]]:
-        found = fit(sensor, screened.fitted, choice, robust)
-        return exclude_outliers(sensor, screened.fitted, found, robust)
+        result = fit(sensor, screened.fitted, choice, robust)
+        return exclude_outliers(sensor, screened.fitted, result, robust)
 
-    data, found, gone = fit_without_outliers(chosen)
-    hopeless = is_suspicious(sensor, found)
+    data, result, gone = fit_without_outliers(chosen)
+    hopeless = is_suspicious(sensor, result)
     if screened.fitted.velocity is not None and hopeless:
         late = fit_without_outliers(chosen.add_unknowns({DELAY: DELAY_SIGMA_S}))
         hopeless = is_suspicious(sensor, late[1])
-        if not (hopeless or found.ended):
-            data, found, gone = late
+        if not (hopeless or result.ended):
+            data, result, gone = late
     promising = (
         hopeless
-        and found.ended
-        and found.reduced_chi_square < LIGHT
-        and reachable_chi_square(sensor, data, settings, found) < PROMISING
+        and result.ended
+        and result.reduced_chi_square < LIGHT
+        and reachable_chi_square(sensor, data, settings, result) < PROMISING
     )
-    return Plain(screened, data, found, gone, hopeless, promising)
+    return Plain(screened, data, result, gone, hopeless, promising)
 
 
 # ---- explain: faults of the data
 
 
 def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -> list[Finding]:
-    """A fault of the data that explains a bad fit, or that nothing can be built on it."""
+    """Findings on a fault of the data that explains a bad fit, or on a fit on which nothing can be
+    built."""
     if not plain.hopeless:
         return []
-    if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen, plain.found)):
+    if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen, plain.fit)):
         return [reasons.finding]
-    astray = [] if plain.found.ended else pull_findings(sensor, plain.found, ASTRAY)
-    return [unsettled_finding(plain.found), *astray] if astray else []
+    astray = [] if plain.fit.ended else pull_findings(sensor, plain.fit, ASTRAY)
+    return [unsettled_finding(plain.fit), *astray] if astray else []
 
 
 # ---- extend: with the effects that the data call for
 
 
 def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
-    steady = fit_steady_laser(sensor, plain.data, plain.found, settings.outliers)
+    steady = fit_steady_laser(sensor, plain.data, plain.fit, settings.outliers)
     return search(sensor, plain.data, settings, steady, plain.outliers)
 
 
 def doubt(
     sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice, settings: Calibrate
 ) -> list[Finding]:
-    """A fault of the data that effects of light only promised to explain, or a fit without end."""
-    if plain.promising and is_suspicious(done.sensor, done.found) and (
-        reasons := find_fault(sensor, plain.data, chosen, plain.found)
+    """Findings on a fault of the data that effects of light only promised to explain, or on a fit
+    that did not settle."""
+    if plain.promising and is_suspicious(done.sensor, done.fit) and (
+        reasons := find_fault(sensor, plain.data, chosen, plain.fit)
     ):  # fmt: skip
         return [reasons.finding]
-    if not done.found.ended:
-        remainder = Remainder(done.sensor, done.data, done.found, settings.outliers)
+    if not done.fit.ended:
+        remainder = Remainder(done.sensor, done.data, done.fit, settings.outliers)
         changes = change_findings(find_changes(remainder), row_numbers(done.data))
-        return [*changes, unsettled_finding(done.found),
-                *pull_findings(sensor, done.found)]  # fmt: skip
+        return [*changes, unsettled_finding(done.fit),
+                *pull_findings(sensor, done.fit)]  # fmt: skip
     return []
 
 
@@ -235,29 +246,29 @@ def doubt(
 
 
 def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibrate) -> Verdict:
-    found, data, held = done.found, done.data, plain.screened.held
-    remainder = Remainder(done.sensor, data, found, settings.outliers)
+    result, data, held = done.fit, done.data, plain.screened.held
+    remainder = Remainder(done.sensor, data, result, settings.outliers)
     unmodelled = find_causes(remainder)
     said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
-    said += [*unmodelled_findings(unmodelled), *findings(done.sensor, found, data, done.scatter)]
+    said += [*unmodelled_findings(unmodelled), *findings(done.sensor, result, data, done.scatter)]
     said += plain.screened.findings
-    missed = model_error(found, data, done.sensor, done.scatter)
+    missed = model_error(result, data, done.sensor, done.scatter)
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
     as_stated = data._replace(sigma=plain.screened.fitted.sigma)
-    common = common_scatter(Remainder(done.sensor, as_stated, found, settings.outliers))
+    common = common_scatter(Remainder(done.sensor, as_stated, result, settings.outliers))
     said += common_findings(common)
-    made = add_unseen_errors(found.sensor, found, missed, centre, common)
-    known = replace(found, sensor=made)
+    made = add_unseen_errors(result.sensor, result, missed, centre, common)
+    known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
-    errors = validation(sensor, known, held)
+    errors = validation_table(sensor, known, held)
     said += validation_findings(errors)
-    said.sort(key=lambda one: not one.bad)
+    said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
 
 
-def unsettled_finding(found: Fit) -> Finding:
-    return Finding(True, f"The fit did not settle in {found.steps} steps: {found.cause}.")
+def unsettled_finding(result: Fit) -> Finding:
+    return Finding(True, f"The fit did not settle in {result.steps} steps: {result.cause}.")
 
 
 def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
@@ -266,7 +277,7 @@ def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
 
 
 def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
-    """Of errors on samples held back."""
+    """A finding on the errors of poses from held-back samples."""
     with np.errstate(invalid="ignore"):
         over = errors["robust"] / errors["stated"]
     if not np.isfinite(over).any():

@@ -6,6 +6,7 @@ if TYPE_CHECKING:
     from . import ambiguity as ambiguity
     from . import axis_report as axis_report
     from . import axis_visits as axis_visits
+    from . import error_motions as error_motions
     from . import frequency_response as frequency_response
     from . import noise_report as noise_report
     from . import outlines as outlines
@@ -29,18 +30,19 @@ else:
             "ambiguity": "find_ambiguous_pair find_pair_in_box find_singular_state",
             "axis_report": "evaluate_axis",
             "axis_visits": (
-                "Commands PoseSeries approach_directions find_visits match_stands "
+                "PoseSeries approach_directions find_visits match_stands "
                 "measured_directions read_commands read_series recorded_series"
             ),
-            "error_motions": "Visits measure_error_motions",
+            "error_motions": "AxisTest Commands Visits measure_error_motions",
             "frequency_response": (
-                "estimate_response find_stretches low_pass noise_spectrum response_table"
+                "OutputChannel estimate_response find_stretches low_pass noise_spectrum "
+                "response_table"
             ),
             "noise_model": "fit_noise",
             "noise_report": "longest_section",
             "outlines": "Boundary map_inside",
             "positioning": "evaluate_positioning",
-            "propagation": "coverage_intervals propagate_distributions tolerance",
+            "propagation": "MonteCarlo coverage_intervals propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
             "response_findings": "find_limits find_peaks",
@@ -50,6 +52,6 @@ else:
             "state_box": "StateBox apex_offset box_of_poses least_share parse_box range_box",
             "tables": "outline_columns resolution_columns state_columns",
             "trials": "default_states",
-            "universal_file": "input_type read_input_dof write_universal_file",
+            "universal_file": "InputChannel Node input_type read_input_dof write_universal_file",
         },
     )

@@ -61,14 +61,14 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
 def degrees_of_freedom(points: float, m: int, slope: float) -> float:
     """Degrees of freedom of the overlapping estimate over m samples.
 
-    points: of the summed signal.  slope: of the logarithm of the deviation: -1/2 for white noise, 0
-    for flicker, 1/2 for a random walk.
+    points: number of points of the summed signal.  slope: slope of the deviation's logarithm: -1/2
+    for white noise, 0 for flicker, 1/2 for a random walk.
     """
     n = float(points)
     if slope < -0.25:
-        found = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
+        freedom = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
     elif slope < 0.25:
-        found = 2 * (n - 2) ** 2 / (2.3 * n - 4.9) if m == 1 else 5 * n**2 / (4 * m * (n + 3 * m))
+        freedom = 2 * (n - 2) ** 2 / (2.3 * n - 4.9) if m == 1 else 5 * n**2 / (4 * m * (n + 3 * m))
     else:
-        found = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / (n - 3) ** 2
-    return max(1.0, found)
+        freedom = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / (n - 3) ** 2
+    return max(1.0, freedom)

@@ -39,22 +39,24 @@ REDUNDANT_READING = 8
 
 @dataclass(frozen=True)
 class AmbiguousPair:
-    """Two states (8,), one and other, with equal readings.
+    """Two states (8,) with equal readings.
 
-    share: (n,) of the straight line from one to the other.  apart: (n,) root of the sum of squares
-    of the readings' differences from those at the ends, in standard deviations.  determinant: (n,).
+    share: (n,) of the straight line from the first to the second.  apart: (n,) root of the sum of
+    squares of the readings' differences from those at the ends, in standard deviations.
+    determinant: (n,).
     """
 
-    one: Floats
-    other: Floats
+    first: Floats
+    second: Floats
     share: Floats
     apart: Floats
     determinant: Floats
 
 
 class PairSearch(NamedTuple):
-    """pair: the pair nearest to the box, if one was found.  outside: its largest distance from the
-    box, in half widths of the box or as the logarithm of a power; 0 for a pair in the box."""
+    """The result of a search for a pair in a box.  pair: the pair nearest to the box, if there is
+    one.  outside: its largest distance from the box, in half widths of the box or as the logarithm
+    of a power; 0 for a pair in the box."""
 
     pair: AmbiguousPair | None
     outside: float
@@ -66,14 +68,14 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     direction *= FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
     for reach in REACHES:
         for side in (1, -1):
-            one = near + side * reach * direction
-            seen = readings(sensor, one)
-            other, residual = local_solution(sensor, seen, near - side * reach * direction)
-            gap = np.linalg.norm((other - one) / FINE_UNITS) / np.linalg.norm(
+            first = near + side * reach * direction
+            seen = readings(sensor, first)
+            second, residual = local_solution(sensor, seen, near - side * reach * direction)
+            gap = np.linalg.norm((second - first) / FINE_UNITS) / np.linalg.norm(
                 direction / FINE_UNITS
             )
             if residual < EQUAL_SIGMAS and gap > reach:
-                return pair_between(sensor, one, other)
+                return pair_between(sensor, first, second)
     return None
 
 
@@ -90,9 +92,9 @@ def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) 
         direction = weakest_direction(sensor, fold) * FINE_UNITS
         direction *= distance * FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
         pair = np.concatenate([fold - direction, fold + direction])
-        found = move_into_box(sensor, box, share, pair)
-        if found is not None and found[1] < best.outside:
-            best = PairSearch(pair_between(sensor, found[0][:8], found[0][8:]), found[1])
+        moved = move_into_box(sensor, box, share, pair)
+        if moved is not None and moved[1] < best.outside:
+            best = PairSearch(pair_between(sensor, moved[0][:8], moved[0][8:]), moved[1])
         if best.outside == 0:
             break
     return best
@@ -188,10 +190,12 @@ def excess_of(
     return np.where(inside, 0.0, excess + 1e-3), slope
 
 
-def pair_between(sensor: Sensor, one: Floats, other: Floats) -> AmbiguousPair:
+def pair_between(sensor: Sensor, first: Floats, second: Floats) -> AmbiguousPair:
+    """The pair of two states (8,) with equal readings, and the readings on the line through
+    them."""
     share = np.linspace(-0.15, 1.15, 131)
-    states = one + share[:, None] * (other - one)
+    states = first + share[:, None] * (second - first)
     seen = readings(sensor, states)
-    sigma = standard_deviations(sensor, readings(sensor, one))
-    apart = np.sqrt((((seen - readings(sensor, one)) / sigma) ** 2).sum(axis=1))
-    return AmbiguousPair(one, other, share, apart, measures(sensor, states, spectra=False)[:, 0])
+    sigma = standard_deviations(sensor, readings(sensor, first))
+    apart = np.sqrt((((seen - readings(sensor, first)) / sigma) ** 2).sum(axis=1))
+    return AmbiguousPair(first, second, share, apart, measures(sensor, states, spectra=False)[:, 0])

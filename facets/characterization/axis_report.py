@@ -10,14 +10,13 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge
-from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Sensor
 from ..core.units import Floats, write_micro
 from ..estimation.dwells import finite_means
 from ..estimation.plan import make_plan
 from .axis_disturbances import Disturbances, find_disturbances
-from .axis_visits import Commands, PoseSeries, VisitCounts, find_visits
-from .error_motions import ErrorMotions, ReferenceLine, Visits, measure_error_motions
+from .axis_visits import PoseSeries, VisitCounts, find_visits
+from .error_motions import AxisTest, ErrorMotions, ReferenceLine, Visits, measure_error_motions
 from .positioning import (
     COVERAGE,
     STANDARD_RUNS,
@@ -51,7 +50,7 @@ class AxisReport:
     visits
         The stands.
     counts
-        What was left out.
+        Numbers of stands, commands and rows that were left out.
     line
         The reference of straightness or tilt.
     has_commands
@@ -63,7 +62,7 @@ class AxisReport:
     disturbances
         Stands that are far off, and drift.
     undisturbed
-        The report without these; None if there are none.
+        The report without stands far off and without drift; None if there are neither.
     """
 
     motions: ErrorMotions
@@ -86,22 +85,23 @@ class AxisReport:
 
     @cached_property
     def quantities(self) -> list[list[Quantity]]:
-        """Of each component, in mm and rad; the main one's are those of ISO 230-2."""
+        """The quantities of each component, in mm and rad; those of the main one are those of ISO
+        230-2."""
         pairs = zip(self.motions.values, self.motions.draws, strict=True)
         return [evaluate_positioning(x, errors) for x, errors in pairs]
 
     @cached_property
     def means(self) -> Floats:
-        """(6, m) the error motions: bidirectional means, or those of the only direction."""
-        return self.central(self.motions.values)
+        """The error motions (6, m): bidirectional means, or the means of the only direction."""
+        return self.mean_of_directions(self.motions.values)
 
     @cached_property
     def uncertainties(self) -> Floats:
-        """(6, m) standard uncertainties of `means`."""
-        found: Floats = self.central(self.motions.draws).std(axis=1)
-        return found
+        """The standard uncertainties (6, m) of `means`."""
+        sigma: Floats = self.mean_of_directions(self.motions.draws).std(axis=1)
+        return sigma
 
-    def central(self, x: Floats) -> Floats:
+    def mean_of_directions(self, x: Floats) -> Floats:
         """Means (..., m) over both directions, or over the only one that a target has."""
         means, middle = unidirectional_means(x), bidirectional_means(x)
         return np.where(np.isfinite(middle), middle, finite_means(means))
@@ -114,11 +114,11 @@ class AxisReport:
 
     @property
     def drifts(self) -> Floats:
-        """By how much the error motions (6,) drifted at equal positions, mm and rad: from the
-        lowest to the highest, less than 0 if the highest came first."""
+        """The drift (6,) of the error motions at equal positions, mm and rad: from the lowest to
+        the highest, less than 0 if the highest came first."""
         trend = self.disturbances.trend
-        found: Floats = np.ptp(trend, axis=0) * np.sign(trend.argmax(axis=0) - trend.argmin(axis=0))
-        return found
+        sizes: Floats = np.ptp(trend, axis=0) * np.sign(trend.argmax(axis=0) - trend.argmin(axis=0))
+        return sizes
 
     def table(self) -> dict[str, Any]:
         """The error motions by position as columns, in um and urad."""
@@ -140,7 +140,7 @@ class AxisReport:
         return columns
 
     def summary(self) -> dict[str, Any]:
-        """All quantities as columns."""
+        """All quantities of all error motions as columns."""
         rows = [
             (name, q.symbol, scale * q.value, scale * q.expanded, unit, q.name)
             for n, name in enumerate(self.motions.names)
@@ -167,7 +167,7 @@ class AxisReport:
         return "\n".join(rows) + "\n"
 
     def alignment(self) -> str:
-        """The direction of the axis, and where a rotary one lies, in a sentence."""
+        """A sentence on the direction of the axis, and on where a rotary one lies."""
         main = self.motions.main % 3
         across = [n for n in range(3) if n != main]
         names = " and ".join("XYZ"[n] for n in across)
@@ -182,7 +182,7 @@ class AxisReport:
         return f"{words}Neither is part of the errors."
 
     def record(self) -> dict[str, Any]:
-        """What the record of the run states."""
+        """The entries of the record of the run."""
         unit, _ = self.position_unit
         return {
             "axis": self.motions.axis,
@@ -202,20 +202,20 @@ class AxisReport:
         }
 
     def notes(self) -> list[str]:
-        """What needs attention, in sentences, with a likely cause."""
+        """Sentences on what needs attention, with a likely cause."""
         return [*self.omission_notes(), *self.run_notes(), *self.trust_notes()]
 
     def omission_notes(self) -> list[str]:
-        """Stands, commands and rows that were left out."""
-        counts, found = self.counts, []
+        """Notes on stands, commands and rows that were left out."""
+        counts, sentences = self.counts, []
         unit, factor = self.position_unit
         if counts.stray_stands:
-            found.append(
+            sentences.append(
                 f"Stands that belong to no command, left out: {counts.stray_stands}. Likely cause: "
                 "the axis paused on its way, before the test or after it, or repeated the test."
             )
         if counts.missing:
-            found.append(
+            sentences.append(
                 f"Commanded positions without a stand: {len(counts.missing)}, the first at "
                 f"{factor * counts.missing[0]:.6g} {unit}. Likely cause: the recording ended "
                 "earlier, the axis stood still for less than --dwell, the pose was lost there, or "
@@ -223,29 +223,29 @@ class AxisReport:
                 "No compensation is written."
             )
         if counts.misfits:
-            found.append(
+            sentences.append(
                 f"Poses with a residual beyond chance, left out: {counts.misfits}; one in 10,000 "
                 "is expected."
             )
         if counts.unsolved:
-            found.append(
+            sentences.append(
                 f"Rows without a pose, left out: {counts.unsolved}. Likely cause: a spot left "
                 "its detector or the mirror left the beam; see the statuses of `facets "
                 "replay`."
             )
         if counts.doubtful:
-            found.append(
+            sentences.append(
                 f"Stands where most rows have no pose: {len(counts.doubtful)}, the first at "
                 f"{factor * counts.doubtful[0]:.6g} {unit}. Likely cause: this position is at the "
                 "end of the sensor's range; see `facets range-map`."
             )
-        return found
+        return sentences
 
     def run_notes(self) -> list[str]:
-        """What the number of positions and runs does not allow."""
-        found, (up, down) = [], self.runs
+        """Notes on what the number of positions and runs does not allow."""
+        sentences, (up, down) = [], self.runs
         if min(up, down) < STANDARD_RUNS:
-            found.append(
+            sentences.append(
                 f"The fewest runs at a position are {up} in the positive and {down} in the "
                 f"negative direction; ISO 230-2 takes {STANDARD_RUNS} of each. "
                 + (
@@ -255,45 +255,45 @@ class AxisReport:
                 )
             )
         if len(self.motions.targets) < 5:
-            found.append(
+            sentences.append(
                 f"There are {len(self.motions.targets)} positions; ISO 230-2 takes at least 5 for "
                 "a linear axis, 3 for up to 90 degrees of a rotary one."
             )
         if not self.has_commands:
-            found.append(
+            sentences.append(
                 "No commanded positions were given: the positions are taken as equally spaced by "
                 "the measured step. An error of scale cannot be seen."
             )
-        return found
+        return sentences
 
     def trust_notes(self) -> list[str]:
-        """What the stated uncertainties do not hold for, or come from."""
-        found = []
+        """Notes on what the stated uncertainties do not hold for, or come from."""
+        sentences = []
         if not self.is_calibrated:
-            found.append(
+            sentences.append(
                 "The configuration has no calibration of the sensor: U holds the noise and the "
                 "converters' steps alone, as if the sensor were exactly as it is configured."
             )
-        found += self.disturbance_notes()
+        sentences += self.disturbance_notes()
         excess = self.visits.excess
         for kind, part in (("shifts", excess[:3]), ("angles", excess[3:])):
             if part.max() > LARGE_EXCESS:
-                found.append(
+                sentences.append(
                     f"Within stands the {kind} scatter {part.max():.2g} times as much as the "
                     "sensor's noise, which the uncertainties include. Likely cause: vibration, or "
                     "an axis that still settles."
                 )
         accuracy = self.quantities[self.motions.main][-1]
         if accuracy.expanded > LARGE_SHARE * accuracy.value:
-            found.append(
+            sentences.append(
                 "The expanded uncertainty of the accuracy A is more than a third of it: much of "
                 "what is seen is the sensor's. Longer stands and more runs reduce the noise's part."
             )
-        return found
+        return sentences
 
     def disturbance_notes(self) -> list[str]:
-        """Stands that are far off and drift, and the quantities without them."""
-        found, (unit, factor) = [], self.position_unit
+        """Notes on stands that are far off and on drift, with the quantities without them."""
+        sentences, (unit, factor) = [], self.position_unit
         far, names = self.disturbances.is_far, self.motions.names
         if far.any():
             stands = "; ".join(
@@ -302,13 +302,13 @@ class AxisReport:
                 for k, distances in enumerate(self.disturbances.distances)
                 if far[k]
             )
-            found.append(
+            sentences.append(
                 f"Stands far off the others of their position and direction: {stands}. Likely "
                 "cause: a knock, dirt, or a stand that was not reached."
             )
         if self.drifts.any():
             cause = self.drift_cause({names[n] for n in np.flatnonzero(self.drifts)})
-            found.append(
+            sentences.append(
                 f"Equal positions drifted during the test: {self.write_sizes(self.drifts)}. "
                 f"Likely cause: {cause}."
             )
@@ -319,14 +319,14 @@ class AxisReport:
                 for q in self.undisturbed.quantities[self.motions.main]
                 if q.symbol in ("B", "B_mean", "R", "E", "A") and np.isfinite(q.value)
             )
-            found.append(
+            sentences.append(
                 f"Without this, {names[self.motions.main]} has {sizes} {write_micro(unit)}. The "
                 "compensation is without it; all other results hold it."
             )
-        return found
+        return sentences
 
     def write_sizes(self, sizes: Floats) -> str:
-        """The sizes of error motions (6,), mm and rad, that are not 0."""
+        """The sizes of those error motions (6,), mm and rad, that are not 0, in words."""
         return ", ".join(
             f"{name} by {scale * size:+.3g} {write_micro(unit)}"
             for n, (name, size) in enumerate(zip(self.motions.names, sizes, strict=True))
@@ -335,7 +335,7 @@ class AxisReport:
         )
 
     def drift_cause(self, names: set[str]) -> str:
-        """A likely cause of a drift of these error motions."""
+        """A likely cause of a drift of the error motions with these names."""
         main, axis = self.motions.names[self.motions.main], self.motions.axis
         if names <= {main}:
             return "the axis or its encoder warmed up"
@@ -350,11 +350,7 @@ def evaluate_axis(
     sensor: Sensor,
     knowledge: Knowledge,
     series: PoseSeries,
-    axis: str,
-    commands: Commands | None = None,
-    body: MeasuredObject | None = None,
-    line: ReferenceLine = "least-squares",
-    shortest_s: float = 0.2,
+    test: AxisTest,
 ) -> AxisReport:
     """Evaluate a test of an axis: find its stands, and compute its error motions.
 
@@ -365,16 +361,9 @@ def evaluate_axis(
         `config.solve.knowledge(config.sensor)`.
     series
         The solved poses in time.
-    axis
-        X, Y or Z, A, B or C: the object's axis along or about which the axis under test moves.
-    commands
-        The commanded positions in their order; None: equally spaced ones are found.
-    body
-        The point of interest and the object's axes.
-    line
-        Reference of straightness: "least-squares", "end-points" or "nominal".
-    shortest_s
-        The shortest time for which the axis stands still, s.
+    test
+        The setting: the axis and its commands, the point of interest, the reference of
+        straightness, and the shortest stand, such as `AxisTest("X", commands)`.
 
     Returns
     -------
@@ -388,10 +377,10 @@ def evaluate_axis(
         leans by more than 10 degrees from the object's.
     """
     plan = make_plan(sensor, knowledge)
-    visits, counts = find_visits(series, axis, commands, sensor, plan, body, shortest_s)
+    visits, counts = find_visits(series, test, sensor, plan)
     place = visits.states[:, 6:]
     is_tracked = knowledge.beam != "free" and bool((np.ptp(place, axis=0) > STILL_BEAM_MM).any())
-    motions = measure_error_motions(sensor, knowledge, visits, axis, body, line, is_tracked)
+    motions = measure_error_motions(sensor, knowledge, visits, test, is_tracked)
     main = motions.main % 3
     lean = np.degrees(np.arccos(min(1.0, motions.frame[main, main])))
     if lean > LARGEST_LEAN_DEG:
@@ -399,15 +388,15 @@ def evaluate_axis(
             f"the axis leans by {lean:.3g} degrees from the object's {'XYZ'[main]}; allowed: "
             f"{LARGEST_LEAN_DEG:g}. Turn the object's axes with `object:` in the configuration"
         )
-    found = find_disturbances(visits, motions)
+    disturbances = find_disturbances(visits, motions)
     report = AxisReport(
-        motions, visits, counts, line, commands is not None, knowledge.beam == "free",
-        sensor.calibration is not None, found,
+        motions, visits, counts, test.line, test.commands is not None, knowledge.beam == "free",
+        sensor.calibration is not None, disturbances,
     )  # fmt: skip
-    if not (found.is_far.any() or found.trend.any()):
+    if not (disturbances.is_far.any() or disturbances.trend.any()):
         return report
-    rest = visits.select(~found.is_far, found.trend)
-    motions = measure_error_motions(sensor, knowledge, rest, axis, body, line, is_tracked)
-    draws = motions.draws + rest.grid(found.errors[..., ~found.is_far])
+    rest = visits.select(~disturbances.is_far, disturbances.trend)
+    motions = measure_error_motions(sensor, knowledge, rest, test, is_tracked)
+    draws = motions.draws + rest.grid(disturbances.errors[..., ~disturbances.is_far])
     without = replace(report, visits=rest, motions=replace(motions, draws=draws))
     return replace(report, undisturbed=without)

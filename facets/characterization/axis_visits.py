@@ -17,14 +17,14 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.names import STATE_COLUMNS, STATE_UNITS
-from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements
+from ..core.rigid_body import object_displacements
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
 from ..estimation.differences import propagate_in_light
 from ..estimation.dwells import mean, per_row, stands_of_axis
 from ..estimation.plan import Plan
 from ..files.tables import read_chunks
-from .error_motions import LETTERS, Visits
+from .error_motions import LETTERS, AxisTest, Commands, Visits
 
 #: Columns of a table of commands, with the unit in that of the code.
 POSITIONS = {
@@ -67,24 +67,16 @@ class PoseSeries:
         return np.asarray(np.isfinite(self.states[:, :6]).all(axis=1))
 
     def usable(self) -> PoseSeries:
-        """The same with NaN for what does not fit, or lacks a number."""
+        """The series with NaN in rows that do not fit or lack a number."""
         good = self.has_pose & ~self.misfit
         return replace(self, states=np.where(good[:, None], self.states, np.nan))
 
 
 @dataclass(frozen=True)
-class Commands:
-    """Commanded positions in their order: (k,) mm or rad, and (k,) 0 where they are approached in
-    the positive direction, 1 in the negative."""
-
-    positions: Floats
-    direction: Integers
-
-
-@dataclass(frozen=True)
 class VisitCounts:
-    """What was left out: stands without a command, commands without a stand, rows without a pose,
-    with a misfit, and in no stand; and stands with fewer poses than rows without."""
+    """Numbers of what was left out: stands without a command, commands without a stand, rows
+    without a pose, with a misfit, and in no stand; and stands with fewer poses than rows
+    without."""
 
     stray_stands: int = 0
     missing: tuple[float, ...] = ()
@@ -171,44 +163,38 @@ def read_positions(path: Path, parts: list[dict[str, Floats]], axis: str) -> Flo
 
 
 def approach_directions(positions: Floats) -> Integers:
-    """0 or 1 (k,): the direction of the move to each position; where an end is visited twice, or at
-    the beginning, that of the next move."""
+    """The direction (k,) of the move to each position, 0 positive, 1 negative; where an end is
+    visited twice, or at the beginning, the direction of the next move."""
     signs = np.sign(np.diff(positions, prepend=positions[:1]))
     ahead = np.sign(np.diff(positions, append=positions[-1:]))
     signs = np.where(signs == 0, ahead, signs)
     signs[-1:] = np.where(signs[-1:] == 0, np.sign(positions[-1:] - positions[:1]), signs[-1:])
-    found: Integers = (signs < 0).astype(np.int64)
-    return found
+    directions: Integers = (signs < 0).astype(np.int64)
+    return directions
 
 
 def find_visits(
-    series: PoseSeries,
-    axis: str,
-    commands: Commands | None,
-    sensor: Sensor,
-    plan: Plan,
-    body: MeasuredObject | None = None,
-    shortest_s: float = 0.2,
+    series: PoseSeries, test: AxisTest, sensor: Sensor, plan: Plan
 ) -> tuple[Visits, VisitCounts]:
-    """Find the stands of an axis and the commanded position of each.
+    """Find the stands of an axis under test and the commanded position of each.
 
     Raises `InputError` where the axis does not stand still, moves along another one, or where no
     two stands belong to different positions.
     """
     good = series.usable()
-    moved, _, _ = object_displacements(good.states[:, :6], np.zeros(6), body or MIRROR)
-    place = moved[:, LETTERS.index(axis)]
-    check_axis(moved, axis)
+    moved, _, _ = object_displacements(good.states[:, :6], np.zeros(6), test.body)
+    place = moved[:, test.main]
+    check_axis(moved, test.axis)
     rate = (len(place) - 1) / (series.time[-1] - series.time[0]) if len(place) > 1 else 1.0
-    parts = stands_of_axis(place, max(2, round(shortest_s * rate)))
+    parts = stands_of_axis(place, max(2, round(test.shortest_s * rate)))
     if len(parts) < 2:
         raise InputError(
-            f"the axis stands still {len(parts)} times for {shortest_s:g} s or more; needed: 2. "
-            "Shorter stands are found with a smaller --dwell"
+            f"the axis stands still {len(parts)} times for {test.shortest_s:g} s or more; needed: "
+            "2. Shorter stands are found with a smaller --dwell"
         )
     places = np.array([mean(place[part]) for part in parts])
-    commands, partner = match_stands(places, commands, measured_directions(place, parts))
-    kept = [part for part, one in zip(parts, partner, strict=True) if one >= 0]
+    commands, partner = match_stands(places, test.commands, measured_directions(place, parts))
+    kept = [part for part, command in zip(parts, partner, strict=True) if command >= 0]
     rows = np.isfinite(place)
     doubtful = [
         float(places[n]) for n, part in enumerate(parts) if partner[n] >= 0
@@ -245,19 +231,19 @@ def check_axis(moved: Floats, axis: str) -> None:
 
 
 def measured_directions(place: Floats, parts: list[slice]) -> Integers:
-    """0 or 1 (k,): from which side an axis at `place` (n,) came to each stand, by its farthest row
-    since the stand before; -1 of the first stand."""
-    found = np.full(len(parts), -1)
+    """From which side an axis at `place` (n,) came to each stand, by its farthest row since the
+    stand before: (k,), 0 or 1; -1 for the first stand."""
+    directions = np.full(len(parts), -1)
     for n, (before, part) in enumerate(pairwise(parts), start=1):
         way = place[before.start : part.start] - mean(place[part])
-        found[n] = int(way[np.nanargmax(np.abs(way))] > 0)
-    return found
+        directions[n] = int(way[np.nanargmax(np.abs(way))] > 0)
+    return directions
 
 
 def match_stands(
     places: Floats, commands: Commands | None, directions: Integers | None = None
 ) -> tuple[Commands, Integers]:
-    """The commands, and (k,) the command of each stand at `places` (k,), -1 if none.
+    """The commands, and the command (k,) of each stand at `places` (k,), -1 if none.
 
     directions: (k,) from which side the stands were approached, as `measured_directions`; they
     decide where two stands may belong to a command.
@@ -279,7 +265,7 @@ def match_stands(
     agrees = directions[:, None] == commands.direction
     best = max((match_by_offset(places, offset, targets, labels, agrees)
                 for offset in middle + pairs),
-               key=lambda found: int((found >= 0).sum()))  # fmt: skip
+               key=lambda matches: int((matches >= 0).sum()))  # fmt: skip
     matched = best >= 0
     partner = commands.positions[best[matched]]
     scale = np.polyfit(partner, places[matched], 1)[0] if len(np.unique(partner)) > 1 else 0.0
@@ -307,17 +293,19 @@ def match_stands(
 def match_by_offset(
     places: Floats, offset: float, targets: Floats, labels: Integers, agrees: Booleans
 ) -> Integers:
-    """(k,) the command of each stand, -1 if none, with places that are off by `offset`; agrees as
-    of `align_sequences`."""
+    """The command (k,) of each stand, -1 if none, for places that are off by `offset`.  agrees: as
+    in `align_sequences`."""
     nearest = np.argmin(np.abs(places[:, None] - offset - targets), axis=1)
     far = np.abs(places - offset - targets[nearest]) > np.diff(targets).min() / 2
     return align_sequences(np.where(far, -1, nearest), labels, agrees)
 
 
 def align_sequences(names: Integers, labels: Integers, agrees: Booleans | None = None) -> Integers:
-    """(k,) for each of `names` (k,) the place of its partner among `labels` (n,), in the same
-    order, so that as many as possible have one, and of these as many as possible one with which
-    it `agrees` (k, n); -1 if none."""
+    """The partner among `labels` (n,) of each of `names` (k,), in the same order, -1 if none: (k,).
+
+    As many as possible have a partner, and of these as many as possible one with which they agree.
+    agrees: (k, n).
+    """
     weights = (len(names) + 1) * (names[:, None] == labels)
     if agrees is not None:
         weights += (weights > 0) & agrees
@@ -325,18 +313,18 @@ def align_sequences(names: Integers, labels: Integers, agrees: Booleans | None =
     for n in range(len(names)):
         best = np.maximum(scores[n, 1:], scores[n, :-1] + weights[n])
         scores[n + 1, 1:] = np.maximum.accumulate(best)
-    found = np.full(len(names), -1)
+    partners = np.full(len(names), -1)
     n, place = len(names), len(labels)
     while n and place:
         weight = weights[n - 1, place - 1]
         if weight and scores[n, place] == scores[n - 1, place - 1] + weight:
             n, place = n - 1, place - 1
-            found[n] = place
+            partners[n] = place
         elif scores[n - 1, place] == scores[n, place]:
             n -= 1
         else:
             place -= 1
-    return found
+    return partners
 
 
 def equal_positions(places: Floats) -> Floats:
@@ -360,8 +348,8 @@ def equal_positions(places: Floats) -> Floats:
             f"{np.diff(means).min():.4g} to {np.diff(means).max():.4g} mm or rad); say where the "
             "axis was sent with --commands"
         )
-    found: Floats = start + slope * number
-    return found
+    positions: Floats = start + slope * number
+    return positions
 
 
 def make_visits(
@@ -395,8 +383,8 @@ def make_visits(
 def excess_scatter(
     series: PoseSeries, parts: list[slice], states: Floats, sensor: Sensor, plan: Plan
 ) -> Floats:
-    """(6,) the scatter of the means of parts of stands, over that of the sensor's noise; at least
-    1, which it also is where stands have too few rows to tell."""
+    """The scatter (6,) of the means of parts of stands, over that of the sensor's noise; 1 or more,
+    and 1 where stands have too few rows to tell."""
     rows = [series.states[part, :6] for part in parts]
     rows = [some[np.isfinite(some[:, 0])] for some in rows]
     long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]
@@ -408,5 +396,5 @@ def excess_scatter(
     measured = per_row(joined, slices, np.ones((len(long), 6)))
     noise = propagate_in_light(sensor, states[long], plan).noise
     expected = np.median(np.diagonal(noise, axis1=1, axis2=2)[:, :6], axis=0)
-    found: Floats = np.sqrt(np.maximum(1.0, measured / np.maximum(expected, 1e-300)))
-    return found
+    excess: Floats = np.sqrt(np.maximum(1.0, measured / np.maximum(expected, 1e-300)))
+    return excess

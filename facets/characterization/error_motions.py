@@ -39,6 +39,46 @@ SEED = 1
 
 
 @dataclass(frozen=True)
+class Commands:
+    """Commanded positions in their order: (k,) mm or rad, and (k,) 0 where they are approached in
+    the positive direction, 1 in the negative."""
+
+    positions: Floats
+    direction: Integers
+
+
+@dataclass(frozen=True)
+class AxisTest:
+    """The setting of a test of an axis.
+
+    Attributes
+    ----------
+    axis
+        X, Y or Z: linear along, A, B or C: rotary about this axis of the object.
+    commands
+        The commanded positions in their order; None: equally spaced ones are found.
+    body
+        The point of interest and the object's axes; by default the mirror's apex and axes.
+    line
+        Reference of straightness, and of the tilt of a rotary axis: the line by least squares, that
+        through the means at the first and last target, or the object's axis.
+    shortest_s
+        The shortest time for which the axis stands still, s.
+    """
+
+    axis: str
+    commands: Commands | None = None
+    body: MeasuredObject = MIRROR
+    line: ReferenceLine = "least-squares"
+    shortest_s: float = 0.2
+
+    @property
+    def main(self) -> int:
+        """The number of the component along or about which the axis moves."""
+        return LETTERS.index(self.axis)
+
+
+@dataclass(frozen=True)
 class Visits:
     """Stands of an axis at its target positions.
 
@@ -73,7 +113,7 @@ class Visits:
     trend: Floats | float = 0.0
 
     def select(self, kept: Booleans, trend: Floats) -> Visits:
-        """Some of the stands, without a drift (k, 6)."""
+        """The stands that `kept` selects, without a drift (k, 6)."""
         names = ("target", "direction", "run", "time", "states", "samples")
         some = {name: getattr(self, name)[kept] for name in names}
         return replace(self, **some, trend=trend[kept])
@@ -137,9 +177,7 @@ def measure_error_motions(
     sensor: Sensor,
     knowledge: Knowledge,
     visits: Visits,
-    axis: str,
-    body: MeasuredObject | None = None,
-    line: ReferenceLine = "least-squares",
+    test: AxisTest,
     is_tracked: bool = False,
 ) -> ErrorMotions:
     """Compute the error motions of an axis and how uncertain they are together.
@@ -150,13 +188,8 @@ def measure_error_motions(
         The sensor, and what was known of its beam, with which the poses were solved.
     visits
         The stands of the axis.
-    axis
-        X, Y or Z: linear along, A, B or C: rotary about this axis of the object.
-    body
-        The point of interest and the object's axes; by default the mirror's apex and axes.
-    line
-        Reference of straightness, and of the tilt of a rotary axis: the line by least squares,
-        that through the means at the first and last target, or the object's axis.
+    test
+        The axis, the point of interest and the object's axes, and the reference of straightness.
     is_tracked
         Whether the beam followed the mirror. Its position then errs differently at each stand.
 
@@ -165,12 +198,12 @@ def measure_error_motions(
     ErrorMotions
         In mm and rad.
     """
-    fitted = fit_errors(visits, axis, body, line)
+    fitted = fit_errors(visits, test)
     drawn = draw_pose_errors(sensor, knowledge, visits, is_tracked)
     off = np.einsum("kij,dkj->dki", fitted.slopes, drawn).reshape(len(drawn), -1)
     off -= (off @ fitted.solver.T) @ fitted.design.T
     return ErrorMotions(
-        axis,
+        test.axis,
         visits.targets,
         visits.grid(fitted.values.T),
         visits.grid(np.moveaxis(off.reshape(drawn.shape), -1, 0)),
@@ -183,8 +216,9 @@ def measure_error_motions(
 class FittedErrors(NamedTuple):
     """Errors (k, 6) of stands, from which the set-up is removed, and what this took.
 
-    frame, offset: as in `ErrorMotions`.  slopes: (k, 6, 6) derivatives of what it is removed from
-    by the mirror's pose.  design, solver: (6 k, q) and (q, 6 k), with which it is removed.
+    frame, offset: as in `ErrorMotions`.  slopes: (k, 6, 6) derivatives of the deviations, before
+    the removal, by the mirror's pose.  design, solver: (6 k, q) and (q, 6 k), with which the set-up
+    is removed.
     """
 
     values: Floats
@@ -195,15 +229,10 @@ class FittedErrors(NamedTuple):
     solver: Floats
 
 
-def fit_errors(
-    visits: Visits,
-    axis: str,
-    body: MeasuredObject | None = None,
-    line: ReferenceLine = "least-squares",
-) -> FittedErrors:
-    """The errors of stands; arguments as of `measure_error_motions`."""
-    main = LETTERS.index(axis)
-    moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), body or MIRROR)
+def fit_errors(visits: Visits, test: AxisTest) -> FittedErrors:
+    """The errors of the stands of a test."""
+    main, line = test.main, test.line
+    moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), test.body)
     commanded = visits.targets[visits.target]
     frame, offset = np.eye(3), np.zeros(3)
     first: ReferenceLine = "least-squares" if line == "nominal" else line
@@ -214,12 +243,12 @@ def fit_errors(
             for n in crosswise(main):
                 raw[:, n] += commanded * frame[main % 3, n % 3] / frame[main % 3, main % 3]
         solver = np.linalg.pinv(design * weights[:, None]) * weights
-        found = solver @ raw.ravel()
+        sizes = solver @ raw.ravel()
         if step != "nominal":
-            frame = turn_frame(frame, main, found[6:8])
-    errors = (raw.ravel() - design @ found).reshape(raw.shape)
+            frame = turn_frame(frame, main, sizes[6:8])
+    errors = (raw.ravel() - design @ sizes).reshape(raw.shape)
     if main >= 3:
-        offset[[n for n in range(3) if n != main - 3]] = -found[-2:]
+        offset[[n for n in range(3) if n != main - 3]] = -sizes[-2:]
     by_state = slopes_of_deviations(moved, commanded, main, frame) @ slopes
     return FittedErrors(errors, frame, offset, by_state, design, solver)
 
@@ -253,8 +282,8 @@ def slopes_of_deviations(moved: Floats, commanded: Floats, main: int, frame: Flo
 
 
 def crosswise(main: int) -> tuple[int, int]:
-    """The two components across the axis that its direction changes: the straightness of a linear
-    axis, the tilt of a rotary one."""
+    """The two components across the axis that its direction changes: the straightness errors of a
+    linear axis, the tilts of a rotary one."""
     start = main // 3 * 3
     first, second = (n for n in range(start, start + 3) if n != main)
     return first, second
@@ -263,7 +292,7 @@ def crosswise(main: int) -> tuple[int, int]:
 def set_up_design(
     visits: Visits, moved: Floats, main: int, frame: Floats, line: ReferenceLine
 ) -> tuple[Floats, Floats]:
-    """What the set-up adds to the deviations, as columns (6 k, q), and the weights (6 k,) of the
+    """The columns (6 k, q) that the set-up may add to the deviations, and the weights (6 k,) of the
     rows in a fit: a constant of each component, two slopes of the direction, and two distances of a
     rotary axis."""
     count, commanded = len(moved), visits.targets[visits.target]
@@ -312,16 +341,16 @@ def draw_pose_errors(
     count, kinds = len(visits.states), len(sides)
     draws = min(MOST_DRAWS, max(400, MOST_NUMBERS // (6 * count)))
     rng = np.random.default_rng(SEED)
-    own = propagate_in_light(sensor, visits.states, plan)
-    noise = own.noise / visits.samples[:, None, None]
+    by_stand = propagate_in_light(sensor, visits.states, plan)
+    noise = by_stand.noise / visits.samples[:, None, None]
     noise[:, :6, :6] *= np.outer(visits.excess, visits.excess)
-    noise += doubtful_covariance(sensor, own, visits.states, plan, is_tracked)
+    noise += doubtful_covariance(sensor, by_stand, visits.states, plan, is_tracked)
     states = np.stack([visits.states[side == n].mean(axis=0) for n in range(kinds)])
-    found = propagate_in_light(sensor, states, plan)
-    again = doubtful_covariance(sensor, found, states, plan, is_tracked, misfit=False)
+    by_side = propagate_in_light(sensor, states, plan)
+    again = doubtful_covariance(sensor, by_side, states, plan, is_tracked, misfit=False)
     if is_tracked:
-        found.priors[:, :, :2] = 0.0
-    lasting = lasting_covariance(sensor, found, states)[:, :6, :, :6]
+        by_side.priors[:, :, :2] = 0.0
+    lasting = lasting_covariance(sensor, by_side, states)[:, :6, :, :6]
     lasting[np.arange(kinds), :, np.arange(kinds)] += again[:, :6, :6]
     common = (
         rng.standard_normal((draws, 6 * kinds))
@@ -334,7 +363,7 @@ def draw_pose_errors(
 
 def doubtful_covariance(
     sensor: Sensor,
-    found: Propagation,
+    propagation: Propagation,
     states: Floats,
     plan: Plan,
     is_tracked: bool,
@@ -349,7 +378,7 @@ def doubtful_covariance(
     assert gain is not None
     variances = np.zeros((len(states), 9))
     if sensor.electronics is not None:
-        variances += np.nan_to_num(step_variances(sensor, found.readings))
+        variances += np.nan_to_num(step_variances(sensor, propagation.readings))
     if sensor.calibration is not None and misfit:
         sizes = np.diag(sensor.calibration.covariance)
         for name, size in zip(sensor.calibration.names, sizes, strict=True):
@@ -357,5 +386,5 @@ def doubtful_covariance(
                 variances[:, MISFIT.index(name)] += size
     whole = carry(gain, variances[:, None, :] * np.eye(9))
     if is_tracked:
-        whole += carry(found.priors[:, :, :2], np.eye(2))
+        whole += carry(propagation.priors[:, :, :2], np.eye(2))
     return whole

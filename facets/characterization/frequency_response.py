@@ -62,6 +62,25 @@ class Stretches(NamedTuple):
     unsolved: int
 
 
+class OutputChannel(NamedTuple):
+    """How the outputs were measured.
+
+    deviation: (d,) standard deviations of the outputs' own noise in one sample, None if unknown.
+    bandwidth: of the electronics' low pass of the first order, Hz.  is_corrected: whether responses
+    are divided by its transmission.  delay: from the instant of an output's sample to that of the
+    stimulus, s, which is corrected.
+    """
+
+    deviation: Floats | None = None
+    bandwidth: float = np.inf
+    is_corrected: bool = False
+    delay: float = 0.0
+
+
+#: Outputs without noise, low pass or delay.
+PERFECT_CHANNEL = OutputChannel()
+
+
 @dataclass(frozen=True)
 class FrequencyResponse:
     """Responses of d outputs to one input at m frequencies.
@@ -129,8 +148,8 @@ class FrequencyResponse:
     @property
     def is_excited(self) -> Booleans:
         """Lines (m,) at which the input has power."""
-        found: Booleans = self.input_density >= EXCITED_SHARE * self.input_density.max()
-        return found
+        lines: Booleans = self.input_density >= EXCITED_SHARE * self.input_density.max()
+        return lines
 
 
 def find_stretches(time: Floats, usable: Booleans, name: str) -> Stretches:
@@ -213,10 +232,12 @@ def count_averages(starts: Sequence[Integers], window: Floats) -> float:
     """Number of independent averages of overlapping segments (Welch 1967)."""
     hop = len(window) // 2
     products = [float(window[: len(window) - n * hop] @ window[n * hop :]) for n in (1, 2)]
-    shares = [(one / float(window @ window)) ** 2 for one in products]
-    count = sum(len(one) for one in starts)
+    shares = [(values / float(window @ window)) ** 2 for values in products]
+    count = sum(len(values) for values in starts)
     pairs = sum(
-        2 * share * max(len(one) - n, 0) for one in starts for n, share in enumerate(shares, 1)
+        2 * share * max(len(values) - n, 0)
+        for values in starts
+        for n, share in enumerate(shares, 1)
     )
     return count**2 / (count + pairs) if count else 0.0
 
@@ -269,18 +290,12 @@ def estimate_response(
     outputs: Floats,
     stretches: Stretches,
     resolution: float | None = None,
-    deviation: Floats | None = None,
-    bandwidth: float = np.inf,
-    correct: bool = False,
-    delay: float = 0.0,
+    channel: OutputChannel = PERFECT_CHANNEL,
 ) -> FrequencyResponse:
     """Estimate the responses of outputs (n, d) to a stimulus (n,), by rows of `stretches`.
 
-    resolution: distance of lines, Hz; chosen for about 32 averages if None.  deviation: (d,)
-    standard deviations of the outputs' own noise in one sample.  bandwidth: of the electronics, Hz.
-    correct: whether to divide by the transmission of their low pass.  delay: from the instant of an
-    output's sample to that of the stimulus, s, which is corrected. Raises `InputError` if there
-    are not two averages.
+    resolution: distance of lines, Hz; chosen for about 32 averages if None.  channel: how the
+    outputs were measured. Raises `InputError` if there are not two averages.
     """
     from scipy.signal import get_window
 
@@ -309,23 +324,23 @@ def estimate_response(
     if period:  # elsewhere there is neither force nor leakage, only noise
         power = densities[1][1:]
         lines = 1 + np.flatnonzero(power >= EXCITED_SHARE * power.max())
-    frequency, g_xx, g_xy, g_yy, counts = (one[lines] for one in densities)
+    frequency, g_xx, g_xy, g_yy, counts = (values[lines] for values in densities)
     if np.ptp(stimulus[np.isfinite(stimulus)]) == 0:
         raise InputError("the input does not change; name the column of a changing input")
-    factor = np.exp(2j * np.pi * frequency * delay)[:, None]
-    if correct:
-        factor = factor / low_pass(frequency, bandwidth)[:, None]
+    factor = np.exp(2j * np.pi * frequency * channel.delay)[:, None]
+    if channel.is_corrected:
+        factor = factor / low_pass(frequency, channel.bandwidth)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         h1, h2 = factor * g_xy / g_xx[:, None], factor * g_yy / np.conj(g_xy)
         coherence = np.clip(np.abs(g_xy) ** 2 / (g_xx[:, None] * g_yy), 0.0, 1.0)
-    noise = np.full(g_yy.shape[1], np.nan) if deviation is None else deviation
+    noise = np.full(g_yy.shape[1], np.nan) if channel.deviation is None else channel.deviation
     gain = np.abs(factor) ** 2
-    density = gain * noise_spectrum(frequency, noise, rate, bandwidth)
-    segments = sum(len(one) for one in starts)
+    density = gain * noise_spectrum(frequency, noise, rate, channel.bandwidth)
+    segments = sum(len(values) for values in starts)
     possible = max(0, (stretches.span - length) // (length if period else length // 2) + 1)
     return FrequencyResponse(
         frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages, segments,
-        max(0, possible - segments), rate / length, counts, correct, period / rate,
+        max(0, possible - segments), rate / length, counts, channel.is_corrected, period / rate,
     )  # fmt: skip
 
 
@@ -345,11 +360,11 @@ def average_spectra(
         x = stimulus[part[:, None] + rows]
         y = np.moveaxis(outputs[part[:, None] + rows], -1, 0)
         frequency, g_xx = welch(x, rate, **options)
-        found = [g_xx, csd(x, y, rate, **options)[1], welch(y, rate, **options)[1], g_xx**2]
-        found = [one.sum(axis=-2) for one in found]
-        sums = found if sums is None else [a + b for a, b in zip(sums, found, strict=True)]
+        densities = [g_xx, csd(x, y, rate, **options)[1], welch(y, rate, **options)[1], g_xx**2]
+        densities = [values.sum(axis=-2) for values in densities]
+        sums = densities if sums is None else [a + b for a, b in zip(sums, densities, strict=True)]
     assert sums is not None
-    means = [one / len(starts) for one in sums]
+    means = [values / len(starts) for values in sums]
     counts = sums[0] ** 2 / np.maximum(sums[3], 1e-300)
     return frequency, means[0], means[1].T, means[2].T, counts
 

@@ -80,8 +80,7 @@ class NoiseModel:
 
     def density(self, frequency: Floats) -> Floats:
         """S(f) without the lines, u^2/Hz."""
-        found: Floats = self.white.value + self.flicker.value / frequency
-        return found
+        return density(frequency, self.white, self.flicker)
 
     @property
     def standard_deviation(self) -> float:
@@ -230,14 +229,14 @@ def find_lines(
     """Frequencies and relative powers of lines above the noise, the strongest first."""
     over = power / expected
     limit = np.log(len(over) / CHANCE)
-    found: list[tuple[float, float]] = []
+    lines: list[tuple[float, float]] = []
     step = frequency[1] - frequency[0]
     for n in np.argsort(over)[::-1][: 8 * most]:
-        if over[n] < limit or len(found) == most:
+        if over[n] < limit or len(lines) == most:
             break
-        if all(abs(frequency[n] - other) > 4 * step for other, _ in found):
-            found.append((find_peak(rest, rate, float(frequency[n]), step), float(over[n])))
-    return found
+        if all(abs(frequency[n] - other) > 4 * step for other, _ in lines):
+            lines.append((find_peak(rest, rate, float(frequency[n]), step), float(over[n])))
+    return lines
 
 
 def find_peak(signal: Floats, rate: float, about: float, step: float) -> float:

@@ -32,7 +32,7 @@ JUMP_SAMPLES = 100
 
 @dataclass(frozen=True)
 class Channel:
-    """One column.  configured: the configuration's standard deviation of a sample."""
+    """The noise of one column.  configured: the configuration's standard deviation of a sample."""
 
     name: str
     unit: str
@@ -44,7 +44,9 @@ class Channel:
 
 @dataclass(frozen=True)
 class NoiseReport:
-    """rate: Hz.  seconds: length of the section.  correlation: of the readings' fast noise (9, 9).
+    """The noise of a recording.
+
+    rate: Hz.  seconds: length of the section.  correlation: (9, 9) of the readings' fast noise.
 
     faults: reasons against a mirror at rest with steady light, in sentences; any of them makes the
     numbers invalid as noise.  position, power: noise for the configuration, mm at `at_power` and
@@ -64,7 +66,7 @@ class NoiseReport:
     faults: list[str]
 
     def channel(self, name: str) -> Channel:
-        return next(one for one in self.channels if one.name == name)
+        return next(channel for channel in self.channels if channel.name == name)
 
 
 def report_of(
@@ -75,8 +77,8 @@ def report_of(
 ) -> NoiseReport:
     """Report the noise of a recording's columns, in the form of `live.pose_table`.
 
-    name: for messages.  tell: called with the number of finished channels and their total. Raises
-    `InputError` if the recording has too few samples.
+    name: name of the recording, for messages.  tell: called with the number of finished channels
+    and their total. Raises `InputError` if the recording has too few samples.
     """
     piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
@@ -92,19 +94,15 @@ def report_of(
         stated = configured_deviation(column, columns, rows, config) * scale
         channels.append(Channel(column, unit, signal, model, allan(signal, rate), stated))
     readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
-    found = channels_by_name(channels)
-    position, at_power = position_noise(found, readings, config)
-    power, common = power_noise(found, readings)
-    faults = find_faults(columns, piece, [one.model for one in channels[:9]], config)
+    by_name = {channel.name: channel for channel in channels}
+    position, at_power = position_noise(by_name, readings, config)
+    power, common = power_noise(by_name, readings)
+    faults = find_faults(columns, piece, [channel.model for channel in channels[:9]], config)
     missing = int(piece.seq[-1] - piece.seq[0]) + 1 - len(piece.seq)
     return NoiseReport(
         rate, float(time[-1] - time[0]), len(piece.seq), missing, channels,
         correlation(readings), position, at_power, power, common, faults,
     )  # fmt: skip
-
-
-def channels_by_name(channels: list[Channel]) -> dict[str, Channel]:
-    return {one.name: one for one in channels}
 
 
 def longest_section(columns: Columns, name: str) -> RecordingSection:
@@ -172,12 +170,12 @@ def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, 
     rest = rest - rest.mean(axis=0) - np.outer(time, time @ rest / (time @ time))
     covariance = np.cov(rest.T)
     common = max(0.0, float((covariance.sum() - np.trace(covariance)) / 6))
-    own = np.array([
+    variances = np.array([
         (1e-3 * channels[name].model.standard_deviation) ** 2 - common * mean[n] ** 2
         for n, name in enumerate(READING_COLUMNS[2::3])
     ])  # fmt: skip
     least = np.diagonal(covariance) * mean**2 * 1e-6
-    return float(np.sqrt(np.mean(np.maximum(own, least)))), float(np.sqrt(common))
+    return float(np.sqrt(np.mean(np.maximum(variances, least)))), float(np.sqrt(common))
 
 
 def noise_block(report: NoiseReport, resolved: dict[str, Any]) -> dict[str, Any]:
@@ -203,8 +201,8 @@ HEADINGS = (
 def table_of(report: NoiseReport) -> dict[str, list[Any]]:
     """Columns of the CSV, a row for each channel; amplitude densities with 95 % intervals."""
     rows = []
-    for one in report.channels:
-        model = one.model
+    for channel in report.channels:
+        model = channel.model
         ends = [np.sqrt(np.maximum(0.0, part.interval)) for part in (model.white, model.flicker)]
         lines = "; ".join(
             f"{line.frequency:.3f} Hz {line.amplitude.value:.3g} +- "
@@ -212,9 +210,9 @@ def table_of(report: NoiseReport) -> dict[str, list[Any]]:
             for line in model.lines
         ).replace(",", "")
         rows.append([
-            one.name, one.unit, np.sqrt(model.white.value), *ends[0],
+            channel.name, channel.unit, np.sqrt(model.white.value), *ends[0],
             np.sqrt(model.flicker.value), *ends[1], model.drift.value, *model.drift.interval,
-            model.white_deviation, model.standard_deviation, one.configured, model.spikes,
+            model.white_deviation, model.standard_deviation, channel.configured, model.spikes,
             100 * model.filled, lines,
         ])  # fmt: skip
     return {

@@ -80,7 +80,7 @@ def poses_on_axes(start: Floats, axes: Sequence[str], points: Floats) -> Floats:
 
 
 def grid_points(x: Floats, y: Floats) -> Floats:
-    """All points (n, 2) of a grid over x and y, x varying first."""
+    """The points (n, 2) of a grid over x and y, x varying first."""
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
@@ -145,7 +145,7 @@ def trace(
 
 
 def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Floats) -> Boundary:
-    """Trace from a pose (6,) that is inside the range."""
+    """Trace the outline from a pose (6,) that is inside the range."""
     columns = [POSE.index(name) for name in axes]
     reach = np.array([FARTHEST_MM_RAD[column] for column in columns])
     fine = tolerances(axes)
@@ -153,8 +153,8 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
     def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any, int]:
         rays = np.zeros((len(angles), 6))
         rays[:, columns] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * scale
-        found = find_exits(sensor, rules, pose, rays, precise)
-        return found.distance[:, None] * rays[:, columns], found.cause, found.calls
+        exits = find_exits(sensor, rules, pose, rays, precise)
+        return exits.distance[:, None] * rays[:, columns], exits.cause, exits.calls
 
     ends, _, calls = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
     scale = 4 * np.abs(ends).max(axis=0)  # a nearly round outline, inside the ends of the rays
@@ -236,15 +236,15 @@ def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) ->
     state = states_of(boundary.poses(points), rules)
     start = np.zeros_like(state)
     start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # start with the mirror under the beam
-    found = solve(sensor, readings(sensor, state), start=start, covariance=False)
-    right = found.converged & (np.abs(found.state - state).max(axis=1) < 1e-6)
+    solution = solve(sensor, readings(sensor, state), start=start, covariance=False)
+    right = solution.converged & (np.abs(solution.state - state).max(axis=1) < 1e-6)
     return len(points), int(right.sum())
 
 
 def map_inside(
     sensor: Sensor, rules: Rules, boundary: Boundary, what: str, count: int = 101
 ) -> tuple[Floats, Floats, Floats, str]:
-    """(x, y, values, label) on a grid inside the outline, NaN outside.
+    """A grid inside the outline as (x, y, values, label), NaN outside.
 
     what: "condition" of the weighted Jacobian (its logarithm), or an axis: its standard
     uncertainty, um or urad.

@@ -48,8 +48,8 @@ def standard_deviations_of_runs(x: Floats) -> Floats:
     count = there.sum(axis=-1)
     squares = np.where(there, (x - finite_means(x)[..., None]) ** 2, 0.0).sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        found: Floats = np.sqrt(np.where(count > 1, squares / (count - 1), np.nan))
-    return found
+        deviation: Floats = np.sqrt(np.where(count > 1, squares / (count - 1), np.nan))
+    return deviation
 
 
 def reversals(x: Floats) -> Floats:
@@ -67,18 +67,19 @@ def bidirectional_means(x: Floats) -> Floats:
 
 def largest(values: Floats) -> Floats:
     """The largest number of the last axis, without missing ones; NaN if there is none."""
-    found = np.max(np.where(np.isfinite(values), values, -np.inf), axis=-1)
-    return np.where(np.isfinite(found), found, np.nan)
+    most = np.max(np.where(np.isfinite(values), values, -np.inf), axis=-1)
+    return np.where(np.isfinite(most), most, np.nan)
 
 
 def extent(low: Floats, high: Floats) -> Floats:
     """The largest of `high` less the smallest of `low`, over the last axis."""
-    found: Floats = largest(high) + largest(-low)
-    return found
+    size: Floats = largest(high) + largest(-low)
+    return size
 
 
-def both(values: Floats) -> Floats:
-    """Positions and directions (..., m, 2) on one axis; NaN throughout if a direction lacks."""
+def join_directions(values: Floats) -> Floats:
+    """Positions and directions (..., m, 2) on one axis; NaN throughout if one direction is
+    missing."""
     has = np.asarray(np.isfinite(values).any(axis=-2).all(axis=-1))
     flat = values.reshape(*values.shape[:-2], -1)
     return np.where(has[..., None], flat, np.nan)
@@ -98,14 +99,14 @@ def accuracy(x: Floats, direction: int | None = None) -> Floats:
     means, s = unidirectional_means(x), standard_deviations_of_runs(x)
     low, high = means - 2 * s, means + 2 * s
     if direction is None:
-        return extent(both(low), both(high))
+        return extent(join_directions(low), join_directions(high))
     return extent(low[..., direction], high[..., direction])
 
 
 def systematic_error(x: Floats, direction: int | None = None) -> Floats:
     """E: the range of the unidirectional means, of one direction or of both."""
     means = unidirectional_means(x)
-    chosen = both(means) if direction is None else means[..., direction]
+    chosen = join_directions(means) if direction is None else means[..., direction]
     return extent(chosen, chosen)
 
 
@@ -167,12 +168,12 @@ def evaluate_positioning(x: Floats, errors: Floats) -> list[Quantity]:
     """
     near = remove_noise(x, errors)
     disturbed = near + errors
-    found = []
+    quantities = []
     for name, symbol, formula in QUANTITIES:
         off = np.abs(formula(disturbed) - formula(near))
         expanded = np.quantile(off, COVERAGE) if np.isfinite(off).all() else np.nan
-        found.append(Quantity(name, symbol, float(formula(x)), float(expanded)))
-    return found
+        quantities.append(Quantity(name, symbol, float(formula(x)), float(expanded)))
+    return quantities
 
 
 def components(x: Floats) -> list[Floats]:
@@ -195,12 +196,12 @@ def components(x: Floats) -> list[Floats]:
 
 
 def remove_noise(x: Floats, errors: Floats) -> Floats:
-    """Deviations (m, 2, n) nearer to the true ones: of each component's mean square, that is
-    removed which the errors (draws, m, 2, n) reach in one draw of a hundred."""
-    found = np.zeros_like(x)
+    """Deviations (m, 2, n) nearer to the true ones: the mean square of each component is reduced by
+    that which the errors (draws, m, 2, n) reach in one draw of a hundred."""
+    nearer = np.zeros_like(x)
     for part, noise in zip(components(x), components(errors), strict=True):
         there = np.isfinite(part)
         power = np.mean(part[there] ** 2)
         chance = np.quantile(np.mean(noise[:, there] ** 2, axis=1), 0.99)
-        found += np.sqrt(max(0.0, 1 - chance / power) if power > 0 else 0.0) * part
-    return found
+        nearer += np.sqrt(max(0.0, 1 - chance / power) if power > 0 else 0.0) * part
+    return nearer

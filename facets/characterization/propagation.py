@@ -35,9 +35,22 @@ MOST_DIGITS = 2
 FAR_SIGMAS = 10.0
 
 
+@dataclass(frozen=True)
+class MonteCarlo:
+    """Settings of a propagation by trials.
+
+    count: number of trials.  probability: coverage probability of intervals and regions.  seed:
+    seed of the random numbers, or several numbers that make one.
+    """
+
+    count: int
+    probability: float = 0.95
+    seed: int | Sequence[int] = 1
+
+
 class CoverageInterval(NamedTuple):
     """A coverage interval of each axis, (6,) each; mm and rad.  errors: (6, 2) standard errors of
-    its ends by the number of trials."""
+    the interval's ends by the number of trials."""
 
     low: Floats
     high: Floats
@@ -46,12 +59,12 @@ class CoverageInterval(NamedTuple):
 
 @dataclass(frozen=True)
 class PropagationResult:
-    """What trials of a measurement at one pose say; mm and rad.
+    """The distribution of a pose by trials of a measurement, beside the linear result; mm and rad.
 
     Attributes
     ----------
     state
-        (8,) of the mirror and the beam.
+        (8,) state of the mirror and the beam.
     probability
         Coverage probability of the intervals and regions.
     linear
@@ -59,13 +72,13 @@ class PropagationResult:
     trials
         Poses of the trials, and how many have none.
     mean, covariance
-        (6,), (6, 6) of the trials.
+        (6,), (6, 6) mean pose of the trials and its covariance.
     symmetric, shortest
         Coverage intervals: with equal probabilities beyond both ends, and the shortest.
     region_factor
         Coverage factor of the hyper-ellipsoid about the mean, from the trials.
     linear_region_factor
-        The same of the linear result, about the estimate.
+        Coverage factor of the hyper-ellipsoid of the linear result, about the estimate.
     linear_region_probability
         Share of the trials in the hyper-ellipsoid of the linear result.
     far
@@ -183,10 +196,8 @@ def propagate_distributions(
     sensor: Sensor,
     options: Solve,
     state: Floats,
-    count: int,
-    probability: float = 0.95,
+    method: MonteCarlo,
     *,
-    seed: int | Sequence[int] = 1,
     object: MeasuredObject | None = None,
     advance: Callable[[int], None] = lambda _: None,
 ) -> PropagationResult:
@@ -200,14 +211,10 @@ def propagate_distributions(
         How readings are solved (`Config.solve`), and with which priors.
     state
         (8,) mm and rad, where the measurement is made.
-    count
-        Number of trials.
-    probability
-        Coverage probability.
-    seed
-        Seed of the random numbers, or several numbers that make one.
+    method
+        Number of trials, coverage probability and seed, such as `MonteCarlo(1_000_000)`.
     object
-        Whose pose: the object's displacement from its pose at the mirror's zero; None: the
+        The object whose displacement from its pose at the mirror's zero is meant; None: the
         mirror's pose.
     advance
         Called with the number of trials that were just solved.
@@ -222,6 +229,7 @@ def propagate_distributions(
     InputError
         If there are too few trials, or readings without noise at the state have no pose.
     """
+    count, probability = method.count, method.probability
     require_trials(count, probability)
     solved = linear_solution(sensor, options, state)
     if not solved.converged.all():
@@ -233,10 +241,10 @@ def propagate_distributions(
     zero = None if object is None else np.zeros(6)
     linear = transform(solved, object, zero)
     assert linear.covariance is not None
-    trials = solve_trials(sensor, options, state, count, seed, advance)
+    trials = solve_trials(sensor, options, state, count, method.seed, advance)
     if object is not None:
-        own = (trials.poses[n : n + PART] for n in range(0, len(trials.poses), PART))
-        carried = [transform(part, object, zero).pose for part in own]
+        parts = (trials.poses[n : n + PART] for n in range(0, len(trials.poses), PART))
+        carried = [transform(part, object, zero).pose for part in parts]
         trials = trials._replace(poses=np.concatenate([np.empty((0, 6)), *carried]))
     poses = trials.poses
     freedom = float(np.nanmin(linear.degrees_of_freedom[0]))

@@ -257,7 +257,7 @@ def first_exits(
         return least_of_rows(examine(distance.ravel(), ray.ravel())).reshape(distance.shape)
 
     def look(distance: Floats, ray: Integers) -> Floats:
-        """What is known at places (n,): columns as above, then heights and slopes."""
+        """Examine places (n,): columns RAY to CAUSE, then heights and slopes of the margins."""
         beside = np.stack([distance, distance + tolerance], axis=1).ravel()
         margins = examine(beside, np.repeat(ray, 2)).reshape(len(ray), 2, -1)
         signs = np.ones(len(ray)) if signs_at is None else signs_at(distance, ray)
@@ -268,15 +268,15 @@ def first_exits(
         return np.concatenate([about, height[:, 0], slope], axis=1)
 
     ends, causes = np.full(count, np.inf), np.full(count, -1)
-    numbers, found = np.arange(count), []
+    numbers, examined = np.arange(count), []
     for begin in range(0, len(STEP_SHARES), STEPS_AT_ONCE):
         if len(numbers):
             steps = STEP_SHARES[begin : begin + STEPS_AT_ONCE]
-            found.append(look(np.tile(steps, len(numbers)), np.repeat(numbers, len(steps))))
+            examined.append(look(np.tile(steps, len(numbers)), np.repeat(numbers, len(steps))))
             # Rays that have left the range need no further steps.
-            numbers = np.setdiff1d(numbers, found[-1][is_outside(found[-1]), RAY].astype(int))
-    while found:
-        rows = np.concatenate(found)
+            numbers = np.setdiff1d(numbers, examined[-1][is_outside(examined[-1]), RAY].astype(int))
+    while examined:
+        rows = np.concatenate(examined)
         rows = rows[np.lexsort([rows[:, PLACE], rows[:, RAY]])]
         outside = np.flatnonzero(
             is_outside(rows) & (rows[:, PLACE] < ends[rows[:, RAY].astype(int)])
@@ -288,10 +288,10 @@ def first_exits(
             ends[which] = find_root(least, bracket, args=(which,), tolerances=tolerances).x
             last = look(ends[which], which)
             causes[which] = last[:, CAUSE]
-            found = [rows[rows[:, PLACE] <= ends[rows[:, RAY].astype(int)]], last]
+            examined = [rows[rows[:, PLACE] <= ends[rows[:, RAY].astype(int)]], last]
             continue
         place, ray = doubtful_places(rows, tolerance)
-        found = [rows, look(place, ray)] if len(ray) else []
+        examined = [rows, look(place, ray)] if len(ray) else []
     return Exits(np.minimum(ends, 1.0), causes, calls)
 
 
@@ -429,10 +429,10 @@ def axis_ranges(
     """
     compile_for(sensor, "readings", "footprints", "derivatives")
     pose = require_inside(sensor, rules, start)
-    found = find_exits(sensor, rules, pose, AXIS_RAYS, tolerance)
-    far = found.distance * np.tile(FARTHEST_MM_RAD, 2)
+    exits = find_exits(sensor, rules, pose, AXIS_RAYS, tolerance)
+    far = exits.distance * np.tile(FARTHEST_MM_RAD, 2)
     return [
-        AxisRange(name, -far[i], far[i + 6], int(found.cause[i]), int(found.cause[i + 6]))
+        AxisRange(name, -far[i], far[i + 6], int(exits.cause[i]), int(exits.cause[i + 6]))
         for i, name in enumerate(POSE)
     ]
 
@@ -447,6 +447,6 @@ def largest_box(sensor: Sensor, rules: Rules, start: Floats, sizes: Floats) -> t
     surface = rng.uniform(-1, 1, (2000, 6))
     face = rng.integers(0, 6, 2000)
     surface[np.arange(2000), face] = rng.choice([-1.0, 1.0], 2000)
-    found = find_exits(sensor, rules, start, np.concatenate([corners, surface]) * sizes, 1e-7)
-    nearest = int(found.distance.argmin())
-    return found.distance[nearest] * sizes, int(found.cause[nearest])
+    exits = find_exits(sensor, rules, start, np.concatenate([corners, surface]) * sizes, 1e-7)
+    nearest = int(exits.distance.argmin())
+    return exits.distance[nearest] * sizes, int(exits.cause[nearest])

@@ -103,8 +103,8 @@ def budgets(
         Knowledge of the beam (`facets.Knowledge`), or an estimator that also selects the readings
         (`facets.Estimator`).
     object
-        Whose axes: those of the object's displacement from its pose at the mirror's zero. None:
-        those of the mirror's pose.
+        The object whose displacement from its pose at the mirror's zero has these axes. None:
+        the axes are those of the mirror's pose.
 
     Returns
     -------
@@ -122,8 +122,8 @@ def budgets(
     """
     knowledge, eight = (how, False) if isinstance(how, Knowledge) else (how.knowledge, how.eight)
     rows, shape = as_rows(states, 8, "states")
-    found = budgets_of_rows(sensor, rows, knowledge, eight, object)
-    return found.reshape(*shape, *found.shape[1:])
+    parts = budgets_of_rows(sensor, rows, knowledge, eight, object)
+    return parts.reshape(*shape, *parts.shape[1:])
 
 
 def budgets_of_rows(
@@ -133,7 +133,7 @@ def budgets_of_rows(
     eight: bool,
     body: MeasuredObject | None,
 ) -> Floats:
-    """`budgets` of states (n, 8).  eight: omits the last power."""
+    """The budgets of states (n, 8), as of `budgets`.  eight: omits the last power."""
     reading = readings(sensor, states)
     parts = variances(sensor, reading)
     sigma = np.sqrt(parts.sum(axis=-1))
@@ -220,7 +220,7 @@ def uncertainties(
         Knowledge of the beam (`facets.Knowledge`), or an estimator that also selects the readings
         (`facets.Estimator`).
     object
-        Whose axes, as for `facets.budgets`.
+        The object whose axes are meant, as for `facets.budgets`.
 
     Returns
     -------
@@ -268,18 +268,18 @@ def worst_states(sensor: Sensor, rules: Rules, how: Estimator, halves: Floats) -
         sigma = uncertainties(sensor, states(shares), how, rules.object).reshape(
             *shares.shape[:2], 6
         )
-        own: Floats = np.nan_to_num(sigma[axes, :, axes], nan=-1.0)
-        return own
+        sigma_of_axis: Floats = np.nan_to_num(sigma[axes, :, axes], nan=-1.0)
+        return sigma_of_axis
 
     tried = np.repeat(STARTS[None], 6, axis=0)
     sides = np.concatenate([np.eye(6), -np.eye(6)])
     place, best, step = np.zeros((6, 6)), np.full(6, -1.0), np.full(6, FIRST_STEP)
     while (step > LAST_STEP).any():
-        found = look(tried)
-        most = found.argmax(axis=1)
-        better = found[axes, most] > best
+        uncertainty = look(tried)
+        most = uncertainty.argmax(axis=1)
+        better = uncertainty[axes, most] > best
         place = np.where(better[:, None], tried[axes, most], place)
-        best = np.maximum(best, found[axes, most])
+        best = np.maximum(best, uncertainty[axes, most])
         step = np.where(better, step, step / 2)
         tried = np.clip(place[:, None] + step[:, None, None] * sides, -1.0, 1.0)
     if (best < 0).any():
@@ -323,14 +323,14 @@ class Resolution:
 
     def coverage(self, probability: float) -> tuple[tuple[Floats, Floats], ...]:
         """Effective degrees of freedom and coverage factors (6,) at rest, and at both maxima."""
-        found = []
+        numbers = []
         for budget in (self.budget, self.worst_budget, self.box_budget):
             part = budget[:, -1] if self.sources[-1] == CALIBRATION else np.zeros(len(budget))
             freedom = effective_degrees_of_freedom(
                 budget.sum(axis=1), part, self.degrees_of_freedom
             )
-            found.append((freedom, coverage_factor(probability, freedom)))
-        return tuple(found)
+            numbers.append((freedom, coverage_factor(probability, freedom)))
+        return tuple(numbers)
 
     @property
     def shares(self) -> Floats:
@@ -349,32 +349,32 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
     """Compute the resolutions of estimators at rest, over the range of each axis, and in the
     largest box with the proportions of these ranges."""
     compile_for(sensor, "readings", "footprints", "derivatives")
-    rest, known, body, found = np.zeros((1, 8)), sensor.calibration, rules.object, []
+    rest, known, body, resolutions = np.zeros((1, 8)), sensor.calibration, rules.object, []
     half = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
     box, _ = largest_box(sensor, rules, np.zeros(6), half)
     freedom = (
         np.nan if known is None or known.degrees_of_freedom is None else known.degrees_of_freedom
     )
     for how in hows:
-        own = worst_states(sensor, rules, how, np.diag(half))
-        anywhere = worst_states(sensor, rules, how, np.tile(box, (6, 1)))
-        at_own, at_any = (
+        along_axes = worst_states(sensor, rules, how, np.diag(half))
+        in_box = worst_states(sensor, rules, how, np.tile(box, (6, 1)))
+        at_axes, at_box = (
             budgets(sensor, states, how, body)[np.arange(6), np.arange(6)]
-            for states in (own, anywhere)
+            for states in (along_axes, in_box)
         )
         at_rest = budgets(sensor, rest, how, body)[0]
-        found.append(
+        resolutions.append(
             Resolution(
                 how,
                 sources(sensor, how),
-                own,
-                anywhere,
+                along_axes,
+                in_box,
                 at_rest,
-                at_own,
-                at_any,
+                at_axes,
+                at_box,
                 box,
                 freedom,
                 body,
             )
         )
-    return found
+    return resolutions

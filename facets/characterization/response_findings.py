@@ -57,8 +57,8 @@ POSSIBLE_CAUSES = (
 
 
 class Peak(NamedTuple):
-    """A peak of |H1|.  axis: of the pose.  frequency, width: Hz, at half power.  size: |H1| there,
-    mm or rad per unit of the input.  line: its number."""
+    """A peak of |H1|.  axis: axis of the pose.  frequency, width: Hz, at half power.  size: |H1| at
+    the peak, mm or rad per unit of the input.  line: number of the line."""
 
     axis: str
     frequency: float
@@ -79,16 +79,16 @@ def find_peaks(response: FrequencyResponse) -> list[Peak]:
     together = np.sqrt((sizes**2).sum(axis=1))
     lines, _ = signal.find_peaks(np.log(together), prominence=np.log(PEAK_FACTOR))
     least = max(PEAK_COHERENCE, response.significant_coherence)
-    found = []
+    peaks = []
     for line in lines[response.is_excited[lines]].tolist():
         n = int(np.argmax(sizes[line]))
         if response.coherence[line, n] > least:
             size = np.abs(response.h1[:, n])
             width = half_power_width(size, line) * response.resolution
-            found.append(
+            peaks.append(
                 Peak(POSE[n], float(response.frequency[line]), width, float(size[line]), line)
             )
-    return found
+    return peaks
 
 
 def half_power_width(size: Floats, line: int) -> float:
@@ -150,7 +150,7 @@ def gap_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterato
 
 
 def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
-    """Bands without power, and a clipped input."""
+    """Sentences on bands without power, and on a clipped input."""
     dark = bands(response.frequency, ~response.is_excited)
     if dark:
         yield (
@@ -177,7 +177,8 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
 
 
 def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
-    """A motion that goes with the square or the cube of the input, beyond what goes with itself."""
+    """A sentence on a motion that goes with the square or the cube of the input, beyond what goes
+    with the input itself."""
     from scipy.signal import get_window
 
     if response.period:
@@ -189,7 +190,9 @@ def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> 
     x = np.where(signals.usable, (signals.stimulus - known.mean()) / np.ptp(known), 0.0)
     for power, name in ((2, "square"), (3, "cube")):
         both = np.column_stack([x**power, signals.motion])
-        _, g_xx, g_x, g_yy, _ = (one[SKIPPED_LINES:] for one in average_spectra(x, both, *options))
+        _, g_xx, g_x, g_yy, _ = (
+            density[SKIPPED_LINES:] for density in average_spectra(x, both, *options)
+        )
         g_r = average_spectra(x**power, signals.motion, *options)[2][SKIPPED_LINES:]
         rest = g_yy - np.abs(g_x) ** 2 / g_xx[:, None]
         cross = g_r - np.conj(g_x[:, :1]) * g_x[:, 1:] / g_xx[:, None]
@@ -236,7 +239,7 @@ def misfit_limits(signals: ResponseSignals) -> Iterator[str]:
 
 
 def zero_limits(signals: ResponseSignals) -> Iterator[str]:
-    """Axes whose mean at the end is not that at the beginning."""
+    """A sentence on axes whose mean at the end is not that at the beginning."""
     rows = np.flatnonzero(signals.usable)
     parts = np.array_split(signals.motion[rows], PARTS)
     means = np.array([part.mean(axis=0) for part in parts])
@@ -270,13 +273,13 @@ def leakage_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[s
             f"{len(response.frequency)} lines only; a peak between two lines does not show."
         )
         return
-    narrow = [one for one in peaks if one.width < RESOLVED_LINES * response.resolution]
+    narrow = [peak for peak in peaks if peak.width < RESOLVED_LINES * response.resolution]
     if narrow:
         texts = ", ".join(
-            f"{one.frequency:.5g} Hz ({one.width / response.resolution:.2g} lines)"
-            for one in narrow
+            f"{peak.frequency:.5g} Hz ({peak.width / response.resolution:.2g} lines)"
+            for peak in narrow
         )
-        needed = 0.95 * min(one.width for one in narrow) / RESOLVED_LINES
+        needed = 0.95 * min(peak.width for peak in narrow) / RESOLVED_LINES
         yield (
             f"The lines are too far apart for the peaks at {texts}: leakage makes them too low and "
             f"their damping too large. Give --resolution-hz {needed:.2g} or less, and record for "
@@ -285,7 +288,7 @@ def leakage_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[s
 
 
 def silence_limits(response: FrequencyResponse) -> Iterator[str]:
-    """Name the axes without a response."""
+    """A sentence that names the axes without a response."""
     silent = silent_axes(response)
     if not silent.any():
         return
@@ -303,10 +306,10 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
     """A sentence for each axis whose coherence is low, with the share that each cause explains."""
     lines = response.is_excited
     narrow = np.zeros(len(response.frequency), bool)
-    for one in peaks:
-        if one.width < RESOLVED_LINES * response.resolution:
-            near = max(one.width, 3 * response.resolution)
-            narrow |= np.abs(response.frequency - one.frequency) <= near
+    for peak in peaks:
+        if peak.width < RESOLVED_LINES * response.resolution:
+            near = max(peak.width, 3 * response.resolution)
+            narrow |= np.abs(response.frequency - peak.frequency) <= near
     rest = (1 - response.coherence) * response.output_density
     silent = silent_axes(response)
     for n, axis in enumerate(POSE):
@@ -332,14 +335,14 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
 
 
 def silent_axes(response: FrequencyResponse) -> Booleans:
-    """Axes (6,) whose coherence is that of chance in nearly all excited lines."""
+    """Whether each axis (6,) has a coherence that is that of chance in nearly all excited lines."""
     chance = response.coherence <= response.significant_coherence
-    found: Booleans = chance[response.is_excited].mean(axis=0) >= 1 - SMALL_SHARE
-    return found
+    is_silent: Booleans = chance[response.is_excited].mean(axis=0) >= 1 - SMALL_SHARE
+    return is_silent
 
 
 def bandwidth_limits(response: FrequencyResponse, bandwidth: float) -> Iterator[str]:
-    """What the electronics' low pass does at the highest excited line."""
+    """A sentence on what the electronics' low pass does at the highest excited line."""
     top = float(response.frequency[response.is_excited].max())
     passed = low_pass(np.array([top]), bandwidth)[0]
     yield (

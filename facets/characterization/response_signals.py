@@ -68,19 +68,20 @@ def build_signals(
 ) -> ResponseSignals:
     """Build the signals from columns of poses, times and the input.
 
-    body: the point of interest.  config: of the sensor, for its noise.  name: for messages.
+    body: the point of interest.  config: configuration of the sensor, for its noise.  name: name of
+    the columns' source, for messages.
     """
-    unit = next(one for one in TIMES if one in columns)
+    unit = next(key for key in TIMES if key in columns)
     time = TIMES[unit] * columns[unit].astype(float)
     poses = np.stack(
-        [columns[one] * STATE_UNITS[n] for n, one in enumerate(STATE_COLUMNS[:6])], axis=1
+        [columns[key] * STATE_UNITS[n] for n, key in enumerate(STATE_COLUMNS[:6])], axis=1
     )
     stimulus = columns[column].astype(float)
     usable = np.isfinite(poses).all(axis=1) & (np.abs(stimulus) < LARGEST_INPUT)
     stretches = find_stretches(time, usable, name)
     mean = poses[usable].mean(axis=0)
     motion, _, _ = object_displacements(poses, mean, body)
-    beam = [columns[one][usable].mean() if one in columns else 0.0 for one in STATE_COLUMNS[6:]]
+    beam = [columns[key][usable].mean() if key in columns else 0.0 for key in STATE_COLUMNS[6:]]
     deviation = noise_deviation(config, np.array([*mean, *beam]), body)
     none = np.zeros(len(time))
     saturated = int((columns.get("flags", none).astype(np.int64) & SATURATED > 0).sum())
@@ -94,8 +95,8 @@ def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floa
     sensor = config.sensor
     plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
     used = np.ones((1, 3), bool)
-    found = propagate(sensor, None, state[None], used, plan)
+    propagation = propagate(sensor, None, state[None], used, plan)
     slopes = object_displacements(state[None, :6], state[:6], body)[1][0]
-    variance = np.diagonal(slopes @ found.noise[0, :6, :6] @ slopes.T)
+    variance = np.diagonal(slopes @ propagation.noise[0, :6, :6] @ slopes.T)
     deviation: Floats = np.sqrt(variance)
     return deviation

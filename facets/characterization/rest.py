@@ -85,7 +85,8 @@ ELSEWHERE_SHARE = 0.05
 
 @dataclass(frozen=True)
 class RecordingSection:
-    """Samples without a jump of the time.  rows: of the columns.  seq: (n,).  rate: Hz."""
+    """Samples without a jump of the time.  rows: rows of the columns.  seq: (n,) their numbers.
+    rate: Hz."""
 
     rows: slice
     seq: NDArray[np.int64]
@@ -103,33 +104,34 @@ def find_faults(
 ) -> list[str]:
     """Find evidence against a mirror at rest with steady light, in sentences; empty if none.
 
-    piece: the section of the recording.  models: of the nine readings.
+    piece: the section of the recording.  models: noise of the nine readings.
     """
     steady = Steady(columns, piece, models, config)
     wandering = steady.wandering_channels()
+    wandering_detectors = {n // 3 for n, _ in wandering}
     slow = wandering + [
-        one
-        for one in steady.drifting_channels()
-        if one[0] // 3 not in {n // 3 for n, _ in wandering}
+        (n, sentence)
+        for n, sentence in steady.drifting_channels()
+        if n // 3 not in wandering_detectors
     ]
-    found = [*steady.power_faults(), *(sentence for _, sentence in slow)]
+    sentences = [*steady.power_faults(), *(sentence for _, sentence in slow)]
     # Slow changes also move detectors together and scatter unevenly: one sentence is enough.
-    found += [steady.cause()] if slow else [*steady.common_motion(), *steady.bursts()]
-    return [*found, *steady.mains_pickup()]
+    sentences += [steady.cause()] if slow else [*steady.common_motion(), *steady.bursts()]
+    return [*sentences, *steady.mains_pickup()]
 
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
     """Find readings that hide the noise, in sentences: saturated, dark, or too coarse."""
     least = least_light(config.sensor)
     full = columns["flags"] & SATURATED > 0
-    found = []
+    sentences = []
     for k, letter in enumerate(DETECTORS):
         names = READING_COLUMNS[3 * k : 3 * k + 3]
-        one = np.stack([columns[name] for name in names])
-        missing = ~np.isfinite(one).all(axis=0)
+        values = np.stack([columns[name] for name in names])
+        missing = ~np.isfinite(values).all(axis=0)
         shares = {
             "saturated": float((full & missing).mean()),
-            "without light": float((~full & (missing | (one[2] < least[k]))).mean()),
+            "without light": float((~full & (missing | (values[2] < least[k]))).mean()),
         }
         lost = [
             f"Detector {letter.upper()} is {words} in {percent(share)} of the samples (allowed: "
@@ -137,15 +139,15 @@ def reading_faults(columns: Columns, config: Config) -> list[str]:
             for words, share in shares.items()
             if share > LOST_SHARE
         ]
-        equal = (np.diff(one, axis=1) == 0).mean(axis=1)
+        equal = (np.diff(values, axis=1) == 0).mean(axis=1)
         if not lost and equal.max() > EQUAL_SHARE:
-            found.append(
+            sentences.append(
                 f"On detector {letter.upper()}, {percent(float(equal.max()))} of the successive "
                 f"values of {names[int(np.argmax(equal))]} are equal: its noise is smaller than "
                 "the converter's step and cannot be told."
             )
-        found += lost
-    return found
+        sentences += lost
+    return sentences
 
 
 class Steady:
@@ -217,11 +219,11 @@ class Steady:
         """Channels with a rising Allan deviation; the worst of each detector."""
         size = np.zeros(9)
         for n in range(9):
-            found = allan(self.rest[:, n], self.rate, ALLAN_LEVEL)
-            for k in np.flatnonzero(found.tau >= self.length / SEGMENTS):
-                before = (found.tau <= found.tau[k] / 4) & (found.tau >= self.length / 1024)
-                if before.any() and found.low[k] > found.high[before].min():
-                    size[n] = max(size[n], found.deviation[k])
+            curve = allan(self.rest[:, n], self.rate, ALLAN_LEVEL)
+            for k in np.flatnonzero(curve.tau >= self.length / SEGMENTS):
+                before = (curve.tau <= curve.tau[k] / 4) & (curve.tau >= self.length / 1024)
+                if before.any() and curve.low[k] > curve.high[before].min():
+                    size[n] = max(size[n], curve.deviation[k])
         return [
             (n, f"{subject(n)} {self.manner(n)} {amount(n, self.swing(n))}, "
                 f"{digits(self.swing(n) / self.noise[n])} times {self.scatter}: slower "
@@ -240,11 +242,11 @@ class Steady:
     def manner(self, channel: int) -> str:
         """Describe a slow change: a step, if one explains nearly all of it, or wandering."""
         means = self.segment_means()[:, channel]
-        left = [
+        remaining = [
             means[:k].var() * k + means[k:].var() * (len(means) - k) for k in range(1, len(means))
         ]
-        k = int(np.argmin(left)) + 1
-        if left[k - 1] > 0.1 * means.var() * len(means):
+        k = int(np.argmin(remaining)) + 1
+        if remaining[k - 1] > 0.1 * means.var() * len(means):
             return "wanders by"
         return f"jumps after {self.time[self.segments[k][0]]:.3g} s by"
 
@@ -277,8 +279,8 @@ class Steady:
         electronics = self.config.sensor.electronics
         pointing = electronics.pointing if electronics else 0.0
         beam = self.jacobian()[:, 6:] * pointing / self.noise[:, None]
-        found: Floats = ADDED_VARIANCE + 2 * (beam**2).sum(axis=1)
-        return found
+        allowed: Floats = ADDED_VARIANCE + 2 * (beam**2).sum(axis=1)
+        return allowed
 
     def mains_pickup(self) -> list[str]:
         """Find lines at the mains' frequency that are larger than the noise."""
@@ -318,9 +320,9 @@ class Steady:
         sensor = self.config.sensor
         solution = solve(sensor, self.mean, beam="known", power="unknown")
         state = solution.state if bool(solution.converged) else np.zeros(8)
-        found = 1e3 * np.asarray(jacobian(sensor, state))
-        found[2::3] /= self.mean[2::3].sum()
-        return found
+        slopes = 1e3 * np.asarray(jacobian(sensor, state))
+        slopes[2::3] /= self.mean[2::3].sum()
+        return slopes
 
     def cause(self) -> str:
         """Describe the cause of a slow change, or say that it is unknown."""
@@ -330,8 +332,8 @@ class Steady:
         jacobian = self.jacobian() / self.noise[:, None]
         for columns, words in ((slice(6, 8), "beam"), (slice(0, 6), "mirror")):
             states = slow @ np.linalg.pinv(jacobian[:, columns]).T
-            left = slow - states @ jacobian[:, columns].T
-            if (left**2).sum() <= UNEXPLAINED_SHARE * energy.sum():
+            remaining = slow - states @ jacobian[:, columns].T
+            if (remaining**2).sum() <= UNEXPLAINED_SHARE * energy.sum():
                 return self.motion(words, states, jacobian[:, columns])
         places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change if one power does
         k = int(np.argmax(places))
@@ -367,14 +369,14 @@ class Steady:
 
 def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
     """Frequencies of the mains' lines in any of the signals, without duplicates."""
-    found: list[float] = []
+    frequencies: list[float] = []
     for model in models:
         for line in model.lines:
             if line.name.startswith("mains") and all(
-                abs(line.frequency - other) > 2 / model.length for other in found
+                abs(line.frequency - other) > 2 / model.length for other in frequencies
             ):
-                found.append(line.frequency)
-    return found
+                frequencies.append(line.frequency)
+    return frequencies
 
 
 def remove_lines(
@@ -393,14 +395,14 @@ def segment_variance(part: Floats) -> Floats:
     place = np.arange(len(part)) - (len(part) - 1) / 2
     centred = part - part.mean(axis=0)
     centred = centred - np.outer(place, place @ centred / (place @ place))
-    found: Floats = (centred**2).sum(axis=0) / (len(part) - 2)
-    return found
+    variance: Floats = (centred**2).sum(axis=0) / (len(part) - 2)
+    return variance
 
 
 def block_means(signals: Floats, size: int) -> Floats:
     count = len(signals) // size
-    found: Floats = signals[: count * size].reshape(count, size, -1).mean(axis=1)
-    return found
+    means: Floats = signals[: count * size].reshape(count, size, -1).mean(axis=1)
+    return means
 
 
 def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
@@ -411,16 +413,16 @@ def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, i
     """
     from scipy.stats import chi2
 
-    found = []
+    ratios = []
     for n in (0, 1, 3, 4, 6, 7):
         others = np.delete(apart, np.s_[3 * (n // 3) : 3 * (n // 3) + 3], axis=1)
         fitted = others @ np.linalg.lstsq(others, apart[:, n], rcond=None)[0]
         explained = float(fitted @ fitted)
-        left = max(float(((apart[:, n] - fitted) ** 2).mean()), 1e-300)
-        if explained > left * chi2.ppf(1 - CHANCE, others.shape[1]):
-            variance = (explained / len(apart) - left * others.shape[1] / len(apart)) / 2
-            found.append((variance / float(allowed[n]), n))
-    return found
+        remaining = max(float(((apart[:, n] - fitted) ** 2).mean()), 1e-300)
+        if explained > remaining * chi2.ppf(1 - CHANCE, others.shape[1]):
+            variance = (explained / len(apart) - remaining * others.shape[1] / len(apart)) / 2
+            ratios.append((variance / float(allowed[n]), n))
+    return ratios
 
 
 def exchanged_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
@@ -432,13 +434,13 @@ def exchanged_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int
     """
     covariance = apart.T @ apart / len(apart)
     scale = np.sqrt(np.diagonal(covariance))
-    found = []
-    for one, other in ((0, 1), (1, 2), (0, 2)):
-        chance = TAIL_SIGMAS * scale[one] * scale[other] / len(apart) ** 0.5
-        if covariance[one, other] < -chance:
-            variance = -covariance[one, other]  # twice the covariance, halved for a difference
-            found.append((float(variance / allowed[one]), 3 * one + 2))
-    return found
+    ratios = []
+    for first, second in ((0, 1), (1, 2), (0, 2)):
+        chance = TAIL_SIGMAS * scale[first] * scale[second] / len(apart) ** 0.5
+        if covariance[first, second] < -chance:
+            variance = -covariance[first, second]  # twice the covariance, halved for a difference
+            ratios.append((float(variance / allowed[first]), 3 * first + 2))
+    return ratios
 
 
 def worst_channels(ratios: Floats, allowed: float) -> list[int]:

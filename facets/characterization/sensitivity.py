@@ -24,8 +24,8 @@ def sensitivity(
 ) -> dict[str, dict[str, Index]]:
     """First-order Sobol indices of each objective by each variable, by SALib's RBD-FAST.
 
-    table: of completely evaluated designs; impossible designs may be among them. An index is an
-    estimate, so that a small one can be below zero, within its interval.
+    table: columns of completely evaluated designs; impossible designs may be among them. An index
+    is an estimate, so that a small one can be below zero, within its interval.
     """
     from SALib.analyze import rbd_fast
 
@@ -35,12 +35,12 @@ def sensitivity(
     x = np.stack([table[name][good] for name in names], axis=1)
     bounds = [[float(low), float(high)] for low, high in zip(x.min(0), x.max(0), strict=True)]
     problem = {"num_vars": len(names), "names": names, "bounds": bounds}
-    found = {}
+    by_objective = {}
     for objective in objectives:
         if np.ptp(table[objective][good]) == 0:
             continue
         result = rbd_fast.analyze(problem, x, table[objective][good], seed=1)
         pairs = zip(result["S1"], result["S1_conf"], strict=True)
         indices = [Index(float(value), float(half)) for value, half in pairs]
-        found[objective] = dict(zip(names, indices, strict=True))
-    return found
+        by_objective[objective] = dict(zip(names, indices, strict=True))
+    return by_objective

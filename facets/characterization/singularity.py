@@ -194,22 +194,22 @@ def survey(
     """Measure all states chunk by chunk.  keep: takes each chunk and its measures."""
     if left_out not in READING:
         raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
-    found: Survey | None = None
+    result: Survey | None = None
     for states in chunks:
         values = measures(sensor, states, left_out, spectra, threads)
-        if found is None:
-            found = empty_survey(apex_offset(states), values)
-        count_states(found, states, values)
+        if result is None:
+            result = empty_survey(apex_offset(states), values)
+        count_states(result, states, values)
         if keep is not None:
             keep(states, values)
-    if found is None:
+    if result is None:
         raise InputError("no states are requested; allowed: 1 or more")
-    if found.dark == found.states:
+    if result.dark == result.states:
         raise InputError(
-            f"none of the {found.states:,} states drawn gives every detector a reading: the box "
+            f"none of the {result.states:,} states drawn gives every detector a reading: the box "
             "lies where the beam misses the mirror or the spots their detectors; give a smaller one"
         )
-    return found
+    return result
 
 
 def empty_survey(offset: Floats, values: Floats) -> Survey:
@@ -240,27 +240,28 @@ def extent_of(values: Floats) -> tuple[float, float]:
     return low, high if high > low else low + 1
 
 
-def count_states(found: Survey, states: Floats, values: Floats) -> None:
+def count_states(result: Survey, states: Floats, values: Floats) -> None:
+    """Add states (n, 8) with their measures (n, 3) to a survey."""
     lit = np.isfinite(values[:, 0])
-    found.states += len(states)
-    found.dark += int((~lit).sum())
+    result.states += len(states)
+    result.dark += int((~lit).sum())
     if not lit.any():
         return
     states, values = states[lit], values[lit]
     offset = apex_offset(states)
-    for counts, edges, column in ((found.counts, 1, 0), (found.second, 2, 1)):
-        ends = found.edges[edges]
+    for counts, edges, column in ((result.counts, 1, 0), (result.second, 2, 1)):
+        ends = result.edges[edges]
         if np.isfinite(values[0, column]):
             held = np.clip(values[:, column], ends[0], ends[-1])
-            inside = np.minimum(offset, found.edges[0][-1])
-            counts += np.histogram2d(inside, held, bins=(found.edges[0], ends))[0]
-    found.low = np.fmin(found.low, values.min(axis=0))
-    found.high = np.fmax(found.high, values.max(axis=0))
+            inside = np.minimum(offset, result.edges[0][-1])
+            counts += np.histogram2d(inside, held, bins=(result.edges[0], ends))[0]
+    result.low = np.fmin(result.low, values.min(axis=0))
+    result.high = np.fmax(result.high, values.max(axis=0))
     sign = np.sign(values[:, 0])
-    found.signs += [int((sign == s).sum()) for s in (-1, 0, 1)]
-    found.lowest = keep_worse(found.lowest, states, values, np.abs(values[:, 0]), 0)
+    result.signs += [int((sign == s).sum()) for s in (-1, 0, 1)]
+    result.lowest = keep_worse(result.lowest, states, values, np.abs(values[:, 0]), 0)
     if np.isfinite(values[0, 1]):
-        found.weakest = keep_worse(found.weakest, states, values, values[:, 1], 1)
+        result.weakest = keep_worse(result.weakest, states, values, values[:, 1], 1)
 
 
 def keep_worse(known: Worst, states: Floats, values: Floats, size: Floats, column: int) -> Worst:
@@ -294,12 +295,12 @@ def search(
     if len(wide) == 0:
         shares = np.full((1, 8), 0.5)
     else:
-        found = differential_evolution(
+        optimum = differential_evolution(
             least, [(0, 1)] * len(wide), rng=np.random.default_rng(seed), vectorized=True,
             updating="deferred", maxiter=400, tol=1e-8,
         )  # fmt: skip
         shares = np.full((1, 8), 0.5)
-        shares[0, wide] = found.x
+        shares[0, wide] = optimum.x
     state = domain.states(shares)
     return Worst(state[0], measures(sensor, state, left_out)[0])
 

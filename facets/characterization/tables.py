@@ -37,14 +37,14 @@ def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
 
 
 def resolution_columns(
-    found: Sequence[Resolution], coverage: float | None = None
+    resolutions: Sequence[Resolution], coverage: float | None = None
 ) -> dict[str, Any]:
     """Resolutions, one row for each estimator and axis; um and urad.  coverage: probability of
     expanded uncertainties, with their coverage factors, or None for none."""
-    rows = [resolution_row(row, i) for row in found for i in range(len(POSE))]
+    rows = [resolution_row(row, i) for row in resolutions for i in range(len(POSE))]
     columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
     if coverage is not None:
-        places = zip(*(row.coverage(coverage) for row in found), strict=True)
+        places = zip(*(row.coverage(coverage) for row in resolutions), strict=True)
         for place, numbers in zip(("at_rest", "worst", "worst_in_box"), places, strict=True):
             freedom, factor = (np.concatenate(part) for part in zip(*numbers, strict=True))
             columns[f"expanded_{place}"] = factor * columns[f"u_{place}"]
@@ -72,24 +72,24 @@ def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
     }
 
 
-def trial_columns(found: dict[str, PropagationResult]) -> dict[str, Any]:
-    """What trials of measurements say, one row for each pose and axis; um and urad.
+def trial_columns(results: dict[str, PropagationResult]) -> dict[str, Any]:
+    """The results of trials, one row for each pose and axis; um and urad.
 
     Ends of intervals are relative to the estimate, which is that of readings without noise.
     """
     rows = [
-        trial_row(number, where, one, i)
-        for number, (where, one) in enumerate(found.items(), start=1)
+        trial_row(number, where, result, i)
+        for number, (where, result) in enumerate(results.items(), start=1)
         for i in range(len(POSE))
     ]
     return {key: np.array([row[key] for row in rows]) for key in rows[0]}
 
 
-def trial_row(number: int, where: str, found: PropagationResult, i: int) -> dict[str, Any]:
-    unit, linear = unit_of(POSE[i]), found.linear
+def trial_row(number: int, where: str, result: PropagationResult, i: int) -> dict[str, Any]:
+    unit, linear = unit_of(POSE[i]), result.linear
     factor, place = unit.fine_factor, linear.pose[0, i]
-    digits, undecided = found.validate()
-    intervals = {"symmetric": found.symmetric, "shortest": found.shortest}
+    digits, undecided = result.validate()
+    intervals = {"symmetric": result.symmetric, "shortest": result.shortest}
     ends = {
         f"{name}_{side}": factor * (getattr(interval, side)[i] - place)
         for name, interval in intervals.items()
@@ -98,24 +98,24 @@ def trial_row(number: int, where: str, found: PropagationResult, i: int) -> dict
     return {
         "pose": number,
         "where": where,
-        **{name: found.state[k] / STATE_UNITS[k] for k, name in enumerate(STATE_COLUMNS)},
+        **{name: result.state[k] / STATE_UNITS[k] for k, name in enumerate(STATE_COLUMNS)},
         "axis": f"displacement_{POSE[i]}" if linear.is_displacement else POSE[i],
         "unit": ascii_unit(unit.fine_unit),
         "u_linear": factor * linear.uncertainty[0, i],
-        "k_linear": linear.coverage_factor(found.probability)[0, i],
-        "expanded_linear": factor * linear.expanded_uncertainty(found.probability)[0, i],
-        "u_trials": factor * np.sqrt(found.covariance[i, i]),
-        "mean_trials": factor * (found.mean[i] - place),
+        "k_linear": linear.coverage_factor(result.probability)[0, i],
+        "expanded_linear": factor * linear.expanded_uncertainty(result.probability)[0, i],
+        "u_trials": factor * np.sqrt(result.covariance[i, i]),
+        "mean_trials": factor * (result.mean[i] - place),
         **ends,
-        "error_of_ends": factor * found.symmetric.errors[i].max(),
+        "error_of_ends": factor * result.symmetric.errors[i].max(),
         "agrees_to_digits": digits[i],
         "needs_more_trials": int(undecided[i]),
-        "trials": found.count,
-        "without_pose": sum(found.trials.failures.values()),
-        "far": found.far,
-        "region_factor_linear": found.linear_region_factor,
-        "region_factor_trials": found.region_factor,
-        "region_probability_linear": found.linear_region_probability,
+        "trials": result.count,
+        "without_pose": sum(result.trials.failures.values()),
+        "far": result.far,
+        "region_factor_linear": result.linear_region_factor,
+        "region_factor_trials": result.region_factor,
+        "region_probability_linear": result.linear_region_probability,
     }
 
 
@@ -129,14 +129,14 @@ def state_columns(states: Floats, values: Floats) -> dict[str, Any]:
     return columns | {name: values[:, i] for i, name in enumerate(names)}
 
 
-def density_columns(found: Survey) -> dict[str, Any]:
+def density_columns(survey: Survey) -> dict[str, Any]:
     """Classes of apex offset and determinant that hold states."""
-    offsets, levels = found.edges[0], found.edges[1]
-    i, j = np.nonzero(found.counts)
+    offsets, levels = survey.edges[0], survey.edges[1]
+    i, j = np.nonzero(survey.counts)
     return {
         "apex_offset_from_mm": offsets[i],
         "apex_offset_to_mm": offsets[i + 1],
         "determinant_from": levels[j],
         "determinant_to": levels[j + 1],
-        "states": found.counts[i, j].astype(int),
+        "states": survey.counts[i, j].astype(int),
     }

@@ -38,7 +38,8 @@ PART = 8000
 
 
 class TrialResults(NamedTuple):
-    """Solved trials.  poses: (m, 6) of those with a pose.  failures: the others by status."""
+    """Solved trials.  poses: (m, 6) of the trials that have one.  failures: number of the others by
+    status."""
 
     poses: Floats
     failures: Counter[str]
@@ -73,7 +74,7 @@ def draw_errors(known: Calibration, count: int, rng: np.random.Generator) -> Flo
 def draw_parameters(
     sensor: Sensor, known: Calibration, raw: Floats, rng: np.random.Generator
 ) -> ParameterDraws:
-    """The sensors that may be, for raw readings (n, 9)."""
+    """Draw sensors with errors of their parameters, for raw readings (n, 9)."""
     errors, beam = draw_errors(known, len(raw), rng), sensor.beam
 
     def errors_of(names: Sequence[str]) -> Floats:
@@ -97,7 +98,7 @@ def draw_parameters(
 
 
 def draw_knowledge(knowledge: Knowledge, means: Floats, rng: np.random.Generator) -> Knowledge:
-    """Priors with drawn means.  means: (n, 3) of the beam's place, mm, and its power, mW: what is
+    """Draw the means of priors.  means: (n, 3) the beam's place, mm, and its power, mW, that are
     right in each trial."""
     beam = as_floats(knowledge.beam_sigma, "sigma")
     power = as_floats(knowledge.power_sigma, "sigma")
@@ -113,7 +114,7 @@ def draw_knowledge(knowledge: Knowledge, means: Floats, rng: np.random.Generator
 
 
 def knowledge_at(options: Solve, sensor: Sensor, state: Floats) -> Knowledge:
-    """What is known of the beam where the mirror and the beam are in a state (8,)."""
+    """The knowledge of the beam where the mirror and the beam are in a state (8,)."""
     knowledge = options.knowledge(sensor)
     if isinstance(knowledge.beam, Prior):
         knowledge = replace(knowledge, beam=Prior(tuple(state[6:]), knowledge.beam.sigma))
@@ -126,8 +127,10 @@ def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Fl
     knowledge = options.knowledge(sensor)
     how = Estimator("solve", knowledge.beam, eight=options.method == "paper", power=knowledge.power)
     worst = resolve(sensor, rules, [how])[0].worst_state
-    found = {f"where {POSE[n]} is worst": state for n, state in enumerate(worst) if state.any()}
-    return {"at rest": np.zeros(8)} | found
+    worst_by_name = {
+        f"where {POSE[n]} is worst": state for n, state in enumerate(worst) if state.any()
+    }
+    return {"at rest": np.zeros(8)} | worst_by_name
 
 
 def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
@@ -162,14 +165,16 @@ def solve_trials(
     exact, poses = readings(sensor, state), np.empty((count, 6))
     status = np.empty(count, np.int8)
     seeds = np.random.SeedSequence(seed).spawn(-(-count // PART))
-    for n, own in enumerate(seeds):
+    for n, seed_of_part in enumerate(seeds):
         part = slice(n * PART, min((n + 1) * PART, count))
-        rng = np.random.default_rng(own)
-        found = solve_part(sensor, options, state, np.tile(exact, (part.stop - part.start, 1)), rng)
-        poses[part], status[part] = found
-        advance(len(found[1]))
+        rng = np.random.default_rng(seed_of_part)
+        solved = solve_part(
+            sensor, options, state, np.tile(exact, (part.stop - part.start, 1)), rng
+        )
+        poses[part], status[part] = solved
+        advance(len(solved[1]))
     good = status == Status.CONVERGED
-    failures = Counter(Status(int(one)).label for one in status[~good])
+    failures = Counter(Status(int(code)).label for code in status[~good])
     return TrialResults(poses[good], failures)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,50 +32,62 @@ INPUTS = {
 DIRECTIONS = {name: n for n, name in enumerate(POSE, 1)}
 
 
+class Node(NamedTuple):
+    """The point at which responses were measured.  number: its number in the model of the
+    structure.  place: (3,) mm."""
+
+    number: int
+    place: Sequence[float]
+
+
+class InputChannel(NamedTuple):
+    """The input of the responses.  column: its column in the table, with the unit at its end.
+    node, direction: its degree of freedom, as `read_input_dof` gives it; 0, 0 if not known."""
+
+    column: str
+    node: int = 0
+    direction: int = 0
+
+
 def input_type(column: str) -> tuple[int, str, float]:
     """Type of an input's column by the unit at its end: code, SI unit, and factor to that."""
     words = column.lower().split("_")
     endings = ("_".join(words[n:]) for n in range(1, len(words)))
-    return next((INPUTS[one] for one in endings if one in INPUTS), (UNKNOWN, "NONE", 1.0))
+    return next((INPUTS[ending] for ending in endings if ending in INPUTS), (UNKNOWN, "NONE", 1.0))
 
 
 def read_input_dof(text: str) -> tuple[int, int]:
     """Read "2:-tz" as the node and the direction (6: +Z rotation, -3: -Z translation)."""
-    found = re.fullmatch(rf"(\d{{1,7}}):([+-]?)({'|'.join(POSE)})", text.strip())
-    if found is None:
+    match = re.fullmatch(rf"(\d{{1,7}}):([+-]?)({'|'.join(POSE)})", text.strip())
+    if match is None:
         raise InputError(
             f"--input-dof is {text!r}; allowed: NODE:AXIS with AXIS one of {', '.join(POSE)}, "
             "with a minus sign for the opposite direction, such as 2:-tz"
         )
-    node, sign, axis = found.groups()
+    node, sign, axis = match.groups()
     return int(node), DIRECTIONS[axis] * (-1 if sign == "-" else 1)
 
 
 def write_universal_file(
     path: Path,
     response: FrequencyResponse,
-    column: str,
-    node: int,
-    input_dof: tuple[int, int],
-    point: Sequence[float],
+    stimulus: InputChannel,
+    node: Node,
     about: Mapping[str, str],
 ) -> None:
-    """Write responses of the pose to the input of a table's column.
+    """Write responses of the pose of a node, the point of interest, to an input.
 
-    node: number of the point of interest, `point` (3,) mm.  input_dof: node and direction of the
-    input; 0, 0 if not known.  about: provenance.
+    about: provenance.
     """
     pyuff = require_extra("pyuff", f"--uff {path}")
-    sets = [*head_sets(node, point, about)]
+    sets = [*head_sets(node, about)]
     for function in (FRF, COHERENCE):
-        sets += [
-            function_set(response, axis, function, column, node, input_dof, about) for axis in POSE
-        ]
+        sets += [function_set(response, axis, function, stimulus, node, about) for axis in POSE]
     with Whole(path) as temporary:
         pyuff.UFF(str(temporary)).write_sets(sets, "overwrite")
 
 
-def head_sets(node: int, point: Sequence[float], about: Mapping[str, str]) -> list[dict[str, Any]]:
+def head_sets(node: Node, about: Mapping[str, str]) -> list[dict[str, Any]]:
     """The header, the units and the node."""
     made = about.get("made", "")
     date, _, time = made.partition("T")
@@ -91,9 +103,9 @@ def head_sets(node: int, point: Sequence[float], about: Mapping[str, str]) -> li
         "type": 164, "units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 1,
         "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15,
     }  # fmt: skip
-    x, y, z = (np.array([1e-3 * value]) for value in point)
+    x, y, z = (np.array([1e-3 * value]) for value in node.place)
     places = {
-        "type": 15, "node_nums": np.array([node]), "def_cs": np.array([0]),
+        "type": 15, "node_nums": np.array([node.number]), "def_cs": np.array([0]),
         "disp_cs": np.array([0]), "color": np.array([11]), "x": x, "y": y, "z": z,
     }  # fmt: skip
     return [header, units, places]
@@ -103,9 +115,8 @@ def function_set(
     response: FrequencyResponse,
     axis: str,
     function: int,
-    column: str,
-    node: int,
-    input_dof: tuple[int, int],
+    stimulus: InputChannel,
+    node: Node,
     about: Mapping[str, str],
 ) -> dict[str, Any]:
     """Dataset 58 of one axis: its response in m or rad per SI unit of the input, or its coherence.
@@ -113,7 +124,7 @@ def function_set(
     Lines from 0 Hz on, as methods by inverse transforms need them; those that are not estimated,
     below the first one and where a periodic input has none, are zero.
     """
-    kind, unit, scale = input_type(column)
+    kind, unit, scale = input_type(stimulus.column)
     n, step = POSE.index(axis), response.resolution
     lines = np.round(response.frequency / step).astype(int)
     length = 1.0 if axis in ANGLES else 1e-3
@@ -127,20 +138,20 @@ def function_set(
     words = "Coherence" if function == COHERENCE else "Frequency response function H1"
     return {
         "type": 58, "binary": 0, "func_type": function,
-        "id1": f"{words} of {axis} by {column}"[:80],
+        "id1": f"{words} of {axis} by {stimulus.column}"[:80],
         "id2": f"{response.averages:.1f} averages, {window} window, {step:.6g} Hz; facets"[:80],
         "id3": about.get("made", "NONE")[:80],
         "id4": about.get("config", "NONE")[:80],
         "id5": f"Not estimated below {response.frequency[0]:.6g} Hz, where it stands as zero"[:80],
-        "rsp_ent_name": "NONE", "rsp_node": node, "rsp_dir": DIRECTIONS[axis],
-        "ref_ent_name": "NONE", "ref_node": input_dof[0], "ref_dir": input_dof[1],
+        "rsp_ent_name": "NONE", "rsp_node": node.number, "rsp_dir": DIRECTIONS[axis],
+        "ref_ent_name": "NONE", "ref_node": stimulus.node, "ref_dir": stimulus.direction,
         "abscissa_spacing": 1, "abscissa_spec_data_type": FREQUENCY,
         "abscissa_axis_lab": "Frequency", "abscissa_axis_units_lab": "Hz",
         "ordinate_spec_data_type": DISPLACEMENT if function == FRF else UNKNOWN,
         "ordinate_axis_lab": axis, "ordinate_axis_units_lab":
             "NONE" if function == COHERENCE else "rad" if axis in ANGLES else "m",
         "orddenom_spec_data_type": kind if function == FRF else UNKNOWN,
-        "orddenom_axis_lab": column[:20],
+        "orddenom_axis_lab": stimulus.column[:20],
         "orddenom_axis_units_lab": unit if function == FRF else "NONE",
         "z_axis_spec_data_type": UNKNOWN,
         "x": step * np.arange(len(data)), "data": data,

@@ -18,7 +18,7 @@ from ..core.names import DETECTORS
 from ..core.sensor import Apertures, BenchLight, Sensor
 from ..model.arrays import geometry_of, is_on_detector
 from ..model.arrays import readings as model_readings
-from ..optics.forward import path, readings, scene
+from ..optics.forward import mirror_facets, path, readings, scene
 from . import build
 from .blame import culprits, message, remove_keys
 from .problems import is_number, quote_value
@@ -29,7 +29,8 @@ Resolve = Callable[[Marked], dict[str, Any]]
 
 
 class Landing(NamedTuple):
-    """Where a sub-beam lands in its detector's frame, mm, and whether on the sensitive area."""
+    """The place where a sub-beam lands in its detector's frame, mm, and whether it is on the
+    sensitive area."""
 
     psi: float
     zeta: float
@@ -46,11 +47,11 @@ def problems(keys: dict[str, Any], tree: Marked, resolve: Resolve) -> list[str]:
     lost = [k for k, landing in enumerate(landings(sensor)) if not landing.on]
     if not lost:
         return _dark_detectors(keys, sensor, tree, resolve)
-    found: dict[tuple[Path_, ...], list[int]] = {}
+    by_keys: dict[tuple[Path_, ...], list[int]] = {}
     for k in lost:
         paths = culprits(tree, ("sensor",), partial(_miss_of, resolve, k))
-        found.setdefault(tuple(paths), []).append(k)
-    return [_miss_message(keys, tree, paths, ks, resolve) for paths, ks in found.items()]
+        by_keys.setdefault(tuple(paths), []).append(k)
+    return [_miss_message(keys, tree, paths, ks, resolve) for paths, ks in by_keys.items()]
 
 
 def _miss_of(resolve: Resolve, k: int, tree: Marked) -> float:
@@ -76,8 +77,8 @@ def _powers(sensor: Sensor) -> list[float]:
     light."""
     if sensor.apertures == Apertures() and sensor.light == BenchLight():
         return [sensor.beam.power] * 3
-    found: list[float] = model_readings(sensor, np.zeros(8))[2::3].tolist()
-    return found
+    powers: list[float] = model_readings(sensor, np.zeros(8))[2::3].tolist()
+    return powers
 
 
 def _darkness(keys: dict[str, Any]) -> float:
@@ -177,7 +178,7 @@ def _place_in_words(sensor: Sensor, k: int) -> str:
 def _reason_of_no_landing(sensor: Sensor, k: int) -> str:
     geometry = geometry_of(sensor)
     try:
-        ray = path(geometry, scene(geometry, ZERO), k)
+        ray = path(mirror_facets(geometry, scene(geometry, ZERO))[k])
     except ZeroDivisionError:
         return "grazes a plane and does not land"
     if ray.incidence >= 0:

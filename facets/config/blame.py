@@ -17,10 +17,10 @@ Misses = Callable[[Marked], float]
 def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
     """Write `FILE:LINE: key.path: reason`, for the first key that the user's own file sets, else
     for the first that any file sets; the other keys follow the reason."""
-    found = [(*tree.find(path), path) for path in paths]
-    known = [(mark, path) for mark, at, path in found if at == path]
-    known.sort(key=lambda one: one[0].file != tree.file)
-    (mark, path), *others = known or [(found[0][0], paths[0])]
+    marks = [(*tree.find(path), path) for path in paths]
+    known = [(mark, path) for mark, at, path in marks if at == path]
+    known.sort(key=lambda pair: pair[0].file != tree.file)
+    (mark, path), *others = known or [(marks[0][0], paths[0])]
     beside = ", ".join(f"{dotted_path(path)} ({other.place})" for other, path in others)
     told = reason if reason.startswith(dotted_path(path)) else f"{dotted_path(path)}: {reason}"
     return f"{mark.place}: {told}{beside and f'; together with {beside}'}"
@@ -62,14 +62,14 @@ def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
     files.
     """
     every = [(path, mark) for path, mark in leaves(tree.find(block)[0], block) if path]
-    own = [path for path, mark in every if mark.file == tree.file]
-    for some in (own, [path for path, _ in every]):
+    of_file = [path for path, mark in every if mark.file == tree.file]
+    for some in (of_file, [path for path, _ in every]):
         alone = [(misses(remove_keys(tree, [path])), n) for n, path in enumerate(some)]
         if alone and min(alone)[0] <= 1:
             return [some[min(alone)[1]]]
         if some and misses(remove_keys(tree, some)) <= 1:
             return smallest_set(tree, some, misses)
-    return own[:1] or [block]
+    return of_file[:1] or [block]
 
 
 def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:
@@ -77,7 +77,7 @@ def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_
     other."""
     chosen = list(paths)
     for path in paths:
-        fewer = [one for one in chosen if one != path]
+        fewer = [kept for kept in chosen if kept != path]
         if misses(remove_keys(tree, fewer)) <= 1:
             chosen = fewer
     return chosen

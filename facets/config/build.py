@@ -47,16 +47,17 @@ def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 def differences(
     old: dict[str, Any], new: dict[str, Any], write: Callable[[Any], Any] = lambda value: value
 ) -> dict[str, Any]:
-    """Return the nested keys of `new` whose values differ, as `write` has them."""
-    found = {}
+    """Return the nested keys of `new` whose values differ from those of `old`, in the form that
+    `write` gives them."""
+    changed = {}
     for key, value in new.items():
         before = old.get(key)
         if isinstance(value, dict) and isinstance(before, dict):
             if inner := differences(before, value, write):
-                found[key] = inner
+                changed[key] = inner
         elif write(value) != write(before):
-            found[key] = write(value)
-    return found
+            changed[key] = write(value)
+    return changed
 
 
 def sensor(keys: dict[str, Any]) -> Sensor:

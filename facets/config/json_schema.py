@@ -85,8 +85,8 @@ def _entry_of_item(node: dict[str, Any], place: int) -> dict[str, Any] | None:
     """The allowed item of a list at a place."""
     for option in (node, *node.get("anyOf", [])):
         if place < len(option.get("prefixItems", [])):
-            found: dict[str, Any] = option["prefixItems"][place]
-            return found
+            item: dict[str, Any] = option["prefixItems"][place]
+            return item
         if "items" in option:
             return _follow_reference(option["items"])
     return node
@@ -110,15 +110,15 @@ def unit(path: Path_) -> str:
 
 def allowed_values(path: Path_, plain: Any = None) -> str:
     """The allowed values of a key in words: 'a number above 0, up to 1000 mm'."""
-    found = entry(path, plain)
-    if found is None:
+    node = entry(path, plain)
+    if node is None:
         return ""
-    if found.get("type") == "object":
-        return ", ".join(found.get("properties", {})) or "a name for each block below it"
-    ending = f" {unit(path)}" if _is_numeric(found) and unit(path) else ""
-    if {"type": "null"} in found.get("anyOf", []):
-        return f"{_type_in_words(found['anyOf'][0])}{ending}, or null for none"
-    return _type_in_words(found) + ending
+    if node.get("type") == "object":
+        return ", ".join(node.get("properties", {})) or "a name for each block below it"
+    ending = f" {unit(path)}" if _is_numeric(node) and unit(path) else ""
+    if {"type": "null"} in node.get("anyOf", []):
+        return f"{_type_in_words(node['anyOf'][0])}{ending}, or null for none"
+    return _type_in_words(node) + ending
 
 
 def _is_numeric(node: dict[str, Any]) -> bool:
@@ -175,8 +175,8 @@ def _range_in_words(node: dict[str, Any]) -> str:
 
 def key_names(path: Path_, plain: Any = None) -> list[str]:
     """The keys that a block may hold."""
-    found = entry(path, plain) or {}
-    return list(found.get("properties", {}))
+    node = entry(path, plain) or {}
+    return list(node.get("properties", {}))
 
 
 def suggest_name(wrong: str, right: list[str]) -> str:

@@ -55,7 +55,7 @@ def load(name_or_path: str | Path) -> Config:
     file = find(name_or_path)
     tree = gather(file)
     resolved = _resolve(tree)
-    settings = {name: one.value(resolved) for name, one in block_of(Config).sources.items()}
+    settings = {name: source.value(resolved) for name, source in block_of(Config).sources.items()}
     if settings["acquire"].detectors == 2:  # Older files write it this way.
         settings["solve"] = replace(settings["solve"], accept_unchecked=True)
     settings["layout"] = replace(settings["layout"], object=settings["object"])
@@ -108,9 +108,9 @@ def _resolve(tree: Marked) -> dict[str, Any]:
 
 def _sensor_keys(tree: Marked) -> dict[str, Any]:
     """The `sensor` block of a tree, completed by the keys of a sound one."""
-    found: dict[str, Any] = build.resolve(Document.model_validate(tree.plain()))["sensor"]
-    _locate_measured_files(tree, found)
-    return found
+    keys: dict[str, Any] = build.resolve(Document.model_validate(tree.plain()))["sensor"]
+    _locate_measured_files(tree, keys)
+    return keys
 
 
 def _refusals(tree: Marked, sensor: dict[str, Any]) -> list[str]:
@@ -162,12 +162,12 @@ MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
 def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
     """The files of measurements that a resolved configuration names: block, key, and key of the
     checksum."""
-    found = []
+    files = []
     for block, (places, total) in MEASURED.items():
         keys, name = _block(resolved["sensor"], block), places[0][-1]
         if keys.get(name) is not None:
-            found.append((keys, name, keys[total]))
-    return found
+            files.append((keys, name, keys[total]))
+    return files
 
 
 def source_files(config: Config) -> list[Path]:
@@ -193,8 +193,8 @@ def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         keys, name = _block(sensor, block), places[0][-1]
         if keys[name] is None:
             continue
-        found = [tree.find(("sensor", *place)) for place in places]
-        mark, path = next((mark, path) for mark, path in found if path[-1] == name)
+        marks = [tree.find(("sensor", *place)) for place in places]
+        mark, path = next((mark, path) for mark, path in marks if path[-1] == name)
         where = f"{mark.place}: {dotted_path(path)}: "
         file = mark.file.parent / Path(keys[name]).expanduser()
         if not file.is_file():

@@ -108,13 +108,13 @@ def bounded_type(hint: Any, key: Key) -> Any:
     """A field's type for pydantic, each number and text within the key's bounds."""
     kind, inner = get_origin(hint), get_args(hint)
     if kind in (Union, UnionType):
-        return Union[tuple(bounded_type(one, key) for one in inner)]  # noqa: UP007
+        return Union[tuple(bounded_type(part, key) for part in inner)]  # noqa: UP007
     if kind is tuple and ... in inner:
         length = Field(min_length=key.length, max_length=key.length)
         items: Any = list[bounded_type(inner[0], key)]  # type: ignore[misc]
         return Annotated[items, length]
     if kind is tuple:
-        items = tuple[tuple(bounded_type(one, key) for one in inner)]  # type: ignore[misc]
+        items = tuple[tuple(bounded_type(part, key) for part in inner)]  # type: ignore[misc]
         return Annotated[items, BeforeValidator(list_to_tuple)]
     plain: Any = str if hint is Path else hint
     if plain is str and key.check is not None:

@@ -15,17 +15,17 @@ from .yaml_positions import Marked, Path_, dotted_path
 
 
 def messages(error: ValidationError, tree: Marked) -> list[str]:
-    """One line for each problem, in the order of the file."""
+    """A line for each problem, in the order of the file."""
     plain = tree.plain()
-    found = [_message_at(details, tree, plain) for details in error.errors()]
-    lines = {text: (str(mark.file), mark.line) for text, mark in found}
+    texts = [_message_at(details, tree, plain) for details in error.errors()]
+    lines = {text: (str(mark.file), mark.line) for text, mark in texts}
     return sorted(lines, key=lambda text: lines[text])
 
 
 def _message_at(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, Marked]:
     path = _path_in_file(details, plain)
     kind = details["type"]
-    mark, found = tree.find(path)
+    mark, reached = tree.find(path)
     if kind == "extra_forbidden":
         reason = _unknown_key(path, plain)
     elif kind == "string_pattern_mismatch":
@@ -34,9 +34,9 @@ def _message_at(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, M
         )
     elif kind == "value_error":
         reason = details["msg"].removeprefix("Value error, ")
-    elif found != path and not isinstance(mark.value, dict):  # A single number may stand for two.
-        path, reason = found, _wrong_value(found, mark, plain)
-    elif found != path:
+    elif reached != path and not isinstance(mark.value, dict):  # A single number may stand for two.
+        path, reason = reached, _wrong_value(reached, mark, plain)
+    elif reached != path:
         reason = _missing_key(path, plain)
     else:
         reason = _wrong_value(path, mark, plain)
@@ -104,8 +104,8 @@ def _reason_of_number(value: Any, may: str) -> str:
 
 def _count_in_words(may: str) -> str:
     """Find the number of items in 'a list of 9 numbers from ...'."""
-    found = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", may)
-    return found[1] if found else "two numbers"
+    match = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", may)
+    return match[1] if match else "two numbers"
 
 
 def is_number(value: Any) -> bool:

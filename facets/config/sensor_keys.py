@@ -49,7 +49,7 @@ def _three_of(
     name: str, meaning: str, single: KeyBlock, single_meaning: str, what: str
 ) -> KeyBlock:
     """Blocks for a, b and c and their common keys: all but the azimuth."""
-    sources = {field: one for field, one in single.sources.items() if field != "azimuth"}
+    sources = {field: source for field, source in single.sources.items() if field != "azimuth"}
     common = replace(single, sources=sources).keys
     part = KeyBlock(
         f"One{single.name}",

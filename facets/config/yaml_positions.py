@@ -50,14 +50,14 @@ class Marked:
 
     def find(self, path: Path_) -> tuple[Marked, Path_]:
         """The value at a path, or the closest value above it, and the path of the result."""
-        found: Marked = self
+        value: Marked = self
         for depth, key in enumerate(path):
-            inside = found.value
+            inside = value.value
             known = isinstance(inside, dict) and key in inside
             if not known and not (isinstance(inside, list) and key in range(len(inside))):
-                return found, path[:depth]
-            found = inside[key]
-        return found, path
+                return value, path[:depth]
+            value = inside[key]
+        return value, path
 
 
 def path_text(file: Path) -> str:

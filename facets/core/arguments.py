@@ -77,11 +77,13 @@ def unmask(values: Any) -> Any:
 
 
 def labels_of(values: Any) -> list[Any]:
-    """The names of a table's columns, or of the numbers in a row of it; empty if there are none."""
+    """The names of a table's columns, or of the numbers in one of its rows; empty if there are
+    none."""
     dtype = getattr(values, "dtype", None)
     sources = ((dtype, "names"), (values, "column_names"), (values, "columns"), (values, "index"))
-    found = (getattr(source, name, None) for source, name in sources)
-    labels = list(next((one for one in found if one is not None and not callable(one)), ()))
+    candidates = (getattr(source, name, None) for source, name in sources)
+    given = (names for names in candidates if names is not None and not callable(names))
+    labels = list(next(given, ()))
     return labels if any(isinstance(label, str | tuple) for label in labels) else []
 
 
@@ -127,7 +129,7 @@ def floats_of_list(values: Sequence[Any], width: int = 0) -> Floats:
     if not is_plain(values):
         pandas = sys.modules.get("pandas")
         missing = None if pandas is None else pandas.NA
-        values = [np.nan if one is None or one is missing else one for one in values]
+        values = [np.nan if value is None or value is missing else value for value in values]
     if not is_plain(values):
         values = [floats_of(value, width) for value in values]
     try:
@@ -208,7 +210,7 @@ class ArgumentCheck:
             raise InputError(refusal(name, hint, value))
         if isinstance(value, str) and has_words(hint):
             self.allowed[name].add(value)
-        if isinstance(value, str) or any(get_origin(one) in SEQUENCES for one in options(hint)):
+        if isinstance(value, str) or any(get_origin(kind) in SEQUENCES for kind in options(hint)):
             return False
         self.allowed[name].add(type(value))
         return True
@@ -221,7 +223,7 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def options(hint: Any) -> Iterable[Any]:
-    """The types that an annotation allows: those of a union, or the only one."""
+    """The types that an annotation allows: the members of a union, or the only type."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
@@ -334,7 +336,8 @@ def refusal(name: str, hint: Any, value: Any) -> str:
 
 
 def suggestion(kind: Any, value: Any) -> str:
-    """Where the value that was passed holds an object of the required kind; "" if nowhere."""
+    """The place in the value that was passed that holds an object of the required kind; "" if there
+    is none."""
     if value is kind:
         return f"an object, as {kind.__name__}() makes it"
     if is_dataclass(value) and not isinstance(value, type):

@@ -36,13 +36,13 @@ def state_block(
     keys = []
     for axis, text in zip(STATE, texts, strict=True):
         is_angle = axis in ANGLES
-        own = "mrad" if is_angle else "mm"
+        axis_unit = "mrad" if is_angle else "mm"
         keys.append(
             Key(
-                f"{axis}_{own}",
+                f"{axis}_{axis_unit}",
                 default,
                 text,
-                own if unit is None else unit,
+                axis_unit if unit is None else unit,
                 float,
                 bounds[is_angle],
             )
@@ -70,7 +70,7 @@ def pose_block(name: str, meaning: str, length: float | None, angle: float | Non
 
 
 def convert_fine_units(uncertainties: Sequence[float]) -> tuple[float, ...]:
-    """(6,) um and urad in mm and rad."""
+    """Convert uncertainties (6,) from um and urad to mm and rad."""
     return tuple(value * unit for value, unit in zip(uncertainties, FINE_UNITS, strict=False))
 
 

@@ -83,9 +83,9 @@ class AuxiliaryChannel:
         """Values of the channel in its unit; NaN for each number that is not finite, or not
         plausible in this unit."""
         with np.errstate(over="ignore", invalid="ignore"):
-            found: Floats = self.offset + self.scale * raw.astype(np.float64)
-        is_number = np.isfinite(found) & ~find_implausible(found, self.column)
-        return np.where(is_number, found, np.nan)
+            values: Floats = self.offset + self.scale * raw.astype(np.float64)
+        is_number = np.isfinite(values) & ~find_implausible(values, self.column)
+        return np.where(is_number, values, np.nan)
 
     def raw(self, values: Floats) -> NDArray[np.float32]:
         """The inverse of `values`, as a board sends them."""
@@ -95,12 +95,12 @@ class AuxiliaryChannel:
 
 def describe_channels(channels: Iterable[AuxiliaryChannel]) -> dict[str, str]:
     """Entries for the head of a table: the unit of each channel, and its delay if it has one."""
-    found = {}
+    entries = {}
     for channel in channels:
-        found[f"unit of {channel.column}"] = channel.unit
+        entries[f"unit of {channel.column}"] = channel.unit
         if channel.delay:
-            found[f"delay of {channel.column}"] = f"{1e6 * channel.delay:.6g} us"
-    return found
+            entries[f"delay of {channel.column}"] = f"{1e6 * channel.delay:.6g} us"
+    return entries
 
 
 def column_ending(unit: str) -> str:

@@ -60,7 +60,7 @@ class Key:
     convert: Callable[[Any], Any] | None = None
 
     def read(self, value: Any) -> Any:
-        """What the field holds, from the value in a file."""
+        """The value of the field, from the value in a file."""
         if value is None:
             return self.null
         if self.words is not None:
@@ -76,7 +76,8 @@ class Key:
         return value if self.convert is None else self.convert(value)
 
     def write(self, value: Any) -> Any:
-        """The inverse of `read` for numbers and lists of them."""
+        """The value in a file from that of the field: the inverse of `read`, for numbers and lists
+        of them."""
         return None if value == self.null else to_key(value, self.unit)
 
 
@@ -89,7 +90,8 @@ def to_code(value: Any, unit: str) -> Any:
 
 
 def to_key(value: Any, unit: str) -> Any:
-    """The inverse of `to_code`, with lists."""
+    """Convert numbers from the unit of the code to that of a key; tuples become lists, other values
+    stay."""
     if isinstance(value, list | tuple):
         return [to_key(item, unit) for item in value]
     return KEY_UNITS[unit].to_key(value) if unit else value
@@ -119,7 +121,11 @@ def key(name: str, default: Any, meaning: str, **options: Any) -> Any:
 
     options: attributes of `Key`, and bounds.
     """
-    known = {one: options.pop(one) for one in Key.__dataclass_fields__ if one in options}
+    known = {
+        attribute: options.pop(attribute)
+        for attribute in Key.__dataclass_fields__
+        if attribute in options
+    }
     known.setdefault("unit", unit_in(name))
     return declare(FieldSource((Key(name, default, meaning, bounds=options, **known),)))
 
@@ -132,9 +138,9 @@ def item_of(key: Key, index: int | str) -> Any:
 def declare(source: FieldSource) -> Any:
     """Declare a field of a dataclass whose value and default follow from several keys."""
     metadata = {"source": source}
-    if any(one.default is MISSING for one in source.keys):
+    if any(part.default is MISSING for part in source.keys):
         return field(metadata=metadata)
-    default = source.value({one.name: one.default for one in source.keys})
+    default = source.value({part.name: part.default for part in source.keys})
     if isinstance(default, dict):
         return field(default_factory=default.copy, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -159,8 +165,8 @@ class KeyBlock:
     @property
     def keys(self) -> list[Key]:
         """All keys, in the order of a file."""
-        own = {key.name: key for source in self.sources.values() for key in source.keys}
-        return [*self.common, *own.values()]
+        of_fields = {key.name: key for source in self.sources.values() for key in source.keys}
+        return [*self.common, *of_fields.values()]
 
     def read(self, values: Values) -> Any:
         """Convert the values of all keys; a key that is left out has its default."""
@@ -181,8 +187,8 @@ class KeyBlock:
                 items[source.index] = first.write(value)
                 new[first.name] = items
             elif source.write is not None:
-                own = zip(source.keys, source.write(value), strict=True)
-                new |= {key.name: item for key, item in own}
+                pairs = zip(source.keys, source.write(value), strict=True)
+                new |= {key.name: item for key, item in pairs}
             # A key without a default is filled in by a file that another command writes.
             elif len(source.keys) == 1:
                 new[first.name] = first.write(value)
@@ -195,19 +201,19 @@ def block_of(kind: type[Any]) -> KeyBlock:
     hints = get_type_hints(kind)
     meaning = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
     sources = {
-        one.name: complete(one.metadata["source"], hints[one.name])
-        for one in fields(kind)
-        if "source" in one.metadata
+        member.name: complete(member.metadata["source"], hints[member.name])
+        for member in fields(kind)
+        if "source" in member.metadata
     }
     return KeyBlock(kind.__name__, meaning, sources, kind)
 
 
 def complete(source: FieldSource, hint: Any) -> FieldSource:
-    """A field's source with the type that its key has from the field."""
+    """The source of a field, whose key takes the field's type."""
     if source.read is not None:
         return source
-    own = source.keys[0]
-    return replace(source, keys=(replace(own, hint=own.hint or hint),))
+    single = source.keys[0]
+    return replace(source, keys=(replace(single, hint=single.hint or hint),))
 
 
 def block_of_keys(

@@ -23,14 +23,14 @@ def assignments(text: str, option: str, names: Sequence[str], form: str) -> dict
     option: name of the option, for messages.  form: the allowed form, for messages. Raises
     `InputError` for other names, for a name that is given twice, and for empty text.
     """
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for part in text.split(","):
         name, _, value = (word.strip() for word in part.partition("="))
         if name not in names:
             raise InputError(
                 f"{option} has {part.strip()!r}; allowed: {form}, of {', '.join(names)}"
             )
-        if name in found:
+        if name in values:
             raise InputError(f"{option} has {name} twice; give it once")
-        found[name] = value
-    return found
+        values[name] = value
+    return values

@@ -76,7 +76,7 @@ class MeasuredObject:
                 if not (isfinite(value) and abs(value) <= limit * (1 + 1e-12)):
                     raise InputError(
                         f"{name} of the object is {tuple(values)}; allowed: numbers up to "
-                        f"{', '.join(f'{one:.4g}' for one in most)} (mm, rad) in magnitude"
+                        f"{', '.join(f'{bound:.4g}' for bound in most)} (mm, rad) in magnitude"
                     )
 
     @property
@@ -189,13 +189,16 @@ def object_displacements(
     poses, zero: mirror poses (..., 6) that broadcast. The displacement is the rigid-body motion
     D = X0^-1 X of the object's poses X0 and X.
     """
-    point, own = np.array(body.point, dtype=float), rotation_matrix(np.array(body.orientation))
+    point, orientation = (
+        np.array(body.point, dtype=float),
+        rotation_matrix(np.array(body.orientation)),
+    )
     turn, axes = rotation_matrix(poses[..., 3:]), angle_axes(poses[..., 3:])
     turn_zero, axes_zero = rotation_matrix(zero[..., 3:]), angle_axes(zero[..., 3:])
     arm, arm_zero = _apply(turn, point), _apply(turn_zero, point)
-    back = np.swapaxes(turn_zero @ own, -1, -2)
+    back = np.swapaxes(turn_zero @ orientation, -1, -2)
     shift = (poses[..., :3] - zero[..., :3]) + (arm - arm_zero)
-    place, angles = _apply(back, shift), rotation_angles(back @ turn @ own)
+    place, angles = _apply(back, shift), rotation_angles(back @ turn @ orientation)
     by_turn = -back @ cross_matrix(arm) @ axes
     by_turn_zero = back @ cross_matrix(arm_zero + shift) @ axes_zero
     slopes = _join(place, angles, ((back, by_turn), (back, back @ axes)))
@@ -212,8 +215,8 @@ def displacement_slopes(poses: Floats, body: MeasuredObject) -> Floats:
 def mirror_poses(displacements: Floats, body: MeasuredObject) -> Floats:
     """Mirror poses (..., 6) at which an object has displacements (..., 6) from its pose at the
     mirror's zero: the inverse of `object_displacements` there."""
-    own = rotation_matrix(np.array(body.orientation))
+    orientation = rotation_matrix(np.array(body.orientation))
     point = np.array(body.point, dtype=float)
-    turn = own @ rotation_matrix(displacements[..., 3:]) @ own.T
-    place = point + _apply(own, displacements[..., :3]) - _apply(turn, point)
+    turn = orientation @ rotation_matrix(displacements[..., 3:]) @ orientation.T
+    place = point + _apply(orientation, displacements[..., :3]) - _apply(turn, point)
     return np.concatenate([place, rotation_angles(turn)], axis=-1)

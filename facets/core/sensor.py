@@ -471,8 +471,8 @@ CURVATURE: dict[str, Any] = {
 
 def declare_effect(field: Any, *names: str, **effect: Any) -> Any:
     """A field of `BenchLight` with its `LightEffect`."""
-    own = LightEffect(names, **effect)
-    field.metadata = MappingProxyType({**field.metadata, "effect": own})
+    effect_of_field = LightEffect(names, **effect)
+    field.metadata = MappingProxyType({**field.metadata, "effect": effect_of_field})
     return field
 
 
@@ -539,7 +539,7 @@ def background_field(power_meaning: str, place_meaning: str) -> Any:
     )
 
     def read(values: Values) -> tuple[Three, ...]:
-        powers, places = (one.read(values[one.name]) for one in keys)
+        powers, places = (part.read(values[part.name]) for part in keys)
         return tuple((power, *place) for power, place in zip(powers, places, strict=True))
 
     def write(rows: tuple[Three, ...]) -> list[Any]:

@@ -66,8 +66,7 @@ class Acquire:
         "timing",
         "envelope",
         "method that gives samples the host's time: `envelope` fits the board's clock to the "
-        "soonest arrivals of a minute; `arrival` gives each block its own arrival time, as "
-        "earlier versions did",
+        "soonest arrivals of a minute; `arrival` gives each block its own arrival time",
     )
     least_delay: float = key(
         "least_delay_ms",

@@ -137,21 +137,23 @@ PLAUSIBLE = {
 
 
 def bounds_of(name: str) -> dict[str, float]:
-    """The plausible range of a column or a key as the bounds of a key; empty if there is none."""
+    """The plausible range of a column or a key in the form of a key's bounds; empty if there is
+    none."""
     return next(({"ge": a, "le": b} for end, (a, b) in PLAUSIBLE.items() if name.endswith(end)), {})
 
 
 def describe_bounds(name: str) -> str:
-    """`bounds_of` with the unit, for a message: "-60 to 150 degC"."""
+    """The plausible range of a column or a key with its unit, for a message: "-60 to 150 degC"."""
     low, high = bounds_of(name).values()
     return f"{low:g} to {high:g} {KEY_UNITS[unit_in(name)].label}"
 
 
 def find_implausible(values: Floats, name: str) -> Booleans:
-    """Which numbers of a column are not plausible in its unit, such as infinite ones; not NaN."""
+    """Whether each number of a column is not plausible in its unit, such as an infinite one; NaN
+    counts as plausible."""
     low, high = bounds_of(name).values() or (-np.inf, np.inf)
-    found: Booleans = (values < low) | (values > high)
-    return found
+    is_implausible: Booleans = (values < low) | (values > high)
+    return is_implausible
 
 
 def unit_in(key: str) -> str:

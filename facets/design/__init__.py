@@ -37,7 +37,7 @@ else:
             "search": "optimize",
             "sheets": "write_sheets",
             "survey": "SKIPPED",
-            "tolerancing": "draw_heads expand_margins sensitivities shares",
+            "tolerancing": "draw_heads expand_margins predict_yields sensitivities",
             "variables": "present_values sensor_of",
             "volume": "add_worst_states mirror_states states_of",
         },

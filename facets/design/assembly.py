@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..calibration.bundle_adjustment import Data
-from ..calibration.fit import Fit, fit
+from ..calibration.fit import Fit, StoppingRule, fit
 from ..calibration.table import choice
 from ..calibration.unknowns import MOUNTING, Choice, assign_values, fold_mount, values_of
 from ..characterization.ranges import axis_ranges, clearances
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 #: nonlinearly separate the gains and the beam's size from the apex's place; its clearance from a
 #: detector's edge over half a detector; and its seed.
 REACH, EDGE, SEED = 0.3, 0.2, 1
-#: Largest number of steps of a head's calibration, and the fall of chi-square below which it ends.
-STEPS, ENOUGH = 25, 0.1
+#: When the calibration of a head ends.
+ENDING = StoppingRule(steps=25, fall=0.1)
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,9 @@ class Assembly:
     def values(self, z: Floats) -> Floats:
         """Return all unknowns of a calibration, at `z` (p,) standard uncertainties of the
         choice."""
-        found = self.nominal.copy()
-        found[self.choice.places] += self.choice.sigma * z
-        return found
+        values = self.nominal.copy()
+        values[self.choice.places] += self.choice.sigma * z
+        return values
 
     def head(self, z: Floats) -> Sensor:
         """Return the head at `z`. Raises `InputError` if no sensor has these parameters."""
@@ -74,8 +74,8 @@ class Assembly:
 def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) -> Assembly:
     """Make the assembly of a design. Raises `InputError` if no parameter has a tolerance."""
     plain = replace(sensor, calibration=None)
-    found = choice(plain, known)
-    loose = np.array([name not in MOUNTING for name in found.names])
+    unknowns = choice(plain, known)
+    loose = np.array([name not in MOUNTING for name in unknowns.names])
     if not loose.any():
         raise InputError(
             "calibrate.before states no tolerance of the head: every head would be the same"
@@ -83,7 +83,7 @@ def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) 
     reference = np.array(known.reference)
     asked = requirement_of(plain, layout, known.power_per_sample)
     return Assembly(
-        plain, asked, found, loose, motion(plain, rules, layout.poses, reference), reference
+        plain, asked, unknowns, loose, motion(plain, rules, layout.poses, reference), reference
     )
 
 
@@ -117,4 +117,4 @@ def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data
 
 def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
     data = measure_rig(built, head, rng)
-    return fit(built.sensor, data, built.choice, None, most=STEPS, enough=ENOUGH)
+    return fit(built.sensor, data, built.choice, None, rule=ENDING)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -53,16 +53,6 @@ class Branch:
             replace(self, **{kind: kinds[kind][:middle]}),
             replace(self, **{kind: kinds[kind][middle:]}),
         )
-
-
-@dataclass
-class Found:
-    """tried: the choices that were solved and their results, the best first.  bounds: number of
-    branches of several choices that were solved.  choices: number of all choices."""
-
-    tried: list[tuple[PartsChoice, StartResult]] = field(default_factory=list)
-    bounds: int = 0
-    choices: int = 0
 
 
 def whole(layout: Layout) -> Branch:
@@ -126,31 +116,30 @@ def best_parts(
     layout: Layout,
     search: Search,
     tell: Callable[[int, int], None] = lambda done, whole: None,
-) -> Found:
-    """Find the best choice of parts.
+) -> list[tuple[PartsChoice, StartResult]]:
+    """Search for the best choice; return those that were solved with their results, best first.
 
     search: finds the best layout of a sensor from where it is.  tell: is called with the number of
     choices that are decided and the number of all choices.
     """
     root = whole(layout)
-    found = Found(choices=root.choices)
+    tried: list[tuple[PartsChoice, StartResult]] = []
     queue: list[tuple[float, int, Branch]] = [(float("-inf"), 0, root)]
     number, settled, best = count(1), 0, float("inf")
     while queue:
         bound, _, branch = heapq.heappop(queue)
         if bound > best + WORSE * abs(best):
             break  # the bounds of all remaining branches are worse, too
-        tell(settled, found.choices)
+        tell(settled, root.choices)
         if branch.choices == 1:
             settled += 1
             names = (branch.psds[0], branch.lasers[0], branch.amplifiers[0])
             choice = choice_of(layout, *names)
             end = search(replace_parts(sensor, layout, *names), layout)
             end.objective += price_term(layout, choice.price)
-            found.tried.append((choice, end))
+            tried.append((choice, end))
             best = min(best, end.objective) if end.found else best
             continue
-        found.bounds += 1
         end = search(*relax_parts(sensor, layout, branch))
         value = end.objective + price_term(layout, lowest_price(layout, branch))
         if not end.found or value > best + WORSE * abs(best):
@@ -158,5 +147,5 @@ def best_parts(
             continue
         for half in branch.halves():
             heapq.heappush(queue, (value, next(number), half))
-    found.tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
-    return found
+    tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
+    return tried

@@ -50,9 +50,9 @@ def choice_of(layout: Layout, psd: str, laser: str, amplifier: str) -> PartsChoi
     prices: list[float | None] = []
     waits: list[float | None] = []
     if psd:
-        one = layout.psds[psd]
-        prices.append(None if one.price is None else 3 * one.price)
-        waits.append(one.delivery)
+        part = layout.psds[psd]
+        prices.append(None if part.price is None else 3 * part.price)
+        waits.append(part.delivery)
     for name, parts in ((laser, layout.lasers), (amplifier, layout.amplifiers)):
         if name:
             prices.append(parts[name].price)

@@ -63,15 +63,19 @@ def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
 
 def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
     """List every changed key as (path, before, after); a change of a, b and c appears once."""
-    return list(paths(said_once(changed_keys(settings, sensor)), settings.resolved["sensor"]))
+    return list(
+        changed_paths(
+            merge_common_blocks(changed_keys(settings, sensor)), settings.resolved["sensor"]
+        )
+    )
 
 
-def paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
+def changed_paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
     for key, value in new.items():
         # the old value of a common key is that of a
         before = old.get(key, old["a"].get(key) if "a" in old else None)
         if isinstance(value, dict):
-            yield from paths(value, before, f"{prefix}{key}.")
+            yield from changed_paths(value, before, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", plain_value(before), plain_value(value)
 
@@ -83,12 +87,14 @@ def plain_value(value: Any) -> Any:
     return value[0] if same else value
 
 
-def said_once(keys: dict[str, Any]) -> dict[str, Any]:
-    found = deepcopy(keys)
+def merge_common_blocks(keys: dict[str, Any]) -> dict[str, Any]:
+    """Merge the keys that a, b and c all change to the same value, below `mirror` and below
+    `psd`."""
+    merged = deepcopy(keys)
     for block in ("mirror", "psd"):
-        if block in found:
-            found[block] = merge_common_keys(found[block])
-    return found
+        if block in merged:
+            merged[block] = merge_common_keys(merged[block])
+    return merged
 
 
 def base_of(settings: Config, folder: Path) -> str:
@@ -101,12 +107,12 @@ def base_of(settings: Config, folder: Path) -> str:
         return settings.path.as_posix()
 
 
-def is_said_once(settings: Config, sensor: Sensor, folder: Path) -> bool:
-    """Return whether the values common to all three detectors or facets hold for each of them: they
-    do not if the configuration sets another value for a single one."""
+def common_keys_hold(settings: Config, sensor: Sensor, folder: Path) -> bool:
+    """Return whether values that are common to all three detectors or facets hold for each of them:
+    they do not if the configuration sets another value for a single one."""
     keys = changed_keys(settings, sensor)
-    text = document(base_of(settings, folder), said_once(keys), {})
-    return loads_to(text, folder, keys, settings)
+    text = document(base_of(settings, folder), merge_common_blocks(keys), {})
+    return loads_with_keys(text, folder, keys, settings)
 
 
 def as_extension(
@@ -122,8 +128,8 @@ def as_extension(
     """
     head = [f"# {key}: {' '.join(value.split())}" for key, value in about.items()]
     keys = changed_keys(settings, sensor)
-    if is_said_once(settings, sensor, folder):
-        keys = said_once(keys)
+    if common_keys_hold(settings, sensor, folder):
+        keys = merge_common_blocks(keys)
     return "\n".join([*head, "", document(base_of(settings, folder), keys, beside or {})])
 
 
@@ -148,7 +154,7 @@ def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
     stream = StringIO()
     yaml = YAML()
     yaml.width = 4096
-    yaml.dump({"extends": base, **({"sensor": plainly(keys)} if keys else {})}, stream)
+    yaml.dump({"extends": base, **({"sensor": plain_yaml(keys)} if keys else {})}, stream)
     lines = []
     for line in stream.getvalue().splitlines():
         key = line.strip().partition(":")[0]
@@ -157,12 +163,12 @@ def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def plainly(value: Any) -> Any:
+def plain_yaml(value: Any) -> Any:
     """Write pairs of equal numbers as one number, and other lists in one line."""
     from ruamel.yaml.comments import CommentedSeq
 
     if isinstance(value, dict):
-        return {key: plainly(each) for key, each in value.items()}
+        return {key: plain_yaml(each) for key, each in value.items()}
     if not isinstance(value, list):
         return value
     if len(value) == 2 and value[0] == value[1]:
@@ -172,14 +178,14 @@ def plainly(value: Any) -> Any:
     return row
 
 
-def loads_to(text: str, folder: Path, keys: dict[str, Any], settings: Config) -> bool:
-    """Whether the text, as a file of the folder, is the configuration with those keys."""
+def loads_with_keys(text: str, folder: Path, keys: dict[str, Any], settings: Config) -> bool:
+    """Whether the text, as a file of the folder, loads to the configuration with these keys."""
     path = hidden_name(folder / "design.yaml")
     try:
         path.write_text(text, "utf-8")
-        found = load(path).resolved["sensor"]
+        loaded = load(path).resolved["sensor"]
     except ConfigError:
         return True  # loading the file itself reports why
     finally:
         path.unlink(missing_ok=True)
-    return bool(differences(settings.resolved["sensor"], found, tidy) == keys)
+    return bool(differences(settings.resolved["sensor"], loaded, tidy) == keys)

@@ -48,10 +48,10 @@ class Differences:
         """Return the second derivatives (n, n) of values that are single numbers."""
         n, middle = len(self.steps), self.values[0]
         ahead, behind, both = np.split(self.values[1:], [n, 2 * n])
-        found = np.diag(ahead + behind - 2 * middle)
+        change = np.diag(ahead + behind - 2 * middle)
         first, second = np.triu_indices(n, 1)
-        found[first, second] = found[second, first] = both - ahead[first] - ahead[second] + middle
-        hessian: Floats = found / np.outer(self.steps, self.steps)
+        change[first, second] = change[second, first] = both - ahead[first] - ahead[second] + middle
+        hessian: Floats = change / np.outer(self.steps, self.steps)
         return hessian
 
 
@@ -76,7 +76,7 @@ class Formula:
     def outputs(self, x: Floats, states: Floats) -> Floats:
         """Compute outputs of layouts (k, n) at states (m, w): (k, m, outputs)."""
         parts = self.compute(x, states)
-        found = np.empty((len(parts), len(x), len(states)))
+        outputs = np.empty((len(parts), len(x), len(states)))
         for n, part in enumerate(parts):
-            found[n] = part
-        return np.moveaxis(found, 0, -1)
+            outputs[n] = part
+        return np.moveaxis(outputs, 0, -1)

@@ -83,16 +83,17 @@ class Walk:
         """Minimise one objective where no cost is above `most`; None if no design is found."""
         trade = self.trade
         problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
-        low, high = trade.bounds(most)
         guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
-        problem, rows, found, unknowns = solve(problem, guess, low, high, known=known, steps=STEPS)
+        problem, rows, result, unknowns = solve(
+            problem, guess, trade.bounds(most), known=known, steps=STEPS
+        )
         costs = trade.costs(unknowns)
         kept = problem.values(unknowns).min() > -1e-7
-        if not found.success or not kept or not (costs <= most + BETTER).all():
+        if not result.success or not kept or not (costs <= most + BETTER).all():
             return None
-        multipliers = np.abs(found.bounds[len(problem.names) :])
-        return End(unknowns, costs, multipliers, active_rows(problem, rows, found),
-                   active_constraints(problem, problem.rows.subset(rows), found))  # fmt: skip
+        multipliers = np.abs(result.bounds[len(problem.names) :])
+        return End(unknowns, costs, multipliers, active_rows(problem, rows, result),
+                   active_constraints(problem, problem.rows.subset(rows), result))  # fmt: skip
 
     def anywhere(self) -> Floats:
         """Return the unknowns of a random design within the bounds."""
@@ -104,8 +105,8 @@ class Walk:
         """Minimise one objective and then, at its best value, the others."""
         count = len(self.trade.objectives)
         free = np.full(count, np.inf)
-        found = [self.least(objective, free, self.anywhere()) for _ in range(STARTS)]
-        best = best_of(found, objective)
+        searched = [self.least(objective, free, self.anywhere()) for _ in range(STARTS)]
+        best = best_of(searched, objective)
         if best is None:
             return None
         for other in range(count):
@@ -121,22 +122,22 @@ class Walk:
         If a row has no design, tighter bounds are taken to have none, unless a neighbour's leads
         there.
         """
-        found: list[End | None] = [None] * len(bounds)
+        ends_of_rows: list[End | None] = [None] * len(bounds)
         empty: list[Floats] = []
         for n, most in enumerate(bounds):
             tell(n, 2 * len(bounds))
-            near = found[n - 1] if n else None
+            near = ends_of_rows[n - 1] if n else None
             if near is None and any((most <= none).all() for none in empty):
                 continue
-            found[n] = self.improve(None, n, most, ends if near is None else [near])
-            if found[n] is None:
+            ends_of_rows[n] = self.improve(None, n, most, ends if near is None else [near])
+            if ends_of_rows[n] is None:
                 empty.append(most)
         for sweep in range(SWEEPS):
-            if not self.sweep(found, bounds, sweep, tell) and sweep > 0:
+            if not self.sweep(ends_of_rows, bounds, sweep, tell) and sweep > 0:
                 break
-        return found
+        return ends_of_rows
 
-    def sweep(self, found: list[End | None], bounds: Floats, number: int, tell: Tell) -> bool:
+    def sweep(self, ends: list[End | None], bounds: Floats, number: int, tell: Tell) -> bool:
         """Search each point from its neighbour's end, from the last to the first, or in reverse if
         the number is odd, and return whether a point improved. Sweep 0 also searches some points
         from random designs."""
@@ -144,12 +145,12 @@ class Walk:
         better = False
         for done, n in enumerate(range(count)[::-step]):
             tell(min(count + done, 2 * count), 2 * count)
-            near = found[n + step] if 0 <= n + step < count else None
+            near = ends[n + step] if 0 <= n + step < count else None
             starts: list[Floats | End] = [] if near is None else [near]
             if number == 0 and n % ELSEWHERE_EVERY == ELSEWHERE_EVERY // 2:
                 starts.append(self.anywhere())
-            end = self.improve(found[n], n, bounds[n], starts)
-            better, found[n] = better or end is not found[n], end
+            end = self.improve(ends[n], n, bounds[n], starts)
+            better, ends[n] = better or end is not ends[n], end
         return better
 
     def improve(
@@ -191,8 +192,8 @@ def pareto_front(
     if len(known) < len(ends):
         return measure_ends(walk, [])
     bounds = bounds_between(known, first, count)
-    found = walk.follow(bounds, known, tell)
-    return measure_ends(walk, [*(end for end in found if end is not None), *known])
+    followed = walk.follow(bounds, known, tell)
+    return measure_ends(walk, [*(end for end in followed if end is not None), *known])
 
 
 def bounds_between(ends: list[End], first: int, count: int) -> Floats:
@@ -249,7 +250,7 @@ def measure_ends(walk: Walk, ends: list[End]) -> Front:
 
 
 def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
-    """Which designs no other design beats and no earlier design equals."""
+    """Whether each design (n,) is beaten by no other design and equal to no earlier one."""
     costs = trade.costs_of_measures(measures)
     keep = np.ones(len(costs), dtype=bool)
     for n in range(len(costs)):
@@ -292,12 +293,12 @@ class FrontComparison:
 COMPARED, CLOUD_TOLERANCE = 40, 1e-3
 
 
-def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
+def compare_with_designs(pareto: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
     """Compare the front with a table of designs from `exploration.collect`."""
-    trade, first = found.walk.trade, found.walk.first
+    trade, first = pareto.walk.trade, pareto.walk.first
     costs = trade.costs_of_measures(np.stack([table[name] for name in MEASURES], axis=1))
     costs = costs[np.isfinite(costs).all(axis=1)]
-    mine = trade.costs_of_measures(found.measures)
+    mine = trade.costs_of_measures(pareto.measures)
     limits = mine - CLOUD_TOLERANCE * np.abs(mine)
     beaten = sum(bool((costs < limit).all(axis=1).any()) for limit in limits)
     best = costs[
@@ -308,31 +309,31 @@ def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontC
     for cost in some:
         most = cost.copy()
         most[first] = np.inf
-        near = found.ends[int(np.abs(mine - cost).sum(axis=1).argmin())]
-        end = found.walk.least(first, most, near)
+        near = pareto.ends[int(np.abs(mine - cost).sum(axis=1).argmin())]
+        end = pareto.walk.least(first, most, near)
         if end is not None:
             gains.append(100 * (cost[first] - end.costs[first]) / abs(cost[first]))
-    return FrontComparison(beaten, np.array(gains), len(table["design"]), found.objectives[first])
+    return FrontComparison(beaten, np.array(gains), len(table["design"]), pareto.objectives[first])
 
 
-def columns(found: Front) -> dict[str, NDArray[Any]]:
+def columns(pareto: Front) -> dict[str, NDArray[Any]]:
     """The front as a table: variables, measures, prices and active constraints.
 
     A price is in the units of the first objective for one unit of the other: the column
     u_roll_urad_per_head_mm is the reduction of the uncertainty by another millimetre of head, urad.
     """
-    names, first = found.objectives, found.walk.first
-    table: dict[str, NDArray[Any]] = {"point": np.arange(len(found.designs))}
-    table |= dict(zip(found.walk.trade.problem.names, found.designs.T, strict=True))
-    table |= dict(zip(MEASURES, found.measures.T, strict=True))
+    names, first = pareto.objectives, pareto.walk.first
+    table: dict[str, NDArray[Any]] = {"point": np.arange(len(pareto.designs))}
+    table |= dict(zip(pareto.walk.trade.problem.names, pareto.designs.T, strict=True))
+    table |= dict(zip(MEASURES, pareto.measures.T, strict=True))
     for n, name in enumerate(names):
         if n != first:
-            table[f"{names[first]}_per_{name}"] = found.prices[:, n]
+            table[f"{names[first]}_per_{name}"] = pareto.prices[:, n]
     active = [
         "; ".join(
             f"{group} ({size:.2g})" for group, size in each.items() if not is_objective(group)
         )
-        for each in found.active
+        for each in pareto.active
     ]
     return table | {"holds_it_back": np.array(active, dtype=str)}
 
@@ -346,18 +347,18 @@ def is_objective(group: str) -> bool:
 SHOWN = 11
 
 
-def some_rows(found: Front) -> tuple[list[str], list[list[str]]]:
+def some_rows(pareto: Front) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of some points: variables, measures, prices, and the strongest
     constraint."""
-    first = found.objectives[found.walk.first]
-    others = [name for name in found.objectives if name != first]
-    headings = [*found.walk.trade.problem.names, first, *others,
+    first = pareto.objectives[pareto.walk.first]
+    others = [name for name in pareto.objectives if name != first]
+    headings = [*pareto.walk.trade.problem.names, first, *others,
                 *(f"{first} per {name}" for name in others), "held back most by"]  # fmt: skip
-    rows, last = [], len(found.designs) - 1
+    rows, last = [], len(pareto.designs) - 1
     for n in sorted({round(k * last / (SHOWN - 1)) for k in range(SHOWN)}):
-        measures = [found.measures[n][MEASURES.index(name)] for name in (first, *others)]
-        prices = [found.prices[n][found.objectives.index(name)] for name in others]
-        holds = next((group for group in found.active[n] if not is_objective(group)), "")
-        rows.append([*(f"{value:.4g}" for value in (*found.designs[n], *measures)),
+        measures = [pareto.measures[n][MEASURES.index(name)] for name in (first, *others)]
+        prices = [pareto.prices[n][pareto.objectives.index(name)] for name in others]
+        holds = next((group for group in pareto.active[n] if not is_objective(group)), "")
+        rows.append([*(f"{value:.4g}" for value in (*pareto.designs[n], *measures)),
                      *(f"{price:.3g}" for price in prices), holds])  # fmt: skip
     return headings, rows

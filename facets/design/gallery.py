@@ -27,7 +27,7 @@ FRONT, OTHERS = 200, 400
 Table = dict[str, NDArray[Any]]
 
 
-def own_design(space: Space) -> tuple[Floats, Floats, str]:
+def present_design(space: Space) -> tuple[Floats, Floats, str]:
     """Return the present sensor's variables, its measures, and why some measures are missing."""
     fixed = replace(space, layout=replace(space.layout, variables={}))
     why, values = measure_design(fixed, np.empty(0), NO_RIVALS)
@@ -48,7 +48,7 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
     active constraints.
     """
     names = [*space.names, *MEASURES]
-    x, values, _ = own_design(space)
+    x, values, _ = present_design(space)
     shown = spread_numbers(len(front[names[0]]), FRONT)
     titles = [f"front {n}" for n in front.get("point", front.get("design", shown))[shown]]
     remarks = front.get("holds_it_back", np.full(len(front[names[0]]), ""))[shown].tolist()
@@ -91,8 +91,11 @@ def round_designs(space: Space, rows: Floats) -> Floats:
     if space.plain:
         why, values, _ = measure_designs(space, x)
     else:
-        found = [measure_design(space, each) for each in x]
-        why, values = np.array([each[0] for each in found]), np.array([each[1] for each in found])
+        measured = [measure_design(space, each) for each in x]
+        why, values = (
+            np.array([each[0] for each in measured]),
+            np.array([each[1] for each in measured]),
+        )
     return np.where((why == 0)[:, None], np.concatenate([x, values], axis=1), rows)
 
 
@@ -104,12 +107,12 @@ def round_to_steps(space: Space, x: Floats) -> Floats:
 
 def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
     """The YAML of each sensor, as an extension of the configuration, in manufacturable values."""
-    from .changes import base_of, changed_keys, document, is_said_once, said_once
+    from .changes import base_of, changed_keys, common_keys_hold, document, merge_common_blocks
 
     base = base_of(settings, folder)
-    once = is_said_once(settings, sensors[-1], folder)
+    once = common_keys_hold(settings, sensors[-1], folder)
     keys = [changed_keys(settings, sensor) for sensor in sensors]
-    return [document(base, said_once(each) if once else each, {}) for each in keys]
+    return [document(base, merge_common_blocks(each) if once else each, {}) for each in keys]
 
 
 def best_of(table: Table, objectives: list[str], mask: Booleans) -> Table:

@@ -33,7 +33,7 @@ def run_solver(solver: Any, **problem: Any) -> Any:
     try:
         for number in before:
             signal.signal(number, interrupt)
-        found = solver(**problem)
+        result = solver(**problem)
     except (Exception, KeyboardInterrupt):
         if not came:
             raise
@@ -44,4 +44,4 @@ def run_solver(solver: Any, **problem: Any) -> Any:
         handler = before[number]
         assert callable(handler)
         handler(number, None)
-    return found
+    return result

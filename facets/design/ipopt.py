@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core.units import Floats
 from .interruption import run_solver
-from .problem import RestrictedProblem
+from .problem import RestrictedProblem, UnknownBounds
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8
@@ -81,9 +81,9 @@ class Pieces:
         self.problem = problem
         self.where: bytes = b""
         n, m = problem.unknowns, problem.constraints
-        one, dense = ca.Sparsity.dense(1, 1), ca.Sparsity.dense
-        self.both = ArrayFunction("both", [n], [one, dense(m, 1)], self.values)
-        self.slope = ArrayFunction("slope", [n, 0], [one, dense(1, n)], self.gradient)
+        scalar, dense = ca.Sparsity.dense(1, 1), ca.Sparsity.dense
+        self.both = ArrayFunction("both", [n], [scalar, dense(m, 1)], self.values)
+        self.slope = ArrayFunction("slope", [n, 0], [scalar, dense(1, n)], self.gradient)
         self.slopes = ArrayFunction("slopes", [n, 0], [dense(m, 1), dense(m, n)], self.jacobian)
         triangle = [ca.Sparsity.upper(n)]
         self.curvature = ArrayFunction("curvature", [n, 0, 1, m], triangle, self.hessian)
@@ -109,15 +109,14 @@ class Pieces:
     def hessian(self, x: Floats, _: Floats, weight: Floats, multipliers: Floats) -> list[Any]:
         """Return the Lagrangian's Hessian: its upper triangle by columns."""
         self.compute(x)
-        found = self.cost.curvature(weight) + self.limits.curvature(multipliers)
-        return [found[np.tril_indices(len(x))]]  # by rows of a symmetric matrix's lower triangle
+        whole = self.cost.curvature(weight) + self.limits.curvature(multipliers)
+        return [whole[np.tril_indices(len(x))]]  # by rows of a symmetric matrix's lower triangle
 
 
 def minimise(
     problem: RestrictedProblem,
     start: Floats,
-    low: Floats,
-    high: Floats,
+    bounds: UnknownBounds,
     near: bool = False,
     steps: int = STEPS,
 ) -> SolverResult:
@@ -127,13 +126,13 @@ def minimise(
     """
     # making and freeing a problem swallows what a handler raises, too, as its solution does
     result: SolverResult = run_solver(
-        search, problem=problem, start=start, low=low, high=high, near=near, steps=steps
+        search, problem=problem, start=start, bounds=bounds, near=near, steps=steps
     )
     return result
 
 
 def search(
-    problem: RestrictedProblem, start: Floats, low: Floats, high: Floats, near: bool, steps: int
+    problem: RestrictedProblem, start: Floats, bounds: UnknownBounds, near: bool, steps: int
 ) -> SolverResult:
     pieces = Pieces(problem)
     x = ca.MX.sym("x", problem.unknowns)
@@ -147,14 +146,14 @@ def search(
     if near:
         options |= {"ipopt.mu_init": NEAR, "ipopt.bound_push": 1e-8, "ipopt.bound_frac": 1e-8}
     solver = ca.nlpsol("layout", "ipopt", {"x": x, "f": f, "g": g}, options)
-    found = solver(x0=start, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
+    end = solver(x0=start, lbx=bounds.low, ubx=bounds.high, lbg=0.0, ubg=np.inf)
     stats = solver.stats()
     return SolverResult(
-        x=np.array(found["x"]).ravel(),
-        objective=float(found["f"]),
+        x=np.array(end["x"]).ravel(),
+        objective=float(end["f"]),
         success=bool(stats["success"]),
         status=str(stats["return_status"]).replace("_", " ").lower(),
-        limits=np.abs(np.array(found["lam_g"]).ravel()),
-        bounds=np.array(found["lam_x"]).ravel(),
+        limits=np.abs(np.array(end["lam_g"]).ravel()),
+        bounds=np.array(end["lam_x"]).ravel(),
         iterations=int(stats["iter_count"]),
     )

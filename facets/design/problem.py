@@ -74,6 +74,13 @@ class Rows:
         return Rows(*every)
 
 
+class UnknownBounds(NamedTuple):
+    """The least and the largest value of each unknown of a search."""
+
+    low: Floats
+    high: Floats
+
+
 class QuadraticModel(NamedTuple):
     """Values (r,) at a place, their slopes (r, unknowns), and the Hessian (unknowns, unknowns) of
     their sum with weights (r,)."""
@@ -87,12 +94,12 @@ class QuadraticModel(NamedTuple):
 class LayoutProblem:
     """A layout problem, made by `problem_of`.
 
-    names: of the variables.  low, high: their bounds, in the units of their names.
+    names: names of the variables.  low, high: their bounds, in the units of their names.
     extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
     unknowns are the variables as shares of their bounds, then these.
-    formula: of some of the unknowns, those at `places`, and a state.  states (m, ...).
-    groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
-    states is an aim.  aims: the weight of each; `weighted` if they are added up.
+    formula: outputs by some of the unknowns, those at `places`, and a state.  states (m, ...).
+    groups: names of the constraints.  rows: all constraints.  averaged: outputs whose mean over the
+    states is an aim.  aims: the weight of each aim; `weighted` if they are added up.
     constant: the term of the parts' price in the objective.
     half: unit of length of the clearances, mm.
     span: (8, ...) turns shares of the volume into a state; None if nothing is required over a
@@ -125,6 +132,10 @@ class LayoutProblem:
         """The number of unknowns."""
         return len(self.names) + len(self.extras)
 
+    def replace_spare(self, spare: Floats | None) -> LayoutProblem:
+        """Return the problem with other least values (rows,) of its constraints."""
+        return replace(self, rows=replace(self.rows, spare=spare))
+
     def first_guess(self, start: Floats) -> Floats:
         """Return the unknowns at a start: slacks just above their least values, a small scale."""
         shares = (start - self.low) / (self.high - self.low)
@@ -132,33 +143,33 @@ class LayoutProblem:
 
     def fill_slacks(self, unknowns: Floats, spare: float = 1.1) -> Floats:
         """Return the unknowns with slacks that are `spare` times their least values."""
-        found = unknowns.copy()
+        filled = unknowns.copy()
         values = self.values(unknowns)
         for n, aim in enumerate(self.extras):
             mine = self.rows.slack == len(self.names) + n
             if mine.any():
                 short = unknowns[len(self.names) + n] - values[mine].min()
                 known = np.isfinite(short)
-                found[len(self.names) + n] = (
+                filled[len(self.names) + n] = (
                     max(short, 0.0) * spare if known else GUESS.get(aim, 1.0)
                 )
-        return found
+        return filled
 
     def values_at(self, unknowns: Floats) -> Floats:
         """Return the variables, in the units of their names."""
         return self.low + (self.high - self.low) * unknowns[: len(self.names)]
 
-    def bounds(self) -> tuple[Floats, Floats]:
+    def bounds(self) -> UnknownBounds:
         low, high = np.zeros(self.count), np.ones(self.count)
         high[len(self.names) :] = np.inf
-        return low, high
+        return UnknownBounds(low, high)
 
     def values(self, unknowns: Floats) -> Floats:
         """Return the values of all constraints, which are met if not negative."""
-        found = self.formula.outputs(unknowns[None, self.places], self.states)[
+        outputs = self.formula.outputs(unknowns[None, self.places], self.states)[
             0, self.rows.state, self.rows.output
         ]
-        values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
+        values: Floats = outputs + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
         return values if self.rows.spare is None else values - self.rows.spare
 
     def add_worst_places(self, unknowns: Floats) -> LayoutProblem:
@@ -175,16 +186,16 @@ class LayoutProblem:
         within = np.isclose(shares @ span, self.states).all(axis=1)
 
         def values(some: Floats) -> Floats:
-            found = self.formula.outputs(unknowns[None, self.places], some @ span)[0]
-            margins: Floats = found[:, self.inside] + eased
+            outputs = self.formula.outputs(unknowns[None, self.places], some @ span)[0]
+            margins: Floats = outputs[:, self.inside] + eased
             return margins
 
         places, which = worst_places(values, shares[within], np.asarray(span.any(axis=1)))
         if not len(which):
             return self
         spare = self.spare_near(places, shares, self.inside[which])
-        left = values(places)[np.arange(len(places)), which] + most[which] - spare
-        broken = left < -BROKEN
+        remaining = values(places)[np.arange(len(places)), which] + most[which] - spare
+        broken = remaining < -BROKEN
         if not broken.any():
             return self
         rows = self.rows.subset(first[which[broken]])
@@ -204,41 +215,41 @@ class LayoutProblem:
         return np.array([spare[self.rows.output == output].max() for output in self.inside])
 
     def spare_near(self, places: Floats, shares: Floats, outputs: Integers) -> Floats:
-        """Return an output's spare at a place: that of the nearest state."""
+        """Return an output's spare at each place: the spare of the nearest state."""
         if self.rows.spare is None:
             return np.zeros(len(places))
-        found = np.empty(len(places))
+        spares = np.empty(len(places))
         for n, (place, output) in enumerate(zip(places, outputs, strict=True)):
             mine = np.flatnonzero(self.rows.output == output)
             away = ((shares[self.rows.state[mine]] - place) ** 2).sum(axis=1)
-            found[n] = self.rows.spare[mine[away.argmin()]]
-        return found
+            spares[n] = self.rows.spare[mine[away.argmin()]]
+        return spares
 
     def expand(self, unknowns: Floats, rows: Rows) -> QuadraticModel:
         """Return values, slopes and curvatures of some rows."""
         which, place = np.unique(rows.state, return_inverse=True)
         around = self.formula.expand(unknowns[self.places], self.states[which])
         some = Differences(around.steps, around.values[:, place, rows.output])
-        found = self.quadratic_model(some)
+        model = self.quadratic_model(some)
         bound = rows.slack >= 0
-        values = found.values + np.where(bound, unknowns[rows.slack], 0.0)
+        values = model.values + np.where(bound, unknowns[rows.slack], 0.0)
         if rows.spare is not None:
             values -= rows.spare
-        found.slopes[np.flatnonzero(bound), rows.slack[bound]] = 1.0
-        return found._replace(values=values)
+        model.slopes[np.flatnonzero(bound), rows.slack[bound]] = 1.0
+        return model._replace(values=values)
 
-    def quadratic_model(self, found: Differences) -> QuadraticModel:
+    def quadratic_model(self, differences: Differences) -> QuadraticModel:
         """Expand the formula's differences by all of the unknowns."""
-        slopes = np.zeros((found.values.shape[1], self.count))
-        slopes[:, self.places] = found.slopes()
+        slopes = np.zeros((differences.values.shape[1], self.count))
+        slopes[:, self.places] = differences.slopes()
 
         def curvature(weights: Floats) -> Floats:
             hessian = np.zeros((self.count, self.count))
-            of_sum = Differences(found.steps, found.values @ weights)
+            of_sum = Differences(differences.steps, differences.values @ weights)
             hessian[np.ix_(self.places, self.places)] = of_sum.hessian()
             return hessian
 
-        return QuadraticModel(found.values[0], slopes, curvature)
+        return QuadraticModel(differences.values[0], slopes, curvature)
 
     def objective(self, unknowns: Floats) -> float:
         return float(self.expand_objective(unknowns).values[0])
@@ -264,8 +275,8 @@ class LayoutProblem:
         if aim == "mean-resolution":
             around = self.formula.expand(unknowns[self.places], self.states[: self.stated])
             means = around.values[:, :, self.averaged].mean(axis=(1, 2))
-            found = self.quadratic_model(Differences(around.steps, means[:, None]))
-            return float(found.values[0]), found.slopes[0], found.curvature(np.ones(1))
+            model = self.quadratic_model(Differences(around.steps, means[:, None]))
+            return float(model.values[0]), model.slopes[0], model.curvature(np.ones(1))
         place = len(self.names) + self.extras.index(aim)
         sign = -1.0 if aim.startswith("range") else 1.0
         slope = np.zeros(self.count)
@@ -302,20 +313,20 @@ class RestrictedProblem:
 
     def limits(self, x: Floats) -> QuadraticModel:
         n, more = self.problem.count, len(x) - self.problem.count
-        found = self.problem.expand(x[:n], self.rows)
+        model = self.problem.expand(x[:n], self.rows)
         if not self.elastic:
-            return found
-        own = np.arange(more) == self.rows.group[:, None]
+            return model
+        by_group = np.arange(more) == self.rows.group[:, None]
         return QuadraticModel(
-            found.values + x[n:][self.rows.group],
-            np.hstack([found.slopes, own]),
-            lambda weights: np.pad(found.curvature(weights), (0, more)),
+            model.values + x[n:][self.rows.group],
+            np.hstack([model.slopes, by_group]),
+            lambda weights: np.pad(model.curvature(weights), (0, more)),
         )
 
     def values(self, x: Floats) -> Floats:
         """Return the values of all constraints of the problem."""
-        found = self.problem.values(x[: self.problem.count])
-        return found + x[self.problem.count :][self.problem.rows.group] if self.elastic else found
+        values = self.problem.values(x[: self.problem.count])
+        return values + x[self.problem.count :][self.problem.rows.group] if self.elastic else values
 
 
 @dataclass
@@ -437,19 +448,19 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutP
         parameters, sizes = layout_parameters(sensor, names, x)
         fixed = build_geometry(tuple(parameters))
         state = columns_of_states(mirror_states(states * scale, layout.object, layout.following))
-        found = outcome_of(sensor, fixed, sizes, state, gain_of(sensor, names, x), layout.object)
+        outcome = outcome_of(sensor, fixed, sizes, state, gain_of(sensor, names, x), layout.object)
         at, rim = dark_scene(fixed, state), sensor.apertures.rim
         half = half_of(sizes)
         spots = [each / half for each in ellipse_clearances(fixed, at, sizes)]
         rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
         heads = heads_of(parameters)
         constraints = [
-            *limits_of(layout, found.powers, spots, np.sqrt(found.variances), rims),
-            *headrooms(found),
+            *limits_of(layout, outcome.powers, spots, np.sqrt(outcome.variances), rims),
+            *headrooms(outcome),
             *head_limits(layout, heads),
-            *objective_constraints(layout, found, heads),
+            *objective_constraints(layout, outcome, heads),
         ]
-        means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
+        means = variances_over_units(layout, outcome) if "mean-resolution" in layout.aims else {}
         return constraints, list(means.values())
 
     def compute(unknowns: Floats, states: Floats) -> list[Any]:
@@ -515,11 +526,11 @@ def head_limits(layout: Layout, heads: list[Any]) -> list[Constraint]:
     return [Constraint("size of the head", 1 - head / layout.head, states=(0,)) for head in wide]
 
 
-def headrooms(found: Outcome) -> list[Constraint]:
+def headrooms(outcome: Outcome) -> list[Constraint]:
     """Constrain the amplifiers' headrooms, if the noise follows from electronics."""
     return [
         Constraint(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
-        for n, each in enumerate(found.headrooms)
+        for n, each in enumerate(outcome.headrooms)
     ]
 
 
@@ -528,23 +539,23 @@ def half_of(sizes: list[Any]) -> float:
     return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
-def objective_constraints(layout: Layout, found: Outcome, heads: list[Any]) -> list[Constraint]:
+def objective_constraints(layout: Layout, outcome: Outcome, heads: list[Any]) -> list[Constraint]:
     """Constrain the quantities that must stay below the slack of each aim."""
     below = []
     if "resolution" in layout.aims:
-        for i, part in variances_over_units(layout, found).items():
+        for i, part in variances_over_units(layout, outcome).items():
             what = f"uncertainty of {POSE[i]} as low as it can be"
             below.append(Constraint(what, -part, "resolution"))
     if "size" in layout.aims:
         what = "size of the head as low as it can be"
         below += [Constraint(what, -head / 100, "size", states=(0,)) for head in heads]
     if "condition" in layout.aims:
-        decades = np.log10(found.condition) / 2
+        decades = np.log10(outcome.condition) / 2
         below.append(Constraint("conditioning as good as it can be", -decades, "condition"))
     return below
 
 
-def variances_over_units(layout: Layout, found: Outcome) -> dict[int, Any]:
-    """By axis of the pose, the variance over the square of the axis's unit."""
+def variances_over_units(layout: Layout, outcome: Outcome) -> dict[int, Any]:
+    """The variances over the squares of the axes' units, by the axis of the pose."""
     axes = [i for i in range(6) if np.isfinite(layout.unit[i])]
-    return {i: found.variances[i] / layout.unit[i] ** 2 for i in axes}
+    return {i: outcome.variances[i] / layout.unit[i] ** 2 for i in axes}

@@ -56,12 +56,12 @@ def simulate_heads(
         rows[n, 0] = margins_of(built.asked, head).min()
         if not built.asked.accuracy_axes:
             continue
-        found = [errors_of(built.asked, head, built.sensor)]
+        errors_of_head = [errors_of(built.asked, head, built.sensor)]
         if built.asked.layout.calibrated:
             fitted = calibrate_head(built, head, rng)
             unsettled += not fitted.ended
-            found.append(errors_of(built.asked, head, fitted.sensor))
-        for which, each in enumerate(found):
+            errors_of_head.append(errors_of(built.asked, head, fitted.sensor))
+        for which, each in enumerate(errors_of_head):
             rows[n, 1 + which] = accuracy_margins(built.asked, each).min()
             errors[n, which] = np.abs(each).max(axis=0)
         if built.asked.layout.calibrated and not fitted.ended:
@@ -83,5 +83,5 @@ def interval(passed: int, count: int) -> tuple[float, float]:
     """The 95 % interval of a share, after `passed` of `count` heads (Wilson)."""
     from scipy.stats import binomtest
 
-    found = binomtest(passed, count).proportion_ci(0.95, method="wilson")
-    return float(found.low), float(found.high)
+    ends = binomtest(passed, count).proportion_ci(0.95, method="wilson")
+    return float(ends.low), float(ends.high)

@@ -51,11 +51,10 @@ def gains(
         tried["10 % more laser power"] = (brighter, layout)
     if np.isfinite(layout.head):
         tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
-    found = {}
+    objectives = {}
     for what, (other, asked) in tried.items():
         problem = problem_of(other, asked, constant)
-        rows = replace(problem.rows, spare=spare)
-        result = solve_from(replace(problem, rows=rows), best)
+        result = solve_from(problem.replace_spare(spare), best)
         if result.found:
-            found[what] = result.objective
-    return found
+            objectives[what] = result.objective
+    return objectives

@@ -137,12 +137,13 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
         return margins_of(replace(requirement, states=shares @ span), sensor)
 
     places, _ = worst_places(values, shares_of_volume(wide), wide)
-    found: Floats = places @ span
-    return found
+    states: Floats = places @ span
+    return states
 
 
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
-    """(m, groups): powers and spots over their least values, uncertainties over their limits."""
+    """The margins (m, groups) of a head: powers and spots over their least values, uncertainties
+    over their limits."""
     body, limited = requirement.layout.object, np.isfinite(requirement.layout.limit).any()
     states = requirement.mirror_states
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
@@ -155,23 +156,23 @@ def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
     asked = limits_of(
         requirement.layout, readings(sensor, states)[:, 2::3].T, spots.T, sigmas.T, rims
     )
-    found: Floats = np.nan_to_num(np.stack([each.value for each in asked], axis=1), nan=LOST)
-    return found
+    least: Floats = np.nan_to_num(np.stack([each.value for each in asked], axis=1), nan=LOST)
+    return least
 
 
 def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Floats:
-    """(m, 6) errors of the poses, less the error at rest; um and urad.
+    """The errors (m, 6) of the poses, less the error at rest; um and urad.
 
     built: the head as it is.  thought: the head whose parameters the solver uses.  NaN where it
     finds no pose.
     """
     states, body = requirement.mirror_states, requirement.layout.object
     raw = invert_correction(built, readings(built, states).copy())
-    found = solve(
+    solution = solve(
         thought, correct(thought, raw), beam="free", power=requirement.power,
         start=states, covariance=False, accept_unchecked=True,
     )  # fmt: skip
-    poses = found.state[:, :6]
+    poses = solution.state[:, :6]
     if body is not None:
         poses = object_displacements(poses, np.zeros(6), body)[0]
     off = (poses - requirement.states[:, :6]) / UNITS
@@ -180,8 +181,8 @@ def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Float
 
 
 def accuracy_margins(requirement: Requirement, errors: Floats) -> Floats:
-    """(..., axes with a limit): how far the errors are below their limits."""
+    """The share (..., axes with a limit) of its limit that remains beside each error."""
     axes = requirement.accuracy_axes
     limits = np.array(requirement.layout.accuracy)[axes]
-    found: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)
-    return found
+    margin: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)
+    return margin

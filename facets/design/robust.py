@@ -36,15 +36,14 @@ LEAST_SPREAD = 1e-12
 class Robust:
     """A layout with margins.
 
-    problem: with the margins, which rounding and later steps must keep as well.
-    result: of its search.  factor: k.  expansion: of the layout.  kept: the predicted share of
-    heads that keep spots, light and limits.  rounds: their number.
+    problem: the problem with the margins, which rounding and later steps must keep as well.
+    result: the result of its search.  factor: k.  kept: the predicted share of heads that keep
+    spots, light and limits.  rounds: number of rounds.
     """
 
     problem: LayoutProblem
     result: StartResult
     factor: float
-    expansion: Expansion
     kept: float
     rounds: int
 
@@ -71,66 +70,61 @@ def robust_layout(
     from scipy.special import ndtri
 
     target, factor, result = layout.production, float(ndtri(layout.production)), best
-    found: Robust | None = None
+    robust: Robust | None = None
     for rounds in range(1, ROUNDS + 1):
         made = sensor_of(problem.sensor, problem.names, result.x)
         built = assembly_of(made, replace(layout, accuracy=(np.inf,) * 6), rules, known)
         expansion = expand_margins(built)
         draws = draw_heads(built)
         kept = float((least_margins(expansion, draws.heads) >= 0).mean())
-        found = Robust(problem, result, factor, expansion, kept, rounds)
+        robust = Robust(problem, result, factor, kept, rounds)
         if rounds > 1 and abs(kept - target) < NEAR:
-            return found
+            return robust
         if rounds > 1:
-            factor += missing(expansion, draws, target)
-        problem = replace_spare(problem, spare_of(problem, expansion, factor))
+            factor += missing_factor(expansion, draws, target)
+        problem = problem.replace_spare(spare_of(problem, expansion, factor))
         result = solve_from(problem, result.x)
         if not result.found:
             result.shortfalls = shortfalls_of(problem, result.start)
-            return replace(found, problem=problem, result=result)
-    assert found is not None
-    return found
+            return replace(robust, problem=problem, result=result)
+    assert robust is not None
+    return robust
 
 
-def replace_spare(problem: LayoutProblem, spare: Floats | None) -> LayoutProblem:
-    """Return the problem with other least values (rows,) of its constraints."""
-    return replace(problem, rows=replace(problem.rows, spare=spare))
-
-
-def missing(found: Expansion, draws: Draws, target: float) -> float:
-    """The increase of all margins, in spreads, with which the target share of heads keeps all.
+def missing_factor(expansion: Expansion, draws: Draws, target: float) -> float:
+    """The increase of the factor with which the target share of heads keeps all limits.
 
     A head keeps all if its worst margin, in spreads, is no more below zero than that.
     """
-    spread = np.maximum(found.spread, LEAST_SPREAD)
-    near = np.flatnonzero(found.margins < SAFE * spread)
+    spread = np.maximum(expansion.spread, LEAST_SPREAD)
+    near = np.flatnonzero(expansion.margins < SAFE * spread)
     worst = np.full(len(draws.heads), np.inf)
     for part in np.array_split(near, max(1, len(near) // 100)):
         if len(part):
-            values = found.margins[part] + draws.heads @ found.slopes[part].T
-            values += draws.heads**2 @ found.bends[part].T / 2
+            values = expansion.margins[part] + draws.heads @ expansion.slopes[part].T
+            values += draws.heads**2 @ expansion.bends[part].T / 2
             worst = np.minimum(worst, (values / spread[part]).min(axis=1))
     return -float(np.quantile(worst, 1 - target))
 
 
-def spare_of(problem: LayoutProblem, found: Expansion, factor: float) -> Floats:
+def spare_of(problem: LayoutProblem, expansion: Expansion, factor: float) -> Floats:
     """Return the least value of each constraint of a problem (rows,), in its own unit."""
-    built = found.built
+    built = expansion.built
     names = built.asked.groups
-    spread = factor * found.spread.reshape(-1, len(names))
-    own = own_units(problem, built, spread)
-    every = np.concatenate([own, np.zeros((len(own), 1))], axis=1)
+    spread = factor * expansion.spread.reshape(-1, len(names))
+    converted = problem_units(problem, built, spread)
+    every = np.concatenate([converted, np.zeros((len(converted), 1))], axis=1)
     column = np.minimum(problem.rows.output, len(names))  # the rest are no requirements of heads
     spare: Floats = every[problem.rows.state, column]  # the first states are those of heads
     return spare
 
 
-def own_units(problem: LayoutProblem, built: Assembly, spread: Floats) -> Floats:
+def problem_units(problem: LayoutProblem, built: Assembly, spread: Floats) -> Floats:
     """Convert spreads of `requirement.margins_of` to the units of the problem's constraints, whose
     clearances have another unit of length."""
-    own = spread.copy()
+    converted = spread.copy()
     psds = built.sensor.psds
     for k, psd in enumerate(psds):
         halves = np.array([psd.size_y, psd.size_y, psd.size_z, psd.size_z]) / 2
-        own[:, 3 + 4 * k : 7 + 4 * k] *= halves / problem.half
-    return own
+        converted[:, 3 + 4 * k : 7 + 4 * k] *= halves / problem.half
+    return converted

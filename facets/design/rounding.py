@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.units import Floats
-from .problem import LayoutProblem
+from .problem import LayoutProblem, UnknownBounds
 from .search import SLACK, objective_at, settle, solve
 
 #: Steps that are easy to set or make, by the ending of a variable's name or by the whole name.
@@ -23,9 +23,12 @@ FINER = 3
 
 @dataclass(frozen=True)
 class Rounded:
-    """x: the variables.  steps: the step of each, 0 where it was not rounded. costs: by what
+    """A design in manufacturable values.
+
+    x: the variables.  steps: the step of each, 0 where it was not rounded.  costs: by what
     percentage the objective gets worse for an error of half a step, or infinite where the layout
-    then breaks a requirement by more than a thousandth."""
+    then breaks a requirement by more than a thousandth.
+    """
 
     x: Floats
     objective: float
@@ -46,18 +49,18 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
     for n, name in enumerate(problem.names):
         for finer in range(FINER):
             step = step_of(name) / 10**finer
-            found = None
+            solved = None
             below, above = np.floor(here[n] / step) * step, np.ceil(here[n] / step) * step
             for value in sorted((below, above), key=lambda v: abs(v - here[n])):
                 share = (value - problem.low[n]) / width[n]
                 if not -1e-9 <= share <= 1 + 1e-9:
                     continue
-                found = solve_with_value(problem, guess, low, high, n, float(np.clip(share, 0, 1)))
-                if found is not None:
+                solved = solve_with_value(problem, guess, low, high, n, float(np.clip(share, 0, 1)))
+                if solved is not None:
                     break
-            if found is not None:
-                guess, steps[n] = found, step
-                low[n] = high[n] = found[n]
+            if solved is not None:
+                guess, steps[n] = solved, step
+                low[n] = high[n] = solved[n]
                 here = problem.values_at(guess)
                 here[n] = round(value, 9)
                 break
@@ -75,13 +78,13 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
 def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Floats:
     """The nearest multiples of the steps within the bounds; variables without a step are
     unchanged."""
-    found = x.copy()
+    rounded = x.copy()
     for n, name in enumerate(names):
         step = step_of(name)
         near = round(round(float(np.clip(x[n], low[n], high[n])) / step) * step, 9)
         if low[n] <= near <= high[n]:
-            found[n] = near
-    return found
+            rounded[n] = near
+    return rounded
 
 
 def solve_with_value(
@@ -92,8 +95,8 @@ def solve_with_value(
     low[n] = high[n] = guess[n] = share
     free = low[: len(problem.names)] < high[: len(problem.names)]
     if free.any() or "range" in problem.extras:
-        problem, _, found, _ = solve(problem, problem.fill_slacks(guess), low, high)
-        guess = np.clip(found.x, low, high)
+        problem, _, result, _ = solve(problem, problem.fill_slacks(guess), UnknownBounds(low, high))
+        guess = np.clip(result.x, low, high)
     problem, guess = settle(problem, guess)
     return guess if problem.values(guess).min() > -SLACK else None
 

@@ -27,6 +27,7 @@ from .problem import (
     RestrictedProblem,
     Rows,
     StartResult,
+    UnknownBounds,
     problem_of,
 )
 from .variables import present_values
@@ -51,10 +52,10 @@ NEAREST, ROUNDS = 1, 40
 class Optimum:
     """The results of all starts, the best first.
 
-    names: of the variables.  before: the present sensor's objective, or NaN if it violates
-    constraints.  sensor: with the best of the parts.  tried: each choice of parts and its result,
-    the best first; empty without a catalogue.  choices: number of all choices.  problem: with the
-    best of the parts.
+    names: names of the variables.  before: the present sensor's objective, or NaN if it violates
+    constraints.  sensor: the sensor with the best parts.  tried: each choice of parts and its
+    result, the best first; empty without a catalogue.  choices: number of all choices.  problem:
+    the problem with the best parts.
     """
 
     names: list[str]
@@ -138,9 +139,8 @@ def choose(
     """
     made = dict(choices(sensor, layout))
     if len(made) > TRIED:
-        found = best_parts(sensor, layout, solve_from_present, tell)
-        if found.tried:
-            return found.tried, len(made)
+        if best := best_parts(sensor, layout, solve_from_present, tell):
+            return best, len(made)
         # no choice meets the requirements, not even with parts as good as any: use the best of
         # those tried
         largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
@@ -172,18 +172,18 @@ def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
 def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
     """The rows with the least values of each group and slack, NaN first."""
     least = np.where(np.isnan(values), -np.inf, values)
-    found = []
+    nearest_rows = []
     for group in range(len(problem.groups)):
         mine = np.flatnonzero(problem.rows.group == group)
-        found.append(mine[np.argsort(least[mine], kind="stable")[:most]])
-    return np.concatenate(found)
+        nearest_rows.append(mine[np.argsort(least[mine], kind="stable")[:most]])
+    return np.concatenate(nearest_rows)
 
 
 class SolverEnd(NamedTuple):
     """The result of IPOPT.
 
-    problem: with the places that were added to the volume's states.  rows: numbers of the
-    constraints that IPOPT got.  unknowns: with slacks as small as possible.
+    problem: the problem with the places that were added to the volume's states.  rows: numbers of
+    the constraints that IPOPT got.  unknowns: the unknowns, with slacks as small as possible.
     """
 
     problem: LayoutProblem
@@ -195,8 +195,7 @@ class SolverEnd(NamedTuple):
 def solve(
     problem: LayoutProblem,
     guess: Floats,
-    low: Floats,
-    high: Floats,
+    bounds: UnknownBounds,
     elastic: bool = False,
     known: NDArray[np.int64] | None = None,
     steps: int = 300,
@@ -216,24 +215,24 @@ def solve(
         if turn == ROUNDS:
             rows, near = np.arange(len(problem.rows)), False
         held = RestrictedProblem(problem, problem.rows.subset(rows), elastic)
-        found = minimise(held, guess, low, high, near, steps)
-        if near and not found.success and found.status != INFEASIBLE:
-            found = minimise(held, guess, low, high, steps=steps)
-        if not found.success:
+        result = minimise(held, guess, bounds, near, steps)
+        if near and not result.success and result.status != INFEASIBLE:
+            result = minimise(held, guess, bounds, steps=steps)
+        if not result.success:
             break
-        values = held.values(found.x)
+        values = held.values(result.x)
         broken = np.flatnonzero(~(values > -UNNOTICED))
         new = np.setdiff1d(np.intersect1d(nearest(problem, values, NEAREST), broken), rows)
         if not len(new):  # is any violated between the states?
-            wider = problem.add_worst_places(found.x[:n])
+            wider = problem.add_worst_places(result.x[:n])
             new = np.arange(len(problem.rows), len(wider.rows))
             problem = wider
         if not len(new):
             break
         rows = np.concatenate([rows, new])
-        guess, near = found.x.copy(), True
-        guess[:n] = problem.fill_slacks(found.x[:n])
-    return SolverEnd(problem, rows, found, problem.fill_slacks(found.x[:n], spare=1.0))
+        guess, near = result.x.copy(), True
+        guess[:n] = problem.fill_slacks(result.x[:n])
+    return SolverEnd(problem, rows, result, problem.fill_slacks(result.x[:n], spare=1.0))
 
 
 def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Floats]:
@@ -245,55 +244,59 @@ def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Flo
 
 
 def active_rows(
-    problem: LayoutProblem, rows: NDArray[np.int64], found: SolverResult
+    problem: LayoutProblem, rows: NDArray[np.int64], result: SolverResult
 ) -> NDArray[np.int64]:
     """Return the numbers of the active constraints among IPOPT's."""
-    top = found.limits.max(initial=0.0)
-    held: NDArray[np.int64] = rows[found.limits > ACTIVE * top]
+    top = result.limits.max(initial=0.0)
+    held: NDArray[np.int64] = rows[result.limits > ACTIVE * top]
     return held
 
 
 def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
     """Search from a start, in the units of the variables' names."""
     begin = time.perf_counter()
-    guess, (low, high) = problem.first_guess(start), problem.bounds()
-    problem, rows, found, exact = solve(problem, guess, low, high)
+    guess = problem.first_guess(start)
+    problem, rows, result, exact = solve(problem, guess, problem.bounds())
     values = problem.values(exact)
     return StartResult(
         start=start,
         x=problem.values_at(exact),
         objective=problem.objective(exact),
-        found=found.success and bool(values.min() > -SLACK),
-        status=found.status,
+        found=result.success and bool(values.min() > -SLACK),
+        status=result.status,
         seconds=time.perf_counter() - begin,
-        active_constraints=active_constraints(problem, problem.rows.subset(rows), found),
+        active_constraints=active_constraints(problem, problem.rows.subset(rows), result),
     )
 
 
-def active_constraints(problem: LayoutProblem, rows: Rows, found: SolverResult) -> dict[str, float]:
+def active_constraints(
+    problem: LayoutProblem, rows: Rows, result: SolverResult
+) -> dict[str, float]:
     """The multipliers of active constraints over the largest, summed by group and by bound of a
     variable, the strongest first."""
-    of_groups = np.bincount(rows.group, found.limits, len(problem.groups))
+    of_groups = np.bincount(rows.group, result.limits, len(problem.groups))
     sums = dict(zip(problem.groups, of_groups.tolist(), strict=True))
     for i, name in enumerate(problem.names):
-        end = "least" if found.x[i] < 0.5 else "most"
-        sums[f"{name} at its {end}"] = abs(float(found.bounds[i]))
+        end = "least" if result.x[i] < 0.5 else "most"
+        sums[f"{name} at its {end}"] = abs(float(result.bounds[i]))
     top = max(sums.values(), default=0.0)
     active = {name: size / top for name, size in sums.items() if top and size > ACTIVE * top}
     return dict(sorted(active.items(), key=lambda item: -item[1]))
 
 
 def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
-    """Return the groups that cannot all be met, and by what share of its limit each is violated."""
+    """The groups that cannot all be met, and by what share of its limit each is violated."""
     low, high = problem.bounds()
     count = len(problem.groups)
     guess = np.append(problem.first_guess(start), np.ones(count))
-    found = solve(
-        problem, guess, np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf)),
+    result = solve(
+        problem,
+        guess,
+        UnknownBounds(np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf))),
         elastic=True,
-    ).result  # fmt: skip
+    ).result
     shares = {}
-    for group, gap in zip(problem.groups, found.x[-count:].tolist(), strict=True):
+    for group, gap in zip(problem.groups, result.x[-count:].tolist(), strict=True):
         if gap > 1e-4:
             shares[group] = gap
     return shares
@@ -305,6 +308,6 @@ def objective_at(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> flo
     guess = problem.first_guess(x)
     low[: len(x)] = high[: len(x)] = guess[: len(x)]
     if "range" in problem.extras:
-        guess = solve(problem, guess, low, high).result.x
+        guess = solve(problem, guess, UnknownBounds(low, high)).result.x
     problem, guess = settle(problem, guess)
     return problem.objective(guess) if problem.values(guess).min() > -slack else float("nan")

@@ -20,7 +20,7 @@ LONGEST, FORBIDDEN = 31, re.compile(r"[\[\]:*?/\\]")
 
 
 def require_writable(path: Path) -> None:
-    """Raise `InputError` if tables of that kind cannot be written."""
+    """Raise `InputError` if tables cannot be written to a file with this suffix."""
     if path.suffix.lower() not in KINDS:
         raise InputError(f"{path}: tables are written as {' or '.join(KINDS)}")
     if path.suffix.lower() == ".xlsx":

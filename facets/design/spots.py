@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..optics.footprint import FOOTPRINT_RADIUS_SIGMAS, arc_reach, collimated_slopes, corners
-from ..optics.forward import Geometry, Scene
+from ..optics.forward import Geometry, Scene, mirror_facets
 from ..optics.limits import gradient_per_sigma, outward_direction
 from ..optics.rays import flight, hit, land, reflect, slant
 from ..optics.vectors import Plane, dot, dot2, subtract
@@ -25,13 +25,13 @@ RADIUS = FOOTPRINT_RADIUS_SIGMAS
 def landings(fixed: Geometry, at: Scene) -> Iterator[tuple[int, int, Any, Plane]]:
     """Yield each detector (0 to 2) and axis (y, z) with the place where the beam's central ray
     lands, mm, and its change with a sigma across the beam."""
-    for k in range(3):
-        start = hit(at.place, fixed.direction, at.apex, at.normals[k])
-        leaving = reflect(fixed.direction, at.normals[k])
-        length = flight(start, leaving, fixed.centres[k], fixed.axes[k])
-        centre = land(start, leaving, length, fixed.centres[k], fixed.axes[k])
-        for axis, slope in enumerate(collimated_slopes(fixed, at, k)):
-            yield k, axis, centre[axis], slope
+    for facet in mirror_facets(fixed, at):
+        start = hit(at.place, fixed.direction, at.apex, facet.normal)
+        leaving = reflect(fixed.direction, facet.normal)
+        length = flight(start, leaving, facet.centre, facet.axes)
+        centre = land(start, leaving, length, facet.centre, facet.axes)
+        for axis, slope in enumerate(collimated_slopes(facet)):
+            yield facet.k, axis, centre[axis], slope
 
 
 def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
@@ -39,11 +39,11 @@ def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
 
     sizes: of the detectors, square, mm.
     """
-    found = []
+    clearances = []
     for k, _, centre, slope in landings(fixed, at):
         reach = RADIUS * sqrt(dot2(slope, slope))
-        found += [sizes[k] / 2 + centre - reach, sizes[k] / 2 - centre - reach]
-    return found
+        clearances += [sizes[k] / 2 + centre - reach, sizes[k] / 2 - centre - reach]
+    return clearances
 
 
 def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int, int], list[Any]]:
@@ -53,7 +53,7 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
 
     sizes: of each detector along y and z, mm.  The tip is inside the ellipse; see `tip_clearance`.
     """
-    found = {}
+    clearances = {}
     outermost = [corner_points(at, k) for k in range(3)]
     for k, axis, centre, slope in landings(fixed, at):
         tip, first, second = (dot2(slope, point) for point in outermost[k])
@@ -64,11 +64,11 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
             )
             # if the arc's farthest place is off the facet, use the end of that edge
             arc = select(before < 0, sign * first, select(after < 0, sign * second, farthest))
-            found[k, 2 * axis + side] = [
+            clearances[k, 2 * axis + side] = [
                 sizes[k][axis] / 2 - sign * centre - reach
                 for reach in (sign * tip, sign * first, sign * second, arc)
             ]
-    return found
+    return clearances
 
 
 def corner_points(at: Scene, k: int) -> list[Plane]:
@@ -84,10 +84,10 @@ def tip_clearance(at: Scene) -> Any:
 
 def rim_clearances(fixed: Geometry, at: Scene, rim: float) -> list[Any]:
     """Clearances of the light inside the ellipse from the mirror's rim by facet, over the rim."""
-    found = []
-    for k in range(3):
-        along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])
+    clearances = []
+    for facet in mirror_facets(fixed, at):
+        along = slant(outward_direction(facet), fixed.direction, facet.normal)
         slope = gradient_per_sigma(fixed, along)
         out = dot(subtract(at.place, at.apex), along)
-        found.append(1 - (out + RADIUS * sqrt(dot2(slope, slope))) / rim)
-    return found
+        clearances.append(1 - (out + RADIUS * sqrt(dot2(slope, slope))) / rim)
+    return clearances

@@ -80,7 +80,8 @@ class Designs(NamedTuple):
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
     def margins(self, owner: Integers, poses: Floats) -> Floats:
-        """`ranges.clearances` of designs `owner` (k,), in ascending order, at poses (k, 6).
+        """The margins (k, 5) of `ranges.clearances` of designs `owner` (k,), in ascending order, at
+        poses (k, 6).
 
         The limits that need electronics or derivatives are infinitely far: see `is_plain`.
         """
@@ -123,14 +124,15 @@ def designs_of(
 
 
 def is_sensor(p: Floats) -> Booleans:
-    """Which rows of 30 parameters make a valid sensor (n,), by the rules of `core.sensor`."""
+    """Whether each row of 30 parameters (n, 30) makes a valid sensor, by the rules of
+    `core.sensor`."""
     tilts = p[:, list(FACETS)]
     turns = p[:, [k + 1 for k in FACETS]]
     gaps = (np.roll(turns, -1, axis=1) - turns) % (2 * np.pi)
     fine = np.isfinite(p).all(axis=1) & (p[:, :3] > 0).all(axis=1)
     fine &= ((tilts > 0) & (tilts < np.pi / 2) & (gaps > 0) & (gaps < np.pi)).all(axis=1)
-    found: Booleans = np.asarray(fine & (p[:, list(PSDS)] > 0).all(axis=1))
-    return found
+    is_valid: Booleans = np.asarray(fine & (p[:, list(PSDS)] > 0).all(axis=1))
+    return is_valid
 
 
 def rest_reasons(distances: Floats, reading: Floats, least: float) -> Integers:
@@ -174,8 +176,8 @@ def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
         owner, way = np.divmod(ray, len(AXIS_RAYS))
         return some.margins(owner, distance[:, None] * AXIS_RAYS[way])
 
-    found = first_exits(margins_at, len(some.vectors) * len(AXIS_RAYS), tolerance)
-    ends = found.distance.reshape(-1, 2, 6).min(axis=1)
+    exits = first_exits(margins_at, len(some.vectors) * len(AXIS_RAYS), tolerance)
+    ends = exits.distance.reshape(-1, 2, 6).min(axis=1)
     ranges: Floats = 2 * ends * FARTHEST_MM_RAD
     return ranges
 

@@ -27,12 +27,12 @@ KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
 }
 
 
-def part_rows(found: Optimum) -> Rows:
+def part_rows(optimum: Optimum) -> Rows:
     """Headings and rows of the choices of parts."""
-    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *found.names, "objective",
+    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *optimum.names, "objective",
                 "end"]  # fmt: skip
     rows = []
-    for choice, end in found.tried:
+    for choice, end in optimum.tried:
         price = "" if choice.price is None else f"{choice.price:.0f}"
         weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
         values = [f"{value:.4g}" for value in end.x]
@@ -42,14 +42,14 @@ def part_rows(found: Optimum) -> Rows:
     return headings, rows
 
 
-def start_rows(found: Optimum) -> Rows:
+def start_rows(optimum: Optimum) -> Rows:
     """Headings and rows of all starts, the best first."""
     rows = [
         [*(f"{value:.5g}" for value in end.x), f"{end.objective:.6g}", f"{end.seconds:.1f}",
          end.status]
-        for end in found.results
+        for end in optimum.results
     ]  # fmt: skip
-    return [*found.names, "objective", "seconds", "end"], rows
+    return [*optimum.names, "objective", "seconds", "end"], rows
 
 
 def change_rows(settings: Config, sensor: Sensor, made: Rounded | None, names: list[str]) -> Rows:
@@ -68,15 +68,15 @@ def value_text(value: Any) -> str:
 
 
 def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
-    """By the last part of a key: half the rounding step, and the effect of such an error."""
+    """Half the rounding step and the effect of such an error, by the last part of a key."""
     if made is None:
         return {}
-    found = {}
+    effects = {}
     for name, step, cost in zip(names, made.steps, made.costs, strict=True):
         if step:
             worse = BREAKS if cost == float("inf") else f"costs up to {cost:.2g} %"
-            found[KEYS.get(name, name)] = f"+- {step / 2:g}, which {worse}"
-    return found
+            effects[KEYS.get(name, name)] = f"+- {step / 2:g}, which {worse}"
+    return effects
 
 
 def comparison_rows(table: dict[str, Any]) -> Rows:

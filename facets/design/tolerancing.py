@@ -80,8 +80,8 @@ class Expansion:
     @property
     def spread(self) -> Floats:
         """The standard deviation (r,) of each margin."""
-        found: Floats = np.sqrt((self.slopes**2).sum(axis=1) + (self.bends**2).sum(axis=1) / 2)
-        return found
+        deviation: Floats = np.sqrt((self.slopes**2).sum(axis=1) + (self.bends**2).sum(axis=1) / 2)
+        return deviation
 
     def group(self, row: int) -> str:
         """The name of a margin."""
@@ -106,11 +106,11 @@ def expand_margins(built: Assembly) -> Expansion:
     if axes:
         for n in range(count):
             heads = [head_at(built, n, step) for step in (SMALL, -SMALL)]
-            one, other = (errors_of(built.asked, built.sensor, head) for head in heads)
-            by_solver[:, n] = ((one - other)[:, axes] / (2 * SMALL)).ravel()
+            up, down = (errors_of(built.asked, built.sensor, head) for head in heads)
+            by_solver[:, n] = ((up - down)[:, axes] / (2 * SMALL)).ravel()
             if built.loose[n]:
-                one, other = (errors_of(built.asked, head, built.sensor) for head in heads)
-                by_head[:, n] = ((one - other)[:, axes] / (2 * SMALL)).ravel()
+                up, down = (errors_of(built.asked, head, built.sensor) for head in heads)
+                by_head[:, n] = ((up - down)[:, axes] / (2 * SMALL)).ravel()
     limits = np.tile(np.array(built.asked.layout.accuracy)[axes], len(built.asked.states))
     return Expansion(
         built, middle.ravel(), slopes, bends, by_head, by_solver, limits, *calibration_of(built)
@@ -151,7 +151,7 @@ def draw_heads(built: Assembly, count: int = HEADS, seed: int = SEED) -> Draws:
 
 
 @dataclass(frozen=True)
-class Shares:
+class YieldShares:
     """Yields: the share of heads that keep spots, light and limits; and of those that also keep the
     accuracy, as built and after a calibration. The last two are NaN without an accuracy limit."""
 
@@ -160,47 +160,49 @@ class Shares:
     calibrated: float
 
 
-def least_margins(found: Expansion, heads: Floats) -> Floats:
+def least_margins(expansion: Expansion, heads: Floats) -> Floats:
     """The least margin (n,) of each head."""
-    bend = np.abs(found.bends).sum(axis=1)
-    near = np.flatnonzero(found.margins < SAFE * (found.spread + bend))
+    bend = np.abs(expansion.bends).sum(axis=1)
+    near = np.flatnonzero(expansion.margins < SAFE * (expansion.spread + bend))
     least = np.full(len(heads), np.inf)
     for part in np.array_split(near, max(1, len(near) // 100)):
         if len(part):
-            values = found.margins[part] + heads @ found.slopes[part].T
-            values += heads**2 @ found.bends[part].T / 2
+            values = expansion.margins[part] + heads @ expansion.slopes[part].T
+            values += heads**2 @ expansion.bends[part].T / 2
             least = np.minimum(least, values.min(axis=1))
     return least
 
 
-def calibration_results(found: Expansion, draws: Draws) -> Floats:
+def calibration_results(expansion: Expansion, draws: Draws) -> Floats:
     """Return the calibrated values of the heads (n, p), in tolerances."""
-    told = draws.heads @ found.root @ found.root.T + draws.noise @ found.root.T
-    values: Floats = told @ found.gain.T
+    told = draws.heads @ expansion.root @ expansion.root.T + draws.noise @ expansion.root.T
+    values: Floats = told @ expansion.gain.T
     return values
 
 
-def errors_over_limits(found: Expansion, draws: Draws) -> tuple[Floats, Floats]:
+def errors_over_limits(expansion: Expansion, draws: Draws) -> tuple[Floats, Floats]:
     """The largest error over its limit (n,) of each head, as built and calibrated."""
-    known = calibration_results(found, draws)
+    known = calibration_results(expansion, draws)
     worst = np.zeros((2, len(draws.heads)))
-    for part in np.array_split(np.arange(len(found.limits)), max(1, len(found.limits) // 100)):
-        built = draws.heads @ found.by_head[part].T
-        both = built, built + known @ found.by_solver[part].T
+    for part in np.array_split(
+        np.arange(len(expansion.limits)), max(1, len(expansion.limits) // 100)
+    ):
+        built = draws.heads @ expansion.by_head[part].T
+        both = built, built + known @ expansion.by_solver[part].T
         for n, errors in enumerate(both):
-            over = np.abs(errors) / found.limits[part]
+            over = np.abs(errors) / expansion.limits[part]
             worst[n] = np.maximum(worst[n], over.max(axis=1, initial=0.0))
     return worst[0], worst[1]
 
 
 @one_thread
-def shares(found: Expansion, draws: Draws) -> Shares:
+def predict_yields(expansion: Expansion, draws: Draws) -> YieldShares:
     """Compute the yields of the drawn heads."""
-    kept = least_margins(found, draws.heads) >= 0
-    if not len(found.limits):
-        return Shares(float(kept.mean()), float("nan"), float("nan"))
-    built, known = errors_over_limits(found, draws)
-    return Shares(
+    kept = least_margins(expansion, draws.heads) >= 0
+    if not len(expansion.limits):
+        return YieldShares(float(kept.mean()), float("nan"), float("nan"))
+    built, known = errors_over_limits(expansion, draws)
+    return YieldShares(
         float(kept.mean()), float((kept & (built <= 1)).mean()), float((kept & (known <= 1)).mean())
     )
 
@@ -214,39 +216,41 @@ class Sensitivity:
     """
 
     key: str
-    alone: Shares
-    halved: Shares
+    alone: YieldShares
+    halved: YieldShares
     worst: str
 
 
-def sensitivities(found: Expansion, draws: Draws) -> list[Sensitivity]:
+def sensitivities(expansion: Expansion, draws: Draws) -> list[Sensitivity]:
     """Compute the effect of each tolerance; the one whose halving helps the yield most comes
     first."""
-    keys = np.array([key_of(name) for name in found.built.choice.names])
+    keys = np.array([key_of(name) for name in expansion.built.choice.names])
     rows = []
-    for key in dict.fromkeys(keys[found.built.loose].tolist()):
+    for key in dict.fromkeys(keys[expansion.built.loose].tolist()):
         mine = keys == key
-        alone = shares(found, Draws(draws.heads * mine, draws.noise))
-        halved = shares(found, Draws(draws.heads * np.where(mine, 0.5, 1.0), draws.noise))
-        rows.append(Sensitivity(key, alone, halved, worst_of(found, mine)))
-    last = "calibrated" if found.built.asked.layout.calibrated else "built"
-    field = last if len(found.limits) else "kept"
+        alone = predict_yields(expansion, Draws(draws.heads * mine, draws.noise))
+        halved = predict_yields(
+            expansion, Draws(draws.heads * np.where(mine, 0.5, 1.0), draws.noise)
+        )
+        rows.append(Sensitivity(key, alone, halved, worst_of(expansion, mine)))
+    last = "calibrated" if expansion.built.asked.layout.calibrated else "built"
+    field = last if len(expansion.limits) else "kept"
     rows.sort(key=lambda row: -getattr(row.halved, field))
     return rows
 
 
-def worst_of(found: Expansion, mine: Booleans) -> str:
+def worst_of(expansion: Expansion, mine: Booleans) -> str:
     """The margin, or the error, that some tolerances reduce most at two standard uncertainties."""
-    eaten = 2 * np.sqrt((found.slopes[:, mine] ** 2).sum(axis=1))
-    left = found.margins - eaten
-    name = found.group(int(left.argmin()))
-    axes = found.built.asked.error_groups
+    eaten = 2 * np.sqrt((expansion.slopes[:, mine] ** 2).sum(axis=1))
+    remaining = expansion.margins - eaten
+    name = expansion.group(int(remaining.argmin()))
+    axes = expansion.built.asked.error_groups
     if axes:
-        matrix = found.by_head
-        if found.built.asked.layout.calibrated:  # residual errors after the calibration
-            told = found.root @ found.root.T
-            matrix = found.by_head + found.by_solver @ found.gain @ told
-        error = 1 - 2 * np.sqrt((matrix[:, mine] ** 2).sum(axis=1)) / found.limits
-        if error.min() < left.min():
+        matrix = expansion.by_head
+        if expansion.built.asked.layout.calibrated:  # residual errors after the calibration
+            told = expansion.root @ expansion.root.T
+            matrix = expansion.by_head + expansion.by_solver @ expansion.gain @ told
+        error = 1 - 2 * np.sqrt((matrix[:, mine] ** 2).sum(axis=1)) / expansion.limits
+        if error.min() < remaining.min():
             return axes[int(error.argmin()) % len(axes)]
     return name

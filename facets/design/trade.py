@@ -22,6 +22,7 @@ from .exploration import FAR, MEASURES, NO_RIVALS, Space, measure_design
 from .formula import Formula
 from .problem import (
     LayoutProblem,
+    UnknownBounds,
     head_limits,
     headrooms,
     origin_of,
@@ -64,21 +65,21 @@ class Trade:
 
     def costs(self, unknowns: Floats) -> Floats:
         """Return the objectives, all to minimise, over their scales."""
-        found: Floats = self.signs * unknowns[len(self.problem.names) :]
-        return found
+        costs: Floats = self.signs * unknowns[len(self.problem.names) :]
+        return costs
 
     def costs_of_measures(self, values: Floats) -> Floats:
         places = [MEASURES.index(name) for name in self.objectives]
-        found: Floats = self.signs * values[..., places] / self.scales
-        return found
+        costs: Floats = self.signs * values[..., places] / self.scales
+        return costs
 
-    def bounds(self, most: Floats) -> tuple[Floats, Floats]:
+    def bounds(self, most: Floats) -> UnknownBounds:
         """Return the bounds of the unknowns with no cost above `most`, which may be infinite."""
         low, high = self.problem.bounds()
         n = len(self.problem.names)
         high[n:] = np.where(self.signs > 0, most, np.inf)
         low[n:] = np.where(self.signs < 0, np.maximum(-most, 0.0), 0.0)
-        return low, high
+        return UnknownBounds(low, high)
 
     def guess(self, x: Floats) -> Floats:
         """Return the unknowns at a design, given in the units of the variables' names."""
@@ -150,7 +151,8 @@ def scales_of(space: Space, objectives: list[str]) -> list[float]:
 
 
 def states_of(space: Space, ranges: list[str]) -> Floats:
-    """(m, 16): each state's place in the volume (8), and its shares of the ranges (8).
+    """The states (m, 16) of the constraints: each state's place in the volume (8), and its shares
+    of the ranges (8).
 
     The first is rest; then those on the way to both ends of each range; then the volume's, if
     required.
@@ -192,29 +194,29 @@ def trade_constraints(
 ) -> list[Constraint]:
     """List a design's requirements, and the quantities that must stay below the objectives."""
     parameters, square = layout_parameters(space.sensor, space.names, x)
-    own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
-    sizes = [(d, d) for d in square] if "size_mm" in space.names else own
+    given_sizes = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
+    sizes = [(d, d) for d in square] if "size_mm" in space.names else given_sizes
     fixed = build_geometry(tuple(parameters))
     at, heads = dark_scene(fixed, state), heads_of(parameters)
-    found = outcome_of(space.sensor, fixed, square, state, body=space.layout.object)
-    rim, half = space.sensor.apertures.rim, float(np.mean(own)) / 2
+    outcome = outcome_of(space.sensor, fixed, square, state, body=space.layout.object)
+    rim, half = space.sensor.apertures.rim, float(np.mean(given_sizes)) / 2
     rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
     return [
         Constraint("mirror's tip in the beam", tip_clearance(at)),
-        *headrooms(found),
+        *headrooms(outcome),
         *(Constraint("light on a facet, rim", each) for each in rims),
         *(
             Constraint(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
             for (k, edge), several in corner_clearances(fixed, at, sizes).items()
             for each in several
         ),
-        *reach_limits(space, found, states),
-        *volume_limits(space, found, heads, states),
-        *objective_limits(found, heads, scales),
+        *reach_limits(space, outcome, states),
+        *volume_limits(space, outcome, heads, states),
+        *objective_limits(outcome, heads, scales),
     ]
 
 
-def reach_limits(space: Space, found: Outcome, states: Floats) -> list[Constraint]:
+def reach_limits(space: Space, outcome: Outcome, states: Floats) -> list[Constraint]:
     """Constrain power and resolution at the ends of the ranges, by the rules of ranges."""
     rules, reached = space.rules, np.flatnonzero(~states[:, :8].any(axis=1)).tolist()
     weakest = rules.snr * power_floor(space.sensor)
@@ -222,41 +224,41 @@ def reach_limits(space: Space, found: Outcome, states: Floats) -> list[Constrain
     return [
         *(
             Constraint("power on a detector", power / weakest - 1, states=reached)
-            for power in found.powers
+            for power in outcome.powers
         ),
         *(
             Constraint(f"range.coarsest of {name}", 1 - variance / limit**2, states=reached)
-            for name, variance, limit in zip(POSE, found.variances, coarsest, strict=True)
+            for name, variance, limit in zip(POSE, outcome.variances, coarsest, strict=True)
             if np.isfinite(limit)
         ),
     ]
 
 
 def volume_limits(
-    space: Space, found: Outcome, heads: list[Any], states: Floats
+    space: Space, outcome: Outcome, heads: list[Any], states: Floats
 ) -> list[Constraint]:
     """List the requirements over the volume, if required, and those on the light at rest, which
     every design must meet."""
-    asked = limits_of(space.layout, found.powers, [], np.sqrt(found.variances))
+    asked = limits_of(space.layout, outcome.powers, [], np.sqrt(outcome.variances))
     if not space.required:
-        return [each._replace(states=[0]) for each in asked[: len(found.powers)]]
+        return [each._replace(states=[0]) for each in asked[: len(outcome.powers)]]
     volume = np.flatnonzero(states[:, :8].any(axis=1)).tolist()
     power, fine = [0, *volume], volume or [0]  # a volume that is a point is at rest
     return [
-        *(each._replace(states=power) for each in asked[: len(found.powers)]),
-        *(each._replace(states=fine) for each in asked[len(found.powers) :]),
+        *(each._replace(states=power) for each in asked[: len(outcome.powers)]),
+        *(each._replace(states=fine) for each in asked[len(outcome.powers) :]),
         *head_limits(space.layout, heads),
     ]
 
 
 def objective_limits(
-    found: Outcome, heads: list[Any], scales: dict[str, float]
+    outcome: Outcome, heads: list[Any], scales: dict[str, float]
 ) -> list[Constraint]:
     """List the quantities that must stay below the objectives, at rest."""
     below = []
     for name, scale in scales.items():
         if name in FINE_COLUMNS:
-            sigma = np.sqrt(found.variances[FINE_COLUMNS.index(name)])
+            sigma = np.sqrt(outcome.variances[FINE_COLUMNS.index(name)])
             what = f"{name} as low as it can be"
             below.append(Constraint(what, -sigma / scale, name, (0,)))
         elif name == "head_mm":

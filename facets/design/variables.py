@@ -113,8 +113,8 @@ def noise_of(
         assert electronics is not None
         full = FULL * largest_current(electronics)
         light = reading[n].reshape(-1, 3, 3)
-        left = 1 - electrode_currents(built, electronics, light).reshape(-1, 12) / full
-        parts.append((standard_deviations(built, reading[n]), left))
+        headroom_left = 1 - electrode_currents(built, electronics, light).reshape(-1, 12) / full
+        parts.append((standard_deviations(built, reading[n]), headroom_left))
     sigma, headroom = (np.stack(part) for part in zip(*parts, strict=True))
     return sigma, list(np.moveaxis(headroom, -1, 0))
 
@@ -190,12 +190,12 @@ def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[lis
     """
     value = {name: x[i] * unit_of(name) for i, name in enumerate(names)}
     moved = common_parameters(value) | {i: value[n] for n, i in SINGLES.items() if n in value}
-    own = parameters(sensor)
+    present = parameters(sensor)
     for facet, psd in zip(FACETS, PSDS, strict=True):
         if facet in moved and psd + 2 not in moved:
-            moved[psd + 2] = sub_beam_height(moved.get(psd, own[psd]), moved[facet])
+            moved[psd + 2] = sub_beam_height(moved.get(psd, present[psd]), moved[facet])
     sizes = [value.get("size_mm", min(psd.size_y, psd.size_z)) for psd in sensor.psds]
-    return [moved.get(i, number) for i, number in enumerate(own)], sizes
+    return [moved.get(i, number) for i, number in enumerate(present)], sizes
 
 
 def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
@@ -207,11 +207,11 @@ def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
         "inclination_deg": FACETS,
         **{name: [psd + i for psd in PSDS] for name, i in OF_A_PSD.items()},
     }
-    found = {i: value[name] for name, each in places.items() if name in value for i in each}
+    by_place = {i: value[name] for name, each in places.items() if name in value for i in each}
     if "azimuth_b_deg" in value:
         for k, turn in ((1, value["azimuth_b_deg"]), (2, 2 * np.pi - value["azimuth_b_deg"])):
-            found |= {FACETS[k] + 1: turn, PSDS[k] + 1: turn}
-    return found
+            by_place |= {FACETS[k] + 1: turn, PSDS[k] + 1: turn}
+    return by_place
 
 
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
@@ -219,8 +219,8 @@ def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
     p, sizes = layout_parameters(sensor, names, x.tolist())
     made = sensor_with(sensor, p)
     if GAIN in names and made.electronics is not None:
-        own = gain_of(sensor, names, x.tolist())
-        made = replace(made, electronics=replace(made.electronics, transimpedance=own))
+        gain = gain_of(sensor, names, x.tolist())
+        made = replace(made, electronics=replace(made.electronics, transimpedance=gain))
     if "size_mm" not in names:
         return made
     a, b, c = (replace(psd, size_y=d, size_z=d) for psd, d in zip(made.psds, sizes, strict=True))

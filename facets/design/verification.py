@@ -39,7 +39,7 @@ LOST = 1e9
 
 
 def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Floats:
-    """States (n, 8) of the mirror: those of the optimiser, random ones between them, and the ends
+    """States (n, 8) of the mirror: the optimiser's states, random ones between them, and the ends
     of searches from the worst of these."""
 
     def values(places: Floats) -> Floats:
@@ -64,11 +64,11 @@ def simulate_spread(
     spread = np.empty(6)
     for i, state in enumerate(states):
         exact = np.broadcast_to(readings(sensor, state), (DRAWS, 9))
-        found = solve(sensor, add_noise(sensor, exact, rng), start=state, covariance=False)
-        poses = found.state[:, :6]
+        solution = solve(sensor, add_noise(sensor, exact, rng), start=state, covariance=False)
+        poses = solution.state[:, :6]
         if body is not None:
             poses = object_displacements(poses, np.zeros(6), body)[0]
-        spread[i] = np.nanstd(poses[:, i]) if found.converged.mean() > 0.999 else np.nan
+        spread[i] = np.nanstd(poses[:, i]) if solution.converged.mean() > 0.999 else np.nan
     return spread
 
 
@@ -78,23 +78,23 @@ def performance(
     """Performance by name and unit, NaN if it cannot be computed; and the worst states (6, 8)."""
     states = worst_states(sensor, layout, rng)
     sigma = uncertainties(sensor, states, FREE, layout.object)
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     worst = np.zeros(6, dtype=int)
     for i, (name, unit) in enumerate(zip(FINE_COLUMNS, FINE_UNITS, strict=False)):
         worst[i] = int(np.argmax(np.where(np.isnan(sigma[:, i]), np.inf, sigma[:, i])))
-        found[name] = float(sigma[worst[i], i] / unit)
+        values[name] = float(sigma[worst[i], i] / unit)
     tracking = replace(rules, tracking=layout.following, object=layout.object)
     try:
         ranges = [axis.symmetric for axis in axis_ranges(sensor, tracking, np.zeros(6))]
     except InputError:
         ranges = [np.nan] * 6
     for name, length, unit in zip(RANGE_COLUMNS, ranges, STATE_UNITS, strict=False):
-        found[name] = length / unit
-    found["head_mm"] = 2 * max(psd.radius for psd in sensor.psds)
-    found["condition"] = float(measures(sensor, states)[:, 2].max())
-    found["room_mm"] = float(np.nan_to_num(margins(sensor, states)[:, :, :4], nan=-np.inf).min())
-    found["least_power_mw"] = float(readings(sensor, states)[:, 2::3].min())
-    return found, states[worst]
+        values[name] = length / unit
+    values["head_mm"] = 2 * max(psd.radius for psd in sensor.psds)
+    values["condition"] = float(measures(sensor, states)[:, 2].max())
+    values["room_mm"] = float(np.nan_to_num(margins(sensor, states)[:, :, :4], nan=-np.inf).min())
+    values["least_power_mw"] = float(readings(sensor, states)[:, 2::3].min())
+    return values, states[worst]
 
 
 def compare(

@@ -51,12 +51,12 @@ def shares_of_volume(wide: Booleans | None = None) -> Floats:
 
 
 def wide_axes(layout: Layout) -> Booleans:
-    """(8,) the axes in which the volume has a width."""
+    """Whether the volume has a width in each axis: (8,)."""
     return np.array(layout.volume) > 0
 
 
 def span_of(layout: Layout) -> Floats:
-    """(8, 8): the matrix that turns shares of the volume into a state."""
+    """The matrix (8, 8) that turns shares of the volume into a state."""
     span = np.diag(np.array(layout.volume, dtype=float))
     if layout.following:  # the last two are the beam's offset from the apex
         span[0, 6], span[1, 7] = span[0, 0], span[1, 1]
@@ -95,20 +95,20 @@ def worst_places(
     if not len(numbers) or not wide.any():
         return np.empty((0, 8)), numbers[:0]
     order = np.argsort(known[:, numbers], axis=0, kind="stable")[:STARTS]
-    found = shares[order.T.ravel()]
+    ends = shares[order.T.ravel()]
     which = np.repeat(numbers, len(order))
     lowest = known[order.T.ravel(), which]
-    found, lowest = descend(values, found, which, lowest, wide)
+    ends, lowest = descend(values, ends, which, lowest, wide)
     best = np.array([np.flatnonzero(which == n)[lowest[which == n].argmin()] for n in numbers])
     worse = lowest[best] < least[numbers] - WORSE * change[numbers]
-    return found[best[worse]], numbers[worse]
+    return ends[best[worse]], numbers[worse]
 
 
 def add_worst_states(
     layout: Layout, values: Callable[[Floats], Floats], drawn: Floats | None = None
 ) -> Floats:
-    """States (n, 8): those of `states_of`, some at drawn shares, and the places between them where
-    a value is least.
+    """States (n, 8): the states of `states_of`, some at drawn shares, and the places between them
+    where a value is least.
 
     values: of states (n, 8), their margins (n, m), each of which should be large.
     """
@@ -131,13 +131,13 @@ def descend(
     step = np.full(len(places), FIRST_STEP)
     while (going := np.flatnonzero(step >= LAST_STEP)).size:
         tried = np.clip(places[going, None] + step[going, None, None] * sides, -1.0, 1.0)
-        own = np.full(tried.shape[:2], np.inf)
+        tried_values = np.full(tried.shape[:2], np.inf)
         within = (tried != places[going, None]).any(axis=2)  # clipping removes other steps
-        found = values(tried[within])
-        own[within] = found[np.arange(len(found)), which[going[np.nonzero(within)[0]]]]
-        own[np.isnan(own)] = np.inf
-        best = own.argmin(axis=1)
-        low = own[np.arange(len(going)), best]
+        inner = values(tried[within])
+        tried_values[within] = inner[np.arange(len(inner)), which[going[np.nonzero(within)[0]]]]
+        tried_values[np.isnan(tried_values)] = np.inf
+        best = tried_values.argmin(axis=1)
+        low = tried_values[np.arange(len(going)), best]
         better = low < lowest[going]
         moved = going[better]
         places[moved], lowest[moved] = tried[better, best[better]], low[better]

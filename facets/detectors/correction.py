@@ -66,7 +66,8 @@ def correct(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def interpolate_grid(grid: Grid, places: Floats) -> Floats:
-    """The corrections of a grid at places (n, 2), mm; beyond its edge those at the edge.
+    """The corrections of a grid at places (n, 2), mm; at places beyond its edge, the corrections at
+    the edge.
 
     Where a place is NaN the correction is finite, so that the sum stays NaN.
     """
@@ -74,8 +75,8 @@ def interpolate_grid(grid: Grid, places: Floats) -> Floats:
 
     added = np.stack([grid.add_y, grid.add_z], axis=-1)
     nearest = np.clip(np.nan_to_num(places), (grid.y[0], grid.z[0]), (grid.y[-1], grid.z[-1]))
-    found: Floats = RegularGridInterpolator((grid.y, grid.z), added)(nearest)
-    return found
+    corrections: Floats = RegularGridInterpolator((grid.y, grid.z), added)(nearest)
+    return corrections
 
 
 def invert_correction(sensor: Sensor, exact: Floats) -> Floats:

@@ -96,21 +96,21 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
 def tetra_lateral_places(measured: Floats, aspect: float) -> Floats:
     """The places (..., 2) where a tetra-lateral gives ratios (..., 2), iterated.
 
-    The result of each does not depend on the others; NaN where there is no place.
+    The result of each place does not depend on the others; NaN where there is no place.
     """
     wanted = measured.reshape(-1, 2)
-    found, open_ = wanted.copy(), np.arange(len(wanted))
+    place, open_ = wanted.copy(), np.arange(len(wanted))
     for _ in range(30):
-        here = found[open_]
+        here = place[open_]
         rest = wanted[open_] - tetra_lateral_ratios(here, aspect)
         step = np.linalg.solve(slopes(here, aspect), rest[..., None])[..., 0]
-        found[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
+        place[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
         open_ = open_[~(np.abs(rest).max(axis=-1) < 1e-12)]
         if len(open_) == 0:
             break
-    off = np.abs(wanted - tetra_lateral_ratios(found, aspect)).max(axis=-1) > 1e-9
-    found[off] = np.nan
-    return found.reshape(measured.shape)
+    off = np.abs(wanted - tetra_lateral_ratios(place, aspect)).max(axis=-1) > 1e-9
+    place[off] = np.nan
+    return place.reshape(measured.shape)
 
 
 def tetra_lateral_ratios(place: Floats, aspect: float) -> Floats:

@@ -237,10 +237,10 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
     currents = electrode_currents(sensor, electronics, parts)
     noise = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     noise = noise * np.broadcast_to(share, exact.shape[:-1])[..., None, None] / step**2
-    left = np.zeros_like(noise)
+    kept = np.zeros_like(noise)
     for k in range(1, HARMONICS + 1):
-        left += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
-    var = (step**2 / (2 * np.pi**2) * left)[..., None]
+        kept += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
+    var = (step**2 / (2 * np.pi**2) * kept)[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return reading_variances(sensor, electronics, parts, currents, var).reshape(exact.shape)
 
@@ -255,22 +255,24 @@ def summed_variances(sensor: Sensor, electronics: Electronics, exact: Floats) ->
 
 
 def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
-    """`summed_variances` of a duo-lateral detector, written out: a live loop asks at each block.
+    """The variances of `summed_variances` for a duo-lateral detector, written out, because a live
+    loop computes them for each block.
 
-    With the current L, the place p in half sizes h, and variances of an electrode s |I| + e:
-    h^2 (s (1 - p^2) / L + 2 e (1 + p^2) / L^2), and of the power (s L + 2 e) / 2 over the
-    responsivity squared.
+    With the current L, the place p in half sizes h, and variances of an electrode s |I| + e: h^2 (s
+    (1 - p^2) / L + 2 e (1 + p^2) / L^2), and of the power (s L + 2 e) / 2 over the responsivity
+    squared.
     """
-    half, own = half_sizes(sensor), two_layer_noise(electronics)
-    light = own.gain * exact[..., 2]
+    half, noise = half_sizes(sensor), two_layer_noise(electronics)
+    light = noise.gain * exact[..., 2]
     out = np.empty(exact.shape)
-    out[..., :2] = two_layer_place_variance(exact[..., :2] / half, half, light[..., None], own)
-    out[..., 2] = two_layer_power_variance(light, own)
+    out[..., :2] = two_layer_place_variance(exact[..., :2] / half, half, light[..., None], noise)
+    out[..., 2] = two_layer_power_variance(light, noise)
     return out
 
 
 class TwoLayerNoise(NamedTuple):
-    """gain: A/mW.  shot, even: of an electrode's variance shot |I| + even, A and A^2."""
+    """The noise of a duo-lateral detector.  gain: A/mW.  shot, even: an electrode's variance is
+    shot |I| + even, A and A^2."""
 
     gain: float
     shot: float
@@ -283,7 +285,8 @@ def two_layer_noise(electronics: Electronics) -> TwoLayerNoise:
 
 
 def two_layer_place_variance(place: Any, half: Any, light: Any, noise: TwoLayerNoise) -> Any:
-    """place: in half sizes `half`, mm.  light: the current, A.  Floats, or arrays of one shape."""
+    """Variance of a place of a duo-lateral detector, mm^2.  place: in half sizes `half`, mm.
+    light: the current, A.  Floats, or arrays of one shape."""
     inside = select(place > 1, 1.0, select(place < -1, -1.0, place))
     square = inside**2
     inverse = abs(light) / (light * light)  # There is no number without light.
@@ -347,7 +350,7 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
 def sample_readings(
     sensor: Sensor, exact: Floats, rng: np.random.Generator, rounded: bool = True
 ) -> Floats:
-    """`add_noise` of readings (..., 9).
+    """Readings (..., 9) with noise, see `add_noise`.
 
     rounded: whether the converter rounds to its steps, as a detector does. Otherwise currents are
     anywhere within a step with equal chance: what may be the case where the phase between steps is

@@ -43,8 +43,8 @@ def slopes(time: Times, values: Floats) -> Floats:
 
 
 def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
-    """Convert readings (n, 9) to those at `time` (n,), s; each detector's came later by its delay
-    (`sensor.light.delays`).
+    """Convert readings (n, 9) to those at `time` (n,), s; each detector's readings came later by
+    its delay (`sensor.light.delays`).
 
     The readings run in time; a single one is unchanged.
     """

@@ -52,8 +52,8 @@ def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seco
 def is_ours(path: Path) -> bool:
     """Return whether this program wrote a description."""
     try:
-        found = json.loads(path.read_text("utf-8"))
-        return any(entity.get("@id") == PROGRAM for entity in found["@graph"])
+        content = json.loads(path.read_text("utf-8"))
+        return any(entity.get("@id") == PROGRAM for entity in content["@graph"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return False
 
@@ -116,7 +116,7 @@ def entity_of(file: Path) -> dict[str, Any]:
 
 def columns_of(file: Path) -> list[dict[str, Any]]:
     """Columns of a table that have a unit; none for files that are not tables."""
-    found = []
+    columns = []
     for name in names_of(readable_path(file)):
         unit = unit_of_column(name)
         if not unit:
@@ -128,8 +128,8 @@ def columns_of(file: Path) -> list[dict[str, Any]]:
             "unitText": unit,
             "subjectOf": {"@id": file.name},
         }
-        found.append(column | ({"unitCode": UCUM[unit]} if unit in UCUM else {}))
-    return found
+        columns.append(column | ({"unitCode": UCUM[unit]} if unit in UCUM else {}))
+    return columns
 
 
 def names_of(file: Path) -> list[str]:

@@ -243,8 +243,8 @@ _sets: list[ResultSet] = []
 
 def readable_path(path: Path) -> Path:
     """Path at which a result can be read: within a `ResultSet` it does not have its name yet."""
-    found = next((one.files[path] for one in reversed(_sets) if path in one.files), None)
-    return path if found is None else found.temporary
+    written = next((made.files[path] for made in reversed(_sets) if path in made.files), None)
+    return path if written is None else written.temporary
 
 
 def remove_older(path: Path) -> None:
@@ -258,7 +258,7 @@ def remove_older(path: Path) -> None:
 
 
 def hidden_name(path: Path) -> Path:
-    """An unused name in the same folder."""
+    """An unused name for a hidden file in the folder of a path."""
     return path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
 
 
@@ -284,7 +284,7 @@ def lock_file(file: IO[bytes]) -> bool:
 
 def missing_folders(folder: Path) -> list[Path]:
     """The folder and its parents that do not exist, the innermost first."""
-    return [one for one in (folder, *folder.parents) if not one.exists()]
+    return [above for above in (folder, *folder.parents) if not above.exists()]
 
 
 def link_or_copy(path: Path, backup: Path) -> None:

@@ -12,6 +12,7 @@ from ..optics.forward import (
     Geometry,
     dark_scene,
     illuminate,
+    mirror_facets,
     path,
     power_derivative,
     reading,
@@ -87,12 +88,12 @@ def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
     at = illuminate(writer.narrow(standing))
     lit = replace_light(standing, at.integrals, at.moments)
     turns, axes = edge_turns(vectors, at), writer.narrow(rotation_axes(exact[4], exact[5]))
-    found = []
-    for k in range(3):
-        values, derivatives = linearise_detector(vectors, at, k, turns, axes)
-        psi, zeta, _ = writer.narrow(reading(vectors, lit, k, path(vectors, lit, k)))
-        found.append(((psi, zeta, values[2]), derivatives))
-    return found
+    detectors = []
+    for narrow, wide in zip(mirror_facets(vectors, at), mirror_facets(vectors, lit), strict=True):
+        values, derivatives = linearise_detector(narrow, turns, axes)
+        psi, zeta, _ = writer.narrow(reading(wide, path(wide)))
+        detectors.append(((psi, zeta, values[2]), derivatives))
+    return detectors
 
 
 def linearise_exactly(writer: CWriter, vectors: Geometry, text: ExactText) -> list[Any]:

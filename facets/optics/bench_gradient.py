@@ -16,11 +16,11 @@ from ..scalars.dual import Dual, value_and_slope
 from .bench_light import scene, scene_readings
 from .central import Side
 from .curved_light import apparent_scene, apply, back_projection
-from .forward import Geometry, Scene, Three, dark_scene, path, replace_light
+from .forward import Facet, Geometry, Scene, Three, dark_scene, mirror_facets, path, replace_light
 from .gradient import Gradient, edge_turns, gradients, state_row
 from .profile import apply_profile, moment_slopes
 from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
-from .wedge import Moments, closed_moments, turn_derivative
+from .wedge import Moments, Pair, closed_moments, turn_derivative
 
 #: A number's derivatives by the eight components of a state.
 Row = tuple[Any, ...]
@@ -31,7 +31,7 @@ DIM = 0.01
 
 
 def side_with_slope(q: Plane, u: Plane, side: Side) -> Side:
-    """The result of `wedge.side` with the derivatives that q and u carry.
+    """One of `wedge.sides` with the derivatives that q and u carry.
 
     With a = q.u and h = q x u: dL = -f da - h L dh, dK = -L da - h K dh, dJ = -2 K da - h J dh.
     """
@@ -53,15 +53,16 @@ def angle_slope(u: Plane) -> Number:
 
 
 def moments_with_slope(
-    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, real1: Side, real2: Side,
-    moments: Moments,
-) -> Moments:  # fmt: skip
-    """The result of `wedge.wedge` with derivatives. side1, side2 carry derivatives; real1, real2,
-    moments are plain."""
+    q: Plane, pair: Pair, integrals: tuple[Side, Side], moments: Moments
+) -> Moments:
+    """One of `wedge.wedges` with the derivatives that q and the pair carry.
+
+    integrals, moments: plain.
+    """
     mass, (cx, cy), (pxx, pxy, pyy), _ = moments
-    of_mass, of_x, of_y = wedge_slopes(q, (u1, u2), (real1, real2), moments)
+    of_mass, of_x, of_y = wedge_slopes(q, pair[:2], integrals, moments)
     whole, x, y = Dual(mass, of_mass), Dual(cx, of_x), Dual(cy, of_y)
-    of_xx, of_xy, of_yy = covariance_slope(q, u1, u2, side1, side2, whole)
+    of_xx, of_xy, of_yy = covariance_slope(q, pair, whole)
     shift = Dual(pxx, of_xx), Dual(pxy, of_xy), Dual(pyy, of_yy)
     return whole, (x, y), shift, (x - q[0], y - q[1])
 
@@ -85,26 +86,24 @@ def wedge_slopes(
     )
 
 
-def covariance_slope(
-    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number
-) -> Three:
+def covariance_slope(q: Plane, pair: Pair, whole: Number) -> Three:
     """The change of one less the light's covariance, as xx, xy, yy; 0 where there is less light
     than DIM."""
     lit, some = whole.real > DIM, Dual(maximum(whole.real, DIM), whole.imag)
-    xx, xy, yy = (each.imag for each in closed_moments(q, u1, u2, side1, side2, some)[2])
+    xx, xy, yy = (each.imag for each in closed_moments(q, *pair, some)[2])
     return select(lit, xx, 0.0), select(lit, xy, 0.0), select(lit, yy, 0.0)
 
 
 def light_with_slope(to: Scene, at: Scene) -> Scene:
     """The scene `to`, whose numbers carry derivatives, with its light.
 
-    at: the same with plain numbers, in which the light has been found.
+    at: the scene of the same state with plain numbers and its light.
     """
     q, (u0, u1, u2), (r0, r1, r2) = to.q, to.sides, at.integrals
     s0, s1, s2 = side_with_slope(q, u0, r0), side_with_slope(q, u1, r1), side_with_slope(q, u2, r2)
-    on_a = moments_with_slope(q, u0, u1, s0, s1, r0, r1, at.moments[0])
-    on_b = moments_with_slope(q, u1, u2, s1, s2, r1, r2, at.moments[1])
-    on_c = moments_with_slope(q, u2, u0, s2, s0, r2, r0, at.moments[2])
+    on_a = moments_with_slope(q, (u0, u1, s0, s1), (r0, r1), at.moments[0])
+    on_b = moments_with_slope(q, (u1, u2, s1, s2), (r1, r2), at.moments[1])
+    on_c = moments_with_slope(q, (u2, u0, s2, s0), (r2, r0), at.moments[2])
     return replace_light(to, (s0, s1, s2), (on_a, on_b, on_c))
 
 
@@ -156,17 +155,18 @@ def linearise_nearly(
     whitening = apparent_axes(geometry, at, back)
     seen = parallel_beam(geometry, geometry.direction, geometry.power, geometry.spread, whitening)
     turns, axes = edge_turns(seen, at), rotation_axes(state[4], state[5])
+    a, b, c = mirror_facets(geometry, at)
     return (
-        (values[0], approximate_rows(geometry, at, whitening, turns, axes, 0, values[0])),
-        (values[1], approximate_rows(geometry, at, whitening, turns, axes, 1, values[1])),
-        (values[2], approximate_rows(geometry, at, whitening, turns, axes, 2, values[2])),
+        (values[0], approximate_rows(a, whitening, turns, axes, values[0])),
+        (values[1], approximate_rows(b, whitening, turns, axes, values[1])),
+        (values[2], approximate_rows(c, whitening, turns, axes, values[2])),
     )
 
 
 def apparent_axes(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any]
 ) -> tuple[Vector, Vector]:
-    """The matrices that convert a small step of the apex to that of q, in sigmas, and an edge to
+    """The matrix that converts a small step of the apex to the step of q, in sigmas, and an edge to
     its direction as the light sees it."""
     bent = apply(geometry.light.bend, at.q)
     x = combine(1, geometry.whitening[0], -bent[0], geometry.direction)
@@ -181,7 +181,7 @@ def parallel_beam(
     spread: tuple[Vector, Vector],
     whitening: tuple[Vector, Vector],
 ) -> Geometry:
-    """The sensor under a beam whose rays are all parallel to one ray of its own."""
+    """The sensor under a beam whose rays are all parallel to one ray of the sensor's beam."""
     return Geometry(
         direction,
         power,
@@ -196,48 +196,49 @@ def parallel_beam(
 
 
 def approximate_rows(
-    geometry: Geometry,
-    at: Scene,
-    whitening: tuple[Vector, Vector],
-    turns: Three,
-    axes: Matrix,
-    k: int,
-    values: Three,
+    facet: Facet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
 ) -> Three:
-    """The derivatives of detector k's readings by the state, the edges' effects held.
+    """The derivatives of a detector's readings by the state, the edges' effects held.
+
+    whitening: from `apparent_axes`.  turns, axes: as for `state_row`.  values: the readings.
 
     Along the ray of the centroid, rays that spread shift as parallel ones would that lie farther
     apart by what they spread on their way.
     """
-    light = geometry.light
-    mass, centroid, _, _ = at.moments[k]
-    own = (values[2] - light.background[k][0]) / mass
+    geometry, light = facet.geometry, facet.geometry.light
+    background = light.background[facet.k]
+    mass, centroid, _, _ = facet.moments
+    power = (values[2] - background[0]) / mass
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
     direction = add(geometry.direction, bend)
-    ray = path(parallel_beam(geometry, direction, own, geometry.spread, whitening), at, k)
+    parallel = parallel_beam(geometry, direction, power, geometry.spread, whitening)
+    ray = path(facet._replace(geometry=parallel))
     reach = dot(subtract(ray.start, ray.origin), direction) + ray.length
     spread = (
         combine(1, geometry.spread[0], reach, light.fan[0]),
         combine(1, geometry.spread[1], reach, light.fan[1]),
     )
-    parallel = parallel_beam(geometry, direction, own, spread, whitening)
-    of_psi, of_zeta, of_power = gradients(parallel, at, k, ray)
+    parallel = parallel_beam(geometry, direction, power, spread, whitening)
+    seen = facet._replace(geometry=parallel)
+    of_psi, of_zeta, of_power = gradients(seen, ray)
     if light.options.profiled:
-        decline, slopes = moment_slopes(geometry, at, k)
+        decline, slopes = moment_slopes(facet)
         of_psi, of_zeta = apex_gradient(of_psi, slopes), apex_gradient(of_zeta, slopes)
-        of_power = of_power._replace(q=(-own * mass * decline[0], -own * mass * decline[1]))
-    normal, both = at.normals[k], (turns[k], turns[(k + 1) % 3])
+        of_power = of_power._replace(q=(-power * mass * decline[0], -power * mass * decline[1]))
     return add_background_to_rows(
         values,
-        light.background[k],
-        state_row(parallel, of_psi, normal, both, axes),
-        state_row(parallel, of_zeta, normal, both, axes),
-        state_row(parallel, of_power, normal, both, axes),
+        background,
+        state_row(seen, of_psi, turns, axes),
+        state_row(seen, of_zeta, turns, axes),
+        state_row(seen, of_power, turns, axes),
     )
 
 
 def apex_gradient(gradient: Gradient, slopes: tuple[Any, Any, Any, Any]) -> Gradient:
-    """Of a place, where the beam is not Gaussian.  slopes: of the centroid, see `moment_slopes`."""
+    """The gradient of a landing coordinate where the beam is not Gaussian.
+
+    slopes: of the centroid, see `moment_slopes`.
+    """
     (x, y), (xx, xy, yx, yy) = gradient.centroid, slopes
     return gradient._replace(q=(x * xx + y * yx, x * xy + y * yy))
 
@@ -252,26 +253,26 @@ def add_background_to_rows(
     """
     whole = values[2]
     share = 1 / whole
-    own = (whole - other[0]) * share
+    kept = (whole - other[0]) * share
     draws = other[0] * share / (whole - other[0])
     return (
-        add_background_to_row(of_psi, of_power, own, (values[0] - other[1]) * draws),
-        add_background_to_row(of_zeta, of_power, own, (values[1] - other[2]) * draws),
+        add_background_to_row(of_psi, of_power, kept, (values[0] - other[1]) * draws),
+        add_background_to_row(of_zeta, of_power, kept, (values[1] - other[2]) * draws),
         of_power,
     )
 
 
-def add_background_to_row(of_place: Row, of_power: Row, own: Number, lever: Number) -> Row:
-    """own: the spot's share of the power.  lever: change of the place per power of the spot."""
+def add_background_to_row(of_place: Row, of_power: Row, kept: Number, lever: Number) -> Row:
+    """kept: the spot's share of the power.  lever: change of the place per power of the spot."""
     a, b, c, d, e, f, g, h = of_place
     p, q, r, s, t, u, v, w = of_power
     return (
-        own * a + lever * p,
-        own * b + lever * q,
-        own * c + lever * r,
-        own * d + lever * s,
-        own * e + lever * t,
-        own * f + lever * u,
-        own * g + lever * v,
-        own * h + lever * w,
+        kept * a + lever * p,
+        kept * b + lever * q,
+        kept * c + lever * r,
+        kept * d + lever * s,
+        kept * e + lever * t,
+        kept * f + lever * u,
+        kept * g + lever * v,
+        kept * h + lever * w,
     )

@@ -21,6 +21,7 @@ from .curved_light import (
 from .edge_light import (
     FAINT,
     EdgeEffects,
+    Spot,
     add_apex_loss,
     add_rolloff,
     add_streak_loss,
@@ -29,7 +30,7 @@ from .edge_light import (
     light_after_wear,
 )
 from .effects import reflectances
-from .forward import Geometry, Scene, Three, dark_scene, illuminate
+from .forward import Facet, Geometry, Scene, Three, dark_scene, illuminate, mirror_facets
 from .profile import apply_profile
 from .vectors import Plane, Vector, add, combine, cross, dot
 
@@ -60,46 +61,42 @@ def add_background(spot: Plane, power: Number, other: Three) -> Three:
     )
 
 
-def reading(
-    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
-) -> Three:
-    """Of detector k: (psi, zeta, power), mm and mW.
+def reading(facet: Facet, back: tuple[Any, Any, Any, Any], steps: Three) -> Three:
+    """The reading (psi, zeta, power) of a facet's detector, mm and mW.
+
+    back: from `back_projection`.  steps: from `edge_step`, for each of the mirror's edges.
 
     NaN as in `forward.reading`, and where the edges' diffraction would take half of the light or
     more: `edge_light` is of first order in that share, and there gives a plausible place far inside
     of the detector for a spot on its edge.
     """
-    following = (k + 1) % 3
-    light = geometry.light
-    image = detector_image(geometry, at, k)
-    mass, centroid, moved = light_after_wear(geometry, at, back, steps, k)
+    geometry, light = facet.geometry, facet.geometry.light
+    image = detector_image(facet)
+    both = steps[facet.k], steps[(facet.k + 1) % 3]
+    mass, centroid, moved = light_after_wear(facet, back, both)
     ray = trace_ray(image, centroid)
-    bow = curvature_shift(image, ray, at.moments[k][2])
+    bow = curvature_shift(image, ray, facet.moments[2])
     centre = ray.spot[0] + bow[0], ray.spot[1] + bow[1]
     zero = mass * 0
     total = EdgeEffects(zero, (zero, zero))
-    first, second = light.rolloff[k]
-    step, after = steps[k], steps[following]
     circle = 2 * pi(mass)
     scatter = light.wavelength * image.path / (circle * circle)
-    one, other = edge_streak(image, step, scatter), edge_streak(image, after, scatter)
-    total = add_rolloff(geometry, at, image, k, k, step, one, first, moved, total)
-    total = add_rolloff(geometry, at, image, k, following, after, other, -second, moved, total)
-    total = add_streak_loss(geometry, image, one, centre, total)
-    total = add_streak_loss(geometry, image, other, centre, total)
-    streaks = one, other
-    total = add_apex_loss(
-        geometry, at, back, image, k, (step, after), streaks, scatter, centre, total
-    )
+    spot = Spot(facet, image, centre, scatter)
+    streaks = edge_streak(spot, both[0]), edge_streak(spot, both[1])
+    total = add_rolloff(spot, streaks[0], moved, 0, total)
+    total = add_rolloff(spot, streaks[1], moved, 1, total)
+    total = add_streak_loss(spot, streaks[0], total)
+    total = add_streak_loss(spot, streaks[1], total)
+    total = add_apex_loss(spot, streaks, back, total)
     rest = mass - total.lost
     rest = nan_unless_positive(rest, rest - total.lost, mass - FAINT, ray.facing)
     share = 1 / rest
-    spot = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
+    place = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
     direction = add(geometry.direction, bend)
-    power = geometry.power * rest * reflectance(geometry, at.normals[k], direction)
-    psi, zeta, whole = add_background(spot, power, light.background[k])
-    incidence = -dot(direction, at.normals[k])
+    power = geometry.power * rest * reflectance(geometry, facet.normal, direction)
+    psi, zeta, whole = add_background(place, power, light.background[facet.k])
+    incidence = -dot(direction, facet.normal)
     return (
         nan_unless_positive(psi, incidence, ray.facing, image.path),
         nan_unless_positive(zeta, incidence, ray.facing, image.path),
@@ -108,7 +105,8 @@ def reading(
 
 
 def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
-    """(psi, zeta, power) of detectors A, B and C in a scene from `curved` with the light in it."""
+    """The readings (psi, zeta, power) of detectors A, B and C in a scene from `apparent_scene` with
+    its light."""
     back = back_projection(geometry, at)
     at = apply_profile(geometry, at)
     steps = (
@@ -116,11 +114,8 @@ def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
         edge_step(geometry, at, back, 1),
         edge_step(geometry, at, back, 2),
     )
-    return (
-        reading(geometry, at, back, steps, 0),
-        reading(geometry, at, back, steps, 1),
-        reading(geometry, at, back, steps, 2),
-    )
+    a, b, c = mirror_facets(geometry, at)
+    return reading(a, back, steps), reading(b, back, steps), reading(c, back, steps)
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
-from .forward import Geometry, Scene, project_to_sigmas
+from .forward import Facet, Geometry, Scene, project_to_sigmas
 from .rays import reflect
 from .vectors import (
     Matrix,
@@ -70,8 +70,9 @@ class DetectorImage(NamedTuple):
     """A detector as seen in its facet, and the beam in the image's own frame: along its normal, y
     and z, from its centre; mm.
 
-    axes: of the image, in the world.  halves: of its sensitive area.  start: the beam's place.
-    direction: of the beam.  spread, fan: as in geometry and light.  path: length from the apex.
+    axes: of the image, in the world.  halves: half the sizes of its sensitive area.  start: the
+    beam's place.  direction: of the beam.  spread, fan: as in `Geometry` and `Light`.  path: length
+    from the apex.
     """
 
     axes: Matrix
@@ -83,16 +84,16 @@ class DetectorImage(NamedTuple):
     path: Number
 
 
-def detector_image(geometry: Geometry, at: Scene, k: int) -> DetectorImage:
-    normal, (x, y, z) = at.normals[k], geometry.axes[k]
+def detector_image(facet: Facet) -> DetectorImage:
+    geometry, at, normal, (x, y, z) = facet.geometry, facet.at, facet.normal, facet.axes
     axes = reflect(x, normal), reflect(y, normal), reflect(z, normal)
     # Measured from the image's centre.
-    apex = reflect(subtract(at.apex, geometry.centres[k]), normal)
+    apex = reflect(subtract(at.apex, facet.centre), normal)
     direction = rotate(axes, geometry.direction)
     spread, fan = geometry.spread, geometry.light.fan
     return DetectorImage(
         axes=axes,
-        halves=geometry.light.options.halves[k],
+        halves=geometry.light.options.halves[facet.k],
         start=rotate(axes, add(apex, subtract(at.place, at.apex))),
         direction=direction,
         spread=(rotate(axes, spread[0]), rotate(axes, spread[1])),

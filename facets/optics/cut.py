@@ -17,7 +17,16 @@ from ..scalars.dispatch import Number, log, select, sqrt, where_any
 from ..scalars.dual import Dual, value_and_slope
 from .bench_gradient import slopes_of_detector, wedge_slopes
 from .bench_light import add_background, reflectance
-from .forward import Geometry, Scene, Three, dark_scene, illuminate, replace_light
+from .forward import (
+    Facet,
+    Geometry,
+    Scene,
+    Three,
+    dark_scene,
+    illuminate,
+    mirror_facets,
+    replace_light,
+)
 from .forward import scene_readings as bare_readings
 from .limits import central_landing, gradient_per_sigma, outward_direction
 from .rays import gradient_of_shift, slant
@@ -46,19 +55,20 @@ class CutLight(NamedTuple):
     spans: tuple[Three, ...]
 
 
-def outline(geometry: Geometry, at: Scene, k: int) -> tuple[SideLine, ...]:
-    """The sides of facet k's light: its first and second edge, tip, rim, and the detector's edges
+def outline(facet: Facet) -> tuple[SideLine, ...]:
+    """The sides of a facet's light: its first and second edge, tip, rim, and the detector's edges
     at -y, +y, -z and +z; infinitely far where there is no such limit, except for the tip."""
+    geometry, at = facet.geometry, facet.at
     tip, rim = geometry.openings.tip, geometry.openings.rim
-    along = slant(outward_direction(geometry, at, k), geometry.direction, at.normals[k])
+    along = slant(outward_direction(facet), geometry.direction, facet.normal)
     value, slope = dot(subtract(at.place, at.apex), along), gradient_per_sigma(geometry, along)
-    leaving, (psi, zeta) = central_landing(geometry, at, k)
-    half_y, half_z = geometry.openings.halves[k]
-    on_y = landing_slope(geometry, at, k, leaving, 1)
-    on_z = landing_slope(geometry, at, k, leaving, 2)
+    leaving, (psi, zeta) = central_landing(facet)
+    half_y, half_z = geometry.openings.halves[facet.k]
+    on_y = landing_slope(facet, leaving, 1)
+    on_z = landing_slope(facet, leaving, 2)
     return (
-        edge_line(geometry, at, k, 0),
-        edge_line(geometry, at, k, 1),
+        edge_line(facet, 0),
+        edge_line(facet, 1),
         limit_line(value - tip, slope, 1.0),
         limit_line(rim - value, slope, -1.0),
         limit_line(half_y + psi, on_y, 1.0),
@@ -68,43 +78,46 @@ def outline(geometry: Geometry, at: Scene, k: int) -> tuple[SideLine, ...]:
     )
 
 
-def edge_line(geometry: Geometry, at: Scene, k: int, number: int) -> SideLine:
+def edge_line(facet: Facet, which: int) -> SideLine:
     """One of a facet's two edges, half the gap inside."""
-    edge, sense = (k + number) % 3, 1.0 - 2.0 * number
-    (x, y), along = at.sides[edge], at.edges[edge]
-    inward = cross(at.normals[k], along)
-    slope = gradient_per_sigma(geometry, slant(inward, geometry.direction, at.normals[k]))
+    geometry, q, sense = facet.geometry, facet.at.q, 1.0 - 2.0 * which
+    (x, y), along = facet.sides[which], facet.edges[which]
+    inward = cross(facet.normal, along)
+    slope = gradient_per_sigma(geometry, slant(inward, geometry.direction, facet.normal))
     size = sqrt((slope[0] * slope[0] + slope[1] * slope[1]) / dot(along, along))
     away = geometry.openings.gap / (2 * size)
-    return SideLine(sense * (at.q[0] * y - at.q[1] * x) - away, sense * y, -sense * x)
+    return SideLine(sense * (q[0] * y - q[1] * x) - away, sense * y, -sense * x)
 
 
-def landing_slope(geometry: Geometry, at: Scene, k: int, leaving: Vector, axis: int) -> Plane:
-    """How a landing coordinate changes over the beam's cross-section, mm a sigma."""
-    axes = geometry.axes[k]
+def landing_slope(facet: Facet, leaving: Vector, axis: int) -> Plane:
+    """The change of a landing coordinate over the beam's cross-section, mm a sigma."""
+    geometry, axes = facet.geometry, facet.axes
     along = slant(axes[axis], leaving, axes[0])
-    return gradient_per_sigma(geometry, gradient_of_shift(along, geometry.direction, at.normals[k]))
+    return gradient_per_sigma(geometry, gradient_of_shift(along, geometry.direction, facet.normal))
 
 
 def limit_line(value: Number, slope: Plane, sense: float) -> SideLine:
-    """The side where value + sense slope . x = 0.  value: of the limit at the beam's centre, mm."""
+    """The side where value + sense slope . x = 0.
+
+    value: the length that the limit leaves at the beam's centre, mm.  slope: its change per sigma.
+    """
     share = 1 / sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     return SideLine(value * share, -sense * slope[0] * share, -sense * slope[1] * share)
 
 
 def limited_line(line: SideLine, is_there: Any, depth: Number) -> SideLine:
-    """A side, or one too far away to count: where there is none, or none nearer than `depth`, a
-    square of a distance."""
+    """The side, or a side too far away to count where the limit does not exist (`is_there`) or lies
+    no nearer than `depth`, a square of a distance."""
     d = line.distance
     near = is_there & ((d <= 0) | (d * d < depth))
     return SideLine(select(near, select(abs(d) > 0, d, HAIR), FAR), line.x, line.y)
 
 
-def passing_light(geometry: Geometry, at: Scene, k: int) -> CutLight:
-    """The light of facet k that reaches its detector.  at: as if nothing were cut."""
-    mass, centroid, _, _ = at.moments[k]
-    openings, sides = geometry.openings, outline(geometry, at, k)
-    half_y, half_z = openings.halves[k]
+def passing_light(facet: Facet) -> CutLight:
+    """The light of a facet that reaches its detector.  facet: as if nothing were cut."""
+    mass, centroid, _, _ = facet.moments
+    openings, sides = facet.geometry.openings, outline(facet)
+    half_y, half_z = openings.halves[facet.k]
     depth = 2 * (NEGLIGIBLE_EXPONENT - log(select(mass > LEAST_LIGHT, mass, LEAST_LIGHT)))
     limits = (
         limited_line(sides[2], openings.tip > 0, depth),
@@ -118,21 +131,17 @@ def passing_light(geometry: Geometry, at: Scene, k: int) -> CutLight:
     for line in limits:
         cut = select(line.distance < FAR, 1.0, cut)
     edges = [limited_line(side, half_y > 0, FAR * FAR) for side in sides[:2]]
-    found = where_any(
+    mass, centroid, spans = where_any(
         cut > 0, (mass, centroid, NO_SPANS), region, (*edges, *limits), openings.radius
     )
-    return CutLight(cut, found[0], found[1], found[2])
+    return CutLight(cut, mass, centroid, spans)
 
 
 def cut_scene(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Scene, Three]:
     """The scene of a sensor at a state, nothing cut, and the light of each facet."""
     at = illuminate(dark_scene(geometry, state))
-    lights = (
-        passing_light(geometry, at, 0),
-        passing_light(geometry, at, 1),
-        passing_light(geometry, at, 2),
-    )
-    return at, lights
+    a, b, c = mirror_facets(geometry, at)
+    return at, (passing_light(a), passing_light(b), passing_light(c))
 
 
 def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
@@ -140,30 +149,27 @@ def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, 
     return scene_readings(geometry, cut_scene(geometry, state))
 
 
-def scene_readings(geometry: Geometry, found: tuple[Scene, Three]) -> tuple[Three, Three, Three]:
-    """The readings of what `cut_scene` gives."""
-    return spots_of(geometry, *found)
+def scene_readings(geometry: Geometry, scene: tuple[Scene, Three]) -> tuple[Three, Three, Three]:
+    """The readings in a scene from `cut_scene`, with coated facets and background light if there
+    are any.
 
-
-def spots_of(geometry: Geometry, at: Scene, lights: Three) -> tuple[Three, Three, Three]:
-    """The readings of the light that gets to the detectors, on coated facets and beside other
-    light where there is such: all rays of collimated light meet a flat facet at one angle, so that
-    a coating moves no spot."""
+    All rays of collimated light meet a flat facet at one angle, so that a coating moves no spot.
+    """
+    at, lights = scene
     light: Any = geometry.light
     moments: Any = tuple((each.mass, each.centroid, None, None) for each in lights)
     a, b, c = bare_readings(geometry, replace_light(at, at.integrals, moments))
     if light is None or not light.options.on:
         return a, b, c
-    return (
-        read_spot(geometry, at, 0, a),
-        read_spot(geometry, at, 1, b),
-        read_spot(geometry, at, 2, c),
-    )
+    on_a, on_b, on_c = mirror_facets(geometry, at)
+    return read_spot(on_a, a), read_spot(on_b, b), read_spot(on_c, c)
 
 
-def read_spot(geometry: Geometry, at: Scene, k: int, values: Three) -> Three:
-    power = values[2] * reflectance(geometry, at.normals[k], geometry.direction)
-    return add_background((values[0], values[1]), power, geometry.light.background[k])
+def read_spot(facet: Facet, values: Three) -> Three:
+    """The reading of a spot on a coated facet, with background light; values: without them."""
+    geometry = facet.geometry
+    power = values[2] * reflectance(geometry, facet.normal, geometry.direction)
+    return add_background((values[0], values[1]), power, geometry.light.background[facet.k])
 
 
 def reading_slopes(
@@ -174,23 +180,25 @@ def reading_slopes(
     plain: from `cut_scene`, without these.
     """
     at, (scene, lights) = dark_scene(geometry, state), plain
+    to_a, to_b, to_c = mirror_facets(geometry, at)
+    at_a, at_b, at_c = mirror_facets(geometry, scene)
     carrying = (
-        light_with_slope(geometry, at, scene, lights, 0),
-        light_with_slope(geometry, at, scene, lights, 1),
-        light_with_slope(geometry, at, scene, lights, 2),
+        light_with_slope(to_a, at_a, lights[0]),
+        light_with_slope(to_b, at_b, lights[1]),
+        light_with_slope(to_c, at_c, lights[2]),
     )
-    a, b, c = spots_of(geometry, at, carrying)
+    a, b, c = scene_readings(geometry, (at, carrying))
     return slopes_of_detector(a), slopes_of_detector(b), slopes_of_detector(c)
 
 
-def light_with_slope(geometry: Geometry, to: Scene, at: Scene, lights: Three, k: int) -> CutLight:
-    """The light of facet k with the derivatives that the scene `to` carries."""
-    light, following = lights[k], (k + 1) % 3
-    sides = to.sides[k], to.sides[following]
-    integrals = at.integrals[k], at.integrals[following]
-    uncut = wedge_slopes(to.q, sides, integrals, at.moments[k])
+def light_with_slope(to: Facet, at: Facet, light: CutLight) -> CutLight:
+    """The light of a facet with the derivatives that the facet `to` carries.
+
+    at: the same facet without derivatives.  light: of `at`.
+    """
+    uncut = wedge_slopes(to.at.q, to.sides, at.integrals, at.moments)
     slopes = []
-    for line, span in zip(outline(geometry, to, k), light.spans, strict=True):
+    for line, span in zip(outline(to), light.spans, strict=True):
         (d, of_d), (x, of_x) = value_and_slope(line.distance), value_and_slope(line.x)
         y, of_y = value_and_slope(line.y)
         alive = abs(span[0]) > 0

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, log, maximum, pi, sqrt
 from .curved_light import DetectorImage, Ray, apply, trace_ray
-from .forward import Geometry, Scene, Three, project_to_sigmas
+from .forward import Facet, Geometry, Scene, project_to_sigmas
 from .profile import density_at_point, moment_slopes
 from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
@@ -86,24 +86,24 @@ def edge_step(
 
 
 def light_after_wear(
-    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
+    facet: Facet, back: tuple[Any, Any, Any, Any], steps: tuple[EdgeStep, EdgeStep]
 ) -> tuple[Number, Plane, Plane]:
-    """Mass and centroid of the light on facet k without the strips along its edges and the tip, and
+    """Mass and centroid of the light on a facet without the strips along its edges and the tip, and
     the shift of its point by the strips, in sigmas.
 
     A strip moves an edge inward by w, and both move the facet's point by d:
     mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
     covariance.
     """
-    mass, centroid, _, _ = at.moments[k]
-    decline, (pxx, pxy, pyx, pyy) = moment_slopes(geometry, at, k)
-    following = (k + 1) % 3
-    first, second = at.sides[k], at.sides[following]
-    facing = -dot(geometry.direction, at.normals[k])
-    inward1 = geometry.light.strips[k] * facing / (2 * steps[k].sine)
-    inward2 = geometry.light.strips[following] * facing / (2 * steps[following].sine)
-    across1 = inward1 * steps[k].away
-    across2 = inward2 * steps[following].away
+    geometry, k = facet.geometry, facet.k
+    mass, centroid, _, _ = facet.moments
+    decline, (pxx, pxy, pyx, pyy) = moment_slopes(facet)
+    first, second = facet.sides
+    facing = -dot(geometry.direction, facet.normal)
+    inward1 = geometry.light.strips[k] * facing / (2 * steps[0].sine)
+    inward2 = geometry.light.strips[(k + 1) % 3] * facing / (2 * steps[1].sine)
+    across1 = inward1 * steps[0].away
+    across2 = inward2 * steps[1].away
     inverse = 1 / cross2(first, second)
     d = (
         (across2 * first[0] + across1 * second[0]) * inverse,
@@ -112,7 +112,7 @@ def light_after_wear(
     pd = pxx * d[0] + pxy * d[1], pyx * d[0] + pyy * d[1]
     step = dot2(decline, d)
     left = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
-    lost, place = tip_loss(geometry, at, back, k)
+    lost, place = tip_loss(facet, back)
     rest = left - lost
     moved = centroid[0] + pd[0], centroid[1] + pd[1]
     share = 1 / rest
@@ -123,16 +123,14 @@ def light_after_wear(
     return rest, centroid, d
 
 
-def tip_loss(
-    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], k: int
-) -> tuple[Number, Plane]:
-    """The share of the beam that facet k loses at the worn tip, and its centroid in sigmas.
+def tip_loss(facet: Facet, back: tuple[Any, Any, Any, Any]) -> tuple[Number, Plane]:
+    """The share of the beam that a facet loses at the worn tip, and its centroid in sigmas.
 
-    Its part of the tip's area lies between its edges, seen along the mirror's axis; its light
-    follows from the density at the apex and the density's slope.
+    The facet's part of the tip's area lies between its edges, seen along the mirror's axis; its
+    light follows from the density at the apex and the density's slope.
     """
-    light = geometry.light
-    density = density_at_point(geometry, at, k)
+    geometry, at, light, k = facet.geometry, facet.at, facet.geometry.light, facet.k
+    density = density_at_point(facet)
     axis = at.turn[0][2], at.turn[1][2], at.turn[2][2]
     size = back[0] * back[3] - back[1] * back[2]
     area = -dot(axis, geometry.direction) * light.tip * light.tip_shares[k]
@@ -149,13 +147,28 @@ class EdgeEffects(NamedTuple):
     moment: Plane
 
 
+class Spot(NamedTuple):
+    """The spot of a facet's light before its edges take their effect.
+
+    image: of the detector in the facet.  centre: of the spot, mm.  scatter: wavelength x path /
+    4 pi^2, mm^2.
+    """
+
+    facet: Facet
+    image: DetectorImage
+    centre: Plane
+    scatter: Number
+
+
 class EdgeStreak(NamedTuple):
     """The light that an edge spreads to both sides, as it lies on a detector's image.
 
-    share: a in the density a / s^2 at s steps across the edge; mm.  spot: landing point of the
-    edge's own light.  v: a step.  wide: the standard deviation of the light along the edge; mm.
+    step: across the edge.  share: a in the density a / s^2 at s steps across the edge; mm.  spot:
+    landing point of the edge's own light.  v: the step's image.  wide: the standard deviation of
+    the light along the edge; mm.
     """
 
+    step: EdgeStep
     share: Number
     spot: Plane
     v: Plane
@@ -168,21 +181,23 @@ def step_on_image(ray: Ray, image: DetectorImage, v: Vector) -> Plane:
     return across - level * ray.slopes[0], up - level * ray.slopes[1]
 
 
-def edge_streak(image: DetectorImage, step: EdgeStep, scatter: Number) -> EdgeStreak:
-    """The light that an edge spreads. scatter: wavelength x path / 4 pi^2, mm^2.
+def edge_streak(spot: Spot, step: EdgeStep) -> EdgeStreak:
+    """The light that an edge spreads.
 
     The variance of the light along an edge is the sum of those of its rays' landing points and of
     the diffraction of each short piece. The latter diverges for a piece that ends at the apex;
     `add_apex_loss` includes the diffraction of the ends, and the rest is Hadamard's finite part,
     (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at the apex.
     """
+    image, scatter = spot.image, spot.scatter
     ray = trace_ray(image, step.middle)
-    own, landed = dot(step.along, step.along), combine(1, step.along, image.path, step.fan)
-    inverse = 1 / own
-    waves = pi(own) * scatter * inverse
+    square, landed = dot(step.along, step.along), combine(1, step.along, image.path, step.fan)
+    inverse = 1 / square
+    waves = pi(square) * scatter * inverse
     wide = sqrt(step.spread * dot(landed, landed) * inverse + waves * waves * step.blur)
     along = step_on_image(ray, image, step.along)
     return EdgeStreak(
+        step=step,
         share=scatter * step.light,
         spot=ray.spot,
         v=step_on_image(ray, image, step.world),
@@ -190,20 +205,18 @@ def edge_streak(image: DetectorImage, step: EdgeStep, scatter: Number) -> EdgeSt
     )
 
 
-def add_streak_loss(
-    geometry: Geometry, image: DetectorImage, light: EdgeStreak, centre: Plane, total: EdgeEffects
-) -> EdgeEffects:
+def add_streak_loss(spot: Spot, streak: EdgeStreak, total: EdgeEffects) -> EdgeEffects:
     """Add the light of a streak beyond the detector's sensitive area to `total`.
 
-    It counts as two lines, one standard deviation to both sides of its middle.  centre: the spot's,
-    mm.
+    The streak counts as two lines, one standard deviation to both sides of its middle.
     """
-    (x, y), v, wide, nearest = light.spot, light.v, light.wide, geometry.light.options.nearest
+    image, nearest = spot.image, spot.facet.geometry.light.options.nearest
+    (x, y), v, wide, centre = streak.spot, streak.v, streak.wide, spot.centre
     ahead, behind = edge_rates((x + wide[0], y + wide[1]), v, image.halves, nearest)
     ahead2, behind2 = edge_rates((x - wide[0], y - wide[1]), v, image.halves, nearest)
-    half = light.share / 2
-    one, other = half * (ahead + behind), half * (ahead2 + behind2)
-    missing, lopsided = one + other, one - other
+    half = streak.share / 2
+    beyond, beyond2 = half * (ahead + behind), half * (ahead2 + behind2)
+    missing, lopsided = beyond + beyond2, beyond - beyond2
     lean = half * log(ahead * ahead2 / (behind * behind2))
     return EdgeEffects(
         total.lost + missing,
@@ -215,37 +228,32 @@ def add_streak_loss(
 
 
 def add_apex_loss(
-    geometry: Geometry,
-    at: Scene,
-    back: tuple[Any, Any, Any, Any],
-    image: DetectorImage,
-    k: int,
-    steps: tuple[EdgeStep, EdgeStep],
+    spot: Spot,
     streaks: tuple[EdgeStreak, EdgeStreak],
-    scatter: Number,
-    centre: Plane,
+    back: tuple[Any, Any, Any, Any],
     total: EdgeEffects,
 ) -> EdgeEffects:
-    """Add the light from facet k's point, where both edges end, beyond the detector to `total`.
+    """Add the light from a facet's point, where both edges end, beyond the detector to `total`.
 
     With s and t steps of the two streaks from where the apex's own ray lands, the point's waves are
     A / s^2 t^2 on an area of ds dt, A = (wavelength x path / 4 pi^2)^2 x density at the apex / sine
     between the edges. Over the whole plane the finite part of their integral is zero, so that minus
     the integral over the detector's sensitive area (`finite_part`) is lost.
     """
+    geometry, image, centre, scatter = spot.facet.geometry, spot.image, spot.centre, spot.scatter
     size = back[0] * back[3] - back[1] * back[2]
-    density = density_at_point(geometry, at, k) * size * geometry.light.density
-    sine = dot(cross(steps[0].world, steps[1].world), geometry.direction)
+    density = density_at_point(spot.facet) * size * geometry.light.density
+    sine = dot(cross(streaks[0].step.world, streaks[1].step.world), geometry.direction)
     amount = -scatter * scatter * density / sine
-    spot = trace_ray(image, at.q).spot
-    integral, moment = finite_part(spot, image.halves, streaks, geometry.light.options.nearest)
+    apex = trace_ray(image, spot.facet.at.q).spot
+    integral, moment = finite_part(apex, image.halves, streaks, geometry.light.options.nearest)
     missing = -2 * amount * integral
     lean = amount * moment[0], amount * moment[1]
     return EdgeEffects(
         total.lost + missing,
         (
-            total.moment[0] - (spot[0] - centre[0]) * missing - lean[0],
-            total.moment[1] - (spot[1] - centre[1]) * missing - lean[1],
+            total.moment[0] - (apex[0] - centre[0]) * missing - lean[0],
+            total.moment[1] - (apex[1] - centre[1]) * missing - lean[1],
         ),
     )
 
@@ -265,10 +273,9 @@ def finite_part(
     with [] from one end of a side to the other. The width of a streak keeps its contribution finite
     where it runs through a corner.
     """
-    one, other = streaks
-    v, w = one.v, other.v
+    (v, wide_v), (w, wide_w) = (streaks[0].v, streaks[0].wide), (streaks[1].v, streaks[1].wide)
     turn = cross2(v, w)
-    widths = dot2(one.wide, one.wide), dot2(other.wide, other.wide)
+    widths = dot2(wide_v, wide_v), dot2(wide_w, wide_w)
     y, z = halves
     y1, z1, y0, z0 = y - spot[0], z - spot[1], -y - spot[0], -z - spot[1]
     a = corner_squares(v, w, widths, y1, z0)
@@ -308,47 +315,38 @@ def corner_squares(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> P
 
 
 def add_rolloff(
-    geometry: Geometry,
-    at: Scene,
-    image: DetectorImage,
-    k: int,
-    edge: int,
-    step: EdgeStep,
-    light: EdgeStreak,
-    depth: Number,
-    moved: Plane,
-    total: EdgeEffects,
+    spot: Spot, streak: EdgeStreak, moved: Plane, which: int, total: EdgeEffects
 ) -> EdgeEffects:
-    """Add the light from an edge of facet k that rolls off to `total`.
+    """Add the effect of an edge of a facet that rolls off to `total`.
 
-    depth: mm, positive for the facet that begins at the edge where it falls off; negative for the
-    one that ends there.  moved: shift of the facet's point by lost strips, in sigmas.
+    moved: shift of the facet's point by lost strips, in sigmas.  which: 0 for the edge where the
+    facet begins, 1 for the edge where it ends.
     """
-    facing = -dot(geometry.direction, at.normals[k])
+    geometry, facet, step = spot.facet.geometry, spot.facet, streak.step
+    begin, end = geometry.light.rolloff[facet.k]
+    depth = begin if which == 0 else -end
+    facing = -dot(geometry.direction, facet.normal)
     width = geometry.light.rolloff_width * facing / step.sine
-    mean = strip_mean(at, k, edge, step, moved, width)
-    far = -2 * depth * facing * image.path * step.light * mean
+    mean = strip_mean(facet, step, moved, width, which)
+    far = -2 * depth * facing * spot.image.path * step.light * mean
     return EdgeEffects(
-        total.lost, (total.moment[0] + light.v[0] * far, total.moment[1] + light.v[1] * far)
+        total.lost, (total.moment[0] + streak.v[0] * far, total.moment[1] + streak.v[1] * far)
     )
 
 
-def strip_mean(at: Scene, k: int, edge: int, step: EdgeStep, moved: Plane, width: Number) -> Number:
-    """The light along a strip of facet k beside its edge, over the light along the edge itself.
+def strip_mean(facet: Facet, step: EdgeStep, moved: Plane, width: Number, which: int) -> Number:
+    """The light along a strip of a facet beside its edge, over the light along the edge itself.
 
     moved: start of the strip, from the apex, in sigmas.  width: of the strip, across the beam, mm.
+    which: of the facet's two edges, 0 or 1.
     With D from there to the start of its inner side, along the other edge, and the light L(a, h)
     along a line from q, a = q.u, h = q x u: the mean of 1 + (dL.x + x.d2L x / 2) / L over x from
     `moved` to `moved` + D.
     """
-    u = at.sides[edge]
-    if edge == k:
-        w = at.sides[(k + 1) % 3]
-        far = width * step.away / cross2(u, w)
-    else:
-        w = at.sides[k]
-        far = width * step.away / cross2(w, u)
-    a, h = dot2(at.q, u), cross2(at.q, u)
+    q, u, w = facet.at.q, facet.sides[which], facet.sides[1 - which]
+    sine = cross2(u, w) if which == 0 else cross2(w, u)
+    far = width * step.away / sine
+    a, h = dot2(q, u), cross2(q, u)
     wide, deep = far * dot2(w, u), far * cross2(w, u)
     along, across = dot2(moved, u) + wide / 2, cross2(moved, u) + deep / 2
     ratio = step.far + a

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..scalars.dispatch import Number, select, sqrt
 from .curved_light import apparent_scene, detector_image, trace_ray
-from .forward import Geometry, Scene, dark_scene
+from .forward import Facet, Geometry, dark_scene, mirror_facets
 from .limits import central_landing, gradient_per_sigma, outward_direction
 from .rays import gradient_of_shift, reflect, slant
 from .vectors import Plane, cross2, dot, dot2, subtract
@@ -26,15 +26,15 @@ def corners(q: Plane, u1: Plane, u2: Plane, radius: Number) -> list[tuple[Any, P
     """The corners that the wedge inside the circle may have, and whether it has each: the tip, and
     where each side enters and leaves the circle."""
     square = radius * radius
-    found = [(q[0] * q[0] + q[1] * q[1] <= square, q)]
+    places = [(q[0] * q[0] + q[1] * q[1] <= square, q)]
     for u in (u1, u2):
         a, h = dot2(q, u), cross2(q, u)
         rest = square - h * h
         crosses = rest >= 0
         half = sqrt(select(crosses, rest, 0.0))
         for s in (-a - half, -a + half):
-            found.append((crosses & (s > 0), (q[0] + s * u[0], q[1] + s * u[1])))
-    return found
+            places.append((crosses & (s > 0), (q[0] + s * u[0], q[1] + s * u[1])))
+    return places
 
 
 def arc_reach(
@@ -47,15 +47,13 @@ def arc_reach(
     return radius * size, cross2(u1, top), cross2(top, u2)
 
 
-def extent(
-    geometry: Geometry, at: Scene, k: int, slope: Plane, centre: Number
-) -> tuple[Number, Number]:
-    """The least and largest of one length over the footprint of facet k, mm.
+def extent(facet: Facet, slope: Plane, centre: Number) -> tuple[Number, Number]:
+    """The least and largest of a length over the footprint of a facet's light, mm.
 
     slope: the length's change per sigma across the beam; centre: its value for the beam's central
     ray. NaN where no light inside the circle meets the facet.
     """
-    q, u1, u2, opening = at.q, at.sides[k], at.sides[(k + 1) % 3], geometry.openings.radius
+    q, (u1, u2), opening = facet.at.q, facet.sides, facet.geometry.openings.radius
     radius = select(opening < FOOTPRINT_RADIUS_SIGMAS, opening, FOOTPRINT_RADIUS_SIGMAS)
     ends = []
     for sign in (1, -1):
@@ -71,9 +69,9 @@ def extent(
     return select(empty, nan, centre + least), select(empty, nan, centre + most)
 
 
-def curved_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
+def curved_slopes(facet: Facet) -> tuple[Plane, Plane]:
     """The changes of psi and zeta per sigma across a beam with a curved wavefront, mm."""
-    image = detector_image(geometry, at, k)
+    image = detector_image(facet)
     middle = trace_ray(image, (0.0, 0.0)).spot
     right, up = (
         trace_ray(image, (1.0, 0.0)).spot,
@@ -85,41 +83,40 @@ def curved_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
     )
 
 
-def collimated_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
+def collimated_slopes(facet: Facet) -> tuple[Plane, Plane]:
     """The changes of psi and zeta per sigma across a collimated beam, mm."""
-    beam, normal = geometry.direction, at.normals[k]
-    x, y, z = geometry.axes[k]
-    leaving = reflect(beam, normal)
+    geometry, normal = facet.geometry, facet.normal
+    x, y, z = facet.axes
+    leaving = reflect(geometry.direction, normal)
     along_y, along_z = slant(y, leaving, x), slant(z, leaving, x)
     return (
-        gradient_per_sigma(geometry, gradient_of_shift(along_y, beam, normal)),
-        gradient_per_sigma(geometry, gradient_of_shift(along_z, beam, normal)),
+        gradient_per_sigma(geometry, gradient_of_shift(along_y, geometry.direction, normal)),
+        gradient_per_sigma(geometry, gradient_of_shift(along_z, geometry.direction, normal)),
     )
 
 
 def footprints(geometry: Geometry, state: tuple[Number, ...]) -> Any:
-    """What `footprint` gives of each spot at a state: (3, 5)."""
+    """The result of `footprint` for each spot at a state: (3, 5)."""
     at, spread = dark_scene(geometry, state), collimated_slopes
     if geometry.light.options.on:
         at, spread = apparent_scene(geometry, at), curved_slopes
-    return tuple(footprint(geometry, at, k, spread(geometry, at, k)) for k in range(3))
+    return tuple(footprint(facet, spread(facet)) for facet in mirror_facets(geometry, at))
 
 
 def footprint(
-    geometry: Geometry, at: Scene, k: int, across: tuple[Plane, Plane]
+    facet: Facet, across: tuple[Plane, Plane]
 ) -> tuple[Number, Number, Number, Number, Number]:
-    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and the largest
-    distance from the mirror's axis at which its light meets facet k; mm. NaN as `extent` and
-    `reading`.
+    """(least psi, largest psi, least zeta, largest zeta) of a facet's spot on its detector, and the
+    largest distance from the mirror's axis at which its light meets the facet; mm. NaN as `extent`
+    and `reading`.
 
     across: from `collimated_slopes`, or from `curved_slopes` where the wavefront is curved.
     """
-    beam, normal = geometry.direction, at.normals[k]
-    _, (psi, zeta) = central_landing(geometry, at, k)
-    left, right = extent(geometry, at, k, across[0], psi)
-    low, high = extent(geometry, at, k, across[1], zeta)
-    away = slant(outward_direction(geometry, at, k), beam, normal)
-    _, out = extent(
-        geometry, at, k, gradient_per_sigma(geometry, away), dot(subtract(at.place, at.apex), away)
-    )
+    geometry, at = facet.geometry, facet.at
+    _, (psi, zeta) = central_landing(facet)
+    left, right = extent(facet, across[0], psi)
+    low, high = extent(facet, across[1], zeta)
+    away = slant(outward_direction(facet), geometry.direction, facet.normal)
+    slope = gradient_per_sigma(geometry, away)
+    _, out = extent(facet, slope, dot(subtract(at.place, at.apex), away))
     return left, right, low, high, out + (psi - psi)  # It is NaN where psi is.

@@ -14,6 +14,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, nan_unless_positive, sin
+from .central import Side
 from .effects import IDEAL, Light, LightEffects, build_light
 from .rays import flight, hit, land, reflect
 from .vectors import (
@@ -31,7 +32,7 @@ from .vectors import (
     subtract,
     unit_vector,
 )
-from .wedge import sides, wedges
+from .wedge import Moments, sides, wedges
 
 Three = tuple[Any, Any, Any]
 
@@ -119,10 +120,10 @@ def build_geometry(
     axes_a, axes_b, axes_c = (psd_axes(psd[1], *psd[3:]) for psd in psds)
     spread = scale(sigma_x, x), scale(sigma_y, y)
     whitening = scale(1 / sigma_x, x), scale(1 / sigma_y, y)
-    own = IDEAL
+    light = IDEAL
     if effects is not None:
         level = beam_axes(turn * 0, tilt_x, tilt_y)
-        own = build_light(effects, mirror_edges((a, b, c)), level[:2], spread, whitening)
+        light = build_light(effects, mirror_edges((a, b, c)), level[:2], spread, whitening)
     return Geometry(
         direction=scale(-1, back),
         power=power,
@@ -132,7 +133,7 @@ def build_geometry(
         centres=(centre_a, centre_b, centre_c),
         axes=(axes_a, axes_b, axes_c),
         openings=openings,
-        light=own,
+        light=light,
     )
 
 
@@ -239,6 +240,51 @@ def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:
     )
 
 
+class Facet(NamedTuple):
+    """One facet of a mirror at a state, its light, and the detector to which it reflects.
+
+    geometry, at: the sensor and its scene.  k: number of the facet and of its detector.
+    normal: of the facet, in the world.  edges: where the facet begins and where it ends,
+    counter-clockwise seen from above.  sides, integrals: of these two edges, as in `Scene`.
+    moments: of the light on the facet.  centre, axes: of the detector.
+    """
+
+    geometry: Geometry
+    at: Scene
+    k: int
+    normal: Vector
+    edges: tuple[Vector, Vector]
+    sides: tuple[Plane, Plane]
+    integrals: tuple[Side, Side]
+    moments: Moments
+    centre: Vector
+    axes: Matrix
+
+
+def mirror_facets(geometry: Geometry, at: Scene) -> tuple[Facet, Facet, Facet]:
+    return (
+        mirror_facet(geometry, at, 0),
+        mirror_facet(geometry, at, 1),
+        mirror_facet(geometry, at, 2),
+    )
+
+
+def mirror_facet(geometry: Geometry, at: Scene, k: int) -> Facet:
+    following = (k + 1) % 3
+    return Facet(
+        geometry=geometry,
+        at=at,
+        k=k,
+        normal=at.normals[k],
+        edges=(at.edges[k], at.edges[following]),
+        sides=(at.sides[k], at.sides[following]),
+        integrals=(at.integrals[k], at.integrals[following]),
+        moments=at.moments[k],
+        centre=geometry.centres[k],
+        axes=geometry.axes[k],
+    )
+
+
 class Path(NamedTuple):
     """The central ray of a sub-beam: through `origin` in the beam, from `start` on the facet along
     `leaving` to its detector at the distance `length`; mm. `incidence`: beam . normal."""
@@ -251,10 +297,10 @@ class Path(NamedTuple):
     length: Number
 
 
-def path(geometry: Geometry, at: Scene, k: int) -> Path:
-    """The path of the ray that carries the centroid of the light on facet k to its detector."""
-    centroid = at.moments[k][1]
-    normal, axes = at.normals[k], geometry.axes[k]
+def path(facet: Facet) -> Path:
+    """The path of the ray that carries the centroid of the light on a facet to its detector."""
+    geometry, at, normal = facet.geometry, facet.at, facet.normal
+    centroid = facet.moments[1]
     offset = combine(centroid[0], geometry.spread[0], centroid[1], geometry.spread[1])
     origin = add(at.place, offset)
     start = hit(origin, geometry.direction, at.apex, normal)
@@ -264,18 +310,18 @@ def path(geometry: Geometry, at: Scene, k: int) -> Path:
         start=start,
         leaving=leaving,
         incidence=dot(geometry.direction, normal),
-        facing=dot(leaving, axes[0]),
-        length=flight(start, leaving, geometry.centres[k], axes),
+        facing=dot(leaving, facet.axes[0]),
+        length=flight(start, leaving, facet.centre, facet.axes),
     )
 
 
-def reading(geometry: Geometry, at: Scene, k: int, ray: Path) -> Three:
-    """Of detector k: (psi, zeta, power), mm and mW; Eq. (9).
+def reading(facet: Facet, ray: Path) -> Three:
+    """The reading (psi, zeta, power) of a facet's detector, mm and mW; Eq. (9).
 
-    NaN where facet k does not face the beam or its sub-beam does not get to the detector's plane.
+    NaN where the facet does not face the beam or its sub-beam does not get to the detector's plane.
     """
-    psi, zeta = land(ray.start, ray.leaving, ray.length, geometry.centres[k], geometry.axes[k])
-    power = geometry.power * at.moments[k][0]
+    psi, zeta = land(ray.start, ray.leaving, ray.length, facet.centre, facet.axes)
+    power = facet.geometry.power * facet.moments[0]
     return (
         nan_unless_positive(psi, -ray.incidence, ray.facing, ray.length),
         nan_unless_positive(zeta, -ray.incidence, ray.facing, ray.length),
@@ -289,8 +335,6 @@ def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, 
 
 
 def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
-    return (
-        reading(geometry, at, 0, path(geometry, at, 0)),
-        reading(geometry, at, 1, path(geometry, at, 1)),
-        reading(geometry, at, 2, path(geometry, at, 2)),
-    )
+    """The readings (psi, zeta, power) of detectors A, B and C in a scene with its light."""
+    a, b, c = mirror_facets(geometry, at)
+    return reading(a, path(a)), reading(b, path(b)), reading(c, path(c))

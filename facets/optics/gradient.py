@@ -12,7 +12,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
-from .forward import Geometry, Path, Scene, Three, path, project_to_sigmas, reading, scene
+from .forward import (
+    Facet,
+    Geometry,
+    Path,
+    Scene,
+    Three,
+    mirror_facets,
+    path,
+    project_to_sigmas,
+    reading,
+    scene,
+)
 from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slant
 from .vectors import Matrix, Plane, Vector, add, combine, cross, dot, rotation_axes, subtract
 from .wedge import turn_derivative
@@ -21,6 +32,7 @@ from .wedge import turn_derivative
 class Gradient(NamedTuple):
     """The gradients of one reading.
 
+    along: the slanted axis of a landing coordinate; the zero vector for the power.
     mirror, normal: with respect to the apex and the facet's normal, at a constant ray.  origin:
     with respect to the ray's origin.  centroid: with respect to the centroid in the beam, in
     sigmas.  q: with respect to the apex seen along the beam, in sigmas, the ray following the
@@ -28,6 +40,7 @@ class Gradient(NamedTuple):
     ends, the ray following the centroid.
     """
 
+    along: Vector
     mirror: Vector
     normal: Vector
     origin: Vector
@@ -38,18 +51,19 @@ class Gradient(NamedTuple):
 
 
 def landing_gradient(
-    geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector, first: Plane, second: Plane
+    facet: Facet, ray: Path, along: Vector, first: Plane, second: Plane
 ) -> Gradient:
-    """The gradient of the landing coordinate of detector k with the slanted axis `along`.
+    """The gradient of the landing coordinate with the slanted axis `along`.
 
     first, second: the centroid's derivatives with respect to the angles of the facet's edges.
     """
-    beam, normal = geometry.direction, at.normals[k]
-    lever = subtract(at.apex, ray.start)
-    shift = at.moments[k][2]
+    beam, normal, spread = facet.geometry.direction, facet.normal, facet.geometry.spread
+    lever = subtract(facet.at.apex, ray.start)
+    shift = facet.moments[2]
     origin = gradient_of_shift(along, beam, normal)
-    x, y = dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
+    x, y = dot(origin, spread[0]), dot(origin, spread[1])
     return Gradient(
+        along=along,
         mirror=gradient_of_mirror(along, beam, normal),
         normal=gradient_of_normal(along, beam, normal, lever, ray.length),
         origin=origin,
@@ -60,15 +74,17 @@ def landing_gradient(
     )
 
 
-def power_gradient(
-    geometry: Geometry, at: Scene, k: int, first: Number, second: Number
-) -> Gradient:
-    """The gradient of the power of detector k. first, second: the mass's derivatives, as above."""
-    mass, centroid, _, _ = at.moments[k]
+def power_gradient(facet: Facet, first: Number, second: Number) -> Gradient:
+    """The gradient of a detector's power.
+
+    first, second: the mass's derivatives with respect to the angles of the facet's edges.
+    """
+    mass, centroid, _, _ = facet.moments
     zero = mass * 0
     nothing = (zero, zero, zero)
-    power = geometry.power
+    power = facet.geometry.power
     return Gradient(
+        along=nothing,
         mirror=nothing,
         normal=nothing,
         origin=nothing,
@@ -79,21 +95,18 @@ def power_gradient(
     )
 
 
-def gradients(
-    geometry: Geometry, at: Scene, k: int, ray: Path
-) -> tuple[Gradient, Gradient, Gradient]:
-    """The gradients of psi, zeta and power of detector k."""
-    following = (k + 1) % 3
-    mass, _, _, from_point = at.moments[k]
-    mass1, (x1, y1) = turn_derivative(at.sides[k], at.integrals[k], mass, from_point)
-    mass2, second = turn_derivative(at.sides[following], at.integrals[following], mass, from_point)
+def gradients(facet: Facet, ray: Path) -> tuple[Gradient, Gradient, Gradient]:
+    """The gradients of psi, zeta and power of a facet's detector."""
+    mass, _, _, from_point = facet.moments
+    mass1, (x1, y1) = turn_derivative(facet.sides[0], facet.integrals[0], mass, from_point)
+    mass2, second = turn_derivative(facet.sides[1], facet.integrals[1], mass, from_point)
     first = (-x1, -y1)  # Turning the first edge counter-clockwise narrows the facet.
-    x, y, z = geometry.axes[k]
+    x, y, z = facet.axes
     along_y, along_z = slant(y, ray.leaving, x), slant(z, ray.leaving, x)
     return (
-        landing_gradient(geometry, at, k, ray, along_y, first, second),
-        landing_gradient(geometry, at, k, ray, along_z, first, second),
-        power_gradient(geometry, at, k, -mass1, mass2),
+        landing_gradient(facet, ray, along_y, first, second),
+        landing_gradient(facet, ray, along_z, first, second),
+        power_gradient(facet, -mass1, mass2),
     )
 
 
@@ -111,23 +124,17 @@ def gradient_in_world(geometry: Geometry, gradient: Plane) -> Vector:
     return combine(gradient[0], geometry.whitening[0], gradient[1], geometry.whitening[1])
 
 
-def state_row(
-    geometry: Geometry,
-    gradient: Gradient,
-    normal: Vector,
-    turns: tuple[Vector, Vector],
-    axes: Matrix,
-) -> tuple[Any, ...]:
+def state_row(facet: Facet, gradient: Gradient, turns: Three, axes: Matrix) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the eight components of the state.
 
-    turns: derivatives of the angles of the facet's two edges by a rotation of the mirror. axes: the
-    world axes of roll, pitch and yaw.
+    turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
     """
-    seen = gradient_in_world(geometry, gradient.q)
+    begin, end = turns[facet.k], turns[(facet.k + 1) % 3]
+    seen = gradient_in_world(facet.geometry, gradient.q)
     apex = add(gradient.mirror, seen)
     place = subtract(gradient.origin, seen)
-    of_edges = combine(gradient.first, turns[0], gradient.second, turns[1])
-    turn = add(cross(normal, gradient.normal), of_edges)
+    of_edges = combine(gradient.first, begin, gradient.second, end)
+    turn = add(cross(facet.normal, gradient.normal), of_edges)
     return (
         apex[0],
         apex[1],
@@ -140,7 +147,7 @@ def state_row(
     )
 
 
-def edge_turns(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
+def edge_turns(geometry: Geometry, at: Scene) -> Three:
     """The derivative of the angle of each edge, seen along the beam, by a rotation of the
     mirror."""
     return (
@@ -150,20 +157,17 @@ def edge_turns(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
     )
 
 
-def linearise_detector(
-    geometry: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector, Vector], axes: Matrix
-) -> tuple[Three, Three]:
-    """Return (psi, zeta, power) of detector k and the eight derivatives of each.
+def linearise_detector(facet: Facet, turns: Three, axes: Matrix) -> tuple[Three, Three]:
+    """Return (psi, zeta, power) of a facet's detector and the eight derivatives of each.
 
     turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
     """
-    ray = path(geometry, at, k)
-    of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
-    normal, own = at.normals[k], (turns[k], turns[(k + 1) % 3])
-    return reading(geometry, at, k, ray), (
-        state_row(geometry, of_psi, normal, own, axes),
-        state_row(geometry, of_zeta, normal, own, axes),
-        state_row(geometry, of_power, normal, own, axes),
+    ray = path(facet)
+    of_psi, of_zeta, of_power = gradients(facet, ray)
+    return reading(facet, ray), (
+        state_row(facet, of_psi, turns, axes),
+        state_row(facet, of_zeta, turns, axes),
+        state_row(facet, of_power, turns, axes),
     )
 
 
@@ -177,8 +181,9 @@ def linearise(
     at = scene(geometry, state)
     axes = rotation_axes(state[4], state[5])
     turns = edge_turns(geometry, at)
+    a, b, c = mirror_facets(geometry, at)
     return (
-        linearise_detector(geometry, at, 0, turns, axes),
-        linearise_detector(geometry, at, 1, turns, axes),
-        linearise_detector(geometry, at, 2, turns, axes),
+        linearise_detector(a, turns, axes),
+        linearise_detector(b, turns, axes),
+        linearise_detector(c, turns, axes),
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.units import Floats
-from .forward import Geometry, Path, Scene, path, scene
+from .forward import Facet, Geometry, Path, mirror_facets, path, scene
 from .rays import flight, hit, land
 from .vectors import Vector, add, dot
 
@@ -38,24 +38,23 @@ class SubBeamImage(NamedTuple):
     leaving: Floats
 
 
-def landing_point(geometry: Geometry, k: int, start: Vector, leaving: Vector) -> Floats:
-    axes, centre = geometry.axes[k], geometry.centres[k]
+def landing_point(facet: Facet, start: Vector, leaving: Vector) -> Floats:
+    axes, centre = facet.axes, facet.centre
     return np.array(land(start, leaving, flight(start, leaving, centre, axes), centre, axes))
 
 
-def sub_beam_image(geometry: Geometry, at: Scene, k: int, ray: Path) -> SubBeamImage:
-    leaving = ray.leaving
-    apex = landing_point(geometry, k, at.apex, leaving)
-    under_beam = hit(at.place, geometry.direction, at.apex, at.normals[k])
+def sub_beam_image(facet: Facet, ray: Path) -> SubBeamImage:
+    leaving, at = ray.leaving, facet.at
+    apex = landing_point(facet, at.apex, leaving)
+    under_beam = hit(at.place, facet.geometry.direction, at.apex, facet.normal)
     first, second = (
-        landing_point(geometry, k, add(at.apex, at.edges[j]), leaving) - apex
-        for j in (k, (k + 1) % 3)
+        landing_point(facet, add(at.apex, edge), leaving) - apex for edge in facet.edges
     )
     return SubBeamImage(
         apex=apex,
-        beam=landing_point(geometry, k, under_beam, leaving),
+        beam=landing_point(facet, under_beam, leaving),
         edges=(first, second),
-        leaving=np.array([dot(leaving, axis) for axis in geometry.axes[k]]),
+        leaving=np.array([dot(leaving, axis) for axis in facet.axes]),
     )
 
 
@@ -104,9 +103,9 @@ def paper_readings(geometry: Geometry, states: Floats) -> Floats:
     out = np.full((len(states), 9), np.nan)
     for n, state in enumerate(states):
         at = scene(geometry, tuple(state.tolist()))
-        for k in range(3):
-            ray = path(geometry, at, k)
+        for k, facet in enumerate(mirror_facets(geometry, at)):
+            ray = path(facet)
             if -ray.incidence > 0 and ray.facing > 0 and ray.length > 0:
-                seen = sub_beam_image(geometry, at, k, ray)
+                seen = sub_beam_image(facet, ray)
                 out[n, 3 * k : 3 * k + 3] = integrate(seen, geometry.power, 4 * sigma_x)
     return out

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, sin
-from .forward import Geometry, Path, Scene, Three, path, reading, scene
+from .forward import Facet, Geometry, Path, Three, mirror_facets, path, reading, scene
 from .gradient import Gradient, gradient_in_world, gradient_of_angle, gradients
-from .rays import gradient_of_beam, slant
+from .rays import gradient_of_beam
 from .vectors import (
     Vector,
     add,
@@ -70,101 +70,92 @@ def axes_of_psd(psd: tuple[Any, ...]) -> tuple[Vector, Vector, Vector, Vector, V
     return (ca, sa, zero), (-radius * sa, radius * ca, zero), roll_axis, pitch_axis, yaw_axis
 
 
-def beam_turn_gradient(
-    geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector, gradient: Gradient
-) -> Vector:
-    """One reading's gradient with respect to a turn of the beam and its cross-section.
-
-    along: the slanted axis of a landing coordinate; the zero vector for the power.
-    """
+def beam_turn_gradient(facet: Facet, ray: Path, gradient: Gradient) -> Vector:
+    """One reading's gradient with respect to a turn of the beam and its cross-section."""
+    geometry, at = facet.geometry, facet.at
     reach = dot(subtract(ray.start, ray.origin), geometry.direction)
-    aim = gradient_of_beam(along, geometry.direction, at.normals[k], reach, ray.length)
+    aim = gradient_of_beam(gradient.along, geometry.direction, facet.normal, reach, ray.length)
     offset, apex = subtract(ray.origin, at.place), subtract(at.apex, at.place)
     turn = add(cross(geometry.direction, aim), cross(offset, gradient.origin))
     # Rotating the beam's axes rotates everything seen along it in the opposite direction.
     turn = add(turn, cross(gradient_in_world(geometry, gradient.q), apex))
-    return subtract(turn, edge_turn_gradient(geometry, at, k, gradient))
+    return subtract(turn, edge_turn_gradient(facet, gradient))
 
 
-def edge_turn_gradient(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> Vector:
-    first, second = at.edges[k], at.edges[(k + 1) % 3]
+def edge_turn_gradient(facet: Facet, gradient: Gradient) -> Vector:
+    """One reading's gradient with respect to a turn of the mirror's edges about the apex."""
+    first, second = facet.edges
     return combine(
         gradient.first,
-        cross(first, gradient_of_angle(geometry, first)),
+        cross(first, gradient_of_angle(facet.geometry, first)),
         gradient.second,
-        cross(second, gradient_of_angle(geometry, second)),
+        cross(second, gradient_of_angle(facet.geometry, second)),
     )
 
 
-def sigma_derivatives(at: Scene, k: int, gradient: Gradient) -> tuple[Number, Number]:
+def sigma_derivatives(facet: Facet, gradient: Gradient) -> tuple[Number, Number]:
     """One reading's derivatives with respect to the logarithms of the beam's two sigmas."""
-    first, second = at.sides[k], at.sides[(k + 1) % 3]
+    first, second = facet.sides
     shear = gradient.first * first[0] * first[1] + gradient.second * second[0] * second[1]
-    centroid = at.moments[k][1]
+    centroid, q = facet.moments[1], facet.at.q
     return (
-        gradient.centroid[0] * centroid[0] - gradient.q[0] * at.q[0] + shear,
-        gradient.centroid[1] * centroid[1] - gradient.q[1] * at.q[1] - shear,
+        gradient.centroid[0] * centroid[0] - gradient.q[0] * q[0] + shear,
+        gradient.centroid[1] * centroid[1] - gradient.q[1] * q[1] - shear,
     )
 
 
 def beam_derivatives(
-    geometry: Geometry,
-    at: Scene,
-    k: int,
-    ray: Path,
-    along: Vector,
-    gradient: Gradient,
-    of_power: Number,
-    axes: Axes,
+    facet: Facet, axes: Axes, ray: Path, gradient: Gradient, of_power: Number
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the beam's six parameters."""
-    x, y = sigma_derivatives(at, k, gradient)
-    turn = beam_turn_gradient(geometry, at, k, ray, along, gradient)
+    x, y = sigma_derivatives(facet, gradient)
+    turn = beam_turn_gradient(facet, ray, gradient)
     return (
         of_power,
         x / axes.diameters[0],
         y / axes.diameters[1],
-        -dot(turn, geometry.direction),
+        -dot(turn, facet.geometry.direction),
         dot(turn, axes.tilts[0]),
         dot(turn, axes.tilts[1]),
     )
 
 
-def normal_gradients(
-    geometry: Geometry, at: Scene, k: int, gradient: Gradient
-) -> tuple[Any, Any, Any]:
+def normal_gradients(facet: Facet, gradient: Gradient) -> tuple[Any, Any, Any]:
     """One reading's gradients with respect to the normals of facets A, B and C, in the world."""
-    before, after = (k + 2) % 3, (k + 1) % 3
-    normal = at.normals[k]
-    first = scale(gradient.first, gradient_of_angle(geometry, at.edges[k]))
-    second = scale(gradient.second, gradient_of_angle(geometry, at.edges[after]))
-    own = add(cross(at.normals[before], first), cross(second, at.normals[after]))
-    own = add(own, gradient.normal)
+    normals, normal, k = facet.at.normals, facet.normal, facet.k
+    first = scale(gradient.first, gradient_of_angle(facet.geometry, facet.edges[0]))
+    second = scale(gradient.second, gradient_of_angle(facet.geometry, facet.edges[1]))
+    of_edges = add(cross(normals[(k + 2) % 3], first), cross(second, normals[(k + 1) % 3]))
+    of_normal = add(of_edges, gradient.normal)
     of_before, of_after = cross(first, normal), cross(normal, second)
     if k == 0:
-        return own, of_after, of_before
+        return of_normal, of_after, of_before
     if k == 1:
-        return of_before, own, of_after
-    return of_after, of_before, own
+        return of_before, of_normal, of_after
+    return of_after, of_before, of_normal
 
 
 def facet_derivatives(
-    gradient: Vector, own: tuple[Vector, Vector], turn: tuple[Any, Any, Any]
+    gradient: Vector, changes: tuple[Vector, Vector], turn: tuple[Any, Any, Any]
 ) -> tuple[Number, Number]:
-    """Derivatives by a facet's inclination and azimuth. own: of `Axes.facets`.  turn: the mirror's
-    rotation, by rows."""
-    return dot(gradient, rotate(turn, own[0])), dot(gradient, rotate(turn, own[1]))
+    """One reading's derivatives with respect to a facet's inclination and azimuth.
+
+    gradient: with respect to the facet's normal, in the world.  changes: of that normal, see
+    `Axes.facets`.  turn: the mirror's rotation, by rows.
+    """
+    return dot(gradient, rotate(turn, changes[0])), dot(gradient, rotate(turn, changes[1]))
 
 
 def psd_derivatives(
-    geometry: Geometry, k: int, along: Vector, landing: tuple[Any, Any], own: tuple[Any, ...]
+    facet: Facet, along: Vector, landing: tuple[Any, Any], changes: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """A landing coordinate's derivatives with respect to its detector's six parameters.
 
-    along: its slanted axis.  landing: (psi, zeta) of the same spot.  own: of `Axes.psds`.
+    along: its slanted axis.  landing: (psi, zeta) of the same spot.  changes: of the detector, see
+    `Axes.psds`.
     """
-    _, y, z = geometry.axes[k]
-    outwards, around, roll_axis, pitch_axis, yaw_axis = own
+    _, y, z = facet.axes
+    outwards, around, roll_axis, pitch_axis, yaw_axis = changes
     turn = cross(along, combine(landing[0], y, landing[1], z))
     moved = scale(-1, along)
     yawed = dot(turn, yaw_axis)
@@ -179,44 +170,36 @@ def psd_derivatives(
 
 
 def parameter_row(
-    geometry: Geometry,
+    facet: Facet,
     axes: Axes,
-    at: Scene,
-    k: int,
     ray: Path,
     landing: tuple[Any, Any],
-    along: Vector,
     gradient: Gradient,
     of_power: Number,
 ) -> tuple[Any, ...]:
-    """The derivatives of one reading of detector k, in the order of `PARAMETERS`.
+    """The derivatives of one reading of a facet's detector, in the order of `PARAMETERS`.
 
-    along: the landing coordinate's slanted axis, zero for the power. of_power: the derivative by
-    the beam's power.
+    landing: (psi, zeta) of its spot.  of_power: the derivative by the beam's power.
     """
-    of_normals = normal_gradients(geometry, at, k, gradient)
-    of_facets = [facet_derivatives(of_normals[j], axes.facets[j], at.turn) for j in range(3)]
+    of_normals = normal_gradients(facet, gradient)
+    of_facets = [facet_derivatives(of_normals[j], axes.facets[j], facet.at.turn) for j in range(3)]
     of_psds: list[tuple[Any, ...]] = [(0.0,) * 6] * 3
-    of_psds[k] = psd_derivatives(geometry, k, along, landing, axes.psds[k])
-    of_beam = beam_derivatives(geometry, at, k, ray, along, gradient, of_power, axes)
+    of_psds[facet.k] = psd_derivatives(facet, gradient.along, landing, axes.psds[facet.k])
+    of_beam = beam_derivatives(facet, axes, ray, gradient, of_power)
     return (*of_beam, *(each for some in (*of_facets, *of_psds) for each in some))
 
 
-def linearise_detector(geometry: Geometry, axes: Axes, at: Scene, k: int) -> tuple[Three, Three]:
-    """Return (psi, zeta, power) of detector k and the thirty derivatives of each."""
-    ray = path(geometry, at, k)
-    psi, zeta, power = reading(geometry, at, k, ray)
-    of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
-    x, y, z = geometry.axes[k]
-    mass = at.moments[k][0]
-    zero = mass * 0
-    nothing = (zero, zero, zero)
-    along_y, along_z = slant(y, ray.leaving, x), slant(z, ray.leaving, x)
-    spot = (psi, zeta)
+def linearise_detector(facet: Facet, axes: Axes) -> tuple[Three, Three]:
+    """Return (psi, zeta, power) of a facet's detector and the thirty derivatives of each."""
+    ray = path(facet)
+    psi, zeta, power = reading(facet, ray)
+    of_psi, of_zeta, of_power = gradients(facet, ray)
+    mass = facet.moments[0]
+    zero, spot = mass * 0, (psi, zeta)
     return (psi, zeta, power), (
-        parameter_row(geometry, axes, at, k, ray, spot, along_y, of_psi, zero),
-        parameter_row(geometry, axes, at, k, ray, spot, along_z, of_zeta, zero),
-        parameter_row(geometry, axes, at, k, ray, spot, nothing, of_power, mass),
+        parameter_row(facet, axes, ray, spot, of_psi, zero),
+        parameter_row(facet, axes, ray, spot, of_zeta, zero),
+        parameter_row(facet, axes, ray, spot, of_power, mass),
     )
 
 
@@ -225,9 +208,5 @@ def linearise(
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Readings at a state and their derivatives by the parameters, for detectors A, B and C; for
     ideal light without apertures."""
-    at = scene(geometry, state)
-    return (
-        linearise_detector(geometry, axes, at, 0),
-        linearise_detector(geometry, axes, at, 1),
-        linearise_detector(geometry, axes, at, 2),
-    )
+    a, b, c = mirror_facets(geometry, scene(geometry, state))
+    return linearise_detector(a, axes), linearise_detector(b, axes), linearise_detector(c, axes)

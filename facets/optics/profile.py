@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from ..scalars.dispatch import Number
 from .central import Side
 from .effects import Light, turn_cubic, turn_tensor
-from .forward import Geometry, Scene, Three, replace_light
+from .forward import Facet, Geometry, Scene, Three, replace_light
 from .vectors import Plane, cross2, dot2
 from .wedge import Moments
 
@@ -36,11 +36,11 @@ def hermite(x: Number) -> Three:
 
 
 class SideChange(NamedTuple):
-    """What the profile does to a side.
+    """The effect of the profile on one side of a wedge.
 
-    integrals: along it; the fourth, which is not needed any more, is the irradiance at its end.
-    mass, moment: what it adds to mass and first moments of the wedge that begins there; to those of
-    the wedge that ends there it adds the negative.
+    integrals: along the side, as of `wedge.sides`, with the irradiance at the wedge's point in
+    place of the fourth.  mass, moment: added to mass and first moments of the wedge that begins
+    there, and subtracted from those of the wedge that ends there.
     """
 
     integrals: Side
@@ -49,7 +49,7 @@ class SideChange(NamedTuple):
 
 
 def side_change(light: Light, q: Plane, u: Plane, side: Side) -> SideChange:
-    """side: what `wedge.side` gives."""
+    """side: one of `wedge.sides`."""
     w = (u[1], -u[0])
     a, h = dot2(q, u), cross2(q, u)
     length, first, second, _ = side
@@ -87,7 +87,7 @@ def side_change(light: Light, q: Plane, u: Plane, side: Side) -> SideChange:
 
 
 def apply_profile(geometry: Geometry, at: Scene) -> Scene:
-    """The scene with the light of the beam's own profile, from that of a Gaussian one.
+    """The scene with the light of the beam's own profile, from the scene of a Gaussian beam.
 
     The third part of the moments stays that of the Gaussian beam: see `moment_slopes`.
     """
@@ -116,18 +116,17 @@ def change_moments(q: Plane, moments: Moments, begin: SideChange, end: SideChang
     return whole, (x, y), shift, (x - q[0], y - q[1])
 
 
-def moment_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, tuple[Any, Any, Any, Any]]:
-    """The derivatives by q of the light on facet k: of the logarithm of its mass, with the opposite
+def moment_slopes(facet: Facet) -> tuple[Plane, tuple[Any, Any, Any, Any]]:
+    """The derivatives by q of the light on a facet: of the logarithm of its mass, with the opposite
     sign, and of its centroid, as xx, xy, yx, yy.
 
     Of a Gaussian beam these are the centroid and one less the covariance.
     """
-    mass, centroid, (pxx, pxy, pyy), (x, y) = at.moments[k]
-    if not geometry.light.options.profiled:
+    mass, centroid, (pxx, pxy, pyy), (x, y) = facet.moments
+    if not facet.geometry.light.options.profiled:
         return centroid, (pxx, pxy, pxy, pyy)
-    u1, u2 = at.sides[k], at.sides[(k + 1) % 3]
-    length1, first1, _, _ = at.integrals[k]
-    length2, first2, _, _ = at.integrals[(k + 1) % 3]
+    u1, u2 = facet.sides
+    (length1, first1, _, _), (length2, first2, _, _) = facet.integrals
     x1, y1 = (u1[0] * first1 - x * length1) / mass, (u1[1] * first1 - y * length1) / mass
     x2, y2 = (u2[0] * first2 - x * length2) / mass, (u2[1] * first2 - y * length2) / mass
     return (
@@ -141,9 +140,9 @@ def moment_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, tuple[A
     )
 
 
-def density_at_point(geometry: Geometry, at: Scene, k: int) -> Number:
+def density_at_point(facet: Facet) -> Number:
     """The beam's irradiance at the wedges' point, per square sigma."""
-    length, first, _, density = at.integrals[k]
-    if geometry.light.options.profiled:
+    length, first, _, density = facet.integrals[0]
+    if facet.geometry.light.options.profiled:
         return density
-    return first + dot2(at.q, at.sides[k]) * length
+    return first + dot2(facet.at.q, facet.sides[0]) * length

@@ -16,6 +16,6 @@ else:
             "certificate": "write_certificate",
             "range_cover": "cover_range",
             "tolerances": "Tolerances calibration_tolerances",
-            "uniqueness": ("Certificate certify edges_over_rotations slope_of_powers"),
+            "uniqueness": ("Certificate Effort certify edges_over_rotations slope_of_powers"),
         },
     )

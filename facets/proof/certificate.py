@@ -19,7 +19,7 @@ FORMAT = "facets uniqueness certificate 2"
 def write_certificate(
     path: Path,
     sensor: Sensor,
-    found: Certificate,
+    certificate: Certificate,
     about: dict[str, str],
     resolved: dict[str, Any] | None = None,
     cover: RangeCover | None = None,
@@ -34,40 +34,40 @@ def write_certificate(
         **about,
         "resolved": resolved,
         "parameters": parameters(sensor),
-        "tolerances": found.tolerances,
-        **certificate_claims(found),
-        **certificate_proof(found),
+        "tolerances": certificate.tolerances,
+        **certificate_claims(certificate),
+        **certificate_proof(certificate),
         "range": None if cover is None else certificate_range(cover),
     }
     with Whole(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1), "utf-8")
 
 
-def certificate_claims(found: Certificate) -> dict[str, Any]:
+def certificate_claims(certificate: Certificate) -> dict[str, Any]:
     """Return the claims about the box of poses and about the least share of the light."""
     return {
-        "low": found.box.low[:6].tolist(),
-        "high": found.box.high[:6].tolist(),
-        "least_share": found.share,
-        "regular": found.regular,
-        "unique": found.unique,
-        "margin": found.margin,
-        "least_determinant": found.at_least,
-        "reason": found.reason,
-        "seconds": found.seconds,
-        "work": found.work,
+        "low": certificate.box.low[:6].tolist(),
+        "high": certificate.box.high[:6].tolist(),
+        "least_share": certificate.share,
+        "regular": certificate.regular,
+        "unique": certificate.unique,
+        "margin": certificate.margin,
+        "least_determinant": certificate.at_least,
+        "reason": certificate.reason,
+        "seconds": certificate.seconds,
+        "work": certificate.work,
     }
 
 
-def certificate_proof(found: Certificate) -> dict[str, Any]:
+def certificate_proof(certificate: Certificate) -> dict[str, Any]:
     """Return the evidence for the claims."""
     return {
-        "light": found.shares,
-        "middles": found.middles,
-        "inverse": found.inverse.tolist(),
-        "weights": found.weights.tolist(),
-        "pieces": [piece._asdict() for piece in found.pieces],
-        "doubtful": [piece._asdict() for piece in found.doubtful],
+        "light": certificate.shares,
+        "middles": certificate.middles,
+        "inverse": certificate.inverse.tolist(),
+        "weights": certificate.weights.tolist(),
+        "pieces": [piece._asdict() for piece in certificate.pieces],
+        "doubtful": [piece._asdict() for piece in certificate.doubtful],
     }
 
 

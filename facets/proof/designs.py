@@ -6,7 +6,7 @@ from ..characterization.state_box import least_share, range_box
 from ..core.errors import InputError
 from ..core.rules import Rules
 from ..core.sensor import Sensor
-from .uniqueness import Certificate, certify
+from .uniqueness import Certificate, Effort, certify
 
 #: Boxes that a proof of a design examines by default.
 MOST_PIECES = 400
@@ -18,10 +18,14 @@ def certify_design(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> Cer
         box = range_box(sensor, rules)
     except InputError as error:
         return str(error)
-    return certify(sensor, box, least_share(sensor, rules), work=work)
+    return certify(sensor, box, least_share(sensor, rules), effort=Effort(work))
 
 
 def proof_margin(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> float:
-    """Return the margin of that proof, NaN if nothing was proved."""
-    found = certify_design(sensor, rules, work)
-    return found.margin if isinstance(found, Certificate) and found.unique else float("nan")
+    """Return the margin of the proof by `certify_design`, NaN if nothing was proved."""
+    certificate = certify_design(sensor, rules, work)
+    return (
+        certificate.margin
+        if isinstance(certificate, Certificate) and certificate.unique
+        else float("nan")
+    )

@@ -55,9 +55,10 @@ def determinant_bound(matrix: Matrix, slope: float, margin: float = 0.0) -> floa
 
 
 def regularity(matrix: Matrix) -> tuple[float, Floats, Floats]:
-    """By how much |1 - C M| shrinks a positive vector, for every M in the intervals.
+    """The margin by which |1 - C M| shrinks a positive vector, for every M in the intervals.
 
-    Above 0, every matrix in the intervals is regular. Returns that, rounded down, C and the vector.
+    If it is above 0, every matrix in the intervals is regular. Returns the margin, rounded down, C
+    and the vector.
     """
     middle = middles(matrix)
     size = len(middle)

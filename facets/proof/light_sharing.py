@@ -52,10 +52,10 @@ class LightNotShared(Exception):
 class SharingBounds(NamedTuple):
     """Bounds over a box of rotations, wherever each facet has its least share of the light.
 
-    from_point: of each facet, the centroid of its light less the apex (3, 2), sigmas.
-    turns: of each facet, the derivative of that by roll, pitch and yaw (3, 2, 3), sigmas per rad,
-    at fixed shares.  offset: of the apex from the beam's centre (2,), sigmas.
-    slope: the determinant of two shares by the offset, per square sigma.
+    from_point: (3, 2) the centroid of each facet's light less the apex, sigmas.  turns: (3, 2, 3)
+    the derivative of `from_point` by roll, pitch and yaw at fixed shares, sigmas per rad.  offset:
+    (2,) of the apex from the beam's centre, sigmas.  slope: the determinant of two shares by the
+    offset, per square sigma.
     """
 
     from_point: list[list[Interval]]
@@ -96,7 +96,10 @@ def means_along(a: Interval) -> tuple[Interval, Interval, Interval]:
 
 
 def half_line(q: Plane, u: Plane) -> HalfLine:
-    """Both means decrease with a: a larger a weighs light by a factor that falls with distance."""
+    """The half-line from q along u.
+
+    Both means decrease with a: a larger a weighs light by a factor that falls with distance.
+    """
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
     most, least = means_along(a.lower()), means_along(a.upper())
     beyond, mean, reach = (x.union(y) for x, y in zip(least, most, strict=True))
@@ -114,7 +117,7 @@ class FacetEdges(NamedTuple):
 
 
 def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
-    """Return the edges. at, axes: mirror and axes of rotation in the box. Raises
+    """Return the edges.  at, axes: mirror and axes of rotation in the box. Raises
     `LightNotShared`."""
     angles = [edge_angle(geometry, edge) for edge in at.edges]
     openings = [opening(angles[k], angles[(k + 1) % 3]) for k in range(3)]
@@ -260,7 +263,7 @@ def offset_moves(
 
 
 def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> SharingBounds:
-    """`bounds_at_fixed_shares` for a small box of q."""
+    """The bounds of `bounds_at_fixed_shares` for a small box of q."""
     u = [direction_at(angle) for angle in edges.angles]
     sides = [half_line(q, side) for side in u]
     alpha = [cross_product(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]

@@ -54,11 +54,12 @@ class AffineJacobian(NamedTuple):
 
 
 class ByMiddles(NamedTuple):
-    """affine: L.  rest: E.  pieces: they fill the box, and L + E is regular over each.
+    """A proof by midpoints.  affine: L.  rest: E.  pieces: they fill the box, and L + E is regular
+    over each.
 
-    margin: the least of the pieces', a lower bound; 0 or less if a piece is not regular.  A state
-    is the midpoint between it and itself, so no state in the box is singular either; the pieces'
-    `at_least` is of its determinant.
+    margin: the least margin of all pieces, a lower bound; 0 or less if a piece is not regular.  A
+    state is the midpoint between it and itself, so no state in the box is singular either; the
+    pieces' `at_least` is a bound of its determinant.
     """
 
     affine: AffineJacobian
@@ -74,8 +75,8 @@ def prove_by_middles(
     jacobians: Sequence[Centred],
     slope: float,
 ) -> ByMiddles:
-    """Prove regularity. jacobians: over pieces that fill the box.  slope: a lower bound of the
-    powers'."""
+    """Prove regularity.  jacobians: over pieces that fill the box.  slope: a lower bound of the
+    powers' slope."""
     affine = affine_part(geometry, shares, box)
     rest = hull_of_matrices([affine_remainder(affine, jacobian) for jacobian in jacobians])
     pieces: list[ProvedPiece] = []
@@ -85,10 +86,10 @@ def prove_by_middles(
             return ByMiddles(affine, rest, pieces, margin)
         low, high, depth = todo.pop()
         matrix = add_matrices(affine.evaluate(intervals_between(low, high)), rest)
-        found = regularity(matrix)[0]
-        if found > 0:
-            margin = min(margin, found)
-            least = determinant_bound(matrix, slope, found)
+        margin_of_piece = regularity(matrix)[0]
+        if margin_of_piece > 0:
+            margin = min(margin, margin_of_piece)
+            least = determinant_bound(matrix, slope, margin_of_piece)
             pieces.append(ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least))
         elif depth == MOST_CUTS:
             break
@@ -100,20 +101,20 @@ def prove_by_middles(
 def affine_part(geometry: Geometry, shares: SharingBounds, box: StateBox) -> AffineJacobian:
     """Return the Jacobian and its slopes at the midpoint of the box."""
     place = (box.low + box.high)[:6] / 2
-    found = centred_jacobian(geometry, shares, place, place)
-    slopes = np.array([middles(slope) for slope in found.slopes])
-    return AffineJacobian(place, middles(found.middle), slopes)
+    jacobian = centred_jacobian(geometry, shares, place, place)
+    slopes = np.array([middles(slope) for slope in jacobian.slopes])
+    return AffineJacobian(place, middles(jacobian.middle), slopes)
 
 
-def affine_remainder(affine: AffineJacobian, found: Centred) -> Matrix:
+def affine_remainder(affine: AffineJacobian, jacobian: Centred) -> Matrix:
     """Return the difference between the Jacobian and L over a piece."""
-    at = affine.evaluate(found.place)
+    at = affine.evaluate(jacobian.place)
     return [
         [
-            found.middle[i][j]
+            jacobian.middle[i][j]
             - at[i][j]
             + sum(
-                (found.slopes[m][i][j] - float(affine.slopes[m, i, j])) * found.half[m]
+                (jacobian.slopes[m][i][j] - float(affine.slopes[m, i, j])) * jacobian.half[m]
                 for m in range(6)
             )
             for j in range(6)

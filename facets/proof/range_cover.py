@@ -74,9 +74,11 @@ class RangeCover(NamedTuple):
 
 
 class RangeProblem(NamedTuple):
-    """The sensor in intervals; half the sizes of A, B, C along y and z, mm; the rules.
+    """The problem of covering a range.
 
-    levers: (6,) the approximate displacement of a spot by each axis.
+    geometry: the sensor in intervals.  halves: half the sizes of A, B, C along y and z, mm.  share:
+    least share of the light on a facet.  whole: whether the whole footprint must be on the
+    detector.  levers: (6,) the approximate displacement of a spot by each axis.
     """
 
     geometry: Geometry
@@ -125,8 +127,8 @@ def target_box(problem: RangeProblem) -> StateBox:
     around = points_near_apex(problem, rest)
     slopes = jacobian_at(problem.geometry, rest, around)
     inverse = np.linalg.inv(middles(slopes))
-    left = arb_mat(inverse.tolist()) * arb_mat(slopes)
-    apart = np.array([[magnitude(left[i, j] - (i == j)) for j in range(6)] for i in range(6)])
+    product = arb_mat(inverse.tolist()) * arb_mat(slopes)
+    apart = np.array([[magnitude(product[i, j] - (i == j)) for j in range(6)] for i in range(6)])
     places = spot_places(problem.geometry, rest, around)
     middle = -inverse @ np.array([float(place.mid()) for place in places])
     off = np.array([float(place.rad()) for place in places])
@@ -139,11 +141,11 @@ def narrow_down(
     problem: RangeProblem, low: Floats, high: Floats, aim: StateBox, work: int
 ) -> tuple[Floats | None, Floats, int]:
     """Return the hull of the poses that remain of a box, and the number of boxes examined."""
-    todo, left, done = [(low, high)], [], 0
+    todo, remaining, done = [(low, high)], [], 0
     while todo:
         low, high = todo.pop()
         if is_within((low, high), aim):
-            left.append((low, high))
+            remaining.append((low, high))
             continue
         if done >= work:
             return None, high, done
@@ -159,12 +161,16 @@ def narrow_down(
         if ((smaller[1] - smaller[0]) / width).min() < KEPT:
             todo.append(smaller)
         elif is_within(smaller, aim, NEAR):
-            left.append(smaller)
+            remaining.append(smaller)
         else:
             todo += cut_in_two(*smaller, problem.levers)
-    if not left:
+    if not remaining:
         return None, high, done
-    return np.min([a for a, _ in left], axis=0), np.max([b for _, b in left], axis=0), done
+    return (
+        np.min([a for a, _ in remaining], axis=0),
+        np.max([b for _, b in remaining], axis=0),
+        done,
+    )
 
 
 def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -> bool:
@@ -227,10 +233,10 @@ def contract(problem: RangeProblem, low: Floats, high: Floats) -> tuple[Floats, 
     inverse = np.linalg.pinv(middles(slopes))
     preconditioner = arb_mat(inverse.tolist())
     step = preconditioner * arb_mat([[x] for x in missing])
-    left = preconditioner * arb_mat(slopes)
+    product = preconditioner * arb_mat(slopes)
     new_low, new_high = low.copy(), high.copy()
     for i in range(6):
-        rest = sum(((int(i == j)) - left[i, j]) * (pose[j] - thin[j]) for j in range(6))
+        rest = sum(((int(i == j)) - product[i, j]) * (pose[j] - thin[j]) for j in range(6))
         bounds = ends(thin[i] + step[i, 0] + rest)
         new_low[i], new_high[i] = max(low[i], bounds[0]), min(high[i], bounds[1])
     if (new_low > new_high).any():

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from ..characterization.state_box import StateBox
 from ..core.sensor import Sensor
-from .uniqueness import Certificate, certify
+from .uniqueness import Certificate, Effort, certify
 
 #: Largest scaling that is tried.
 FARTHEST = 20.0
@@ -38,9 +38,9 @@ def find_reach(
         grown = min(factor * step, farthest)
         if grown > factor:
             larger = StateBox(grown * box.low, grown * box.high)
-            found = certify(sensor, larger, share, tolerances=tolerances, work=work)
-            if found.unique:
-                factor, proved = grown, (grown, found)
+            certificate = certify(sensor, larger, share, tolerances, Effort(work))
+            if certificate.unique:
+                factor, proved = grown, (grown, certificate)
                 continue
         step = step**0.5
     return proved
@@ -63,7 +63,7 @@ def find_core(
     for step in range(1, SHRINKS + 1):
         factor = SHRINK**step
         low, high = (middle + factor * (end - middle) for end in (box.low, box.high))
-        found = certify(sensor, StateBox(low, high), share, tolerances=tolerances, work=work)
-        if found.unique:
-            return factor, found
+        certificate = certify(sensor, StateBox(low, high), share, tolerances, Effort(work))
+        if certificate.unique:
+            return factor, certificate
     return 0.0, None

@@ -136,7 +136,8 @@ class Centred(NamedTuple):
         ]
 
     def levers(self) -> Floats:
-        """(6,) the change of the Jacobian with each axis of the pose, over its own size."""
+        """The change (6,) of the Jacobian with each axis of the pose, over the Jacobian's own
+        size."""
         size = np.array([[[magnitude(x) for x in row] for row in slope] for slope in self.slopes])
         inverse = np.abs(np.linalg.pinv(middles(self.middle)))
         moved: Floats = np.abs(inverse @ size).sum(axis=-1).max(axis=-1)
@@ -201,7 +202,8 @@ def gradient_of_spot(
 def spot_places(
     geometry: Geometry, pose: Sequence[Interval], from_point: Sequence[Sequence[Interval]]
 ) -> list[Interval]:
-    """(6,) psi and zeta of A, B, C, mm, of the rays `from_point` (3, 2) sigmas off the apex."""
+    """The places (6,) psi and zeta on A, B, C, mm, of the rays `from_point` (3, 2) sigmas off the
+    apex."""
     at = dark_scene_over(geometry, pose)
     places = []
     for k in range(3):

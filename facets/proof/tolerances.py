@@ -12,7 +12,8 @@ from ..optics.parameters import PARAMETERS
 
 
 class Tolerances(NamedTuple):
-    """values: (30,) in the order of `facets.PARAMETERS`; mm, rad, mW.  source: their origin.
+    """Tolerances of a sensor's parameters.  values: (30,) in the order of `facets.PARAMETERS`; mm,
+    rad, mW.  source: their origin.
 
     exact: names of parameters without a tolerance.  left_out: names with an uncertainty that are
     none of the 30: the detectors' corrections, the beam's shape if it is not two diameters.
@@ -27,8 +28,9 @@ class Tolerances(NamedTuple):
 def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
     """Return `factor` standard uncertainties of each parameter; `factor` is the coverage factor.
 
-    They are those of the sensor's calibration, if it has one, else those of `calibrate.before`. A
-    box of that half width contains the ellipsoid of the covariance with the same factor.
+    The uncertainties are those of the sensor's calibration, if it has one, else those of
+    `calibrate.before`. A box of that half width contains the ellipsoid of the covariance with the
+    same factor.
     """
     known = settings.sensor.calibration
     if known is None:
@@ -39,16 +41,18 @@ def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
         source = "the sensor's calibration"
     values = tuple(round_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
     exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
-    own = [name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))]
-    left_out = tuple(name for name in own if name not in PARAMETERS)
+    of_sensor = [
+        name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))
+    ]
+    left_out = tuple(name for name in of_sensor if name not in PARAMETERS)
     return Tolerances(values, source, exact, left_out)
 
 
 def prior_uncertainties(settings: Config) -> dict[str, float]:
     """Return standard uncertainties by name, from `calibrate.before`; mm, rad, mW."""
     sensor, before = settings.sensor, settings.calibrate.before
-    found = choice(sensor, settings.calibrate)
-    sigmas = dict(zip(found.names, found.sigma.tolist(), strict=True))
+    unknowns = choice(sensor, settings.calibrate)
+    sigmas = dict(zip(unknowns.names, unknowns.sigma.tolist(), strict=True))
     for name in [name for name in sigmas if name.startswith("beam.") and name not in PARAMETERS]:
         del sigmas[name]  # the diameters already describe the beam's shape
     wide = before.get("beam_diameter_percent", 0) / 100

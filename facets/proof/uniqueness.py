@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb
@@ -52,12 +52,25 @@ from .spot_jacobian import Centred, NotFacing, centred_jacobian, dark_scene_over
 MOST_CUTS = 12
 #: The search ends after this many pieces without a proof, since there would be more.
 MOST_DOUBTFUL = 20
-#: Largest number of pieces.
-MOST_PIECES = 20_000
 #: Least margin of a hull: another grid of pieces might not reproduce a smaller one.
 SMALL = 0.15
 #: Number of parts of each angle for the bounds of the light: roll pitch yaw.
 TURNS = (1, 1, 3)
+
+
+class Effort(NamedTuple):
+    """How much a proof may take.
+
+    pieces: largest number of pieces that are examined.  seconds: pieces that are not proved within
+    this time count as doubtful; without this limit the outcome is the same on every machine.
+    """
+
+    pieces: int = 20_000
+    seconds: float = np.inf
+
+
+#: The effort of a proof that may take long.
+LONG_EFFORT = Effort()
 
 
 @dataclass
@@ -66,7 +79,7 @@ class Certificate:
     share.
 
     tolerances: (30,) the largest errors of the parameters of the sensors for which it holds.
-    share: of the light, that each facet has at least.
+    share: the least share of the light on each facet.
     regular: no such state is singular.  unique: no two of them have the same readings.
     margin: of the hull's regularity, at most 1, 0 or less if it is not regular; a lower bound.
     at_least: a lower bound of Eq. (11)'s |det|, without the least reading of power; mm, mW, rad.
@@ -95,8 +108,8 @@ class Certificate:
 
 
 def refusal_reason(sensor: Sensor) -> str:
-    """Why a sensor whose model has more than ideal light cannot be certified; else an empty
-    text."""
+    """The reason why a sensor whose model has more than ideal light cannot be certified; else an
+    empty text."""
     if sensor.apertures.cut:
         return "sensor.apertures cuts the light, of which the theorem knows nothing"
     if sensor.light.on:
@@ -108,10 +121,9 @@ def certify(
     sensor: Sensor,
     box: StateBox,
     share: float | None = None,
-    limit: float = np.inf,
-    tell: Callable[[float], None] = lambda _: None,
     tolerances: Sequence[float] | None = None,
-    work: int = MOST_PIECES,
+    effort: Effort = LONG_EFFORT,
+    tell: Callable[[float], None] = lambda _: None,
 ) -> Certificate:
     """Try to prove that the box has no singular state, and no two states with equal readings.
 
@@ -119,68 +131,83 @@ def certify(
     this share of the light; default: the least anywhere in the box with its offsets, which is then
     covered.
     tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad, mW.
-    work: largest number of pieces; those not yet proved then count as doubtful, as they do after
-    `limit` seconds; without a limit the outcome is the same on every machine. tell: receives the
-    completed part. Only the edges cut the light; `sensor.imperfections`, which the solver does not
-    know either, is not included.
+    effort: pieces and time; pieces that are not proved within it count as doubtful. tell: receives
+    the completed part. Only the edges cut the light; `sensor.imperfections`, which the solver does
+    not know either, is not included.
     """
     begin = time.perf_counter()
-    found = Certificate(box, (0.0,) * 30 if tolerances is None else tuple(map(float, tolerances)))
-    found.reason = refusal_reason(sensor)
-    if not found.reason:
+
+    def is_spent(pieces: int) -> bool:
+        return pieces >= effort.pieces or time.perf_counter() > begin + effort.seconds
+
+    certificate = Certificate(
+        box, (0.0,) * 30 if tolerances is None else tuple(map(float, tolerances))
+    )
+    certificate.reason = refusal_reason(sensor)
+    if not certificate.reason:
         try:
             prove(
-                interval_geometry(sensor, found.tolerances), found, share, begin + limit, tell, work
+                interval_geometry(sensor, certificate.tolerances),
+                certificate,
+                share,
+                is_spent,
+                tell,
             )
         except LightNotShared:
-            found.reason = "the facets may not share the beam as three lit wedges everywhere in it"
-    found.seconds = time.perf_counter() - begin
-    return found
+            certificate.reason = (
+                "the facets may not share the beam as three lit wedges everywhere in it"
+            )
+    certificate.seconds = time.perf_counter() - begin
+    return certificate
 
 
 def prove(
     geometry: Geometry,
-    found: Certificate,
+    certificate: Certificate,
     share: float | None,
-    deadline: float,
+    is_spent: Callable[[int], bool],
     tell: Callable[[float], None],
-    work: int,
 ) -> None:
-    """Fill in a certificate. Raises `LightNotShared`."""
-    parts = edges_over_rotations(geometry, found.box)
-    found.share = least_share_in_box(geometry, parts, found.box) if share is None else share
-    shares = hull_of_bounds([bounds_at_fixed_shares(edges, found.share) for edges in parts])
-    found.shares = bounds_as_numbers(shares)
+    """Fill in a certificate.
+
+    is_spent: whether the effort is, after a number of pieces. Raises `LightNotShared`.
+    """
+    parts = edges_over_rotations(geometry, certificate.box)
+    certificate.share = (
+        least_share_in_box(geometry, parts, certificate.box) if share is None else share
+    )
+    shares = hull_of_bounds([bounds_at_fixed_shares(edges, certificate.share) for edges in parts])
+    certificate.shares = bounds_as_numbers(shares)
     slope = ends(slope_of_powers(geometry, shares))[0]
-    if prove_at_once(geometry, found, shares, slope):
+    if prove_at_once(geometry, certificate, shares, slope):
         tell(1.0)
         return
-    jacobians = prove_pieces(geometry, found, shares, deadline, tell, work)
-    found.regular = not found.doubtful
-    if found.regular:
-        conclude(geometry, found, shares, jacobians, slope)
+    jacobians = prove_pieces(geometry, certificate, shares, is_spent, tell)
+    certificate.regular = not certificate.doubtful
+    if certificate.regular:
+        conclude(geometry, certificate, shares, jacobians, slope)
 
 
 def prove_at_once(
-    geometry: Geometry, found: Certificate, shares: SharingBounds, slope: float
+    geometry: Geometry, certificate: Certificate, shares: SharingBounds, slope: float
 ) -> bool:
     """Return whether no piece needs to be cut any further, and then fill in the certificate."""
     looked = [(low, high, *examine_piece(geometry, shares, slope, low, high))
-              for low, high in initial_pieces(found.box)]  # fmt: skip
+              for low, high in initial_pieces(certificate.box)]  # fmt: skip
     jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
     if len(jacobians) < len(looked):
         return False
     pieces = [ProvedPiece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked]
-    found.pieces, found.work = pieces, len(pieces)
-    conclude(geometry, found, shares, jacobians, slope)
-    if not found.unique:
-        found.pieces, found.at_least = [], 0.0
-    return found.unique
+    certificate.pieces, certificate.work = pieces, len(pieces)
+    conclude(geometry, certificate, shares, jacobians, slope)
+    if not certificate.unique:
+        certificate.pieces, certificate.at_least = [], 0.0
+    return certificate.unique
 
 
 def conclude(
     geometry: Geometry,
-    found: Certificate,
+    certificate: Certificate,
     shares: SharingBounds,
     jacobians: list[Centred],
     slope: float,
@@ -188,52 +215,54 @@ def conclude(
     """Conclude uniqueness from the Jacobians over the pieces: by their hull, if that is regular,
     else by midpoints."""
     whole = hull_of_matrices([jacobian.whole() for jacobian in jacobians])
-    found.margin, found.inverse, found.weights = regularity(whole)
-    bound = determinant_bound(whole, slope, found.margin)
-    found.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in found.pieces]
-    found.at_least = min(piece.at_least for piece in found.pieces)
-    if not (found.margin > SMALL and found.at_least > 0):
-        by_middles = prove_by_middles(geometry, shares, found.box, jacobians, slope)
-        if by_middles.margin > max(found.margin, 0):
+    certificate.margin, certificate.inverse, certificate.weights = regularity(whole)
+    bound = determinant_bound(whole, slope, certificate.margin)
+    certificate.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in certificate.pieces]
+    certificate.at_least = min(piece.at_least for piece in certificate.pieces)
+    if not (certificate.margin > SMALL and certificate.at_least > 0):
+        by_middles = prove_by_middles(geometry, shares, certificate.box, jacobians, slope)
+        if by_middles.margin > max(certificate.margin, 0):
             least = min(piece.at_least for piece in by_middles.pieces)
-            found.margin, found.middles = by_middles.margin, by_middles.affine.as_numbers()
-            found.at_least = max(found.at_least, least)
-    found.unique = found.margin > 0
-    found.regular = found.unique or found.at_least > 0
+            certificate.margin, certificate.middles = (
+                by_middles.margin,
+                by_middles.affine.as_numbers(),
+            )
+            certificate.at_least = max(certificate.at_least, least)
+    certificate.unique = certificate.margin > 0
+    certificate.regular = certificate.unique or certificate.at_least > 0
 
 
 def prove_pieces(
     geometry: Geometry,
-    found: Certificate,
+    certificate: Certificate,
     shares: SharingBounds,
-    deadline: float,
+    is_spent: Callable[[int], bool],
     tell: Callable[[float], None],
-    work: int,
 ) -> list[Centred]:
     """Sort the box's pieces into proved and doubtful ones; return the Jacobians of the proved
     ones."""
     slope = ends(slope_of_powers(geometry, shares))[0]
-    found.work = 0
-    todo = [(low, high, 0) for low, high in initial_pieces(found.box)]
+    certificate.work = 0
+    todo = [(low, high, 0) for low, high in initial_pieces(certificate.box)]
     whole, done, jacobians = len(todo), 0.0, []
     while todo:
         low, high, depth = todo.pop()
         jacobian, least = examine_piece(geometry, shares, slope, low, high)
-        found.work += 1
-        late = found.work >= work or time.perf_counter() > deadline
+        certificate.work += 1
+        late = is_spent(certificate.work)
         if not (least > 0 or depth == MOST_CUTS or late):
-            todo += [(a, b, depth + 1) for a, b in halves_of(low, high, jacobian, found.box)]
+            todo += [(a, b, depth + 1) for a, b in halves_of(low, high, jacobian, certificate.box)]
             continue
         piece = ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least)
         if jacobian is not None and least > 0:
             jacobians.append(jacobian)
-            found.pieces.append(piece)
+            certificate.pieces.append(piece)
         else:
-            found.doubtful.append(piece)
+            certificate.doubtful.append(piece)
         done += 0.5**depth / whole
         tell(done)
-        if len(found.doubtful) == MOST_DOUBTFUL:
-            found.reason = "singular states may be in the pieces listed, and in others"
+        if len(certificate.doubtful) == MOST_DOUBTFUL:
+            certificate.reason = "singular states may be in the pieces listed, and in others"
             break
     return jacobians
 
@@ -293,7 +322,7 @@ def slope_of_powers(geometry: Geometry, shares: SharingBounds) -> Interval:
 
 
 def bounds_as_numbers(shares: SharingBounds) -> dict[str, Any]:
-    """Return the light's bounds for a certificate's file."""
+    """Return the light's bounds as numbers, for a certificate's file."""
     return {
         "from_point": [[ends(x) for x in row] for row in shares.from_point],
         "turns": [[[ends(x) for x in row] for row in rows] for rows in shares.turns],

@@ -180,7 +180,7 @@ def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
 
 
 def nan_unless_positive(value: Number, a: Number, b: Number, c: Number) -> Number:
-    """`value` where a, b and c are above zero, else NaN; a symbol is unchanged."""
+    """`value` where a, b and c are above zero, else NaN."""
     first = real(a)
     if hasattr(first, "writer"):
         return first.library.nan_unless_positive(value, first, real(b), real(c))

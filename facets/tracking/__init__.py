@@ -15,7 +15,7 @@ __getattr__ = load_on_use(
         "line": "POLL_S",
         "priority": "urgent",
         "stage": "StageError StageModel",
-        "tracker": "Tracker",
+        "tracker": "SolvedSamples Tracker",
         "zaber": "Zaber",
     },
 )

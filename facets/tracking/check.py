@@ -47,8 +47,11 @@ RAMP = (0.1, 0.7)
 
 
 class Axis(NamedTuple):
-    """The beam's response to a command along one axis.  scale: move along the axis over the
-    command.  across: the same for the other axis.  delay: from the command to the light, s."""
+    """The beam's response to a command along one axis.
+
+    scale: move along the axis over the command.  across: move along the other axis over the
+    command.  delay: from the command to the light, s.
+    """
 
     name: str
     scale: float
@@ -82,7 +85,8 @@ class Axis(NamedTuple):
 
 
 def response(axis: int, share: Floats, delay: float) -> Axis:
-    """The response of axis 0 or 1, whose command moves the beam by a share (2,) of itself."""
+    """The response of axis 0 or 1 (x or y), whose command moves the beam by a share (2,) of
+    itself."""
     return Axis("xy"[axis], float(share[axis]), float(share[1 - axis]), delay)
 
 
@@ -202,12 +206,12 @@ class StageCheck(Tracker):
 
     def axes(self) -> list[Axis]:
         """Compute the response of both axes."""
-        found = []
+        responses = []
         for n in range(2):
             before, there, after = (self.mean(leg) for leg in self.ends[2 * n : 2 * n + 3])
             share = (2 * there - before - after) / (2 * STEP_MM)
-            found.append(response(n, share, self.delay(self.ends[2 * n + 2], n, share[n])))
-        return found
+            responses.append(response(n, share, self.delay(self.ends[2 * n + 2], n, share[n])))
+        return responses
 
     def mean(self, leg: int) -> Floats:
         """The mean place of the beam at the end of a leg (2,), mm."""
@@ -240,7 +244,8 @@ class StageCheck(Tracker):
         return [axis.fault for axis in self.axes() if axis.fault]
 
     def surprise(self, name: str) -> list[str]:
-        """What the beam's unexpected place says of the axis that was to move, if anything."""
+        """The fault, in a list of one sentence or none, that the beam's unexpected place shows of
+        the axis that was to move."""
         axis = "xy".find(name)
         way = float((self.encoder.place - self.origin)[axis])
         if not (self.is_surprised and way and self.goals[self.leg].any()):

@@ -79,32 +79,32 @@ def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Dr
 
 
 def driver_of(name: str) -> EntryPoint:
-    """The entry point of `facets.stages` for a port of that name."""
+    """The entry point of `facets.stages` that drives the stage with a port of this name."""
     scheme, colon, _ = name.partition(":")
-    found: list[EntryPoint] = []
+    drivers: list[EntryPoint] = []
     if colon:
-        found = [*entry_points(group=GROUP, name=scheme), *SHIPPED]
-    for one in found:
-        if one.name == scheme:
-            return one
-    known = sorted({one.name for one in (*entry_points(group=GROUP), *SHIPPED)})
+        drivers = [*entry_points(group=GROUP, name=scheme), *SHIPPED]
+    for driver in drivers:
+        if driver.name == scheme:
+            return driver
+    known = sorted({driver.name for driver in (*entry_points(group=GROUP), *SHIPPED)})
     raise StageError(
         f"{name}: there is no driver for a stage of that name; with stage.driver: other its port "
-        f"begins with one of {', '.join(f'{one}:' for one in known)}"
+        f"begins with one of {', '.join(f'{driver}:' for driver in known)}"
     )
 
 
 def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver:
     """Open the driver of another package; errors other than `StageError` name the driver."""
     try:
-        found: Driver = driver.load()(name, settings)
+        opened: Driver = driver.load()(name, settings)
     except StageError:
         raise
     except Exception as error:
         what = f"{driver.value}: {type(error).__name__}: {error}"
         raise StageError(f"{name}: cannot be opened by {what}") from None
     parts = (*PARTS, LIMITING) if settings.native_limits else PARTS
-    lacks = [part for part in parts if not callable(getattr(found, part, None))]
+    lacks = [part for part in parts if not callable(getattr(opened, part, None))]
     if lacks:
         raise StageError(f"{name}: {driver.value} gives no driver: it has no {', '.join(lacks)}")
-    return found
+    return opened

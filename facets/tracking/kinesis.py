@@ -81,8 +81,10 @@ class Kinesis(NativeLimits):
     def read_limits(self) -> Floats:
         """The largest speed and acceleration of each axis (2, 2), steps/s and steps/s2."""
         with self.turn:
-            found = [motor.get_velocity_parameters(channel=channel) for motor, channel in self.axes]
-        limits = np.array([[one.max_velocity, one.acceleration] for one in found])
+            parameters = [
+                motor.get_velocity_parameters(channel=channel) for motor, channel in self.axes
+            ]
+        limits = np.array([[axis.max_velocity, axis.acceleration] for axis in parameters])
         return limits.T / self.settings.step
 
     def write_limits(self, limits: Floats) -> None:

@@ -20,7 +20,7 @@ MOST_LOOKS = 1000
 
 
 class NativeLimits:
-    """What the drivers of controllers with such limits share.
+    """The part that drivers of controllers with limits of their own share.
 
     original: the limits before the first of ours; NaN for one that the controller does not have.
     """
@@ -41,8 +41,8 @@ class NativeLimits:
         raise NotImplementedError
 
     def hold_back(self, speed: float | Floats, acceleration: float | Floats) -> None:
-        """Write these limits, in the controller's units, or those of `stage.native_limits` where
-        they are lower. Raises `StageError` if the controller keeps others."""
+        """Write these limits, in the controller's units, or the limits of `stage.native_limits`
+        where they are lower. Raises `StageError` if the controller keeps others."""
         before = self.read_limits()
         most = np.empty_like(before)
         native = self.settings.native_limits or (np.inf, np.inf)

@@ -62,7 +62,7 @@ class Pi(NativeLimits):
         return np.array([self.limit(name) for name in LIMITS])
 
     def limit(self, name: str) -> Floats:
-        """One of the limits (2,); NaN where the controller does not have it."""
+        """A limit of both axes (2,) by its name; NaN where the controller does not have it."""
         self.line.write(f"{name}? 1 2\nERR?\n".encode())
         lines = self.answers()
         if "=" in lines[0]:
@@ -74,15 +74,15 @@ class Pi(NativeLimits):
         return np.full(2, np.nan)
 
     def write_limits(self, limits: Floats) -> None:
-        """Set those of the limits that the controller has."""
+        """Set the limits that the controller has."""
         for name, (x, y) in zip(LIMITS, limits, strict=True):
             self.tell(f"{name} 1 {x:.6f} 2 {y:.6f}", UNKNOWN_COMMAND)
 
     def numbers(self, lines: list[str]) -> Floats:
         """The numbers of both axes in an answer."""
         try:
-            found = dict(line.strip().split("=") for line in lines)
-            numbers = np.array([float(found["1"]), float(found["2"])])
+            by_axis = dict(line.strip().split("=") for line in lines)
+            numbers = np.array([float(by_axis["1"]), float(by_axis["2"])])
         except (ValueError, KeyError):
             numbers = np.full(2, np.nan)
         if not np.isfinite(numbers).all():

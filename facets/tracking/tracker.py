@@ -28,9 +28,12 @@ LIT, BRIGHT = 0.02, 3.0
 
 
 class Sample(NamedTuple):
-    """One sample for the tracker.  time: of the sample, came: of its arrival, on the host's clock,
-    s; powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  beam: its
-    place by the readings (2,) mm, or NaN.  doubt: why not to follow it, or ''."""
+    """One sample for the tracker.
+
+    time, came: of the sample and of its arrival, on the host's clock, s.  powers: (3,) mW, infinite
+    where a detector is saturated.  apex: (2,) mm, or None.  beam: (2,) its place by the readings,
+    mm, or NaN.  doubt: why the stage may not follow the sample, or ''.
+    """
 
     time: float
     came: float
@@ -38,6 +41,20 @@ class Sample(NamedTuple):
     apex: Floats | None
     beam: Floats
     doubt: str
+
+
+class SolvedSamples(NamedTuple):
+    """Samples in the order of their times, as they come to the tracker.
+
+    times: (n,) on the host's clock, s.  powers: (n, 3) mW, infinite where a detector is saturated.
+    apexes: (n, 2) mm or NaN.  beams: (n, 2) the beam's places by the readings, mm or NaN; None if
+    these were not solved for.
+    """
+
+    times: Floats
+    powers: Floats
+    apexes: Floats
+    beams: Floats | None = None
 
 
 NO_BEAM = np.full(2, np.nan)
@@ -78,7 +95,8 @@ class Tracker:
         clock: Callable[[], float] = time.monotonic,
         open_again: Callable[[], Any] | None = None,
     ) -> None:
-        """port, open_again: as in `Envelope`. Raises StageError if the stage cannot be used."""
+        """Open the stage; raise `StageError` if it cannot be used.  port, open_again: as in
+        `Envelope`."""
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock, open_again)
         self.tell = self.envelope.tell
@@ -159,28 +177,22 @@ class Tracker:
         join(watchdog)
 
     def feed(
-        self,
-        times: Floats,
-        powers: Floats,
-        apexes: Floats,
-        beams: Floats | None = None,
-        permit: bool = False,
-        late: float = 0.0,
-        doubt: str = "",
+        self, samples: SolvedSamples, permit: bool = False, late: float = 0.0, doubt: str = ""
     ) -> None:
-        """Take samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
-        saturated, apexes and beams (n, 2) mm or NaN.  permit: whether all of them have it.  late:
-        how much earlier than these times they may have been taken, s.  doubt: why not to follow
+        """Take samples.  permit: whether all of them have the external permit.  late: how much
+        earlier than their times they may have been taken, s.  doubt: why the stage may not follow
         them, or ''."""
         came = self.clock()
-        if not len(times):
+        if not len(samples.times):
             return
-        times, self.late, self.distrust = times - late, late, doubt
+        times, self.late, self.distrust = samples.times - late, late, doubt
         if isinstance(self.envelope.permit, BoardPermit):
             self.envelope.permit.take(float(times[-1]), permit)
         for row in range(len(times) - 1, -1, -1):
-            beam = NO_BEAM if beams is None else beams[row]
-            sample = self.screen_sample(float(times[row]), came, powers[row], apexes[row], beam)
+            beam = NO_BEAM if samples.beams is None else samples.beams[row]
+            sample = self.screen_sample(
+                float(times[row]), came, samples.powers[row], samples.apexes[row], beam
+            )
             if row == len(times) - 1:
                 self.newest = sample
             if not sample.doubt:

@@ -85,23 +85,23 @@ class Zaber(NativeLimits):
         """Query one number for each of the two axes."""
         data = self.ask(command)
         try:
-            found = np.array([float(word) for word in data])
+            values = np.array([float(word) for word in data])
         except ValueError:
-            found = np.zeros(0)
-        if found.shape != (2,) or not np.isfinite(found).all():
+            values = np.zeros(0)
+        if values.shape != (2,) or not np.isfinite(values).all():
             raise StageError(f"the stage's answer to {command!r} cannot be understood: {data}")
-        return found
+        return values
 
     def prepare(self) -> None:
         """Stop the stage, and bound its speed and acceleration by the settings."""
         self.cry()
         self.line.drain()
         self.stop()
-        s, own = self.settings, self.read_limits()
-        own[own == 0] = np.inf  # an acceleration of 0 sets no limit
+        s, kept = self.settings, self.read_limits()
+        kept[kept == 0] = np.inf  # an acceleration of 0 sets no limit
         speed = round(s.max_speed / s.step / SPEED_UNIT_STEPS_PER_S)
         acceleration = round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2)
-        self.hold_back(*np.minimum(own, [[max(1, speed)], [max(1, acceleration)]]))
+        self.hold_back(*np.minimum(kept, [[max(1, speed)], [max(1, acceleration)]]))
 
     def read_limits(self) -> Floats:
         """The largest speed and acceleration of each axis (2, 2), native."""

@@ -8,6 +8,9 @@ from commands import command
 
 from facets.bench import Contender, alternate
 
+#: Ten times the last bit of a float, relative; and how far the sub-beams travel.
+LAST_DIGIT, FLIGHT_MM = 2.2e-15, 250.0
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
@@ -29,13 +32,12 @@ def test_errors_are_those_of_rounding(results):
     forward = read(results, "forward").set_index("way")
     ours = forward[forward.index.str.startswith("facets")].dropna()
     assert len(ours) == 3
-    assert (ours.place_error_mm < 1e-12).all()
-    assert (ours.power_error < 1e-14).all()
+    assert (ours.place_error_mm < LAST_DIGIT * FLIGHT_MM).all()
+    assert (ours.power_error < LAST_DIGIT).all()
     rivals = forward.place_error_mm
     assert rivals["Gauss-Legendre 24 (NumPy batch)"] < 1e-12
-    assert rivals["Gauss-Legendre 12 (plain Python)"] < 1e-6
+    assert rivals["Gauss-Legendre 12 (NumPy batch)"] < 1e-6
     assert rivals["dblquad (as the paper)"] < 1e-10
-    assert rivals["16384 Sobol rays"] < 5e-4
     inverse = read(results, "inverse").set_index("way")
     ours = inverse[inverse.index.str.startswith("facets")]
     assert len(ours) == 5
@@ -51,9 +53,8 @@ def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
         "forward.csv", "inverse.csv", "calls.csv", "light.csv", "starts.csv", "live.csv",
-        "scaling.csv", "apertures.csv", "maps.csv",
-        "layouts.csv", "drawing.csv", "stability.csv", "digits.csv", "steps.csv",
-        "machine.json", "work_precision.svg", "stability.png", "histograms.svg",
+        "apertures.csv", "layouts.csv", "stability.csv",
+        "machine.json", "work_precision.svg", "stability.png",
     }  # fmt: skip
     about = json.loads((results / "machine.json").read_text())["about"]
     assert {"processor", "cores", "numpy", "seed", "command"} <= set(about)
@@ -64,13 +65,6 @@ def test_every_call_has_a_stored_ratio(results):
     calls = read(results, "calls")
     assert calls.stored.notna().all()
     assert calls.ratio.iloc[0] == calls.stored.iloc[0] == 1
-
-
-@pytest.mark.slow
-def test_nothing_is_lost_but_the_last_bit(results):
-    digits = read(results, "digits")
-    assert digits[["powers", "places"]].sum().tolist() == [120, 240]
-    assert digits.loc[digits.digits_lost >= 1, ["powers", "places"]].to_numpy().sum() == 0
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from facets.experiments import disturbed_rigs, new_zero, rigs
+from facets.experiments.studies import disturbed_rigs, new_zero, rigs
 from rig_samples import CONFIG, NOMINAL, WIDE, accepted_effects, judge, words_of
 
 import facets
@@ -45,7 +45,7 @@ def test_a_rig_with_every_effect_at_once_is_calibrated(calibrated):
 
 @pytest.mark.slow
 def test_intervals_of_a_new_zero_hold(calibrated):
-    """A few draws of `python -m facets.experiments.new_zero`."""
+    """A few draws of `python -m facets.experiments.studies.new_zero`."""
     real, judged, rng = calibrated
     rig = new_zero.CalibratedRig(real, judged.sensor, rng)
     known = new_zero.known_change(rig)

@@ -26,7 +26,13 @@ def small_case(power, joint=None):
     reading += rng.normal(size=reading.shape) * standard_deviations(NOMINAL, reading)
     sigma = np.array([1e-3, 1e-3, 1e-3, 5e-6, 5e-6, 5e-6])
     data = Data(reading, state[:, :6], sigma, np.zeros((5, 2)))
-    fitted = fit.fit(NOMINAL, data, Choice(NAMES, SIGMA, power, joint=joint), None, enough=1e-12)
+    fitted = fit.fit(
+        NOMINAL,
+        data,
+        Choice(NAMES, SIGMA, power, joint=joint),
+        None,
+        rule=fit.StoppingRule(fall=1e-12),
+    )
     return data, fitted, budget.calibration_budget(NOMINAL, data, fitted, fitted.sensor, None)
 
 
@@ -41,7 +47,9 @@ def test_the_part_of_the_reference_is_how_far_the_result_follows_it(power):
         pose = data.pose.copy()
         pose[n, axis] += 0.1 * data.sigma[axis]
         moved = data._replace(pose=pose)
-        again = fit.fit(NOMINAL, moved, fitted.choice, None, fitted, enough=1e-12)
+        again = fit.fit(
+            NOMINAL, moved, fitted.choice, None, fitted, rule=fit.StoppingRule(fall=1e-12)
+        )
         square += ((again.values - fitted.values)[:2] / 0.1) ** 2
     reference = np.diag(parts.sensor[budget.REFERENCE])
     np.testing.assert_allclose(reference[places], square, rtol=0.01)
@@ -69,7 +77,7 @@ def test_a_misfit_is_a_source_of_its_own():
     covariance[-1, -1] = 1e-8
     made = Calibration((*known.names, "misfit_b.psi"), tuple(map(tuple, covariance.tolist())))
     made = replace(judged.sensor, calibration=made)
-    parts = budget.calibration_budget(NOMINAL, judged.fitted, judged.found, made, 3.0)
+    parts = budget.calibration_budget(NOMINAL, judged.fitted, judged.fit, made, 3.0)
     misfit = parts.sensor["misfit of the model, of unknown cause"]
     assert np.flatnonzero(np.diag(misfit)).tolist() == [len(known.names)]
     states = np.zeros((1, 8))

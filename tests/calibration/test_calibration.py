@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from commands import command
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import CONFIG, NOMINAL, sample_rig, write_samples
 
 import facets
@@ -31,8 +31,8 @@ from facets.simulation import states
 
 
 def test_rigs_are_found_with_honest_uncertainties():
-    """Three of the twenty rigs of `experiments/rigs.py`, which have 78 parameters: 95 % inside is
-    74 +- 2."""
+    """Three of the twenty rigs of `experiments/studies/rigs.py`, which have 78 parameters: 95 %
+    inside is 74 +- 2."""
     off = []
     for seed in range(3):
         rig, fitted, (before, after, perfect) = rigs.try_rig(seed, 300, NOMINAL)

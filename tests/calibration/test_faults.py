@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import (
     CONFIG,
     NOMINAL,
@@ -97,8 +97,8 @@ def test_a_fault_of_the_table_is_named_and_not_trusted(samples, spoil, words):
 def test_a_late_reference_is_found():
     judged = judge(sample_in_time(3e-4), settings(delay="auto"))
     assert accepted_effects(judged) == {"delay"}
-    names = judged.found.choice.names
-    delay = judged.found.values[names.index("reference.delay")]
+    names = judged.fit.choice.names
+    delay = judged.fit.values[names.index("reference.delay")]
     assert delay == pytest.approx(3e-4, abs=2e-5)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sensors
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import CONFIG, NOMINAL, accepted_effects, judge, sample_rig, settings
 from scipy.spatial.transform import Rotation
 
@@ -26,7 +26,7 @@ from facets.calibration import (
     choice,
     fit,
     fit_steady_laser,
-    linear,
+    linearise_model,
     predict_readings,
     states_of,
     unknowns,
@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_differences():
     values = values_of(sensor)
     values[block(unknowns.OF_SEAT)] += rng.normal(size=9) * np.repeat([5, 0.02, 1e-3], 3)
     values[block(unknowns.POWER_DRIFT)] = rng.uniform(-0.02, 0.02, 5)
-    opening = rng.normal(size=(4, OWN_COUNT)) * [*[1e-3] * 3, *[1e-4] * 3, 0.02, 1e-3, 1e-3]
+    own_values = rng.normal(size=(4, OWN_COUNT)) * [*[1e-3] * 3, *[1e-4] * 3, 0.02, 1e-3, 1e-3]
     pose, still = rng.uniform(-1, 1, (4, 6)) * rigs.BOX, np.zeros((4, 2))
     data = Data(
         facets.readings(sensor, np.hstack([pose, still])), pose, rigs.REFERENCE, still,
@@ -87,10 +87,10 @@ def test_derivatives_are_those_of_differences():
         step=rng.normal(size=(4, 6)) * 0.1,
     )  # fmt: skip
     made = unknowns.assign_values(sensor, values)
-    slopes = linear(made, data, opening, values, Choice(ALL, np.ones(len(ALL))))
+    slopes = linearise_model(made, data, own_values, values, Choice(ALL, np.ones(len(ALL))))
 
     def residuals(change, own_change):
-        near, start = values + change, opening + own_change
+        near, start = values + change, own_values + own_change
         made = unknowns.assign_values(sensor, near)
         state = states_of(data, start, near)
         return predict_readings(made, data, start, near, state) - correct(made, data.raw)
@@ -114,7 +114,7 @@ def test_derivatives_are_those_of_differences():
 
 
 def test_a_short_fit_says_so_and_goes_on_to_where_a_long_one_ends(data, whole):
-    short = fit.fit(NOMINAL, data, rigs.choice(), None, most=1, enough=1e-6)
+    short = fit.fit(NOMINAL, data, rigs.choice(), None, rule=fit.StoppingRule(1, 1e-6))
     assert whole.ended
     assert not short.ended
     assert "still falls by" in short.cause
@@ -130,17 +130,17 @@ def test_a_short_fit_says_so_and_goes_on_to_where_a_long_one_ends(data, whole):
 
 def test_a_fit_comes_back_from_far_away(data, whole):
     """Ten tolerances off in everything, where a plain step leads nowhere."""
-    chosen, every = rigs.choice(), whole.every.copy()
+    chosen, every = rigs.choice(), whole.all_values.copy()
     off = np.random.default_rng(1).uniform(-10, 10, len(chosen.names))
     every[chosen.places] += off * chosen.sigma
-    back = fit.fit(NOMINAL, data, chosen, None, start=replace(whole, every=every))
+    back = fit.fit(NOMINAL, data, chosen, None, start=replace(whole, all_values=every))
     assert back.ended
     assert back.loss == pytest.approx(whole.loss, abs=0.01)
 
 
 def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_along(data):
     wrong = data.raw * np.where(np.arange(9) == 3, -1, 1)
-    creeping = fit.fit(NOMINAL, data._replace(raw=wrong), rigs.choice(), most=3)
+    creeping = fit.fit(NOMINAL, data._replace(raw=wrong), rigs.choice(), rule=fit.StoppingRule(3))
     assert not creeping.ended
     assert "the model does not follow these readings" in creeping.cause
     assert "hold" not in creeping.cause
@@ -181,9 +181,9 @@ def test_a_coating_is_found_whatever_the_polarisation(degrees):
     assert accepted_effects(judged) == {"coating"}
     start = np.degrees(judged.search.sensor.light.polarization)
     assert start == pytest.approx(degrees, abs=5.1)  # the nearest of four
-    place = judged.found.choice.names.index("light.polarization")
-    off = (judged.found.values[place] - light.polarization + np.pi / 2) % np.pi - np.pi / 2
-    assert abs(off) < 4 * judged.found.uncertainty[place] < 0.4
+    place = judged.fit.choice.names.index("light.polarization")
+    off = (judged.fit.values[place] - light.polarization + np.pi / 2) % np.pi - np.pi / 2
+    assert abs(off) < 4 * judged.fit.uncertainty[place] < 0.4
 
 
 @pytest.mark.parametrize("jitter", [0.0, 2e-3])
@@ -197,12 +197,12 @@ def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
         return exact
 
     data = sample_rig(60, alter=drift)[1]
-    steady = judge(data, replace(settings(), held_back=0.0)).found
+    steady = judge(data, replace(settings(), held_back=0.0)).fit
     assert steady.choice.power == pytest.approx(max(jitter, 2e-4), rel=0.8)
 
 
 def test_a_mean_power_below_zero_is_refused(data):
-    free = fit.fit(NOMINAL, data, choice(NOMINAL, CONFIG.calibrate), most=1)
-    dark = replace(free, open=free.open - 2.0 * (np.arange(9) == 6))
+    free = fit.fit(NOMINAL, data, choice(NOMINAL, CONFIG.calibrate), rule=fit.StoppingRule(1))
+    dark = replace(free, own_values=free.own_values - 2.0 * (np.arange(9) == 6))
     with pytest.raises(InputError, match="the laser's mean power at -"):
         fit_steady_laser(NOMINAL, data._replace(slow=np.zeros((40, 5))), dark, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import NOMINAL, sample_rig
 
 from facets.calibration import Task, fit, scatter
@@ -22,7 +22,7 @@ def test_the_likelihood_of_sizes_is_that_of_all_readings_together():
         cover = rows @ np.linalg.solve(task.prior, rows.T)
         for n, block in enumerate(like.variance(known, sizes)):
             cover[9 * n : 9 * n + 9, 9 * n : 9 * n + 9] += block
-        start = (fitted.every - task.start)[fitted.choice.places]
+        start = (fitted.all_values - task.start)[fitted.choice.places]
         residuals = like.left.ravel() + rows @ start  # from where the unknowns were thought to be
         return np.linalg.slogdet(cover)[1] + residuals @ np.linalg.solve(cover, residuals)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import CONFIG, NOMINAL
 
 import facets
@@ -16,7 +16,7 @@ from facets.calibration import (
     choose_groups,
     eliminate_own_unknowns,
     fit,
-    linear,
+    linearise_model,
     own_sigma,
     prior_information,
     values_of,
@@ -49,7 +49,7 @@ def test_two_linear_calibrations_are_one_of_both_data(rig):
     def normal_equations(count):
         data, _ = rigs.sample_motion(rig, count, np.random.default_rng(count))
         zero = np.zeros((count, 9))
-        slopes = linear(NOMINAL, data, zero, values_of(NOMINAL), ALL)
+        slopes = linearise_model(NOMINAL, data, zero, values_of(NOMINAL), ALL)
         return eliminate_own_unknowns(slopes, np.ones((count, 9)), zero, own_sigma(data, ALL))
 
     first, second = normal_equations(80), normal_equations(40)

@@ -7,7 +7,7 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
-from facets.experiments import bench_rays, new_zero, rigs
+from facets.experiments.studies import bench_rays, new_zero, rigs
 from rig_samples import IDEAL_RAYS, NOMINAL
 
 import facets

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import disturbed_rigs, rigs
+from facets.experiments.studies import disturbed_rigs, rigs
 from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, words_of
 
 import facets
@@ -36,7 +36,7 @@ def test_what_scatters_is_found_with_its_size(count, wrong, cause, name, size):
     scatter = judged.search.scatter
     assert scatter.causes == (cause,)
     assert scatter.size_of(name) == pytest.approx(size, rel=0.3)
-    assert abs(judged.found.reduced_chi_square - 1) < 0.2
+    assert abs(judged.fit.reduced_chi_square - 1) < 0.2
     (row,) = judged.search.rows
     assert row.accepted == (cause == "beam")
 
@@ -56,9 +56,9 @@ def test_samples_that_jump_are_excluded_and_decide_nothing():
     assert judged.is_trusted
     assert f"that no noise makes and were excluded (rows {rows})" in words_of(judged)
     assert len(judged.fitted.raw) == len(clean.fitted.raw)
-    off = (judged.found.values - clean.found.values) / clean.found.uncertainty
+    off = (judged.fit.values - clean.fit.values) / clean.fit.uncertainty
     assert np.abs(off).max() < 0.1
-    assert judged.found.choice.power == clean.found.choice.power
+    assert judged.fit.choice.power == clean.fit.choice.power
 
 
 def test_many_outliers_are_none():
@@ -78,7 +78,7 @@ def test_backlash_is_found_and_told():
     data = sample_rig(COUNT, 4, mirror=lambda pose, rng: play(pose, rng) - pose)[1]
     judged = judge(data, settings(backlash="auto"))
     assert judged.is_trusted
-    assert judged.found.every[PLACE["backlash.tx"]] == pytest.approx(1e-3, abs=1e-4)
+    assert judged.fit.all_values[PLACE["backlash.tx"]] == pytest.approx(1e-3, abs=1e-4)
     assert "The reference has backlash (tx 2 um from side to side)" in words_of(judged)
 
 
@@ -92,7 +92,7 @@ def test_a_lag_by_a_share_of_the_last_step_is_no_backlash_and_no_scale():
     judged = judge(data, settings(backlash="auto", lag="auto"))
     assert judged.is_trusted
     assert accepted_effects(judged) == {"lag"}
-    assert judged.found.every[PLACE["lag.tx"]] == pytest.approx(0.004, abs=4e-4)
+    assert judged.fit.all_values[PLACE["lag.tx"]] == pytest.approx(0.004, abs=4e-4)
     assert "The mirror lags" in words_of(judged)
     fresh, truth = rigs.sample_motion(rig, 200, np.random.default_rng(5))
     off = rigs.errors(judged.sensor, fresh, truth)

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, write_samples
 
 import facets
@@ -17,7 +17,7 @@ from facets.calibration import (
     Choice,
     Data,
     assign_values,
-    linear,
+    linearise_model,
     values_of,
 )
 from facets.detectors import correct, invert_correction
@@ -31,7 +31,7 @@ def test_what_is_written_into_a_sensor_is_what_the_fit_has():
     raw, still = rng.uniform(-6, 6, (200, 9)), np.zeros((200, 9))
     data = Data(raw, still[:, :6], np.ones(6), still[:, :2], noise=np.ones_like(raw))
     chosen = Choice(tuple(SPLINE), np.ones(len(SPLINE)))
-    slopes = -linear(NOMINAL, data, still, values, chosen).common
+    slopes = -linearise_model(NOMINAL, data, still, values, chosen).common
     values[[PLACE[name] for name in SPLINE]] = coefficients = 1e-3 * rng.normal(size=len(SPLINE))
     added = correct(assign_values(NOMINAL, values), raw) - raw
     np.testing.assert_allclose(added, slopes @ coefficients, atol=1e-4)

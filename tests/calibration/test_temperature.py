@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import bench_rays, rigs
+from facets.experiments.studies import bench_rays, rigs
 from measured import measure
 from rig_samples import CONFIG, IDEAL_RAYS, NOMINAL, accepted_effects, judge, settings, words_of
 

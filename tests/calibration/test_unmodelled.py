@@ -145,7 +145,7 @@ def test_how_far_the_lights_middle_may_be_off_is_part_of_the_uncertainty():
     at_rest = facets.readings(real.sensor, np.zeros((1, 8)))
     before, after = (
         facets.solve(sensor, at_rest, beam="known", power="unknown").uncertainty ** 2
-        for sensor in (real.search.found.sensor, real.sensor)
+        for sensor in (real.search.fit.sensor, real.sensor)
     )
     assert np.sqrt((after - before)[:, :2]) == pytest.approx(centre, rel=0.01)
     assert np.sqrt(after[:, 2:6] / before[:, 2:6]).max() < 1.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 from rig_samples import judge, sample_rig, words_of
 
 import facets

@@ -1,7 +1,7 @@
 """Axis tests: the formulas of ISO 230-2 beside numbers worked by hand, error motions beside rigid
 bodies that scipy moves, and stands beside the commands.
 
-`experiments/axis_tests.py` compares expanded uncertainties with the truth of drawn axes.
+`experiments/studies/axis_tests.py` compares expanded uncertainties with the truth of drawn axes.
 """
 
 import re
@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 import facets
 from facets import InputError
 from facets.characterization import (
+    AxisTest,
     Commands,
     PoseSeries,
     Visits,
@@ -91,7 +92,9 @@ def test_a_linear_axis_has_the_errors_that_a_rigid_body_was_given():
     states = np.hstack([point + shift - turn.apply(point), turn.as_euler("xyz")])
 
     def measure(*line):
-        motions = measure_error_motions(SENSOR, KNOWN, visits(states, way), "X", body, *line)
+        motions = measure_error_motions(
+            SENSOR, KNOWN, visits(states, way), AxisTest("X", None, body, *line)
+        )
         return motions, motions.values[:, :, 0, 0]
 
     motions, values = measure()
@@ -112,7 +115,7 @@ def test_a_rotary_axis_beside_the_apex_has_no_error_but_its_own():
     turn = tilt * Rotation.from_rotvec(np.outer(angle + wobble, [0, 0, 1])) * tilt.inv()
     places = where - turn.apply(where) + np.outer(lift, tilt.as_matrix()[:, 2])
     states = np.hstack([places, turn.as_euler("xyz")])
-    motions = measure_error_motions(SENSOR, KNOWN, visits(states, angle), "C")
+    motions = measure_error_motions(SENSOR, KNOWN, visits(states, angle), AxisTest("C"))
     expected = np.zeros((6, 9))
     expected[2], expected[5] = lift - lift.mean(), wobble - wobble.mean()
     np.testing.assert_allclose(motions.values[:, :, 0, 0], expected, atol=2e-8)
@@ -136,7 +139,9 @@ UP_AND_DOWN = np.array([0, 1, 2, 3, 3, 2, 1, 0.0])
 
 def visit(poses, commands=UP_AND_DOWN, axis="Z"):
     known = None if commands is None else Commands(commands, approach_directions(commands))
-    return find_visits(poses, axis, known, SENSOR, make_plan(SENSOR, KNOWN), shortest_s=0.1)
+    return find_visits(
+        poses, AxisTest(axis, known, shortest_s=0.1), SENSOR, make_plan(SENSOR, KNOWN)
+    )
 
 
 def test_stands_are_matched_with_commands_though_some_lack_and_some_are_stray():
@@ -159,7 +164,7 @@ def test_without_commands_the_stands_are_equally_spaced():
     np.testing.assert_array_equal(found.direction, [0] * 5 + [1] * 4 + [0] * 3)
     with pytest.raises(InputError, match="not equally spaced"):
         match_stands(np.array([0, 1, 2.5, 0, 1, 2.5]), None)
-    notes = evaluate_axis(SENSOR, KNOWN, poses, "Z", shortest_s=0.1).notes()
+    notes = evaluate_axis(SENSOR, KNOWN, poses, AxisTest("Z", shortest_s=0.1)).notes()
     assert any("An error of scale cannot be seen" in note for note in notes)
 
 
@@ -179,7 +184,7 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused():
         with pytest.raises(InputError, match="check the unit"):
             visit(poses, scale * UP_AND_DOWN)
     with pytest.raises(InputError, match=r"leans by 11 degrees from the object's Z; allowed: 10"):
-        evaluate_axis(SENSOR, KNOWN, leaning, "Z", shortest_s=0.1)
+        evaluate_axis(SENSOR, KNOWN, leaning, AxisTest("Z", shortest_s=0.1))
 
 
 def test_a_table_of_commands_is_checked(tmp_path):
@@ -249,7 +254,8 @@ def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
     for stand, axis, size in ((12, 2, 0.015), (13, 2, 0.012), (27, 4, 1e-4)):
         poses.states[260 * stand : 260 * (stand + 1), axis] += size
     report, alone = (
-        evaluate_axis(SENSOR, KNOWN, each, "Z", commands, shortest_s=0.1) for each in (poses, clean)
+        evaluate_axis(SENSOR, KNOWN, each, AxisTest("Z", commands, shortest_s=0.1))
+        for each in (poses, clean)
     )
     assert np.abs(report.drifts) == pytest.approx(3e-3 * np.eye(6)[2], rel=0.2)
     notes = " ".join(report.notes())

@@ -5,6 +5,7 @@ import pytest
 
 from facets import InputError
 from facets.characterization import (
+    OutputChannel,
     estimate_response,
     find_stretches,
     low_pass,
@@ -40,7 +41,7 @@ def shaken():
 
 
 def test_the_receptance_lies_within_its_random_error_in_95_percent_of_the_lines(shaken):
-    found = estimate_response(*shaken, even(BODY.samples), 0.5, NOISE)
+    found = estimate_response(*shaken, even(BODY.samples), 0.5, OutputChannel(NOISE))
     true = receptance(BODY, found.frequency)[:, AXES]
     lines = found.is_excited & (found.coherence.min(axis=1) > 0.05)
     apart = np.abs(np.abs(found.h1) - np.abs(true)) / found.uncertainty
@@ -71,7 +72,7 @@ def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
 
 def test_the_noise_floor_is_what_noise_alone_gives(shaken):
     noise = NOISE * np.random.default_rng(8).standard_normal((BODY.samples, 3))
-    found = estimate_response(shaken[0], noise, even(BODY.samples), 0.5, NOISE)
+    found = estimate_response(shaken[0], noise, even(BODY.samples), 0.5, OutputChannel(NOISE))
     lines = found.is_excited
     ratio = np.abs(found.h1[lines]) / found.noise_floor[lines]
     assert np.sqrt((ratio**2).mean(axis=0)) == pytest.approx([1, 1, 1], rel=0.05)
@@ -138,8 +139,12 @@ def test_the_low_pass_and_a_late_input_are_corrected(shaken):
 
     late = filtered(np.exp(2j * np.pi * frequency * delay))  # sampled later than the motion
     slow = filtered(low_pass(frequency, bandwidth))
-    given = late, slow[:, None], even(len(force)), 2.0, np.array([1e-3]), bandwidth
-    plain, right = estimate_response(*given), estimate_response(*given, True, delay)
+    given, channel = (
+        (late, slow[:, None], even(len(force)), 2.0),
+        OutputChannel(np.array([1e-3]), bandwidth),
+    )
+    plain = estimate_response(*given, channel)
+    right = estimate_response(*given, channel._replace(is_corrected=True, delay=delay))
     lines = plain.is_excited
     assert right.h1[lines, 0] == pytest.approx(np.ones(lines.sum()), abs=0.03)
     assert np.abs(plain.h1[lines, 0]).min() < 0.5

@@ -7,6 +7,7 @@ import pytest
 
 import facets
 from facets.characterization import (
+    MonteCarlo,
     coverage_intervals,
     default_states,
     propagate_distributions,
@@ -55,7 +56,9 @@ def test_intervals_of_sums_and_of_a_skew_distribution_are_those_known():
 def test_a_linear_case_gives_the_linear_result(known, state):
     """The noise of the paper's detectors is so small that the pose follows it in proportion, so
     that estimates scatter as the bound says and have no bias."""
-    found = propagate_distributions(PAPER.sensor, replace(PAPER.solve, **known), state, 40_000)
+    found = propagate_distributions(
+        PAPER.sensor, replace(PAPER.solve, **known), state, MonteCarlo(40_000)
+    )
     ends = np.stack([found.symmetric.low, found.symmetric.high], axis=1)
     linear = np.stack(found.linear_interval, axis=1)
     assert (np.abs(ends - linear) < 4 * found.symmetric.errors).all()
@@ -69,7 +72,7 @@ def test_a_quadratic_case_has_the_known_answer():
     linear result knows nothing."""
     sensor = replace(PAPER.sensor, noise=replace(PAPER.sensor.noise, position=0.5))
     body = facets.MeasuredObject(point=(1000.0, 0, 0))
-    found = propagate_distributions(sensor, KNOWN, REST, 60_000, object=body)
+    found = propagate_distributions(sensor, KNOWN, REST, MonteCarlo(60_000), object=body)
     drawn = np.random.default_rng(9).standard_normal((400_000, 2))
     turns = found.linear.uncertainty[0, 4:6] * drawn
     expected = np.quantile(-1000 / 2 * (turns**2).sum(axis=1), [0.025, 0.975])
@@ -113,7 +116,7 @@ def test_what_a_calibration_left_open_is_drawn(name):
     known = facets.Calibration((name,), ((KINDS[name] ** 2,),), np.inf)
     quiet = replace(PAPER.sensor.noise, position=1e-6, power=1e-8)
     sensor = replace(PAPER.sensor, noise=quiet, calibration=known)
-    found = propagate_distributions(sensor, KNOWN, AWAY, 3000)
+    found = propagate_distributions(sensor, KNOWN, AWAY, MonteCarlo(3000))
     assert not found.trials.failures
     assert found.linear.calibration_uncertainty[0].max() > 10 * found.linear.noise_uncertainty.max()
     sizes = np.sqrt(np.diag(found.covariance))
@@ -123,7 +126,7 @@ def test_what_a_calibration_left_open_is_drawn(name):
 def test_a_short_calibration_has_wide_tails():
     known = facets.Calibration(("psd_a.height",), ((1e-4,),), 5.0)
     sensor = replace(PAPER.sensor, calibration=known)
-    found = propagate_distributions(sensor, KNOWN, REST, 40_000)
+    found = propagate_distributions(sensor, KNOWN, REST, MonteCarlo(40_000))
     linear, rng = found.linear, np.random.default_rng(8)
     drawn = linear.noise_uncertainty[0, 2] * rng.standard_normal(400_000)
     drawn += linear.calibration_uncertainty[0, 2] * rng.standard_t(5, 400_000)
@@ -151,7 +154,9 @@ def test_resolution_writes_trials(tmp_path, run_in_process):
     assert "nan" not in out
     table = pandas.read_csv(tmp_path / "out" / "trials.csv", comment="#")
     assert table.tz_mm[::6].tolist() == pytest.approx(places[:, 2])
-    exact = propagate_distributions(PAPER.sensor, PAPER.solve, places[0], 1000, seed=(3, 0))
+    exact = propagate_distributions(
+        PAPER.sensor, PAPER.solve, places[0], MonteCarlo(1000, seed=(3, 0))
+    )
     low = np.repeat([1e3, 1e6], 3) * (exact.symmetric.low - exact.linear.pose[0])
     assert table.symmetric_low[:6].to_numpy() == pytest.approx(low)
     assert table.symmetric_low.isna().tolist() == [False] * 6 + [True] * 6 + [False] * 6

@@ -8,6 +8,7 @@ import pytest
 
 import facets
 from facets.characterization import (
+    OutputChannel,
     build_signals,
     estimate_response,
     find_limits,
@@ -42,7 +43,7 @@ def look(change=None, resolution=0.5, saturated=0, misfits=0, body=BODY):
         change(force, moved)
     every = np.ones(COUNT, bool)
     stretches = find_stretches(np.arange(COUNT) / RATE, every, "it")
-    found = estimate_response(force, moved, stretches, resolution, NOISE, 5000.0)
+    found = estimate_response(force, moved, stretches, resolution, OutputChannel(NOISE, 5000.0))
     signals = SimpleNamespace(
         stimulus=force, motion=moved, usable=every, stretches=stretches, saturated=saturated,
         misfits=misfits,

@@ -89,9 +89,9 @@ def test_a_singular_design_has_twins():
         "offset_y_mm=0.2"
     )
     pair = find_ambiguous_pair(sensor, search(sensor, domain, 1).state)
-    readings = facets.readings(sensor, [pair.one, pair.other])
+    readings = facets.readings(sensor, [pair.first, pair.second])
     np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)
-    assert np.abs(pair.one - pair.other)[:3].max() > 1
+    assert np.abs(pair.first - pair.second)[:3].max() > 1
     assert pair.determinant[0] * pair.determinant[-1] < 0
 
 

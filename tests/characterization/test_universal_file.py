@@ -1,6 +1,7 @@
 """A universal file says what it holds, to readers that share no code with its writer.
 
-`experiments/frequency_responses.py` has the modes that modal analysis finds in many recordings.
+`experiments/studies/frequency_responses.py` has the modes that modal analysis finds in many
+recordings.
 """
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from facets import InputError
 from facets.characterization import (
+    InputChannel,
+    Node,
     estimate_response,
     find_stretches,
     input_type,
@@ -26,7 +29,8 @@ def test_a_file_has_nodes_directions_units_and_types(tmp_path):
     response = estimate_response(
         rng.standard_normal(4000), rng.standard_normal((4000, 6)), stretches, 2.0
     )
-    write_universal_file(path, response, "force_mn", 7, (2, -3), (1.0, 0.0, 50.0), ABOUT)
+    place = Node(7, (1.0, 0.0, 50.0))
+    write_universal_file(path, response, InputChannel("force_mn", 2, -3), place, ABOUT)
     file = pyuff.UFF(str(path))
     assert file.get_set_types().tolist() == [151, 164, 15, *[58] * 12]
     head, units, places, *functions = file.read_sets()

@@ -12,7 +12,7 @@ import facets
 pytestmark = pytest.mark.installed
 
 HEAVY = (
-    "numpy", "numba", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic", "ruamel", "rich",
+    "numpy", "llvmlite", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic", "ruamel", "rich",
 )  # fmt: skip
 PROBE = """
 import sys
@@ -29,7 +29,7 @@ print([name for name in heavy if name in sys.modules], file=sys.stderr)
 @pytest.mark.parametrize(
     ("words", "says", "heavy"),
     [(["--help"], "Commands:", HEAVY), (["--version"], f"facets {facets.__version__}", HEAVY),
-     (["config", "check", "paper"], "ok  paper", ("numba", "scipy", "pandas"))],
+     (["config", "check", "paper"], "ok  paper", ("llvmlite", "scipy", "pandas"))],
 )  # fmt: skip
 def test_nothing_heavy_is_imported(words, says, heavy, tmp_path):
     result = run(sys.executable, "-c", PROBE, " ".join(heavy), *words, cwd=tmp_path)

@@ -16,11 +16,11 @@ from facets.design import (
     draw_heads,
     expand_margins,
     interval,
+    predict_yields,
     problem_of,
     robust_layout,
     sensitivities,
     sensor_of,
-    shares,
     simulate_heads,
     states_of,
 )
@@ -110,7 +110,7 @@ def count_by_hand(config, sensor, count):
 @pytest.mark.slow
 def test_the_predicted_yield_is_that_of_heads_drawn_by_hand(plain):
     built = assembly(plain)
-    predicted = shares(expand_margins(built), draw_heads(built)).kept
+    predicted = predict_yields(expand_margins(built), draw_heads(built)).kept
     assert 0.2 < predicted < 0.9, "else the test says nothing"
     assert within(predicted, count_by_hand(plain, plain.sensor, 300), 300)
 
@@ -128,7 +128,7 @@ def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     # spots that leave their detectors are another test's
     small = replace(built.asked, states=built.asked.states * 0.8)
     built = replace(built, asked=small)
-    predicted = getattr(shares(expand_margins(built), draw_heads(built)), which)
+    predicted = getattr(predict_yields(expand_margins(built), draw_heads(built)), which)
     heads = simulate_heads(built, count, 3)
     assert heads.unsettled == 0
     assert 0.15 < predicted < 0.95, "else the test says nothing"
@@ -170,7 +170,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
     expansion, draws = expand_margins(built), draw_heads(built)
     (only,) = sensitivities(expansion, draws)
     assert only.key == "facet_mrad"
-    assert only.alone.kept == shares(expansion, draws).kept
+    assert only.alone.kept == predict_yields(expansion, draws).kept
     assert only.halved.kept > only.alone.kept
 
 

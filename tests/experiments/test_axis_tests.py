@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from facets.experiments import axis_tests
+from facets.experiments.studies import axis_tests
 
 
 @pytest.mark.slow

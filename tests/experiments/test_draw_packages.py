@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from facets.experiments import draw_packages
+from facets.experiments.studies import draw_packages
 
 ROOT = Path(__file__).parents[2]
-REDRAW = "run: python -m facets.experiments.draw_packages docs/packages.svg"
+REDRAW = "run: python -m facets.experiments.studies.draw_packages docs/packages.svg"
 
 
 def test_the_committed_drawing_shows_the_arrows_of_the_code():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from facets.experiments import propagation
+from facets.experiments.studies import propagation
 
 import facets
 from facets.model import parameters

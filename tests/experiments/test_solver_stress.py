@@ -1,10 +1,10 @@
-"""The short form of `facets.experiments.solver_stress`: no wrong pose that nothing tells of."""
+"""The short form of the study `solver_stress`: no wrong pose that nothing tells of."""
 
 from collections import Counter
 
 import numpy as np
 import pytest
-from facets.experiments import solver_stress
+from facets.experiments.studies import solver_stress
 
 SOME = ("paper", "bench", "catalogue", "bench-light", "singular", "skewed5 of the studies")
 

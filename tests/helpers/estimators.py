@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-from facets.experiments.sensors import skew_sensor
+from facets.experiments.studies.sensors import skew_sensor
 from hypothesis import strategies as st
 
 import facets

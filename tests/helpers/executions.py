@@ -17,7 +17,7 @@ import as_text
 import numpy as np
 from digits import differences, many_digits, precise
 from estimators import library, run_node, script
-from facets.experiments.sensors import skew_sensor
+from facets.experiments.studies.sensors import skew_sensor
 from sensors import ALL, ASYMMETRY, PROFILE
 
 import facets

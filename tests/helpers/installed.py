@@ -37,6 +37,8 @@ PACKAGES = {
     "experiments": "facets/experiments",
     "configs": "facets/configs",
 }
+#: Studies that no command needs: they stand beside the tests of an installed package.
+STUDIES = "experiments/studies/"
 #: Extras that are not for users, or need a driver by the maker of some hardware.
 LEFT_OUT = ("ni", "thorlabs")
 
@@ -67,7 +69,7 @@ def package_files(names: Sequence[str]) -> set[str]:
     placed = set()
     for name in names:
         top, _, rest = name.partition("/")
-        if top in PACKAGES and rest:
+        if top in PACKAGES and rest and not name.startswith(STUDIES):
             placed.add(f"{PACKAGES[top]}/{rest}")
     return placed
 
@@ -153,7 +155,10 @@ def main(arguments: Sequence[str]) -> int:
                 print(shutil.copy(built, target))
             return 0
         programs = environment(build(names, folder), settings, folder, lowest)
-        beside = [name for name in names if name.split("/")[0] not in PACKAGES]
+        beside = [
+            name for name in names
+            if name.split("/")[0] not in PACKAGES or name.startswith(STUDIES)
+        ]  # fmt: skip
         tests = copy_files([*beside, "experiments/README.md"], folder / "no checkout")
         words = ["-n", "auto", "--dist", "worksteal", "--durations=12"]
         words += ["-m", f"wheel or installed{' and not slow' if lowest else ''}"]

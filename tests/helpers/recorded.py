@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from facets.experiments import kills
+from facets.experiments.studies import kills
 
 import facets
 from facets.files import run_record

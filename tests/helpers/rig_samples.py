@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from facets.experiments import bench_rays, rigs
+from facets.experiments.studies import bench_rays, rigs
 
 import facets
 from facets.calibration import REFERENCE, Data, choice, states_of, velocities, verdict

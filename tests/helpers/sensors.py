@@ -1,7 +1,7 @@
 """The sensors and states that the tests run on."""
 
 import numpy as np
-from facets.experiments import sensors as experiments_sensors
+from facets.experiments.studies import sensors as experiments_sensors
 
 from facets import BenchLight, Calibration, Sensor
 

@@ -25,6 +25,7 @@ from facets.tracking import (
     POLL_S,
     Law,
     Limits,
+    SolvedSamples,
     StageError,
     StageModel,
     Tracker,
@@ -446,7 +447,8 @@ class World(StagePort):
         delay = 0.5 * late.amount if late and late.amount > 0.5 else 0.0
         with np.errstate(all="ignore"):
             pairs = (np.array([row, row]) for row in (powers, apex, beam))
-            self.tracker.feed(rows + delay, *pairs, is_permitted, delay, doubt)
+            samples = SolvedSamples(rows + delay, *pairs)
+            self.tracker.feed(samples, is_permitted, delay, doubt)
 
     def spoil_sample(self, taken, powers, apex):
         """Apply the current faults to the time, powers and apex of a sample."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import command
-from facets.experiments import kills, soak
+from facets.experiments.studies import kills, soak
 from measured import measure
 from programs import Program, count_lines, size_of
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import kills
+from facets.experiments.studies import kills
 from streams import BENCH, CALIBRATED
 
 from facets import InputError, live

@@ -13,7 +13,7 @@ from itertools import chain
 
 import numpy as np
 import pytest
-from facets.experiments import kills
+from facets.experiments.studies import kills
 from programs import GUARD, await_true
 from streams import CALIBRATED
 

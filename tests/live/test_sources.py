@@ -6,7 +6,7 @@ import socket
 from importlib.metadata import EntryPoint
 
 import pytest
-from facets.experiments import kills
+from facets.experiments.studies import kills
 
 from facets.live import SIZE, DatagramPort, PortError, check_source, open_port
 from facets.live.sources import ports as module

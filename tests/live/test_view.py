@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.experiments import kills
+from facets.experiments.studies import kills
 from rich.console import Console
 from streams import BENCH, CALIBRATED
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
 from commands import command
-from facets.experiments import kills
+from facets.experiments.studies import kills
 from programs import Program, await_true
 from streams import BENCH, give, page_rows
 

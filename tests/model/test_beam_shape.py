@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments.sensors import skew_sensor
+from facets.experiments.studies.sensors import skew_sensor
 
 import facets
 from facets.model import beam_shape

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import command
-from facets.experiments import rigs
+from facets.experiments.studies import rigs
 
 import facets
 from facets.calibration import REFERENCE

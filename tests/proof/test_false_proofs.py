@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments import false_proofs
+from facets.experiments.studies import false_proofs
 from sensors import SENSORS, states
 
 import facets

@@ -26,6 +26,7 @@ from facets.characterization import (
 )
 from facets.model import parameters, sensor_with
 from facets.proof import (
+    Effort,
     calibration_tolerances,
     certify,
     cover_range,
@@ -133,7 +134,7 @@ def test_a_pair_is_found_in_the_box_of_a_singular_sensor():
     weak = search(config.sensor, box, 1).state
     result = find_pair_in_box(config.sensor, box, share, weak)
     assert result.outside == 0
-    pair = np.array([result.pair.one, result.pair.other])
+    pair = np.array([result.pair.first, result.pair.second])
     readings = facets.readings(config.sensor, pair)
     np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)
     assert np.abs(pair[0] - pair[1])[:3].max() > 0.05
@@ -173,7 +174,7 @@ BENCH = replace(PAPER, light=facets.BenchLight(curvature_xx=1e-3))
     ids=["singular", "blind", "coincident", "cut", "bench", "share", "turned over"],
 )
 def test_what_is_not_so_is_never_certified(sensor, box, share, reason):
-    certificate = certify(sensor, box, share, work=400)
+    certificate = certify(sensor, box, share, effort=Effort(400))
     assert not certificate.regular
     assert not certificate.unique
     assert certificate.doubtful or certificate.reason

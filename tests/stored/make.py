@@ -4,9 +4,6 @@ Run it once for each release; `test_stored.py` reads the files of all versions e
 the folder of the version beside this file, and refuses to change one that exists. All numbers are
 the same at each run but for the times of making. `expected.json` says what must be read; it comes
 from the poses that the readings are simulated from, and not from the code that reads.
-
-Keep the folder of 0.2: two of its recordings have layouts of versions before it, which nothing
-writes any more.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from sensors import SENSORS
 from stage_world import stage_on
 
 import facets
-from facets.tracking import SLACK_MM, STEP_MM, Law, StageCheck
+from facets.tracking import SLACK_MM, STEP_MM, Law, SolvedSamples, StageCheck
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 RIGHT = ((1, 0), (0, 1))
@@ -42,7 +42,8 @@ class Bench:
             light = np.full((1, 3), 0.0 if is_dark else 0.1)
             apex = self.home + self.drift * (self.port.now - 10.0)
             beam = self.home + self.wiring @ away
-            self.check.feed(np.array([self.port.now]), light, apex[None], beam[None])
+            now = np.array([self.port.now])
+            self.check.feed(SolvedSamples(now, light, apex[None], beam[None]))
             self.check.step()
             if self.check.is_over:
                 return self.check.faults()

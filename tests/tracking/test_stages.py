@@ -12,7 +12,7 @@ from sensors import SENSORS
 from stage_world import stage_on
 
 import facets
-from facets.tracking import ENABLE_S, Envelope, Law, StageError, Tracker, open_driver
+from facets.tracking import ENABLE_S, Envelope, Law, SolvedSamples, StageError, Tracker, open_driver
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 PI = replace(STAGE, driver="pi")
@@ -196,7 +196,8 @@ class Run:
         for _ in range(count):
             self.port.now += seconds
             times = np.array([self.port.now - age])
-            self.tracker.feed(times, np.array([powers]), np.array([apex]), **more)
+            samples = SolvedSamples(times, np.array([powers]), np.array([apex]))
+            self.tracker.feed(samples, **more)
             self.step(0.0)
 
     def steady(self):

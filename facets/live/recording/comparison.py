@@ -19,8 +19,7 @@ from .reader import Seal
 #: What cannot be known of a recording that has no seal.
 UNSEALED = (
     "  how many poses were recorded is unknown, because the end of events.jsonl, which says that, "
-    "is missing: the run was killed, the power failed, an older version recorded it, or it was cut "
-    "off"
+    "is missing: the run was killed, the power failed, or it was cut off"
 )
 
 
@@ -52,10 +51,7 @@ class PoseComparison:
 
 
 def compare(old: Columns, new: Columns) -> PoseComparison:
-    """Compare what a recording holds with what its replay gives; both as of `Poses.columns`.
-
-    A sample that an older version called "non finite" and this one "saturated" is the same.
-    """
+    """Compare what a recording holds with what its replay gives; both as of `Poses.columns`."""
     none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
     old, new = old or none, new or none
     there = np.isin(old["seq"], new["seq"])
@@ -67,8 +63,6 @@ def compare(old: Columns, new: Columns) -> PoseComparison:
     apart, columns = np.zeros(len(rows), bool), []
     for name in [name for name in old if name in new] if len(rows) else ():
         one, other = old[name][solved], new[name][rows]
-        if name == "status":
-            other = np.where((one == Status.NON_FINITE) & (other == Status.SATURATED), one, other)
         differs = (one != other) & ~(is_nan(one) & is_nan(other))
         if differs.any():
             columns.append(name)

@@ -12,18 +12,18 @@ from ...tracking.encoder import Encoder
 from ..sources.host_time import wall_clock_offset
 from ..sources.source import Block
 
-OLD = np.dtype(
+#: data_crc: see `block_crc`.  crc: CRC-32 of the row's bytes before it.
+INDEX = np.dtype(
     [
         ("offset", "<u8"),
         ("length", "<u8"),
         ("monotonic", "<f8"),
         ("utc", "<f8"),
         ("stage", "<f8", 5),
+        ("data_crc", "<u4"),
+        ("crc", "<u4"),
     ]
 )
-#: data_crc: see `block_crc`.  crc: CRC-32 of the row's bytes before it. Rows of a recording made
-#: before there were any end with `stage`.
-INDEX = np.dtype([*OLD.descr, ("data_crc", "<u4"), ("crc", "<u4")])
 SIZE = INDEX.itemsize
 #: The event that a recording ends with, unless the run was killed or the power failed.
 CLOSED = "closed"
@@ -80,14 +80,11 @@ def add_sum(event: bytes, before: int) -> bytes:
 
 
 def are_events_whole(events: bytes | None) -> bool:
-    """Whether each line has the sum that it was written with; the last may be torn.
-
-    Lines of older versions have none.
-    """
+    """Whether each line has the sum that it was written with; the last may be torn."""
     if events is None:
         return False
     crc = 0
-    for line in events.splitlines(keepends=True) if SUM in events else ():
+    for line in events.splitlines(keepends=True):
         if line.endswith(b"\n") and line != add_sum(line.rpartition(SUM)[0], crc):
             return False
         crc = zlib.crc32(line, crc)
@@ -104,23 +101,16 @@ def block_crc(data: bytes) -> int:
 
 
 def proves(row: np.void, data: bytes) -> bool:
-    """Whether a row of the index is that of these bytes; also one of an older version, which had
-    the CRC-32 from the first byte to the last."""
-    return int(row["data_crc"]) in (block_crc(data), zlib.crc32(data))
+    """Whether a row of the index is that of these bytes."""
+    return int(row["data_crc"]) == block_crc(data)
 
 
-def read_rows(raw: bytes) -> tuple[NDArray[np.void], bool, int]:
-    """The sound rows of an index, whether they have a CRC, and how many are spoilt.
-
-    A torn row at the end counts as spoilt only where rows can be proven.
-    """
+def read_rows(raw: bytes) -> tuple[NDArray[np.void], int]:
+    """The sound rows of an index, and how many are spoilt; the last may be torn."""
     whole = len(raw) // SIZE
     rows = np.frombuffer(raw[: whole * SIZE], INDEX)
     sound = np.array([is_sound(raw[n * SIZE : (n + 1) * SIZE]) for n in range(whole)], bool)
-    if sound.any():
-        return rows[sound], True, int((~sound).sum()) + (len(raw) % SIZE > 0)
-    old = len(raw) // OLD.itemsize
-    return np.frombuffer(raw[: old * OLD.itemsize], OLD), False, 0
+    return rows[sound], int((~sound).sum()) + (len(raw) % SIZE > 0)
 
 
 def is_sound(row: bytes) -> bool:

@@ -69,7 +69,7 @@ def recorded_poses(folder: Path) -> Columns:
                 batch.validate(full=True)
                 part = {name: batch[name].to_numpy() for name in batch.schema.names}
                 proof = part.pop(CRC, None)
-                if proof is None or (len(proof) and (proof == crc_of(part)).all()):
+                if proof is not None and len(proof) and (proof == crc_of(part)).all():
                     parts.append(part)
     except (StopIteration, pa.ArrowException, OSError, ValueError, MemoryError):
         pass

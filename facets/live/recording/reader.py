@@ -33,7 +33,7 @@ class Seal:
 
 
 def seal_of(folder: Path) -> Seal | None:
-    """None of a recording that was not closed, or was made before recordings were sealed."""
+    """The last event of a recording; None where the recording was not closed."""
     names = [field.name for field in fields(Seal)]
     lines = (events_of(folder) or b"").splitlines()
     with suppress(StopIteration, ValueError, KeyError, TypeError):
@@ -61,12 +61,9 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     damage = damage if damage is not None else Damage()
     seal, size = seal_of(folder), size_of(folder)
     damage.events = not are_events_whole(events_of(folder))
-    rows, proven, damage.rows = read_rows(read_index(folder, salvage))
-    if not proven:
-        count = contiguous(rows)
-        rows, damage.rows = rows[:count], len(rows) - count
+    rows, damage.rows = read_rows(read_index(folder, salvage))
     with open_bytes(folder) as file:
-        if proven and not any_agrees(rows, file):
+        if len(rows) and not any_agrees(rows, file):
             if seal and not salvage:
                 raise foreign_index(folder, seal, size, len(rows))
             rows, damage.rows = rows[:0], damage.rows + len(rows)
@@ -75,7 +72,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
             damage.missing = max(0, seal.bytes - size)
         carried = not len(rows) or not np.isnan(rows["stage"][:, 0]).all()
         nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
-        yield from indexed_blocks(file, rows, proven, size, nowhere, damage)
+        yield from indexed_blocks(file, rows, size, nowhere, damage)
         rest = file.read()
         damage.unproven += len(rest)
         if rest:
@@ -104,7 +101,7 @@ def foreign_index(folder: Path, seal: Seal, size: int, rows: int) -> InputError:
 
 
 def indexed_blocks(
-    file: BinaryIO, rows: Any, proven: bool, size: int, nowhere: Encoder | None, damage: Damage
+    file: BinaryIO, rows: Any, size: int, nowhere: Encoder | None, damage: Damage
 ) -> Iterator[Block]:
     """Yield the blocks that the index knows of, and the bytes between them.
 
@@ -113,10 +110,10 @@ def indexed_blocks(
     place, known_missing = 0, damage.missing
     for row in rows:
         offset, length, arrival = int(row["offset"]), int(row["length"]), float(row["monotonic"])
-        if proven and offset < place:  # nothing that this program writes
+        if offset < place:  # nothing that this program writes
             damage.rows += 1
             continue
-        if proven and offset > place:
+        if offset > place:
             between = file.read(offset - place)
             damage.unproven += len(between)
             if between:
@@ -126,7 +123,7 @@ def indexed_blocks(
         lacking = length - len(data)
         damage.missing += max(0, lacking - known_missing)
         known_missing = max(0, known_missing - lacking)
-        sound = not proven or proves(row, data)
+        sound = proves(row, data)
         damage.unproven += 0 if sound else len(data)
         if data:
             yield Block(data, arrival, unpack_encoder(row["stage"]), doubtful=not sound)
@@ -153,13 +150,6 @@ def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
     return InputError(f"{path}: cannot be read: {error.strerror}; {remedy}")
 
 
-def contiguous(rows: Any) -> int:
-    """How many rows without a CRC follow each other as a recording writes them."""
-    ends = np.cumsum(rows["length"])
-    begins = np.append(np.zeros(1, ends.dtype), ends[:-1])[: len(rows)]
-    return int(np.argmin(np.append(rows["offset"] == begins, False)))
-
-
 def any_agrees(rows: Any, file: BinaryIO) -> bool:
     """Whether the bytes of any row are those of the file, which is then at its beginning."""
     for row in rows:
@@ -181,7 +171,7 @@ def size_of(folder: Path) -> int:
 
 def utc_offset(folder: Path) -> float | None:
     """Of the wall clock over the host's monotonic one, s, at the recording's beginning."""
-    rows, _, _ = read_rows(read_index(folder, salvage=True))
+    rows, _ = read_rows(read_index(folder, salvage=True))
     known = rows[np.isfinite(rows["monotonic"])]
     return float(known["utc"][0] - known["monotonic"][0]) if len(known) else None
 

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 def recorded_config(folder: Path) -> Config:
     """The configuration that a recording was made with, as it keeps it.
 
-    One of a version that knew no `acquire.timing` has its times by arrival, as they were. Raises
-    `InputError` where `meta.yaml` holds none that this version can use.
+    Raises `InputError` where `meta.yaml` holds none that this version can use.
     """
     import tempfile
 
@@ -42,8 +41,6 @@ def recorded_config(folder: Path) -> Config:
         )
     try:
         resolved = meta["resolved"]
-        if "timing" not in resolved.get("acquire", {}):  # of a version that had no other
-            resolved.setdefault("acquire", {})["timing"] = "arrival"
         for keys, name, digest in measured_files(resolved):
             keys[name] = str((folder / name_of_copy(digest)).resolve())
     except (KeyError, TypeError, AttributeError):

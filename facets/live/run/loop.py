@@ -26,6 +26,7 @@ from ...core.errors import FacetsError
 from ...detectors.counts import SATURATED
 from ...estimation.solution import Status
 from ...tracking.priority import urgent
+from ...tracking.tracker import SolvedSamples
 from ..sources.source import Block
 from .interruption import deferring, resume_by_signal
 from .keys import watch_keys
@@ -163,10 +164,8 @@ class Loop:
                 is_permitted = bool((poses.flags & PERMITTED).all())
                 apexes, beams = apexes_of(poses)
                 known = live.pipeline
-                live.tracker.feed(
-                    poses.host, powers_of(poses), apexes, beams, is_permitted, known.late,
-                    known.trust.doubt,
-                )  # fmt: skip
+                samples = SolvedSamples(poses.host, powers_of(poses), apexes, beams)
+                live.tracker.feed(samples, is_permitted, known.late, known.trust.doubt)
         else:
             live.late += len(poses)
         self.give_to_sinks(poses)

@@ -27,7 +27,7 @@ ENDS = 3.0
 ROWS = (("before", "o", False), ("after", "o", True), ("stated", "|", True))
 
 
-def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> Figure:
+def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) -> Figure:
     """Draw residuals over each detector's face, a row for each reading, and errors of held-back
     poses.
 
@@ -42,7 +42,7 @@ def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> 
         for k, letter in enumerate(DETECTORS):
             for row, kind in enumerate(KINDS):
                 image = face(panels[row, k], data.raw[:, 3 * k : 3 * k + 2],
-                             found.left[:, 3 * k + row], letter, kind)  # fmt: skip
+                             result.residuals[:, 3 * k + row], letter, kind)  # fmt: skip
             panels[2, k].set_xlabel("psi, mm")
         for panel in panels[:, 0]:
             panel.set_ylabel("zeta, mm")

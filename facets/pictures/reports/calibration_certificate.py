@@ -96,13 +96,13 @@ def write_report(
 def sections(
     settings: Config, calibrated: Config, found: Verdict, sources: list[Path], results: list[Path]
 ) -> list[ReportSection]:
-    assert found.found is not None
+    assert found.fit is not None
     assert found.search is not None
     statement, asked = settings.calibrate.statement, settings.calibrate
     budget = budgets.calibration_budget(
-        found.search.sensor, found.fitted, found.found, calibrated.sensor, asked.outliers
+        found.search.sensor, found.fitted, found.fit, calibrated.sensor, asked.outliers
     )
-    states = budgets.fitted_states(found.fitted, found.found)
+    states = budgets.fitted_states(found.fitted, found.fit)
     whole = budgets.pose_covariances(
         calibrated.sensor, budget, np.vstack([np.zeros(8), states]),
         calibrated.solve.knowledge(calibrated.sensor),
@@ -184,9 +184,9 @@ def coverage_words() -> str:
 
 
 def parameter_section(found: Verdict, budget: Budget, made: Sensor) -> ReportSection:
-    assert found.found is not None
+    assert found.fit is not None
     assert found.search is not None
-    table = parameter_table(found.search.sensor, found.found, made)
+    table = parameter_table(found.search.sensor, found.fit, made)
     columns = [table[name].tolist() for name in ("parameter", "unit", "value", "change")]
     variances = {source: np.diag(part)[table["place"]] for source, part in budget.sensor.items()}
     standard = table["factor"] * np.sqrt(np.asarray(sum(variances.values())))
@@ -298,9 +298,9 @@ def range_rows(
 def method_rows(
     settings: Config, found: Verdict, sources: list[Path], results: list[Path]
 ) -> list[list[str]]:
-    assert found.found is not None
+    assert found.fit is not None
     assert found.search is not None
-    fit, origin = found.found, provenance_header(settings)
+    fit, origin = found.fit, provenance_header(settings)
     effects = [row.words for row in found.search.rows if row.accepted]
     about = [
         ["method", "weighted least squares over all readings (bundle adjustment), "

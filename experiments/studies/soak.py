@@ -1,15 +1,16 @@
 """A virtual bench full of faults: is every accepted sample right, and every loss counted?
 
-`python -m facets.experiments.soak`: ten minutes at 10 kHz. `--readers` is how many other programs
-get every sample meanwhile, by `zmq://`.
+`python -m facets.experiments.studies.soak`: ten minutes at 10 kHz. `--readers` is how many other
+programs get every sample meanwhile, by `zmq://`.
 
-`python -m facets.experiments.soak --runs 20 --busy 2` repeats the live example of the documentation
-instead, `emulate bench --motion circle` and `acquire bench --track` for 20 s each, beside two
-processes that do nothing but calculate. It prints for each run for what share of the time the beam
-was lost, the latency, the exit status and its reasons. `--mixed` are processes that work in bursts
-and start others, as a browser or a compiler does. The share counts each sample that the board took
-between the first pose and the last sample and that has no pose, whatever the reason. Where the user
-may ask for a real-time priority the runs have one; `--ordinary` takes that permission away.
+`python -m facets.experiments.studies.soak --runs 20 --busy 2` repeats the live example of the
+documentation instead, `emulate bench --motion circle` and `acquire bench --track` for 20 s each,
+beside two processes that do nothing but calculate. It prints for each run for what share of the
+time the beam was lost, the latency, the exit status and its reasons. `--mixed` are processes that
+work in bursts and start others, as a browser or a compiler does. The share counts each sample that
+the board took between the first pose and the last sample and that has no pose, whatever the reason.
+Where the user may ask for a real-time priority the runs have one; `--ordinary` takes that
+permission away.
 """
 
 from __future__ import annotations

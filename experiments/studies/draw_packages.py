@@ -1,6 +1,6 @@
 """Draws the folders of the code and the arrows between them: `docs/packages.svg`.
 
-    python -m facets.experiments.draw_packages docs/packages.svg
+    python -m facets.experiments.studies.draw_packages docs/packages.svg
 
 Folders and arrows are read from the imports, those for type checkers included; the layers are those
 of the contract in `.importlinter`. An arrow from one folder to another says that some file of the
@@ -16,7 +16,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PROGRAMS = ("cli", "experiments")
 #: `configs` holds no code, and `__main__`, which is no folder, only starts the program.
 NOT_DRAWN = ("configs", "__main__")

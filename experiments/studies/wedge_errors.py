@@ -1,6 +1,6 @@
 """Digits lost by the light in a wedge, over the whole domain, against ball arithmetic.
 
-    python -m facets.experiments.wedge_errors [--points 100000] [--output FILE.csv]
+    python -m facets.experiments.studies.wedge_errors [--points 100000] [--output FILE.csv]
 
 Draws wedges: the point up to 35 sigma from the beam's centre, openings from 0.01 to 179.99 degrees,
 the beam's centre on an edge, beside one or anywhere. For each, the float code's mass, centroid,

@@ -1,6 +1,6 @@
 """Effects that ideal light neglects, and the pose errors that they cause.
 
-    python -m facets.experiments.neglected [--output FILE.csv]
+    python -m facets.experiments.studies.neglected [--output FILE.csv]
 
 Readings of the paper's head with one imperfection at a time, by rays, over the motions of `rigs`,
 without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over a
@@ -104,8 +104,8 @@ def calibrated_unknowns() -> Choice:
     return Choice(tuple(known), np.array(list(known.values())))
 
 
-def move_sensor(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
-    """Exact readings of random motions, which the reference knows as well as that of `rigs`."""
+def draw_samples(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
+    """Samples of a random motion with exact readings and exact poses, and their states (n, 8)."""
     pose = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
     state = np.concatenate([pose, np.zeros((count, 2))], axis=1)
     return Data(
@@ -129,8 +129,8 @@ def compare_optics() -> list[tuple[Any, ...]]:
     still = np.zeros(2)
     for name, (real, known) in cases().items():
         rng = np.random.default_rng(1)
-        data, _ = move_sensor(real, 150, rng)
-        fresh, state = move_sensor(real, 200, rng)
+        data, _ = draw_samples(real, 150, rng)
+        fresh, state = draw_samples(real, 200, rng)
         before = errors_over_noise(facets.Sensor(), fresh, state, still)
         fitted = fit(facets.Sensor(), data, calibrated_unknowns(), None)
         after = errors_over_noise(fitted.sensor, fresh, state, fitted.apex[:2])

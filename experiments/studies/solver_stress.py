@@ -1,6 +1,7 @@
 """Counts wrong poses by cause, of a million random, noisy, cut, masked and spoilt readings.
 
-    python -m facets.experiments.solver_stress [--draws 1000000] [--bench-light] [--output FILE.csv]
+    python -m facets.experiments.studies.solver_stress [--draws 1000000] [--bench-light]
+                                                       [--output FILE.csv]
 
 Two halves. The first asks whether the solver ends where the readings say: exact and noisy readings,
 near and far starts, of the paper's sensor and of ten without symmetry. A pose is wrong there if it

@@ -1,6 +1,6 @@
 """How well readings at one stop tell what changed since a calibration (`facets rezero`).
 
-    python -m facets.experiments.new_zero [--rigs 4] [--draws 50]
+    python -m facets.experiments.studies.new_zero [--rigs 4] [--draws 50]
 
 Each rig has the light of a bench and is read by rays, which share no code with the model
 (`bench_rays`). It is calibrated as `facets calibrate` does it, from 500 poses. Then the beam, the
@@ -98,8 +98,8 @@ def true_states(one: CalibratedRig, pose: Floats, beam: Floats, is_folded: bool 
     data = data._replace(
         raw=np.empty((len(pose), 9)), pose=pose, beam=np.tile(beam, (len(pose), 1))
     )
-    opening = np.zeros((len(pose), 9))
-    return states_of(data, opening, fold_mount(values) if is_folded else values)
+    own_values = np.zeros((len(pose), 9))
+    return states_of(data, own_values, fold_mount(values) if is_folded else values)
 
 
 class ChangeDraw(NamedTuple):

@@ -1,4 +1,7 @@
-"""Pictures of the documentation: `python -m facets.experiments.gallery docs/gallery [NAME ...]`."""
+"""Pictures of the documentation.
+
+`python -m facets.experiments.studies.gallery docs/gallery [NAME ...]`
+"""
 
 from __future__ import annotations
 

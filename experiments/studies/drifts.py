@@ -1,6 +1,6 @@
 """What changes on a bench after a perfect calibration do to poses, over the noise of one reading.
 
-    python -m facets.experiments.drifts
+    python -m facets.experiments.studies.drifts
 
 Readings of the changed sensor, without noise, are solved by the sensor as it was calibrated, over
 poses within 0.12 mm, 2 mm and 6 mrad of rest. Printed is the largest shift of x and y, and of the

@@ -1,6 +1,6 @@
 """How fast a mirror can move before the beam is lost, by law, against what is told beforehand.
 
-`python -m facets.experiments.tracking`
+`python -m facets.experiments.studies.tracking`
 """
 
 from __future__ import annotations

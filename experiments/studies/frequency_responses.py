@@ -1,6 +1,6 @@
 """How well `facets response` finds known responses: random errors, biases, and modes.
 
-    python -m facets.experiments.frequency_responses [--records 20] [--seed 1]
+    python -m facets.experiments.studies.frequency_responses [--records 20] [--seed 1]
 
 A body with three known modes is shaken by a known force; its motion gets the white noise that the
 shipped `shaker` has, and the responses are compared with the receptance. The modes are identified
@@ -22,11 +22,12 @@ import numpy as np
 import facets
 from facets.characterization.frequency_response import (
     FrequencyResponse,
+    OutputChannel,
     estimate_response,
     find_stretches,
 )
 from facets.characterization.response_signals import noise_deviation
-from facets.characterization.universal_file import write_universal_file
+from facets.characterization.universal_file import InputChannel, Node, write_universal_file
 from facets.core.motions import Mode, Vibration
 from facets.core.rigid_body import MIRROR
 from facets.core.units import Floats
@@ -53,7 +54,7 @@ def measure(
     moved = moved + noise * NOISE * rng.standard_normal(moved.shape)
     force = force + input_noise * rng.standard_normal(count)
     stretches = find_stretches(np.arange(count) / motion.rate, np.ones(count, bool), "record")
-    return estimate_response(force, moved, stretches, resolution, noise * NOISE)
+    return estimate_response(force, moved, stretches, resolution, OutputChannel(noise * NOISE))
 
 
 def show_coverage(records: int, seed: int) -> None:
@@ -120,7 +121,7 @@ def show_modes(records: int, seed: int) -> None:
         path = Path(folder) / "body.uff"
         for n in range(records):
             found = measure(RECORD, np.random.default_rng([seed, n]), RESOLUTION_HZ)
-            write_universal_file(path, found, "force_n", 1, (0, 0), (0.0, 0.0, 0.0), {})
+            write_universal_file(path, found, InputChannel("force_n"), Node(1, (0.0, 0.0, 0.0)), {})
             model = EMA.Model(lower=20, upper=300, pol_order_high=24)
             model.read_uff(str(path))
             with contextlib.redirect_stderr(io.StringIO()):

@@ -1,8 +1,8 @@
 """An acquisition killed at random moments: what of its recording is left?
 
-`python -m facets.experiments.kills [TIMES [SIGNAL ...]]`: 200 by default, by SIGKILL. Other signals
-(SIGTERM, SIGHUP), which are taken in turn, end it as ^C does: then nothing may be missing, not even
-the poses.
+`python -m facets.experiments.studies.kills [TIMES [SIGNAL ...]]`: 200 by default, by SIGKILL. Other
+signals (SIGTERM, SIGHUP), which are taken in turn, end it as ^C does: then nothing may be missing,
+not even the poses.
 """
 
 from __future__ import annotations

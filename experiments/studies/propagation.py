@@ -1,6 +1,6 @@
 """Propagation of distributions beside an independent program and beside known cases.
 
-    python -m facets.experiments.propagation [--trials 1000000] [--own 8000] [--seed 1]
+    python -m facets.experiments.studies.propagation [--trials 1000000] [--own 8000] [--seed 1]
         [--picture FILE.png]
 
 The independent program shares no code with the package's model or solver: it integrates the beam
@@ -21,7 +21,11 @@ from pathlib import Path
 import numpy as np
 
 import facets
-from facets.characterization.propagation import PropagationResult, propagate_distributions
+from facets.characterization.propagation import (
+    MonteCarlo,
+    PropagationResult,
+    propagate_distributions,
+)
 from facets.characterization.trials import draw_knowledge, draw_parameters, knowledge_at
 from facets.core.names import POSE
 from facets.core.sensor import Calibration, Sensor
@@ -231,7 +235,7 @@ def main() -> None:
         rng = np.random.default_rng((options.seed, 100 + number))
         own = draw_alone(sensor, state, options.own, way.power == "known", rng)
         found[name] = propagate_distributions(
-            sensor, way, state, options.trials, seed=(options.seed, number)
+            sensor, way, state, MonteCarlo(options.trials, seed=(options.seed, number))
         )
         report(name, found[name], own)
         off = compare_pairs(sensor, way, state, PAIRS, options.seed)

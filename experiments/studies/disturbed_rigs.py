@@ -1,7 +1,7 @@
 """Calibrations of rigs that are disturbed in a way that no model of a calibration knows.
 
-    python -m facets.experiments.disturbed_rigs [--only outliers] [--draws 1] [--samples 500]
-                                                [--config paper]
+    python -m facets.experiments.studies.disturbed_rigs [--only outliers] [--draws 1]
+                                                        [--samples 500] [--config paper]
 
 Each rig has the light of a real bench, read by rays (`bench_rays`), and one thing wrong: readings
 that jump, a reference with faults, a beam or a mirror that does not stand still, light that is not

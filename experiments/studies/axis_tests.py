@@ -1,6 +1,6 @@
 """How often the expanded uncertainties of `facets axis` hold the truth, over drawn axes.
 
-    python -m facets.experiments.axis_tests [--axes 200] [--first 0]
+    python -m facets.experiments.studies.axis_tests [--axes 200] [--first 0]
 
 Each axis (along x or z, or about z) has errors of drawn sizes, from far below the sensor's
 uncertainty to far above. It is tested by a sensor whose parameters are off by a draw from its
@@ -22,8 +22,8 @@ import numpy as np
 import facets
 from facets.calibration.unknowns import ALL, assign_values, values_of
 from facets.characterization.axis_report import AxisReport, evaluate_axis
-from facets.characterization.axis_visits import Commands, PoseSeries
-from facets.characterization.error_motions import fit_errors
+from facets.characterization.axis_visits import PoseSeries
+from facets.characterization.error_motions import AxisTest, Commands, fit_errors
 from facets.characterization.positioning import QUANTITIES
 from facets.core.knowledge import Knowledge
 from facets.core.motions import Runs
@@ -90,10 +90,11 @@ def evaluate(seed: int) -> tuple[str, AxisReport, Floats]:
     positions = told["position_mrad"] / 1e3 if name == "C" else told["position_mm"]
     commands = Commands(positions, (told["direction"] < 0).astype(np.int64))
     series = PoseSeries(time, poses, solution.misfit)
-    report = evaluate_axis(sensor, KNOWLEDGE, series, name, commands, body, shortest_s=0.04)
+    test = AxisTest(name, commands, body, shortest_s=0.04)
+    report = evaluate_axis(sensor, KNOWLEDGE, series, test)
     middle = np.searchsorted(time, report.visits.time)
     visits = replace(report.visits, states=states[middle])
-    return name, report, visits.grid(fit_errors(visits, name, body).values.T)
+    return name, report, visits.grid(fit_errors(visits, test).values.T)
 
 
 class Held(NamedTuple):
@@ -115,7 +116,7 @@ def compare_with_truth(seed: int) -> Held:
             held[n, k] = abs(quantity.value - truth) <= quantity.expanded
             size[n, k] = abs(quantity.expanded / truth)
     order = [report.motions.main, *np.delete(np.arange(6), report.motions.main)]
-    off = np.abs(report.means - report.central(true))
+    off = np.abs(report.means - report.mean_of_directions(true))
     positions = (off <= 2 * report.uncertainties).mean(axis=1)
     return Held(held[order], size[order[0]], positions[order])
 

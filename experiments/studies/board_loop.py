@@ -1,6 +1,6 @@
 """How closely a beam follows the mirror with the solver on the board, beside a PC in the loop.
 
-    python -m facets.experiments.board_loop LIBRARY [--seconds 4]
+    python -m facets.experiments.studies.board_loop LIBRARY [--seconds 4]
 
 LIBRARY is `libfacets.so`, or `libfacets-float.so`, of `facets export-c bench`. The stage of the
 configuration `bench` without its limits of speed carries the beam after a mirror on a circle of

@@ -1,9 +1,9 @@
 """Search for false proofs of uniqueness over random sensors, up to singular ones.
 
-`python -m facets.experiments.false_proofs [SENSORS [SEED]]` writes one line a sensor and the sum;
-with `--leaning` the sensors have beams that lean, of elliptic and turned section, and boxes that
-stand elsewhere, and the bounds of `check_certificate` are put to the test as well: those of the
-certificate, and of one that claims as much light as the search finds.
+`python -m facets.experiments.studies.false_proofs [SENSORS [SEED]]` writes one line a sensor
+and the sum; with `--leaning` the sensors have beams that lean, of elliptic and turned section, and
+boxes that stand elsewhere, and the bounds of `check_certificate` are put to the test as well: those
+of the certificate, and of one that claims as much light as the search finds.
 
 The search shares no code with the package: it has its own forward model, rays through centroids
 that are integrated by Gauss and Legendre, and its own derivatives, by differences. It breaks a
@@ -32,10 +32,10 @@ from facets.core.sensor import Sensor
 from facets.core.units import Floats
 from facets.model.arrays import parameters, sensor_with
 from facets.proof.certificate import write_certificate
-from facets.proof.uniqueness import Certificate, certify
+from facets.proof.uniqueness import Certificate, Effort, certify
 
-from .certificate_schema import Refused
-from .check_certificate import check
+from ..certificate_schema import Refused
+from ..check_certificate import check
 
 #: Largest number of pieces in a proof.
 WORK = 400
@@ -256,7 +256,7 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
 def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it; `checked` also tests the checker."""
     model = RayModel(parameters(case.sensor))
-    found = certify(case.sensor, case.box, case.share, work=WORK)
+    found = certify(case.sensor, case.box, case.share, effort=Effort(WORK))
     if found.unique:
         broken = breaks_bound(case, model, found, rng) or breaks_uniqueness(case, model, rng)
         return "unique", broken or (checked and breaks_check(case, model, found, rng))

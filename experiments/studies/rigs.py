@@ -1,6 +1,6 @@
 """Rigs with hidden errors, calibrated: how well poses are known before and after.
 
-    python -m facets.experiments.rigs [--rigs 20] [--samples 400] [--config bench] [--bench]
+    python -m facets.experiments.studies.rigs [--rigs 20] [--samples 400] [--config bench] [--bench]
                                       [--reach 0.25]
 
 Each rig has detectors up to 0.3 mm and 5 mrad off their places, facets up to 2 mrad, powers and
@@ -27,12 +27,13 @@ from facets.calibration.fit import Fit, fit
 from facets.calibration.table import choice as choice_of
 from facets.calibration.unknowns import (
     ALL,
+    MOUNT,
     MOUNTING,
     PLACE,
     Choice,
     assign_values,
+    block,
     fold_mount,
-    mount_of,
     values_of,
 )
 from facets.calibration.verdict import Verdict, verdict
@@ -166,7 +167,7 @@ def draw_bench_rig(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
     """Sample a rig with every effect at once, each of the size of a good bench."""
     rig = draw_rig(nominal, rng)
     values = rig.values.copy()
-    values[mount_of(0)] = rng.uniform(-1, 1, 3) * [1e-3, 1e-3, 8e-3]
+    values[block(MOUNT)] = rng.uniform(-1, 1, 3) * [1e-3, 1e-3, 8e-3]
     for letter in "abc":
         for name in ("y20", "y11", "y02", "z20", "z11", "z02", "y30", "z03"):
             values[PLACE[f"correction_{letter}.{name}"]] = rng.uniform(-0.02, 0.02)
