@@ -32,7 +32,8 @@ from facets.core.errors import FacetsError
 
 from . import signals
 from .command import Command
-from .console import BAD_INPUT, INTERRUPTED, Guarded, message
+from .console import BAD_INPUT, INTERRUPTED, message
+from .streams import Guarded
 
 #: The commands in the order of the help, and the module that each is in.
 COMMANDS = {
@@ -121,7 +122,7 @@ def _version(is_requested: bool) -> None:
 
 def _manual(is_requested: bool) -> None:
     if is_requested:
-        from .manual import manual
+        from .sentences.manual import manual
 
         _, _, status = (__doc__ or "").partition("of every command:\n\n")
         typer.echo(manual(typer.main.get_command(whole_app()), __version__, status), nl=False)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,7 +27,8 @@ from .options import (
     require_yaml,
     write_option,
 )
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
+from .parts.run_display import display, report, tell
 
 if TYPE_CHECKING:
     from facets.live.assembly import Show
@@ -204,50 +202,3 @@ def check_results(run: live.Run, write: Path | None) -> None:
         tell(f"exit status 1: {reason}")
     if reasons:
         raise typer.Exit(1)
-
-
-def tell(text: str) -> None:
-    """Print to the standard error, which may be closed with its terminal."""
-    with suppress(OSError):
-        typer.echo(text, err=True)
-
-
-@contextmanager
-def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> Iterator[Show]:
-    """Show the run in the terminal, or by lines of text or JSON.
-
-    Yields a function that must be called often and prints a line now and then.
-    """
-    if not (json or plain) and sys.stdout.isatty():
-        from rich.live import Live as TerminalView
-
-        screen = TerminalView(
-            get_renderable=lambda: live.Screen(state), refresh_per_second=rate or 8
-        )
-        screen.start()
-        try:
-            yield lambda _: None
-        finally:
-            with suppress(OSError):  # the terminal may be gone
-                screen.stop()
-        return
-    interval_s, last, known = 1 / (rate or (8 if json else 1)), time.monotonic(), 0
-
-    def print_line(now: live.Live) -> None:
-        """Print a line at each interval, and at once when a message appears or ends."""
-        nonlocal last, known
-        count = len(now.messages())
-        if count != known or time.monotonic() - last >= interval_s:
-            last, known = time.monotonic(), count
-            typer.echo(live.json_line(now) if json else live.plain_line(now))
-
-    yield print_line
-
-
-def report(run: live.Run) -> None:
-    """Print the outcome of the run, even if the output is closed."""
-    with suppress(OSError):
-        for text in live.summary(run.live):
-            typer.echo(text)
-        if run.recording:
-            typer.echo(f"{run.recording.folder}/")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,11 +12,12 @@ import facets
 from facets import characterization, core, files, live, pictures
 from facets.core.errors import InputError
 
-from .calibration_text import wrap
-from .console import FINDING, name_files, show_table
-from .noise import solve_recording
+from .console import FINDING
 from .options import ConfigOption, Force, Look, Plot, PlotKind, Point, Style, folder_option
-from .places import choose_point
+from .options.places import choose_point
+from .parts.recordings import solve_recording
+from .results import Results
+from .sentences.axis import show
 
 if TYPE_CHECKING:
     from facets.characterization.axis_report import AxisReport
@@ -87,26 +86,6 @@ Dwell = Annotated[
 ]
 
 
-@dataclass(frozen=True)
-class AxisFiles:
-    """Paths of the results."""
-
-    folder: Path
-    positions: Path
-    quantities: Path
-    compensation: Path
-    picture: Path
-    page: Path
-    record: Path
-
-    @property
-    def all(self) -> list[Path]:
-        return [
-            self.page, self.picture, self.positions, self.quantities, self.compensation,
-            self.record,
-        ]  # fmt: skip
-
-
 def axis(
     poses: Source,
     axis: Axis,
@@ -132,10 +111,11 @@ def axis(
     needs --config. Exit status 1, and no compensation table, if the axis was not found at some
     commanded positions.
     """
-    start = time.perf_counter()
-    paths = files_of(folder or Path("results") / f"axis-{axis.value}", plot)
-    files.tables.refuse_to_overwrite(paths.all, force, [poses, commands])
-    told = (
+    tables = ("positions.csv", "quantities.csv", "compensation.csv")
+    names = ["axis.html", f"axis.{plot.value}", *tables, "run.yaml"]
+    place = folder or Path("results") / f"axis-{axis.value}"
+    results = Results(place, names, force, [poses, commands])
+    commanded = (
         characterization.axis_visits.read_commands(commands, axis.value)
         if commands is not None
         else None
@@ -147,23 +127,18 @@ def axis(
         series,
         characterization.error_motions.AxisTest(
             axis.value,
-            told,
+            commanded,
             settings.object or core.rigid_body.MIRROR,
             line.value,
             dwell,
         ),
     )
-    with files.tables.ResultSet():
-        write(report, settings, paths, f"Axis {axis.value} of {poses.name}", start)
+    with results.publish(settings):
+        write(report, results, f"Axis {axis.value} of {poses.name}")
     show(report)
-    name_files(paths.folder, paths.all)
+    results.name()
     if report.counts.missing:
         raise typer.Exit(FINDING)
-
-
-def files_of(folder: Path, plot: PlotKind) -> AxisFiles:
-    names = ("positions.csv", "quantities.csv", "compensation.csv", f"axis.{plot.value}")
-    return AxisFiles(folder, *(folder / name for name in (*names, "axis.html", "run.yaml")))
 
 
 def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Config, PoseSeries]:
@@ -184,43 +159,14 @@ def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Con
     return settings, characterization.axis_visits.read_series(source)
 
 
-def write(report: AxisReport, settings: Config, paths: AxisFiles, title: str, start: float) -> None:
-    """Write the results; the record comes last, because it states the duration."""
-    about = files.provenance.provenance_header(settings)
-    files.tables.write_table(paths.positions, report.table(), about)
-    files.tables.write_table(paths.quantities, report.summary(), about)
-    pictures.style.save(pictures.axis.axis_picture(report), paths.picture)
-    texts = {paths.page: pictures.axis.axis_page(report, title, about)}
+def write(report: AxisReport, results: Results, title: str) -> None:
+    page, picture, positions, quantities, compensation, _ = results.paths
+    results.write_table(positions, report.table())
+    results.write_table(quantities, report.summary())
+    pictures.style.save(pictures.axis.axis_picture(report), picture)
+    files.whole.write_text(page, pictures.axis.axis_page(report, title, results.about))
     if report.counts.missing:
-        files.whole.remove_older(paths.compensation)
+        files.whole.remove_older(compensation)
     else:
-        texts[paths.compensation] = report.compensation()
-    for path, text in texts.items():
-        with files.whole.Whole(path) as temporary:
-            temporary.write_text(text, "utf-8")
-    seconds = time.perf_counter() - start
-    files.provenance.write_record(paths.record, settings, None, seconds, report.record(), paths.all)
-
-
-def show(report: AxisReport) -> None:
-    """Print the quantities of the axis, the range of each error motion, and the notes."""
-    motions = report.motions
-    unit, scale = report.units(motions.main)
-    rows = [
-        (
-            q.name,
-            q.symbol,
-            *pictures.axis.value_cells(scale * q.value, scale * q.expanded),
-            core.units.write_micro(unit),
-        )
-        for q in report.quantities[motions.main]
-    ]
-    title = (
-        f"{motions.names[motions.main]}: {len(report.visits.target)} stands at "
-        f"{len(motions.targets)} positions; U: expanded uncertainty by the sensor (k = 2)"
-    )
-    show_table(title, ("quantity", "", "value", "U", ""), rows, left=(0, 1, 4))
-    heads = ("error", "", "range", "U", "reversal", "U")
-    show_table("", heads, pictures.axis.other_rows(report), left=(0, 1))
-    for note in filter(None, (report.alignment(), *report.notes())):
-        typer.echo(wrap(f"- {note}"))
+        files.whole.write_text(compensation, report.compensation())
+    results.write_record(report.record())

@@ -49,8 +49,8 @@ def bench(
     about = facts(seed)
     with files.tables.ResultSet():
         results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
-        with files.tables.Whole(folder / "machine.json") as temporary:
-            temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
+        text = json.dumps({"about": about, **results}, indent=1)
+        files.whole.write_text(folder / "machine.json", text)
         draw(results, folder)
     typer.echo(f"{folder}/: {', '.join(names)}")
 

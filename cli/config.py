@@ -10,9 +10,9 @@ import typer
 from facets import config as configuration
 from facets.core.errors import ConfigError
 
-from .completion import configurations
 from .console import BAD_INPUT, load_config, message
 from .options import ConfigName
+from .options.completion import configurations
 
 if TYPE_CHECKING:
     from facets.config import Config

@@ -1,21 +1,14 @@
-"""Output of the commands: messages, tables that fit the terminal, and guarded streams.
-
-A command's results are its files. So a standard output that ends before the command does, as under
-`| head -1`, loses nothing: what is printed after that is dropped, and the files are written. A
-standard output that cannot be written, as on a full disk, is told on standard error at the end.
-"""
+"""Output of the commands: messages, tables that fit the terminal, and bars of progress."""
 
 from __future__ import annotations
 
-import codecs
-import io
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
 from textwrap import fill
-from typing import IO, TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -28,14 +21,9 @@ from . import signals
 if TYPE_CHECKING:
     from facets.config import Config
 
-Result = TypeVar("Result")
+Item = TypeVar("Item")
 #: Exit statuses, the same for every command; 130 and 143 are ends by ^C and by SIGTERM.
 DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-
-#: Replacement of a character that an output's encoding lacks.
-PLAIN = {"µ": "u", "±": "+-", "²": "^2", "·": "*", "\u00d7": "x", "\u2212": "-", "…": "..."}
-#: The name of ASCII with these replacements; typer takes the name "ascii" for a mistake.
-PLAIN_ASCII = "facets-ascii"
 
 
 def message(error: Exception) -> str:
@@ -64,11 +52,6 @@ def load_config(name: str) -> Config:
     return facets.load(name)
 
 
-def name_files(folder: Path, paths: Sequence[Path]) -> None:
-    """Print the last line of a command: the files that it wrote."""
-    typer.echo(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")
-
-
 def report_coverage(about: Mapping[str, str]) -> None:
     """Print what expanded uncertainties state.  about: of `coverage.describe_coverage`."""
     probability = 100 * float(about["coverage_probability"])
@@ -82,6 +65,11 @@ def report_coverage(about: Mapping[str, str]) -> None:
 def free_output(result: Path | None) -> AbstractContextManager[Any]:
     """Context in which messages go to standard error if the result is the standard output."""
     return redirect_stdout(sys.stderr) if result == STANDARD_STREAM else nullcontext()
+
+
+def wrap(text: str) -> str:
+    """Break a text into lines of 100 characters, indented after the first."""
+    return fill(text, 100, subsequent_indent="  ")
 
 
 def report_lines(text: str) -> None:
@@ -128,118 +116,31 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
     return lines
 
 
-def show_progress(
-    run: Callable[[Callable[[int, int], None]], Result], what: str = "exploring"
-) -> Result:
-    """Run a task that reports its progress, with a bar on a terminal.  what: name of the task.
+@contextmanager
+def show_progress(task: str) -> Iterator[Callable[[float, float], None]]:
+    """Show a bar for a task on a terminal; yields the function that takes what is done, of what.
 
     Where a report finds that an interruption was swallowed, the task ends there.
     """
     if not sys.stderr.isatty():
-        return run(lambda *_: signals.check())
+        yield lambda *_: signals.check()
+        return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=None)
+        row = progress.add_task(task, total=None)
 
-        def report(done: int, whole: int) -> None:
+        def report(done: float, whole: float) -> None:
             signals.check()
-            progress.update(task, completed=done, total=whole)
+            progress.update(row, completed=done, total=whole)
 
-        return run(report)
-
-
-class Stream(io.RawIOBase):
-    """A stream that never fails: text that cannot be written is dropped, and `error` says why."""
-
-    def __init__(self, raw: IO[bytes]) -> None:
-        self.raw = raw
-        self.error: OSError | None = None
-
-    def write(self, data: Any) -> int:
-        if self.error is None:
-            try:
-                self.raw.write(data)
-                self.raw.flush()
-            except OSError as error:
-                self.error = error
-        return len(data)
-
-    def writable(self) -> bool:
-        return True
-
-    def fileno(self) -> int:
-        return self.raw.fileno()
-
-    def isatty(self) -> bool:
-        return self.raw.isatty()
+        yield report
 
 
-def guard(stream: Any) -> tuple[Any, Stream | None]:
-    """Put `Stream` below a stream; return it unchanged if it is no file of the system."""
-    try:
-        stream.flush()
-        low = Stream(open(stream.fileno(), "wb", buffering=0, closefd=False))  # noqa: SIM115
-    except (OSError, ValueError, AttributeError):
-        return stream, None
-    known = is_ascii(stream.encoding)
-    text = io.TextIOWrapper(
-        io.BufferedWriter(low),
-        encoding=PLAIN_ASCII if known else stream.encoding,
-        errors="facets-plain",
-        line_buffering=True,
-    )
-    return text, low
-
-
-def is_ascii(encoding: str | None) -> bool:
-    try:
-        return codecs.lookup(encoding or "ascii").name == "ascii"
-    except LookupError:
-        return True
-
-
-def replace_accents(error: UnicodeError) -> tuple[str, int]:
-    """Error handler of `codecs`: replace characters that an encoding lacks."""
-    assert isinstance(error, UnicodeEncodeError)
-    lost = error.object[error.start : error.end]
-    return "".join(PLAIN.get(letter, "?") for letter in lost), error.end
-
-
-def plain_ascii(name: str) -> codecs.CodecInfo | None:
-    """Search function of `codecs`: ASCII by another name."""
-    if name.replace("-", "_") != PLAIN_ASCII.replace("-", "_"):
-        return None
-    known = codecs.lookup("ascii")
-    return codecs.CodecInfo(
-        known.encode, known.decode, known.streamreader, known.streamwriter,
-        known.incrementalencoder, known.incrementaldecoder, name=PLAIN_ASCII,
-    )  # fmt: skip
-
-
-codecs.register_error("facets-plain", replace_accents)
-codecs.register(plain_ascii)
-
-
-class Guarded:
-    """Guarded standard output and error during a command; see `guard`."""
-
-    def __enter__(self) -> Guarded:
-        self.before = sys.stdout, sys.stderr
-        sys.stdout, self.out = guard(sys.stdout)
-        sys.stderr, _ = guard(sys.stderr)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for stream in (sys.stdout, sys.stderr):
-            stream.flush()
-        sys.stdout, sys.stderr = self.before
-
-    def failure(self) -> str:
-        """Reason why the standard output could not be written; "" if there was no such failure."""
-        sys.stdout.flush()
-        error = None if self.out is None else self.out.error
-        if error is None or isinstance(error, BrokenPipeError):
-            return ""
-        return f"error: the standard output cannot be written: {error.strerror}"
+def track(items: Iterable[Item], task: str, count: int) -> Iterator[Item]:
+    """Yield items with a bar on a terminal.  count: of the items."""
+    with show_progress(task) as tell:
+        for number, item in enumerate(items, 1):
+            yield item
+            tell(number, count)

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from facets import config as configuration
 from facets import design, files, pictures
 from facets.core.errors import InputError
 
-from . import completion
 from .console import load_config
-from .design_space import Exploration, follow_front, sample, write
 from .options import (
     Certify,
     ConfigName,
@@ -26,18 +23,18 @@ from .options import (
     Style,
     Table,
     TableKind,
+    completion,
     folder_option,
     output_folder,
     output_option,
     report_option,
     require_html,
-    require_yaml,
     seed_option,
 )
+from .parts.design_space import Exploration, follow_front, sample, write, write_pick
 
 if TYPE_CHECKING:
-    from facets.config import Config
-    from facets.design.exploration import Space
+    pass
 
 GOALS = ("head_mm", "u_roll_urad", "range_roll_mrad")
 
@@ -183,21 +180,3 @@ def require_page(report: Path | None, force: bool) -> None:
         require_html(report)
         files.tables.refuse_to_overwrite([report], force)
         pictures.exploration_page.plotly_text()
-
-
-def write_pick(
-    settings: Config, space: Space, file: Path, number: int, output: Path | None, force: bool
-) -> None:
-    """Write one design of an earlier run as a configuration that extends that of the run."""
-    path = output or Path(f"{settings.name}-{number}.yaml")
-    require_yaml(path)
-    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
-    found = design.gallery.choose_design(settings, space, file, number)
-    x, words = design.gallery.make_buildable(space, found)
-    typer.echo("\n".join(words))
-    sensor = design.variables.sensor_of(space.sensor, space.names, x)
-    about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}
-    design.changes.write_design(settings, sensor, path, about)
-    for key, before, after in design.changes.changes_of(settings, sensor):
-        typer.echo(f"  {key:<24} {before} -> {after}")
-    typer.echo(f"{path}: design {number} of {file}")

@@ -10,7 +10,6 @@ import typer
 
 from facets import files, firmware
 from facets.core.errors import InputError
-from facets.files.whole import ResultSet, Whole, refuse_to_overwrite
 
 from .console import load_config
 from .options import ConfigName, Force, folder_option, output_folder
@@ -36,11 +35,10 @@ def export_c(
         settings.name, settings.sha256, files.provenance.command_line()
     )
     paths = firmware.export.export(settings.sensor, about)
-    refuse_to_overwrite([place / path for path in paths], force)
-    with ResultSet():
+    files.whole.refuse_to_overwrite([place / path for path in paths], force)
+    with files.whole.ResultSet():
         for path, text in paths.items():
-            with Whole(place / path) as temporary:
-                temporary.write_text(text, "utf-8")
+            files.whole.write_text(place / path, text)
     shown = ", ".join(str(path) for path in paths if path.parent == Path())
     typer.echo(f"{place}/: {shown}, and the files in teensy41/ and callers/")
     if settings.sensor.thermal.is_on:

@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from facets import files
-
-from .console import FINDING, load_config, name_files
+from .console import FINDING, load_config
 from .options import (
     Certify,
     ConfigName,
@@ -23,8 +21,9 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .state_survey import certify_and_report, survey_box, write, write_record
-from .survey_request import SurveyRequest, choose_box
+from .options.survey_request import SurveyRequest, choose_box
+from .parts.state_survey import certify_and_report, survey_box, write
+from .results import Results
 
 States = Annotated[int, typer.Option(min=1, help="Number of states to sample.")]
 Uniform = Annotated[
@@ -120,12 +119,13 @@ def jacobian(
         settings, *choose_box(settings, box), states, uniform, seed, left_out, threads, place,
         plot.value, state_table and state_table.value, certify > 0, reach,
     )  # fmt: skip
-    with files.tables.ResultSet():
-        found, worst, pair = survey_box(request, force, search_worst)
-        results = write(request, found, pair)
+    results = Results(place, request.names, force)
+    with results.publish(settings, seed):
+        survey, worst, pair = survey_box(request, results, search_worst)
+        entries = write(request, results, survey, pair)
         if certify:
-            results |= certify_and_report(request, certify, limit, tolerances, worst)
-        write_record(request, results)
-    name_files(place, [file for file in request.files if file.exists()])
-    if certify and not results["unique"]:
+            entries |= certify_and_report(request, certify, limit, tolerances, worst)
+        results.write_record(entries)
+    results.name()
+    if certify and not entries["unique"]:
         raise typer.Exit(FINDING)

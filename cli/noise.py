@@ -22,12 +22,10 @@ from .options import (
     require_yaml,
     write_option,
 )
+from .parts.recordings import solve_recording
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from facets.characterization.noise_report import NoiseReport
-    from facets.characterization.rest import Columns
     from facets.config import Config
 
 
@@ -60,15 +58,9 @@ def noise(
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
-    reports: list[NoiseReport] = []
-    show_progress(
-        lambda done: reports.append(
-            characterization.noise_report.report_of(columns, settings, str(recording), done)
-        ),
-        "analysing the noise",
-    )
-    report = reports[0]
-    tell(report)
+    with show_progress("analysing the noise") as tell:
+        report = characterization.noise_report.report_of(columns, settings, str(recording), tell)
+    show_channels(report)
     if report.faults and write:
         refuse(recording, report.faults, paths, write)
     write_results(report, settings, f"Noise of {recording.name}", paths, write)
@@ -84,36 +76,18 @@ def write_results(
     with files.tables.ResultSet():
         if paths:
             text = pictures.noise.page(report, title, about)
-            with files.whole.Whole(paths[0]) as temporary:
-                temporary.write_text(text, "utf-8")
+            files.whole.write_text(paths[0], text)
             files.tables.write_table(
                 paths[1], characterization.noise_report.table_of(report), about
             )
         if write:
             block = characterization.noise_report.noise_block(report, settings.resolved)
-            with files.whole.Whole(write) as temporary:
-                temporary.write_text(
-                    files.provenance.configuration(settings, block, about), "utf-8"
-                )
+            text = files.provenance.configuration(settings, block, about)
+            files.whole.write_text(write, text)
     if paths:
         typer.echo(f"{paths[0].parent}/")
     if write:
         typer.echo(f"{write}")
-
-
-def solve_recording(playback: live.Playback) -> Columns:
-    """Solve a recording for poses as columns, with a bar; print what is damaged."""
-    parts: list[Columns] = []
-
-    def run(done: Callable[[int, int], None]) -> None:
-        for poses in playback.poses(tell=done):
-            parts.append(poses.columns())
-
-    show_progress(run, "solving the recording")
-    pipeline = playback.pipeline
-    if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
-        typer.echo("\n".join(playback.sentences()))
-    return live.recording.pose_table.join_columns(parts) if parts else {}
 
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:
@@ -128,7 +102,7 @@ def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | 
     raise typer.Exit(FINDING)
 
 
-def tell(report: NoiseReport) -> None:
+def show_channels(report: NoiseReport) -> None:
     """Print a line for each channel."""
     typer.echo(
         f"{report.samples} samples, {report.seconds:.4g} s at {report.rate:.6g} Hz, "

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from facets import config as configuration
-from facets import design, files, proof
+from facets import design, files
 
-from .bounds import light_text, round_down
-from .console import FINDING, load_config, show_progress, show_table
-from .design_pages import objective_of, show_layout, write_report, write_tables
+from .console import FINDING, load_config
 from .options import (
     Certify,
     ConfigName,
@@ -29,13 +26,13 @@ from .options import (
     require_html,
     require_yaml,
 )
-from .places import choose_point, report_object
+from .options.places import choose_point
+from .parts.layout_search import layout_for_yield, rounded_layout, search, write_layout
+from .sentences.certificate import prove_design
+from .sentences.design_pages import NewLayout, show_layout, write_report, write_tables
 
 if TYPE_CHECKING:
-    from facets.config import Config
-    from facets.design.problem import StartResult
-    from facets.design.rounding import Rounded
-    from facets.design.search import Optimum
+    pass
 
 
 SHEETS = "File for all tables of the result: LaTeX (.tex) or a workbook (.xlsx, extra `sheets`)."
@@ -86,126 +83,19 @@ def optimize(
         pages.append(sheets)
     sources = configuration.source_files(settings)
     files.tables.refuse_to_overwrite([path, *paths, *pages], force, sources)
-    found = layout_for_yield(settings, search(settings))
-    made = None if exact else rounded_layout(found)
+    optimum = layout_for_yield(settings, search(settings))
+    rounded = None if exact else rounded_layout(optimum)
     with files.tables.ResultSet():
-        better = write_layout(settings, found, made, path)
+        better = write_layout(settings, optimum, rounded, path)
         if not isinstance(better, str):
-            proved = prove(better, certify)
-            table, sections = show_layout(settings, better, found, made, paths, proved, heads)
+            proved = prove_design(better, certify)
+            layout = NewLayout(settings, optimum, rounded, better)
+            table, sections = show_layout(layout, paths, proved, heads)
             if report:
-                best = objective_of(settings, found, made)
-                write_report(settings, better.sensor, best, table, sections, *pages[:2])
+                write_report(layout, table, sections, *pages[:2])
             if sheets:
                 write_tables(settings, sections, sheets)
     if isinstance(better, str):
         typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
         raise typer.Exit(FINDING)
     typer.echo(", ".join([str(path), *(file.name for file in (*paths, *pages))]))
-
-
-def search(settings: Config) -> Optimum:
-    """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
-    meets all requirements."""
-    found = show_progress(
-        lambda tell: design.search.optimize(settings.sensor, settings.layout, tell), "searching"
-    )
-    if found.tried:
-        headings, rows = design.tables.part_rows(found)
-        left = (0, 1, 2, len(headings) - 1)
-        show_table("parts, the best first", headings, rows[:SHOWN], left=left)
-        if len(rows) < found.choices or len(rows) > SHOWN:
-            typer.echo(
-                f"{len(rows)} of {found.choices} choices were tried; the others cannot be better, "
-                "or do not meet all requirements\n"
-            )
-    headings, rows = design.tables.start_rows(found)
-    report_object(settings)
-    show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
-    if not found.best.found:
-        refuse("no layout meets all that is asked for; these stand against each other:", found.best)
-    return found
-
-
-def refuse(words: str, result: StartResult) -> NoReturn:
-    """Print the conflicting requirements and end."""
-    typer.echo(words)
-    for group, gap in result.shortfalls.items():
-        typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
-    raise typer.Exit(FINDING)
-
-
-def rounded_layout(found: Optimum) -> Rounded | None:
-    """Round the layout to manufacturable values; None if only the exact layout meets all."""
-    made = design.rounding.round_design(found.problem, found.best.x)
-    if made is None:
-        typer.echo(
-            "The layout was not rounded to manufacturable values, because no rounded layout nearby "
-            "meets all requirements."
-        )
-    return made
-
-
-def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
-    """Find the layout with margins for `production.yield_percent`, if this is set; exit status 1 if
-    there is none."""
-    layout = settings.layout
-    if not layout.production:
-        return found
-    known = (layout, settings.range, settings.calibrate)
-    robust = design.robust.robust_layout(found.problem, *known, found.best)
-    share = f"{100 * layout.production:g} %"
-    if not robust.result.found:
-        refuse(f"no layout was found of whose heads {share} keep all that is asked for; with "
-               f"margins of {robust.factor:.3g} of their spreads these stand against each other:",
-               robust.result)  # fmt: skip
-    was = design.report.objective_text(layout.aim, found.best.objective)
-    typer.echo(
-        f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
-        f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
-        f"{robust.rounds} rounds);\nfor perfect heads alone it would be: {was}\n"
-    )
-    return replace(found, results=[robust.result, *found.results], problem=robust.problem)
-
-
-def write_layout(
-    settings: Config, found: Optimum, made: Rounded | None, path: Path
-) -> Config | str:
-    """Write the configuration of the layout; return the reason if it does not load."""
-    x = found.best.x if made is None else made.x
-    about = files.provenance.provenance_header(settings, settings.layout.seed)
-    if found.tried:
-        about["parts"] = found.tried[0][0].names
-    sensor = design.variables.sensor_of(found.sensor, found.names, x)
-    remarks = design.tables.roundings(made, found.names)
-    return design.changes.write_design(settings, sensor, path, about, remarks)
-
-
-def prove(better: Config, work: int) -> str:
-    """State whether the readings are proved to determine states with this number of boxes."""
-
-    if not work:
-        return "not proved: that the readings determine the pose (use --certify)"
-    found = proof.designs.certify_design(better.sensor, better.range, work)
-    if isinstance(found, str):
-        return f"not proved that readings determine states: {found}"
-    if not found.share:
-        return f"not proved that readings determine states: {found.reason}"
-    states = (
-        "states within the ranges of the axes and with"
-        f" {light_text(found.share, better.sensor.beam.power)}"
-    )
-    if found.unique:
-        return (
-            f"proved: no two {states} have the same readings; margin {round_down(found.margin)}"
-            f" or more, of 1 ({found.seconds:.1f} s)"
-        )
-    return (
-        f"not proved that readings determine {states}, in the work allowed:"
-        f" {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
-        "`facets jacobian --certify` says more"
-    )
-
-
-#: Maximum number of choices of parts in a table.
-SHOWN = 24

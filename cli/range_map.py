@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from enum import StrEnum
 from itertools import combinations
 from pathlib import Path
@@ -10,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from facets import characterization, core, files, pictures
+from facets import characterization, pictures
 
-from .console import INTERRUPTED, load_config, name_files, show_table
+from .console import INTERRUPTED, load_config, track
 from .options import (
     At,
     ConfigName,
@@ -28,7 +27,9 @@ from .options import (
     folder_option,
     output_folder,
 )
-from .places import choose_point, displacement_at, object_rules, pair_of, report_object
+from .options.places import choose_point, displacement_at, object_rules, pair_of
+from .results import Results
+from .sentences.ranges import report_axes, report_calls, report_outline
 
 if TYPE_CHECKING:
     from facets.characterization.outlines import Boundary
@@ -94,22 +95,20 @@ def range_map(
     until then are written, with exit status 130. With an object in the configuration or --point,
     the axes are those of the object's displacement from its pose at the mirror's zero.
     """
-    start = time.perf_counter()
     settings = choose_point(load_config(config), point)
     rules = object_rules(settings, track)
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
     pose = displacement_at(settings, at)
-    place = output_folder(folder, settings.name, "range")
-    paths = [place / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
-    files.tables.refuse_to_overwrite(paths, force)
+    names = [f"outlines.{table.value}", f"range.{plot.value}", "run.yaml"]
+    results = Results(output_folder(folder, settings.name, "range"), names, force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)
     for boundary in boundaries:
-        report(settings, rules, boundary, grid)
-    with files.tables.ResultSet():
-        write(settings, rules, boundaries, inside, paths, start)
-    report_calls(boundaries, time.perf_counter() - start)
-    name_files(place, paths)
+        report_outline(settings, rules, boundary, grid)
+    with results.publish(settings):
+        write(results, rules, boundaries, inside)
+    report_calls(boundaries, results.seconds)
+    results.name()
     if len(boundaries) < len(pairs):
         raise typer.Exit(INTERRUPTED)
 
@@ -118,106 +117,29 @@ POSE_NAMES = tuple(name.value for name in Inside if name is not Inside.condition
 
 
 def write(
-    settings: Config,
-    rules: Rules,
-    boundaries: list[Boundary],
-    inside: Inside | None,
-    paths: list[Path],
-    start: float,
+    results: Results, rules: Rules, boundaries: list[Boundary], inside: Inside | None
 ) -> None:
     """Write outlines, picture and record, in that order."""
-    outlines, picture, record = paths
-    files.tables.write_table(
-        outlines,
-        characterization.tables.outline_columns(boundaries),
-        files.provenance.provenance_header(settings),
-    )
+    outlines, picture, _ = results.paths
+    results.write_table(outlines, characterization.tables.outline_columns(boundaries))
+    sensor = results.settings.sensor
     maps = (
-        [
-            characterization.outlines.map_inside(settings.sensor, rules, b, inside)
-            for b in boundaries
-        ]
+        [characterization.outlines.map_inside(sensor, rules, b, inside) for b in boundaries]
         if inside
         else []
     )
     pictures.style.save(pictures.ranges.ranges_picture(boundaries, maps), picture)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
-    results = {"tracking": rules.tracking, "points": traced}
-    seconds = time.perf_counter() - start
-    files.provenance.write_record(record, settings, None, seconds, results, paths)
-
-
-def report_calls(boundaries: list[Boundary], seconds: float) -> None:
-    calls = sum(boundary.calls for boundary in boundaries)
-    saved = sum(boundary.grid_calls for boundary in boundaries) / calls
-    typer.echo(
-        f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 µm and 0.1 µrad; "
-        f"{seconds:.1f} s"
-    )
+    results.write_record({"tracking": rules.tracking, "points": traced})
 
 
 def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[Boundary]:
-    from rich.console import Console
-    from rich.progress import track
-
-    found = []
-    shown = Console(stderr=True)
+    outlines = []
     try:
-        for pair in track(pairs, "tracing", console=shown, transient=True, disable=len(pairs) < 2):
-            found.append(characterization.outlines.trace(settings.sensor, rules, pair, pose))
+        for pair in track(pairs, "tracing", len(pairs)):
+            outlines.append(characterization.outlines.trace(settings.sensor, rules, pair, pose))
     except KeyboardInterrupt:
-        if not found:
+        if not outlines:
             raise
-        shown.print(f"interrupted: {len(found)} of {len(pairs)} outlines are done")
-    return found
-
-
-def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
-    """Print the range of each axis, and the largest box with these proportions."""
-    import numpy as np
-
-    found = characterization.ranges.axis_ranges(settings.sensor, rules, pose)
-    sizes = np.array([max(axis.symmetric / 2, 1e-12) for axis in found])
-    sides, why = characterization.ranges.largest_box(settings.sensor, rules, pose, sizes)
-    rows = []
-    for axis, side in zip(found, sides, strict=True):
-        unit = core.units.unit_of(axis.name)
-        causes = sorted(
-            {
-                characterization.tables.cause_of(axis.low_cause),
-                characterization.tables.cause_of(axis.high_cause),
-            }
-        )
-        numbers = (axis.low, axis.high, axis.total, axis.symmetric / 2)
-        cells = [f"{unit.factor * number:.4g}" for number in numbers]
-        rows.append([axis.name, *cells, unit.unit, ", ".join(causes), f"{unit.factor * side:.4g}"])
-    mode = "beam follows in x and y" if rules.tracking else "beam fixed"
-    headings = ("axis", "from", "to", "total", "+-", "", "ends where", "box +-")
-    report_object(settings)
-    show_table(f"{settings.name}: range of each axis, {mode}", headings, rows, left=(0, 5, 6))
-    typer.echo(
-        f"  the box, all six axes at once, ends where: {characterization.tables.cause_of(why)}\n"
-    )
-
-
-def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> None:
-    """Print one line about an outline: its size, its causes, and the result of its checks."""
-    import numpy as np
-
-    sizes = [
-        f"{name} {core.units.unit_of(name).factor * size:.4g} {core.units.unit_of(name).unit}"
-        for name, size in zip(boundary.axes, boundary.extent, strict=True)
-    ]
-    tried, right = characterization.outlines.count_correct_solutions(
-        settings.sensor, rules, boundary
-    )
-    text = f"{sizes[0]} by {sizes[1]}: {len(boundary.points)} points; "
-    text += f"{right} of {tried} poses inside solved from zero"
-    if grid:
-        x, y, cause = characterization.outlines.cause_grid(settings.sensor, rules, boundary, grid)
-        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        differ = int(
-            (characterization.outlines.encloses(boundary, points) != (cause.ravel() < 0)).sum()
-        )
-        text += f"; {differ} of {grid * grid} grid points differ"
-    typer.echo(text)
+        typer.echo(f"interrupted: {len(outlines)} of {len(pairs)} outlines are done", err=True)
+    return outlines

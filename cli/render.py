@@ -13,7 +13,6 @@ from facets import files, pictures
 from facets.core.errors import InputError
 
 from .console import load_config
-from .film import PictureForm, film_states, write_film
 from .options import (
     At,
     ConfigName,
@@ -25,7 +24,8 @@ from .options import (
     output_folder,
     output_option,
 )
-from .places import state_of
+from .options.places import state_of
+from .parts.drawings import draw, draw_flat, film_states, write_film
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -138,7 +138,10 @@ def render(
     check_ending(path, is_flat, is_film)
     files.tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
-    form = PictureForm(view.value, size_of(width, height, is_film), style.value)
+    theme = pictures.materials.theme_of(style.value)
+    form = pictures.render.PictureForm(
+        view.value, size_of(width, height, is_film), theme, settings.name
+    )
     if is_flat:
         draw_flat(settings, state, spots, path)
     elif is_film:
@@ -201,24 +204,3 @@ def extras(
     if view is View.trail:
         return {"motion": film_states(settings, motion, recording, 600)}
     return {}
-
-
-def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict[str, Any]) -> None:
-    """Draw a picture, a page or a scene, by the file's suffix."""
-    if path.suffix.lower() == ".html":
-        pictures.page.rig_page.write_rig_page(
-            settings.sensor, settings.name, state, path, form.view, settings
-        )
-    elif path.suffix.lower() == ".gltf":
-        pictures.render.save_scene(settings.sensor, state, path)
-    else:
-        theme = pictures.materials.theme_of(form.style)
-        with pictures.render.Picture(
-            settings.sensor, state, form.view, form.size, theme, settings.name, **more
-        ) as picture:
-            picture.save(path)
-
-
-def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
-    make = pictures.spots.spots_picture if spots else pictures.spots.plan_picture
-    pictures.style.save(make(settings.sensor, state), path)

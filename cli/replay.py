@@ -23,7 +23,7 @@ from .options import (
     Zero,
     output_option,
 )
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
 
 Output = Annotated[
     Path | None,

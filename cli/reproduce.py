@@ -9,9 +9,8 @@ import typer
 
 from facets import files
 
-from . import completion
 from .console import FINDING
-from .options import Force, Look, Quick, Style, folder_option
+from .options import Force, Look, Quick, Style, completion, folder_option
 
 if TYPE_CHECKING:
     from facets.experiments.reproduce import ExperimentResult

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from facets import characterization, core, estimation, files, pictures
+from facets import characterization, core, estimation, pictures
 from facets.core.names import POSE
 
-from .console import FINDING, load_config, name_files, report_coverage, report_lines, show_table
+from .console import FINDING, load_config, report_coverage, report_lines, show_table
 from .options import (
     ConfigName,
     Coverage,
@@ -26,8 +25,9 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .places import choose_point, object_rules, report_object
-from .trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
+from .options.places import choose_point, object_rules, report_object
+from .parts.trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
+from .results import Results
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution
@@ -62,50 +62,35 @@ def resolution(
     writes coverage intervals and a picture. Exit status 1 if more trials have no pose than the
     coverage probability leaves.
     """
-    start = time.perf_counter()
     settings = choose_point(load_config(config), point)
-    about = files.provenance.provenance_header(settings)
-    if coverage is not None:
-        about |= estimation.uncertainty.describe_coverage(settings.sensor, coverage)
     rules = object_rules(settings, track)
-    place = output_folder(folder, settings.name, "resolution")
-    paths = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
     request = TrialRequest(settings, rules, trials, coverage or DEFAULT_COVERAGE, seed, poses)
-    pictured = request.paths(place, plot)
-    files.tables.refuse_to_overwrite([*paths, *pictured], force, [poses])
+    names = ["resolution.csv", f"budget.{plot.value}", "run.yaml", *request.names(plot)]
+    results = Results(output_folder(folder, settings.name, "resolution"), names, force, [poses])
     states = request.states()
-    found = characterization.resolution.resolve(
+    resolutions = characterization.resolution.resolve(
         settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)
     )
     report_object(settings)
-    show(found, coverage)
+    show(resolutions, coverage)
+    stated = {}
     if coverage is not None:
-        report_coverage(about)
+        stated = estimation.uncertainty.describe_coverage(settings.sensor, coverage)
+        report_coverage(stated)
     propagated = request.run(states)
-    table, picture, record = paths
-    with files.tables.ResultSet():
-        files.tables.write_table(
-            table,
-            characterization.tables.resolution_columns(found, coverage),
-            about,
-        )
-        pictures.style.save(pictures.resolution.budget_picture(found), picture)
-        results: dict[str, Any] = {
-            "tracking": track,
-            "estimators": [row.how.name for row in found],
-        }
-        request.write(pictured, propagated)
-        results |= request.record(propagated)
-        seconds = time.perf_counter() - start
-        files.provenance.write_record(
-            record, settings, seed if trials else None, seconds, results, [*paths, *pictured]
-        )
-    name_files(place, [*paths, *pictured])
-    if not all(one.is_stated for one in propagated.values()):
+    with results.publish(settings, more=stated) as (table, picture, _, *beside):
+        columns = characterization.tables.resolution_columns(resolutions, coverage)
+        results.write_table(table, columns)
+        pictures.style.save(pictures.resolution.budget_picture(resolutions), picture)
+        request.write(beside, propagated)
+        entries = {"tracking": track, "estimators": [row.how.name for row in resolutions]}
+        results.write_record(entries | request.record(propagated), seed if trials else None)
+    results.name()
+    if not all(result.is_stated for result in propagated.values()):
         raise typer.Exit(FINDING)
 
 
-def show(found: list[Resolution], coverage: float | None = None) -> None:
+def show(resolutions: list[Resolution], coverage: float | None = None) -> None:
     headings = ["", *(f"{name} {core.units.unit_of(name).fine_unit}" for name in POSE)]
     kind = "standard uncertainty, 1 sigma"
     if coverage is not None:
@@ -117,7 +102,7 @@ def show(found: list[Resolution], coverage: float | None = None) -> None:
     )
     for number, (title, field) in enumerate(places):
         rows = []
-        for row in found:
+        for row in resolutions:
             factor = 1.0 if coverage is None else row.coverage(coverage)[number][1]
             values = zip(POSE, factor * getattr(row, field), strict=True)
             cells = [
@@ -127,9 +112,9 @@ def show(found: list[Resolution], coverage: float | None = None) -> None:
         show_table(f"{kind}, {title}", headings, rows)
     box = [
         f"{name} {core.units.unit_of(name).factor * half:.4g} {core.units.unit_of(name).unit}"
-        for name, half in zip(POSE, found[0].box, strict=True)
+        for name, half in zip(POSE, resolutions[0].box, strict=True)
     ]
     report_lines(f"The box, +-, all six axes at once: {', '.join(box)}.")
-    finer = found[0].worst / found[-1].worst
+    finer = resolutions[0].worst / resolutions[-1].worst
     gains = ", ".join(f"{name} {gain:.3g}" for name, gain in zip(POSE, finer, strict=True))
     typer.echo(f"with the beam known, finer than the paper's inversion by: {gains}\n")

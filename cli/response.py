@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-import facets
-from facets import characterization, core, files, live, pictures
+from facets import characterization, core, pictures
 from facets.core.errors import InputError
-from facets.core.names import POSE
 
-from .console import FINDING, load_config, name_files, show_table
-from .noise import solve_recording
+from .console import FINDING
 from .options import (
     ConfigOption,
     Force,
@@ -27,13 +24,13 @@ from .options import (
     folder_option,
     output_folder,
 )
-from .places import choose_point
+from .options.places import choose_point
+from .parts.response_input import describe_input, read_columns
+from .results import Results
+from .sentences.response import show_estimate
 
 if TYPE_CHECKING:
-    from facets.characterization.frequency_response import FrequencyResponse
-    from facets.characterization.response_findings import Peak
-    from facets.characterization.response_signals import Columns, ResponseSignals
-    from facets.config import Config
+    pass
 
 Measurement = Annotated[
     Path,
@@ -122,15 +119,15 @@ def response(
     gap or a missing pose cuts are left out. The command says what limits the result, and why. Exit
     status 1 if no axis answers to the input.
     """
-    paths = result_files(output_folder(folder, measurement.stem, "response"), table, plot)
     universal = characterization.universal_file
     dof = universal.read_input_dof(input_dof) if input_dof else (0, 0)
     if uff is not None:
         core.extras.require_extra("pyuff", f"--uff {uff}")
         if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
             raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
-    written = [*paths, *([uff] if uff else [])]
-    files.tables.refuse_to_overwrite(written, force, [measurement])
+    names = [f"response.{table.value}", f"response.{plot.value}"]
+    place = output_folder(folder, measurement.stem, "response")
+    results = Results(place, names, force, [measurement], [uff] if uff else [])
     columns, settings = read_columns(measurement, input_column, config)
     settings = choose_point(settings, point)
     body = settings.object or core.rigid_body.MIRROR
@@ -139,7 +136,7 @@ def response(
     )
     bandwidth = settings.electronics.bandwidth
     delay, unit = describe_input(settings, input_column)
-    found = characterization.frequency_response.estimate_response(
+    estimate = characterization.frequency_response.estimate_response(
         signals.stimulus,
         signals.motion,
         signals.stretches,
@@ -148,99 +145,28 @@ def response(
             signals.deviation, bandwidth, correct_bandwidth, delay
         ),
     )
-    peaks = characterization.response_findings.find_peaks(found)
-    about = files.provenance.provenance_header(settings) | {
-        "input": input_column,
-        "point": body.text,
-        "averages": f"{found.averages:.4g}",
-    }
-    with files.tables.ResultSet():
-        rows = characterization.frequency_response.response_table(found)
-        files.tables.write_table(paths[0], rows, about)
+    peaks = characterization.response_findings.find_peaks(estimate)
+    averages = f"{estimate.averages:.4g}"
+    origin = {"input": input_column, "point": body.text, "averages": averages}
+    with results.publish(settings, more=origin) as (rows, picture):
+        results.write_table(rows, characterization.frequency_response.response_table(estimate))
         title = f"Response to {input_column} of {measurement.name}"
         pictures.style.save(
-            pictures.response.response_picture(found, unit, title, bandwidth), paths[1]
+            pictures.response.response_picture(estimate, unit, title, bandwidth), picture
         )
         if uff is not None:
             universal.write_universal_file(
                 uff,
-                found,
+                estimate,
                 universal.InputChannel(input_column, *dof),
                 universal.Node(node, body.point),
-                about,
+                results.about,
             )
-    tell(found, signals, peaks, unit, body.text)
-    limits = characterization.response_findings.find_limits(found, signals, peaks, bandwidth)
+    show_estimate(estimate, signals, peaks, unit, body.text)
+    limits = characterization.response_findings.find_limits(estimate, signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))
-    name_files(paths[0].parent, paths)
+    results.name()
     if uff is not None:
         typer.echo(f"{uff}")
-    if characterization.response_findings.silent_axes(found).all():
+    if characterization.response_findings.silent_axes(estimate).all():
         raise typer.Exit(FINDING)
-
-
-def result_files(folder: Path, table: TableKind, plot: PlotKind) -> list[Path]:
-    return [folder / f"response.{table.value}", folder / f"response.{plot.value}"]
-
-
-def read_columns(data: Path, column: str, config: str | None) -> tuple[Columns, Config]:
-    """Read the columns of a recording or of a table, and the sensor's configuration."""
-    if data.is_dir() or not data.name.lower().endswith(files.tables.ENDINGS):
-        return solve_columns(data, column, config)
-    if config is None:
-        raise InputError(
-            f"{data}: a table needs --config CONFIG, the configuration of the sensor, whose noise "
-            "and bandwidth the picture shows"
-        )
-    return characterization.response_signals.read_signal_table(data, column), load_config(config)
-
-
-def solve_columns(recording: Path, column: str, config: str | None) -> tuple[Columns, Config]:
-    """Solve a recording, which must have the auxiliary channel of the column."""
-    playback = live.Playback(recording, facets.load(config) if config else None)
-    names = [one.column for one in playback.config.acquire.channels]
-    if column not in names:
-        has = ", ".join(names) or "none (acquire.channels names them)"
-        raise InputError(
-            f"{recording}: has no auxiliary channel with the column {column}; it has: {has}"
-        )
-    columns = solve_recording(playback)
-    if not columns:
-        raise InputError(f"{recording}: holds no complete sample")
-    return columns, playback.config
-
-
-def describe_input(settings: Config, column: str) -> tuple[float, str]:
-    """The delay of the input's samples, s, and the input's unit; 0 and by its name by default."""
-    for channel in settings.acquire.channels:
-        if channel.column == column:
-            return channel.delay, "" if channel.unit == "1" else channel.unit
-    return 0.0, files.tables.unit_of_column(column)
-
-
-def tell(
-    found: FrequencyResponse, signals: ResponseSignals, peaks: list[Peak], unit: str, point: str
-) -> None:
-    """Print the estimate's frame, and the peaks."""
-    lines = found.frequency[found.is_excited]
-    typer.echo(
-        f"{len(signals.stimulus)} rows at {found.rate:.6g} Hz: {found.segments} segments, "
-        f"{found.averages:.3g} independent averages, a line every {found.resolution:.4g} Hz; the "
-        f"input has power from {lines.min():.4g} to {lines.max():.4g} Hz"
-    )
-    typer.echo(f"{point}")
-    per = f" per {unit}" if unit else ""
-    rows = []
-    for one in peaks:
-        fine = core.units.unit_of(one.axis)
-        error = found.coverage_factor * found.random_error[one.line, POSE.index(one.axis)]
-        rows.append([
-            f"{one.frequency:.5g}", one.axis, f"{fine.fine_factor * one.size:.4g}",
-            f"{fine.fine_unit}{per}", f"{100 * error:.2g} %", f"{one.width:.3g}",
-            f"{found.coherence[one.line, POSE.index(one.axis)]:.4f}",
-        ])  # fmt: skip
-    if rows:
-        headings = ("Hz", "axis", "|H1|", "", "random (95 %)", "width, Hz", "coherence")
-        show_table("peaks, at lines of the estimate", headings, rows, left=(1, 3))
-    else:
-        typer.echo("No peak stands out of its surroundings by a factor of 3.")

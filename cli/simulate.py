@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from facets import config as configuration
-from facets import core, estimation, files, pictures, simulation
+from facets import estimation, pictures, simulation
 
-from .console import FINDING, load_config, name_files, report_lines, show_table
+from .console import FINDING, load_config, report_lines
 from .options import (
     ConfigName,
     Covariance,
     Force,
     Look,
     Plot,
+    PlotKind,
     Point,
     Style,
     Table,
@@ -31,13 +30,12 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .options import PlotKind as PlotKind
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
+from .results import Results
+from .sentences.simulation import print_segment
 
 if TYPE_CHECKING:
-    from facets.config import Config
-    from facets.core.rigid_body import MeasuredObject
-    from facets.simulation.run import AxisErrors, Segment
+    from facets.simulation.run import Segment
 
 
 Motions = Annotated[
@@ -52,21 +50,6 @@ Noise = Annotated[
         help="Simulate readings with or without noise.  [default: as each motion says]",
     ),
 ]
-
-
-@dataclass(frozen=True)
-class Files:
-    """Paths of a simulation's results."""
-
-    folder: Path
-    readings: Path
-    poses: Path
-    picture: Path
-    record: Path
-
-    @property
-    def all(self) -> list[Path]:
-        return [self.readings, self.poses, self.picture, self.record]
 
 
 def simulate(
@@ -94,17 +77,15 @@ def simulate(
     poses has the displacements from the zero of each motion. Exit status 1 if no sample of a motion
     could be solved.
     """
-    start = time.perf_counter()
     settings, request = choose_point(load_config(config), point), zero_of(zero)
-    paths = files_of(output_folder(folder, settings.name), table, plot)
+    names = [f"readings.{table.value}", f"poses.{table.value}", f"motion.{plot.value}", "run.yaml"]
     sources = [*configuration.source_files(settings), request.file if request else None]
-    files.tables.refuse_to_overwrite(paths.all, force, sources)
+    results = Results(output_folder(folder, settings.name), names, force, sources)
     columns = estimation.PoseColumns(request, covariance)
     segments = simulation.run.simulate(settings, motion or [], noise, seed, track, columns)
     drawn = settings.seed if seed is None else seed
-    about = files.provenance.provenance_header(settings, drawn) | zero_entry(segments)
-    with files.tables.ResultSet():
-        write(settings, segments, about, paths, drawn, with_reference, start)
+    with results.publish(settings, drawn, zero_entry(segments)):
+        write(results, segments, with_reference)
     for segment in segments:
         print_segment(segment, settings.object)
         for sentence in segment.measurement.zero_sentences():
@@ -112,88 +93,31 @@ def simulate(
         typer.echo()
     for sentence in segments[0].measurement.tally.sentences(settings):
         report_lines(sentence)
-    name_files(paths.folder, paths.all)
+    results.name()
     if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
 
 
-def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
-    readings, poses = folder / f"readings.{table.value}", folder / f"poses.{table.value}"
-    return Files(folder, readings, poses, folder / f"motion.{plot.value}", folder / "run.yaml")
-
-
-def write(
-    settings: Config,
-    segments: list[Segment],
-    about: dict[str, str],
-    paths: Files,
-    seed: int,
-    reference: bool,
-    start: float,
-) -> None:
-    """Write the results; the record comes last, because it states the duration."""
+def write(results: Results, segments: list[Segment], with_reference: bool) -> None:
+    settings, about = results.settings, results.about
     columns = simulation.run.reading_table(segments)
-    if reference:
-        columns |= simulation.run.reference_table(segments, settings.calibrate.reference, seed)
-    files.tables.write_table(paths.readings, columns, about)
-    files.tables.write_table(paths.poses, simulation.run.pose_table(segments), about)
-    pictures.style.save(pictures.motion.motion_picture(segments), paths.picture)
+    if with_reference:
+        columns |= simulation.run.reference_table(
+            segments, settings.calibrate.reference, int(about["seed"])
+        )
+    readings, poses, picture, _ = results.paths
+    results.write_table(readings, columns)
+    results.write_table(poses, simulation.run.pose_table(segments))
+    pictures.style.save(pictures.motion.motion_picture(segments), picture)
     for segment in segments:
-        commands = paths.folder / f"commands-{segment.name}.csv"
+        commands = results.folder / f"commands-{segment.name}.csv"
         simulation.axis_runs.write_commands(commands, settings.motions[segment.name], about)
-    results: dict[str, Any] = {key: about[key] for key in ("zero",) if key in about}
-    results |= {segment.name: simulation.run.statuses(segment) for segment in segments}
-    seconds = time.perf_counter() - start
-    files.provenance.write_record(paths.record, settings, seed, seconds, results, paths.all)
+    entries: dict[str, Any] = {key: about[key] for key in ("zero",) if key in about}
+    entries |= {segment.name: simulation.run.statuses(segment) for segment in segments}
+    results.write_record(entries)
 
 
 def zero_entry(segments: list[Segment]) -> dict[str, str]:
     """The zeros of the motions for the head of the tables."""
     texts = dict.fromkeys(segment.measurement.zero_text for segment in segments)
     return {"zero": "; ".join(texts)} if any(texts) else {}
-
-
-def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
-    """Print the errors of one motion by axis, of mirror and object, then the outcome of its
-    samples."""
-    print_errors(segment.name, simulation.run.axes(segment))
-    if body is not None:
-        print_errors(f"{segment.name}: the object", simulation.run.axes(segment, body))
-    typer.echo(outcome(segment))
-
-
-def print_errors(title: str, axes: list[AxisErrors]) -> None:
-    headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
-    rows = []
-    for axis in axes:
-        unit, factor, fine_unit, fine = core.units.unit_of(axis.name)
-        moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
-        sizes = (axis.largest, axis.rms, axis.uncertainty)
-        errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
-        rows.append([axis.name, *(moved if axis.is_varied else ("", "", "")), *errors, fine_unit])
-    show_table(title, headings, rows, left=(0, 3, 7))
-
-
-def outcome(segment: Segment) -> str:
-    """Samples by status, detectors that read nothing, and the largest cross-axis error."""
-    counts = ", ".join(
-        f"{count} {label}" for label, count in simulation.run.statuses(segment).items()
-    )
-    text = f"  {len(segment.time)} samples: {counts}"
-    lost = {"the spot fell beside it": ~segment.reached, "it was saturated": segment.saturated}
-    for why, which in lost.items():
-        for letter, count in zip("ABC", which.sum(axis=0), strict=True):
-            if count:
-                text += f"\n  {count} samples without PSD {letter}: {why}"
-    still = [
-        axis
-        for axis in simulation.run.axes(segment)
-        if not axis.is_varied and axis.largest == axis.largest
-    ]
-    for kind in (core.units.LENGTH, core.units.ANGLE):
-        group = [axis for axis in still if core.units.unit_of(axis.name) == kind]
-        if group and len(still) < 6:
-            worst = max(group, key=lambda axis: axis.largest)
-            error = f"{worst.largest * kind.fine_factor:.3g} {kind.fine_unit}"
-            text += f"\n  largest cross-axis error: {error} in {worst.name}"
-    return text

@@ -26,7 +26,7 @@ from .options import (
     output_folder,
     output_option,
 )
-from .places import choose_point, zero_of
+from .options.places import choose_point, zero_of
 
 #: The default of most options.
 CONFIGURED = describe_default("the configuration's")

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from facets.cli.manual import context_of
+from facets.cli.sentences.manual import context_of
 
 from facets.config import load, shipped
 from facets.config.json_schema import allowed_values, document, entry

@@ -12,7 +12,7 @@ import facets
 from facets.characterization.outlines import Boundary, trace
 from facets.characterization.ranges import CAUSES
 from facets.core.names import POSE
-from facets.pictures.ranges import ranges_picture
+from facets.pictures.plots.ranges import ranges_picture
 from facets.pictures.style import unit_of
 
 from .experiment import Table, columns_of

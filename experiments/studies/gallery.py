@@ -17,9 +17,9 @@ import facets
 from facets.core.motions import Sine
 from facets.core.units import Floats
 from facets.pictures import film, style
-from facets.pictures.magnification import motion_factor, turning_factor
-from facets.pictures.render import Picture
-from facets.pictures.spots import plan_picture, spots_picture
+from facets.pictures.plots.spots import plan_picture, spots_picture
+from facets.pictures.stills.magnification import motion_factor, turning_factor
+from facets.pictures.stills.render import Picture, PictureForm
 from facets.simulation.motion import states
 
 CONFIG = facets.load("paper")
@@ -39,7 +39,8 @@ def three_d(view: Any, theme: Any, state: Any = TILTED, size: Any = SIZE, **more
     """Make a function that writes a three-dimensional picture to a file."""
 
     def write(path: Path) -> None:
-        with Picture(CONFIG.sensor, np.array(state), view, size, theme, "paper", **more) as picture:
+        form = PictureForm(view, size, theme, "paper")
+        with Picture(CONFIG.sensor, np.array(state), form, **more) as picture:
             picture.save(path)
 
     return write
@@ -57,9 +58,10 @@ def wobble(path: Path) -> None:
     """Write a film for a web page: small, and in few colours."""
     motion = 0.2 * wander()[::15]
     factor = motion_factor(CONFIG.sensor, motion)
-    with Picture(CONFIG.sensor, motion[0], "both", (600, 400), "dark", "paper") as picture:
+    form = PictureForm("both", (600, 400), "dark", "paper")
+    with Picture(CONFIG.sensor, motion[0], form) as picture:
         turning = turning_factor(factor * motion)
-        film.write(picture, motion, path, 12.5, factor, lambda: None, turning)
+        film.write(picture, film.Film(motion, 12.5, factor, turning), path)
 
 
 REST = np.zeros(8)

@@ -36,7 +36,7 @@ from facets.estimation.solver import solve_each
 from facets.model.arrays import parameters
 from facets.optics.parameters import PARAMETERS
 from facets.pictures import style
-from facets.pictures.trials import trials_picture
+from facets.pictures.plots.trials import trials_picture
 
 #: Nodes in the angle between a facet's edges, and in the distance from the apex; how far these go,
 #: in the beam's standard deviations.

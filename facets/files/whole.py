@@ -173,6 +173,12 @@ class Whole:
                     folder.rmdir()
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text to a file, completely or not at all."""
+    with Whole(path) as temporary:
+        temporary.write_text(text, "utf-8")
+
+
 class ResultSet:
     """The results of a command: files that appear under their names together or not at all.
 

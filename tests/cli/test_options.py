@@ -8,8 +8,9 @@ from collections import defaultdict
 import pytest
 import typer
 from commands import command
-from facets.cli import COMMANDS, manual, whole_app
+from facets.cli import COMMANDS, whole_app
 from facets.cli.command import OPTIONAL_VALUES, RENAMED, why_meaningless
+from facets.cli.sentences import manual
 
 BAD = [
     (("range-map", "paper", "--at", ""), "'--at': the value is empty"),

@@ -39,8 +39,9 @@ def written(tmp_path_factory):
     best = design.gallery.best_of(table, list(space.objectives), ranges & (np.arange(40) % 4 == 0))
     shown, sensors = design.gallery.gallery(space, best, table)
     texts = design.gallery.texts_of(CONFIG, sensors, folder)
+    designs = pictures.exploration_page.ShownDesigns(shown, sensors, texts)
     text = pictures.exploration_page.page(
-        "layout </script>", space.names, list(space.objectives), shown, sensors, texts, ""
+        "layout </script>", space.names, list(space.objectives), designs, ""
     )
     (folder / "page.html").write_text(text, "utf-8")
     return folder / "page.html", shown, texts

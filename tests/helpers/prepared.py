@@ -17,7 +17,8 @@ HEAVY = (
 )  # fmt: skip
 #: Parts of the package that are loaded only if a command needs them.
 LATE = (
-    "facets.bench", "facets.cli", "facets.experiments", "facets.scalars", "facets.pictures.render",
+    "facets.bench", "facets.cli", "facets.experiments", "facets.scalars",
+    "facets.pictures.stills.render",
 )  # fmt: skip
 
 # as `facets.cli.program` does it: registered first, called last, in each command's process

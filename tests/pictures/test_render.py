@@ -14,6 +14,7 @@ from sensors import SENSORS, states
 import facets
 from facets.pictures import (
     Picture,
+    PictureForm,
     Stand,
     face_camera,
     motion_factor,
@@ -28,12 +29,13 @@ TILTED = np.array([0.08, 0.05, 0, 8e-3, 6e-3, 10e-3, 0, 0])
 BESIDE = np.array([40.0, 0, 0, 0, 0, 0, 0, 0])
 REST = np.zeros(8)
 SIZE = (240, 180)
+RIG = PictureForm("rig", SIZE, sharpness=1)
 
 
 @pytest.fixture(scope="module")
 def picture():
     """A picture of the parts, from which tests take a camera and depths."""
-    with Picture(PAPER, TILTED, "rig", SIZE, sharpness=1) as picture:
+    with Picture(PAPER, TILTED, RIG) as picture:
         yield picture
 
 
@@ -61,7 +63,7 @@ def nearest_hue(change, hues):
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(theme):
-    with Picture(PAPER, TILTED, "rig", SIZE, theme) as picture:
+    with Picture(PAPER, TILTED, PictureForm("rig", SIZE, theme)) as picture:
         view = picture.view
         change, camera, geometry = light_in(view), view.camera(), view.stand.geometry
     for k, (psi, zeta, _) in enumerate(facets.readings(PAPER, TILTED).reshape(3, 3)):
@@ -118,7 +120,8 @@ def test_facets_are_not_black_at_any_inclination(inclination):
     """They were at 38, 40, 41 and 43 degrees, where the normals of the drawn facets were lost."""
     slope = np.radians(inclination)
     inclined = tuple(replace(facet, inclination=slope) for facet in PAPER.facets)
-    with Picture(replace(PAPER, facets=inclined), REST, "mirror", (120, 90), "light") as picture:
+    form = PictureForm("mirror", (120, 90), "light")
+    with Picture(replace(PAPER, facets=inclined), REST, form) as picture:
         camera, parts = picture.view.camera(), picture.view.parts
         colour = picture.view.studio.take(camera).colour
     for k in (0, 2):  # those that face the camera
@@ -132,7 +135,8 @@ def test_facets_are_not_black_at_any_inclination(inclination):
     [("paper", "cutaway"), ("fig4", "exploded"), ("skewed", "both"), ("skewed", "detector")],
 )
 def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
-    with Picture(facets.load(name).sensor, BESIDE, view, (200, 150), sharpness=1) as picture:
+    form = PictureForm(view, (200, 150), sharpness=1)
+    with Picture(facets.load(name).sensor, BESIDE, form) as picture:
         picture.image()  # also where no light falls
         picture.move(REST)
         image = picture.image()
@@ -150,7 +154,7 @@ def volume(solid):
 
 def test_parts_are_closed_and_face_outward_and_facets_lie_in_the_planes_of_the_model():
     """Volumes are positive: else light falls on a part's inside."""
-    with Picture(SENSORS["skewed1"], REST, "rig", SIZE, sharpness=1) as picture:
+    with Picture(SENSORS["skewed1"], REST, RIG) as picture:
         stand, parts = picture.view.rest, picture.view.parts
     # the mirror's facets and its body, of which none is closed alone, come first
     volumes = [volume(part.solid) for part in parts]
@@ -174,7 +178,7 @@ def test_equal_radii_have_one_dimension_and_unequal_ones_three():
     other = replace(PAPER, psds=(replace(PAPER.psds[0], radius=200.0), *PAPER.psds[1:]))
     for sensor, radii in ((PAPER, ["250 mm"]), (other, ["200 mm", "250 mm", "250 mm"])):
         sheet = MagicMock(unit=1)
-        with Picture(sensor, REST, "rig", SIZE, sharpness=1) as picture:
+        with Picture(sensor, REST, RIG) as picture:
             picture.view.dimension_radii(sheet, picture.view.camera())
         assert [call.args[2] for call in sheet.dimension.call_args_list] == radii
 

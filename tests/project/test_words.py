@@ -13,7 +13,8 @@ from functools import cache
 
 import pytest
 import typer
-from facets.cli import manual, whole_app
+from facets.cli import whole_app
+from facets.cli.sentences import manual
 from installed import ROOT
 from numpydoc.validate import validate
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.cli.optimize import prove
+from facets.cli.sentences import certificate
 
 import facets
 from facets import proof
@@ -23,14 +23,14 @@ def test_of_a_design_without_a_range_or_a_proof_nothing_is_claimed():
     curved = replace(CONFIG.sensor, light=facets.BenchLight(curvature_xx=1e-6))
     for sensor, reason in ((small, "leaves the PSD"), (curved, "sensor.light is not")):
         assert np.isnan(proof.designs.proof_margin(sensor, CONFIG.range))
-        text = prove(replace(CONFIG, sensor=sensor), 400)
+        text = certificate.prove_design(replace(CONFIG, sensor=sensor), 400)
         assert text.startswith("not proved that readings determine states: ")
         assert reason in text
 
 
 @pytest.mark.slow
 def test_a_design_that_is_not_proved_in_the_work_allowed_is_told():
-    text = prove(facets.load("singular"), 10)
+    text = certificate.prove_design(facets.load("singular"), 10)
     assert text.startswith("not proved that readings determine states within the ranges")
     assert "facets jacobian --certify" in text
 

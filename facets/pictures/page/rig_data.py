@@ -9,7 +9,7 @@ from ...core.hues import DARK, LIGHT
 from ...core.sensor import Sensor
 from ...model.arrays import geometry_of
 from ...optics.forward import Geometry, mirror_edges
-from ..scene import rim_of
+from ..stills.scene import rim_of
 
 #: The hues of A, B and C, by the page's theme.
 HUES = {"light": LIGHT.detectors, "dark": DARK.detectors}

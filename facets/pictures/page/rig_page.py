@@ -20,7 +20,7 @@ from ...core.units import Floats
 from ...core.version import __version__
 from ...detectors.correction import is_corrected
 from ...files.tables import Whole
-from ..range_solid import COLOURS
+from ..stills.range_solid import COLOURS
 from .model import model, text_of
 from .rig_data import rig
 

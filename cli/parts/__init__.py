@@ -1,0 +1,1 @@
+"""The longer parts of commands, between their options and their texts."""

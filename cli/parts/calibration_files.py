@@ -1,0 +1,177 @@
+"""The files that `facets calibrate` writes: configuration, parameters, covariance, picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import typer
+
+import facets
+from facets import calibration, characterization, files, pictures
+from facets import config as configuration
+from facets.core.errors import FacetsError
+from facets.core.names import DETECTORS, STATE_COLUMNS
+
+from ..console import FINDING, free_output, wrap
+from ..options import require_html, require_yaml
+
+if TYPE_CHECKING:
+    from facets.calibration.fit import Fit
+    from facets.calibration.verdict import Verdict
+    from facets.config import Config
+    from facets.core.sensor import Sensor
+
+
+@dataclass(frozen=True)
+class CalibrationFiles:
+    """Files of a calibration: tables that are read; the configuration and the report to write."""
+
+    data: Path
+    reference: Path | None
+    configuration: Path
+    plot: str
+    report: Path | None
+
+    @property
+    def sources(self) -> list[Path]:
+        return [self.data] if self.reference is None else [self.data, self.reference]
+
+    @property
+    def results(self) -> list[Path]:
+        """Paths of the configuration, the table of unknowns, the covariance and the picture."""
+        path = self.configuration
+        table, covariance = (
+            path.with_name(f"{path.stem}-{kind}.csv") for kind in ("found", "covariance")
+        )
+        return [path, table, covariance, path.with_suffix(f".{self.plot}")]
+
+    def require(self, settings: Config, force: bool) -> None:
+        """Refuse files that cannot be written, before any work."""
+        require_yaml(self.configuration)
+        pages = [] if self.report is None else [self.report]
+        for page in pages:
+            require_html(page)
+        read = [*configuration.source_files(settings), *self.sources]
+        files.whole.refuse_to_overwrite([*self.results, *pages], force, read)
+
+
+def write_results(settings: Config, found: Verdict, paths: CalibrationFiles) -> None:
+    """Write the results to a temporary place and load them, so that no unreadable file is left."""
+    path, table, covariance, picture = paths.results
+    assert found.fit is not None
+    assert found.errors is not None
+    assert found.search is not None
+    about = files.provenance.provenance_header(settings)
+    with TemporaryDirectory() as folder:
+        trial = Path(folder) / path.name
+        matrix = trial.with_name(covariance.name)
+        write_covariance(matrix, found.fit.sensor, about)
+        bent = write_grids(settings, trial, found.fit, about)
+        trial.write_text(as_yaml(settings, found.fit, matrix, bent, about), "utf-8")
+        try:
+            calibrated = facets.load(trial)
+        except FacetsError as error:
+            typer.echo(
+                f"The fitted values make no configuration that can be loaded ({error}); nothing "
+                "was written. Check the signs and units of the columns.",
+                err=True,
+            )
+            raise typer.Exit(FINDING) from None
+        beside = [(source, path.with_name(source.name)) for source in bent.values()]
+        with files.tables.ResultSet():
+            for source, target in ((matrix, covariance), *beside, (trial, path)):
+                with files.tables.Whole(target) as temporary:
+                    copyfile(source, temporary)
+            files.tables.write_table(
+                table, calibration.table.unknowns_table(found.search.sensor, found.fit), about
+            )
+            pictures.style.save(
+                pictures.calibration.residual_picture(found.fitted, found.fit, found.errors),
+                picture,
+            )
+            if paths.report is not None:
+                pictures.calibration_certificate.write_report(
+                    settings, calibrated, found, paths.report, paths.sources, [trial, matrix]
+                )
+    written = [*paths.results[1:], *filter(None, [paths.report])]
+    typer.echo(", ".join([str(path), *(file.name for file in written)]))
+
+
+def round_freedom(sensor: Sensor) -> float | None:
+    """The degrees of freedom of a calibration, to three digits after the point."""
+    assert sensor.calibration is not None
+    known = sensor.calibration.degrees_of_freedom
+    return None if known is None else round(known, 3)
+
+
+def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
+    assert sensor.calibration is not None
+    files.tables.write_table(path, configuration.covariance.columns(sensor.calibration), about)
+
+
+def write_grids(
+    settings: Config, beside: Path, found: Fit, about: dict[str, str]
+) -> dict[str, Path]:
+    """Write tables of detectors with corrections beyond third order, by letter."""
+    written = {}
+    for letter, old, new in zip(DETECTORS, settings.sensor.psds, found.sensor.psds, strict=True):
+        if new.correction.grid is not None and new.correction.grid != old.correction.grid:
+            written[letter] = beside.with_name(f"{beside.stem}-detector-{letter}.csv")
+            files.tables.write_table(
+                written[letter], configuration.grid.columns(new.correction.grid), about
+            )
+    return written
+
+
+def as_yaml(
+    settings: Config, found: Fit, covariance: Path, bent: dict[str, Path], about: dict[str, str]
+) -> str:
+    keys = configuration.sensor_keys.write_sensor(settings.resolved["sensor"], found.sensor)
+    keys["calibration"] = {
+        "file": covariance.name,
+        "sha256": sha256(covariance.read_bytes()).hexdigest(),
+        "degrees_of_freedom": round_freedom(found.sensor),
+    }
+    for letter, table in bent.items():
+        keys["psd"][letter]["correction"] |= {
+            "table": table.name,
+            "table_sha256": sha256(table.read_bytes()).hexdigest(),
+        }
+    return files.provenance.configuration(choose_power(settings), keys, about)
+
+
+def choose_power(settings: Config) -> Config:
+    """A calibration determines the laser's power on its day; later solutions use it as a prior.
+    The beam's position in the calibration is known."""
+    solve = settings.resolved["solve"] | {"beam_offset_um": [0.0, 0.0]}
+    is_known = solve["power"] == "known" and solve["method"] != "paper"
+    if is_known and settings.calibrate.power_per_sample:
+        solve = solve | {"power": "prior"}
+    return replace(settings, resolved=settings.resolved | {"solve": solve})
+
+
+def write_proposal(settings: Config, path: Path, count: int, force: bool) -> None:
+    """Write a table of poses for a calibration; print how well they determine the parameters."""
+    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
+    files.tables.ending(path)
+    poses = characterization.random_poses.poses_to_calibrate_with(settings)
+    proposal = calibration.proposal.propose_poses(settings, poses, count)
+    files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
+    different = len(set(zip(*(proposal.columns[name] for name in STATE_COLUMNS[:6]), strict=True)))
+    again = f" ({different} different ones; what tells most is visited again)"
+    text = (
+        f"Wrote {count} poses to {path}{again * (different < count)}. A calibration with them "
+        f"reduces the parameters' standard uncertainties to {100 * proposal.reduction:.3g} % of "
+        f"their prior values (geometric mean); {count} random poses, to "
+        f"{100 * proposal.random_reduction:.3g} %. Visiting them in this order shortens the path "
+        f"by {100 * proposal.saving:.0f} % and approaches each axis's poses from below in "
+        f"{100 * proposal.upward.min():.0f} to {100 * proposal.upward.max():.0f} % of them, so "
+        "that backlash of the reference shows."
+    )
+    with free_output(path):
+        typer.echo(wrap(text))

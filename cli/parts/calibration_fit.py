@@ -1,0 +1,76 @@
+"""The fit of `facets calibrate`: samples, unknowns, and the verdict on the result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from facets import calibration
+
+from ..console import FINDING
+from ..sentences.calibration import show_lost_uncertainties, show_verdict, show_weak
+from .calibration_files import CalibrationFiles
+
+if TYPE_CHECKING:
+    from facets.calibration.bundle_adjustment import Data
+    from facets.calibration.verdict import Verdict
+    from facets.config import Config
+    from facets.core.calibrate import Calibrate
+
+
+def fit_rig(
+    settings: Config, paths: CalibrationFiles, groups: list[str], accept_misfit: bool
+) -> Verdict:
+    """Fit the rig's parameters, and print the result; exit status 1 if it is not to be trusted.
+
+    groups: the parameters that alone have changed; none if all are calibrated.
+    """
+    samples, options = read_samples(settings, paths)
+    unknowns = (
+        calibration.table.choose_groups(settings.sensor, options, groups)
+        if groups
+        else calibration.table.choice(settings.sensor, options)
+    )
+    unknowns = calibration.table.add_seats(unknowns, samples, options)
+    typer.echo(f"{len(samples.raw)} samples, {len(unknowns.names)} unknowns of the rig")
+    if unknowns.joint:
+        typer.echo(
+            f"{len(unknowns.joint.names)} of them are known before by the covariance of CONFIG; "
+            f"changes are looked for in: {', '.join(groups)}."
+        )
+    else:
+        show_weak(
+            calibration.identifiability.weak_directions(
+                calibration.identifiability.information(settings.sensor, samples, unknowns),
+                unknowns,
+                settings.sensor,
+            )
+        )
+        show_lost_uncertainties(settings, unknowns)
+    verdict = calibration.verdict.verdict(settings.sensor, samples, unknowns, options)
+    show_verdict(settings, verdict)
+    if verdict.sensor is None or not (verdict.is_trusted or accept_misfit):
+        typer.echo(
+            "The calibration failed its checks (lines with !); nothing was written.", err=True
+        )
+        if verdict.sensor is not None:
+            typer.echo("To write it nevertheless, add --accept-misfit.", err=True)
+        raise typer.Exit(FINDING)
+    return verdict
+
+
+def read_samples(settings: Config, paths: CalibrationFiles) -> tuple[Data, Calibrate]:
+    """Read the samples, and add the fitted time offset if a reference is joined."""
+    options, data, reference = settings.calibrate, paths.data, paths.reference
+    if reference is None:
+        return calibration.table.read(data, options), options
+    joined = calibration.reference_join.join_tables(data, reference, settings.sensor, options)
+    typer.echo(
+        f"Joined {reference.name} at an offset of {1e3 * joined.offset:.4g} ms (likeness of the "
+        f"motions: {joined.likeness:.3f}; 1 is perfect)."
+    )
+    if options.effects["delay"] == "auto" and not options.dwells:
+        options = replace(options, effects=options.effects | {"delay": "on"})
+    return joined.data, options

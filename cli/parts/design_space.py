@@ -1,0 +1,169 @@
+"""Sampling a design space or following its front, for `facets explore`."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from facets import characterization, design, files, pictures, proof
+from facets import config as configuration
+
+from ..console import FINDING, leave_out_picture, show_progress, show_table
+from ..options import require_yaml
+from ..results import name_files
+from ..sentences.design_pages import write_gallery
+
+if TYPE_CHECKING:
+    from facets.config import Config
+    from facets.core.units import Floats
+    from facets.design.exploration import Space
+
+#: Maximum number of designs from which the sensitivity indices are computed.
+PILOT = 10_000
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """The explored space, and its results; picture: the kind of picture."""
+
+    settings: Config
+    space: Space
+    folder: Path
+    picture: str
+    report: Path | None
+
+    @property
+    def header(self) -> dict[str, str]:
+        return files.provenance.provenance_header(self.settings, self.space.seed)
+
+    def write_page(self, front: dict[str, Any], others: dict[str, Any] | None) -> None:
+        if self.report is not None:
+            write_gallery(self.settings, self.space, front, others, self.report)
+
+    def name_results(self, paths: list[Path]) -> None:
+        if self.report is not None and self.report.exists():
+            typer.echo(f"{self.report}: the designs as a page")
+        name_files(self.folder, paths)
+
+
+def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bool) -> None:
+    """Compute the designs that are missing in the folder."""
+    space, folder = job.space, job.folder
+    if scheduler:
+        typer.echo(design.exploration.cluster_words(scheduler))
+    # an interrupted run has written them
+    files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
+    design.exploration.require_variables(space)
+    design.exploration.prepare(folder, space, job.header, force)
+    with show_progress("exploring") as tell:
+        design.exploration.explore(space, folder, job.header, scheduler, tell)
+
+
+def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> None:
+    """Write designs, front, picture and page; exit status 1 if no design is on the front.
+
+    certify: boxes that the proof of each of these may examine; 0 for none.
+    """
+    space, goals = job.space, list(job.space.objectives)
+    every, front_table, picture = paths
+    with files.tables.ResultSet():
+        table = design.exploration.collect(job.folder)
+        best = design.exploration.front(table, goals)
+        pilot = {name: column[: min(space.pilot, PILOT)] for name, column in table.items()}
+        indices = characterization.sensitivity.sensitivity(pilot, space.names, goals)
+        if every.suffix:
+            files.tables.write_table(every, table, job.header)
+        on_front = {name: column[best] for name, column in table.items()}
+        if certify:
+            on_front["proof_margin"] = proof_margins(space, on_front, certify)
+        files.tables.write_table(front_table, on_front, job.header)
+        typer.echo("\n".join(design.exploration.summary(table, best, goals, indices, seconds)))
+        own = show_own_measures(space)
+        drawing = pictures.exploration.front_picture(table, best, goals, indices, own)
+        if drawing is None:
+            leave_out_picture(
+                picture, "the front needs at least two designs that have all objectives"
+            )
+        else:
+            pictures.style.save(drawing, picture)
+        if best.any():
+            job.write_page(design.gallery.best_of(table, goals, best), table)
+    job.name_results(paths)
+    if not best.any():
+        raise typer.Exit(FINDING)
+
+
+def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
+    """Margins (n,) of the proofs that a design's readings determine states; NaN without proof."""
+    import numpy as np
+
+    designs = np.stack([table[name] for name in space.names], axis=1)
+    sensors = [design.variables.sensor_of(space.sensor, space.names, x) for x in designs]
+    margins = np.array([proof.designs.proof_margin(one, space.rules, work) for one in sensors])
+    typer.echo(f"of the front's {len(margins)} designs, {int(np.isfinite(margins).sum())} are "
+               "proved: readings determine states within the ranges of their axes and with the "
+               "least light of the rules of `range` on each detector (proof_margin)")  # fmt: skip
+    return margins
+
+
+def follow_front(job: Exploration, points: int) -> None:
+    """Follow the front; write its table, picture and page; exit status 1 if there is none."""
+    space, goals = job.space, list(job.space.objectives)
+    paths = [job.folder / name for name in ("pareto.csv", f"pareto.{job.picture}")]
+    with files.tables.ResultSet():
+        files.tables.refuse_to_overwrite(paths, force=True)
+        begin = time.perf_counter()
+        with show_progress("following the front") as tell:
+            found = design.front.pareto_front(space, points, space.seed, tell)
+        seconds = time.perf_counter() - begin
+        if not len(found.designs):
+            typer.echo("no design meets all requirements, as far as the search can tell")
+            raise typer.Exit(FINDING)
+        table = design.front.columns(found)
+        files.tables.write_table(paths[0], table, job.header)
+        headings, rows = design.front.some_rows(found)
+        title = f"{len(found.designs)} points on the front, {seconds:.1f} s; some of them"
+        show_table(title, headings, rows, left=(len(headings) - 1,))
+        if found.left_out:
+            typer.echo(
+                f"{found.left_out} more are left out: measured again, they are not what was found"
+            )
+        cloud = design.exploration.collect_older(space, job.folder)
+        if cloud is not None:
+            typer.echo("\n".join(design.front.compare_with_designs(found, cloud).lines()))
+        own = show_own_measures(space)
+        drawing = pictures.exploration.pareto_picture(table, goals, cloud, own)
+        pictures.style.save(drawing, paths[1])
+        job.write_page(table, cloud)
+    job.name_results(paths)
+
+
+def show_own_measures(space: Space) -> dict[str, float]:
+    """Print the measures of the unchanged sensor in one line, and return them."""
+    _, values, why = design.gallery.present_design(space)
+    own = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
+    shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)
+    typer.echo(f"as it is: {why or shown}")
+    return own
+
+
+def write_pick(
+    settings: Config, space: Space, file: Path, number: int, output: Path | None, force: bool
+) -> None:
+    """Write one design of an earlier run as a configuration that extends that of the run."""
+    path = output or Path(f"{settings.name}-{number}.yaml")
+    require_yaml(path)
+    files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
+    found = design.gallery.choose_design(settings, space, file, number)
+    x, words = design.gallery.make_buildable(space, found)
+    typer.echo("\n".join(words))
+    sensor = design.variables.sensor_of(space.sensor, space.names, x)
+    about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}
+    design.changes.write_design(settings, sensor, path, about)
+    for key, before, after in design.changes.changes_of(settings, sensor):
+        typer.echo(f"  {key:<24} {before} -> {after}")
+    typer.echo(f"{path}: design {number} of {file}")

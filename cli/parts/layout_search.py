@@ -1,0 +1,100 @@
+"""The search of `facets optimize` for a layout, and the configuration with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+from facets import design, files
+
+from ..console import FINDING, show_progress, show_table
+from ..options.places import report_object
+
+if TYPE_CHECKING:
+    from facets.config import Config
+    from facets.design.problem import StartResult
+    from facets.design.rounding import Rounded
+    from facets.design.search import Optimum
+
+#: Maximum number of choices of parts in a table.
+SHOWN = 24
+
+
+def search(settings: Config) -> Optimum:
+    """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
+    meets all requirements."""
+    with show_progress("searching") as tell:
+        optimum = design.search.optimize(settings.sensor, settings.layout, tell)
+    if optimum.tried:
+        headings, rows = design.tables.part_rows(optimum)
+        left = (0, 1, 2, len(headings) - 1)
+        show_table("parts, the best first", headings, rows[:SHOWN], left=left)
+        if len(rows) < optimum.choices or len(rows) > SHOWN:
+            typer.echo(
+                f"{len(rows)} of {optimum.choices} choices were tried; the others cannot be "
+                "better, or do not meet all requirements\n"
+            )
+    headings, rows = design.tables.start_rows(optimum)
+    report_object(settings)
+    show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
+    if not optimum.best.found:
+        words = "no layout meets all that is asked for; these stand against each other:"
+        refuse(words, optimum.best)
+    return optimum
+
+
+def refuse(words: str, result: StartResult) -> NoReturn:
+    """Print the conflicting requirements and end."""
+    typer.echo(words)
+    for group, gap in result.shortfalls.items():
+        typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
+    raise typer.Exit(FINDING)
+
+
+def rounded_layout(optimum: Optimum) -> Rounded | None:
+    """Round the layout to manufacturable values; None if only the exact layout meets all."""
+    rounded = design.rounding.round_design(optimum.problem, optimum.best.x)
+    if rounded is None:
+        typer.echo(
+            "The layout was not rounded to manufacturable values, because no rounded layout nearby "
+            "meets all requirements."
+        )
+    return rounded
+
+
+def layout_for_yield(settings: Config, optimum: Optimum) -> Optimum:
+    """Find the layout with margins for `production.yield_percent`, if this is set; exit status 1 if
+    there is none."""
+    layout = settings.layout
+    if not layout.production:
+        return optimum
+    known = (layout, settings.range, settings.calibrate)
+    robust = design.robust.robust_layout(optimum.problem, *known, optimum.best)
+    share = f"{100 * layout.production:g} %"
+    if not robust.result.found:
+        refuse(f"no layout was found of whose heads {share} keep all that is asked for; with "
+               f"margins of {robust.factor:.3g} of their spreads these stand against each other:",
+               robust.result)  # fmt: skip
+    was = design.report.objective_text(layout.aim, optimum.best.objective)
+    typer.echo(
+        f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
+        f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
+        f"{robust.rounds} rounds);\nfor perfect heads alone it would be: {was}\n"
+    )
+    return replace(optimum, results=[robust.result, *optimum.results], problem=robust.problem)
+
+
+def write_layout(
+    settings: Config, optimum: Optimum, rounded: Rounded | None, path: Path
+) -> Config | str:
+    """Write the configuration of the layout; return the reason if it does not load."""
+    x = optimum.best.x if rounded is None else rounded.x
+    about = files.provenance.provenance_header(settings, settings.layout.seed)
+    if optimum.tried:
+        about["parts"] = optimum.tried[0][0].names
+    sensor = design.variables.sensor_of(optimum.sensor, optimum.names, x)
+    remarks = design.tables.roundings(rounded, optimum.names)
+    return design.changes.write_design(settings, sensor, path, about, remarks)

@@ -1,0 +1,179 @@
+"""The sampled survey of a box of states by `facets jacobian`, and its printed results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from facets import characterization, files, pictures
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+
+from ..console import leave_out_picture, track
+from ..options.claims import claim_for
+from ..options.survey_request import SurveyRequest, refuse_too_many
+from ..results import Results
+from .certificates import prove
+
+if TYPE_CHECKING:
+    from facets.characterization.ambiguity import AmbiguousPair
+    from facets.characterization.singularity import Survey, Worst
+    from facets.config import Config
+    from facets.core.units import Floats
+
+
+def survey_box(
+    request: SurveyRequest, results: Results, search: bool
+) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
+    """Sample, measure and report; then search the worst state and two with like readings."""
+    refuse_too_many(request)
+    survey = measure(request, results)
+    report(request, survey, results.seconds)
+    if not search:
+        return survey, None, None
+    worst = search_worst(request, survey)
+    alike = survey.has_one_sign_in_light
+    pair = (
+        None
+        if alike
+        else characterization.ambiguity.find_ambiguous_pair(request.settings.sensor, worst.state)
+    )
+    show_pair(pair)
+    return survey, worst, pair
+
+
+def measure(request: SurveyRequest, results: Results) -> Survey:
+    """Sample and measure in chunks, with a progress bar; write all states if requested."""
+    sampling: Literal["sobol", "uniform"] = "uniform" if request.uniform else "sobol"
+    chunks = characterization.singularity.samples(
+        request.domain, request.states, sampling, request.seed
+    )
+    count = -(-request.states // characterization.singularity.CHUNK)
+    sensor = request.settings.sensor
+    with ExitStack() as stack:
+        keep = keeper(request, results, stack)
+        return characterization.singularity.survey(
+            sensor, track(chunks, "measuring", count), request.left_out, True, request.threads, keep
+        )
+
+
+def keeper(
+    request: SurveyRequest, results: Results, stack: ExitStack
+) -> Callable[[Floats, Floats], None] | None:
+    """Function that writes each chunk of states into the table, if one is requested."""
+    if request.table is None:
+        return None
+    writer = stack.enter_context(files.tables.open_writer(request.table, results.about))
+    return lambda states, values: writer.write(
+        characterization.tables.state_columns(states, values)
+    )
+
+
+def write(
+    request: SurveyRequest, results: Results, survey: Survey, pair: AmbiguousPair | None
+) -> dict[str, Any]:
+    """Write table and picture; return their entries of the record."""
+    density = characterization.tables.density_columns(survey)
+    results.write_table(request.folder / "density.csv", density)
+    if survey.states - survey.dark > 1:
+        pictures.style.save(
+            pictures.singularity.survey_picture(survey, request.left_out, pair), request.picture
+        )
+    else:
+        leave_out_picture(request.picture, "it needs at least two states with light")
+    return {"states": survey.states, "one_sign": survey.one_sign}
+
+
+def report(request: SurveyRequest, found: Survey, seconds: float) -> None:
+    settings, domain, left_out = request.settings, request.domain, request.left_out
+    typer.echo(f"{settings.name}: {found.states} states sampled in {seconds:.2f} s from the box")
+    for name, unit, low, high in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        domain.low,
+        domain.high,
+        strict=True,
+    ):
+        typer.echo(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
+    below, zero, above = found.signs
+    typer.echo(
+        f"determinant without {left_out}: {above} above zero, {below} below"
+        + (f", {zero} zero" if zero else "")
+        + (f"; {found.dark} states leave a detector without a reading" if found.dark else "")
+    )
+    typer.echo(f"  from {found.low[0]:.4g} to {found.high[0]:.4g} (mm, mW, rad)")
+    typer.echo(
+        "  with psi to the side y = z x x of detectors whose x points outward; the paper draws it\n"
+        "  negative, as it is with psi mirrored"
+    )
+    typer.echo(
+        f"smallest singular value: {found.low[1]:.4g} to {found.high[1]:.4g} standard deviations\n"
+        f"  per µm or µrad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
+    )
+    show_weakest("weakest state of the sample", settings, found.weakest)
+
+
+def show_weakest(title: str, settings: Config, worst: Worst) -> None:
+    place = ", ".join(
+        f"{name} {value / unit:.4g}"
+        for name, value, unit in zip(STATE_COLUMNS, worst.state, STATE_UNITS, strict=True)
+    )
+    direction = characterization.singularity.direction_in_words(
+        characterization.singularity.weakest_direction(settings.sensor, worst.state)
+    )
+    typer.echo(
+        f"{title}: smallest singular value {worst.values[1]:.4g}, for a change of {direction}\n"
+        f"  at {place}"
+    )
+
+
+def search_worst(request: SurveyRequest, found: Survey) -> Worst:
+    """Search the worst state, and report how near the sample came to it."""
+    settings, domain = request.settings, request.domain
+    lowest = characterization.singularity.search(
+        settings.sensor, domain, 0, request.left_out, request.seed
+    )
+    weakest = characterization.singularity.search(
+        settings.sensor, domain, 1, request.left_out, request.seed
+    )
+    show_weakest("weakest state found by a search", settings, weakest)
+    if found.one_sign:
+        typer.echo(
+            "the search finds a determinant of "
+            f"{lowest.values[0] / found.lowest.values[0]:.3g} times, and a singular value of "
+            f"{weakest.values[1] / found.weakest.values[1]:.3g} times the smallest of the sample"
+        )
+    elif not found.has_one_sign_in_light:
+        typer.echo("the determinant has both signs in the box, so it is zero at some states")
+    else:
+        typer.echo(
+            f"nothing can be said of the whole box: {100 * found.dark / found.states:.3g} % of its "
+            "states leave a detector without a reading"
+        )
+    return weakest
+
+
+def show_pair(pair: AmbiguousPair | None) -> None:
+    if pair is None:
+        return
+    typer.echo("two states with the same readings:")
+    for name, unit, one, other in zip(
+        STATE_COLUMNS, STATE_UNITS, pair.first, pair.second, strict=True
+    ):
+        typer.echo(f"  {name:<10} {one / unit:12.6g} {other / unit:12.6g}")
+
+
+def certify_and_report(
+    request: SurveyRequest,
+    work: int,
+    limit: float,
+    tolerances: float | None,
+    worst: Worst | None,
+) -> dict[str, Any]:
+    """Prove and write the certificate; return its entries of the record."""
+    weakest = None if worst is None else worst.state
+    claim = claim_for(request.settings, request.domain, request.least_share, tolerances, weakest)
+    about = files.provenance.provenance_header(request.settings, request.seed)
+    return prove(claim, work, limit, request.reach, request.certificate, about)

@@ -1,0 +1,105 @@
+"""The files of `facets rezero`: where a zero comes from, and the configuration with it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from hashlib import sha256
+from os.path import relpath
+from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+import facets
+from facets import config as configuration
+from facets import files, live
+from facets.core.errors import InputError
+
+from .calibration_files import round_freedom, write_covariance
+
+if TYPE_CHECKING:
+    from facets.calibration.rezero import NewZero
+    from facets.config import Config
+
+
+def trace_origin(settings: Config, then: Path, now: Path) -> dict[str, str]:
+    """What the new zero comes from, for its provenance.
+
+    Raises `InputError` for a zero that was renewed already, which would be corrected twice, and for
+    recordings in the wrong order, which would turn all signs.
+    """
+    known = settings.resolved["sensor"]["calibration"]["file"]
+    older = files.tables.read_head(Path(known)) if known else {}
+    if "zero_now" in older:
+        raise InputError(
+            f"{settings.path}: its zero was renewed already, from {older['zero_now']}; give the "
+            f"configuration that it extends ({older.get('config')})"
+        )
+    dates = [find_date(source) for source in (then, now)]
+    if dates[0] and dates[1] and dates[0] > dates[1]:
+        raise InputError(
+            f"{then}: was recorded at {dates[0]}, after {now} ({dates[1]}); give the readings at "
+            "the time of the calibration first, and those of now second"
+        )
+    words = [
+        f"{source}, recorded at {date or 'an unknown time'}"
+        for source, date in zip((then, now), dates, strict=True)
+    ]
+    return {"zero_then": words[0], "zero_now": words[1]}
+
+
+def find_date(source: Path) -> datetime | None:
+    """When the readings of a recording or of a table were recorded, if they say it."""
+    is_table = not source.is_dir()
+    head = files.tables.read_head(source) if is_table else live.recording.reader.meta_of(source)
+    try:
+        date = datetime.fromisoformat(str(head.get("recorded") or head.get("made")))
+    except ValueError:
+        return None
+    return date.astimezone(UTC)
+
+
+def write_zero(
+    settings: Config, zero: NewZero, path: Path, covariance: Path, origin: dict[str, str]
+) -> None:
+    """Write the configuration and the covariance, after loading them from a temporary folder."""
+    about = files.provenance.provenance_header(settings) | origin
+    with TemporaryDirectory() as folder:
+        trial = Path(folder) / path.name
+        matrix = trial.with_name(covariance.name)
+        write_covariance(matrix, zero.sensor, about)
+        block = new_keys(settings, zero, matrix)
+        trial.write_text(files.provenance.extension(settings.path, block, about), "utf-8")
+        facets.load(trial)
+        parent = Path(relpath(settings.path.resolve(), path.resolve().parent))
+        with files.tables.ResultSet():
+            with files.tables.Whole(covariance) as temporary:
+                copyfile(matrix, temporary)
+            files.whole.write_text(path, files.provenance.extension(parent, block, about))
+    typer.echo(f"{path}, {covariance.name}")
+
+
+def new_keys(settings: Config, zero: NewZero, covariance: Path) -> dict[str, Any]:
+    """The keys of CONFIG that change."""
+    old = settings.resolved["sensor"]
+    new = configuration.sensor_keys.write_sensor(old, zero.sensor)
+    new["calibration"] = {
+        "file": covariance.name,
+        "sha256": sha256(covariance.read_bytes()).hexdigest(),
+        "degrees_of_freedom": round_freedom(zero.sensor),
+    }
+    return {
+        "sensor": changed_keys(old, new),
+        "solve": {"beam_offset_um": (1e3 * zero.beam).tolist()},
+    }
+
+
+def changed_keys(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    """The keys of `new` whose values differ from those of `old`, block by block."""
+    return {
+        key: changed_keys(old[key], value) if isinstance(value, dict) else value
+        for key, value in new.items()
+        if value != old[key]
+    }

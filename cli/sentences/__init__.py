@@ -1,0 +1,12 @@
+"""What commands print: texts, tables and pages of results."""
+
+from typing import TYPE_CHECKING
+
+from facets.core.faces import load_on_use
+
+if TYPE_CHECKING:
+    from . import bounds as bounds
+    from . import certificate as certificate
+    from . import manual as manual
+else:
+    __getattr__ = load_on_use(__name__)

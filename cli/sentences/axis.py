@@ -1,0 +1,38 @@
+"""What `facets axis` prints: the quantities of an axis, and notes on them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from facets import core, pictures
+
+from ..console import show_table, wrap
+
+if TYPE_CHECKING:
+    from facets.characterization.axis_report import AxisReport
+
+
+def show(report: AxisReport) -> None:
+    """Print the quantities of the axis, the range of each error motion, and the notes."""
+    motions = report.motions
+    unit, scale = report.units(motions.main)
+    rows = [
+        (
+            q.name,
+            q.symbol,
+            *pictures.axis.value_cells(scale * q.value, scale * q.expanded),
+            core.units.write_micro(unit),
+        )
+        for q in report.quantities[motions.main]
+    ]
+    title = (
+        f"{motions.names[motions.main]}: {len(report.visits.target)} stands at "
+        f"{len(motions.targets)} positions; U: expanded uncertainty by the sensor (k = 2)"
+    )
+    show_table(title, ("quantity", "", "value", "U", ""), rows, left=(0, 1, 4))
+    heads = ("error", "", "range", "U", "reversal", "U")
+    show_table("", heads, pictures.axis.other_rows(report), left=(0, 1))
+    for note in filter(None, (report.alignment(), *report.notes())):
+        typer.echo(wrap(f"- {note}"))

@@ -1,0 +1,137 @@
+"""Texts of certificates, which state no more than was proved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from facets import characterization, core, proof
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+
+from .bounds import box_lines, light_text, piece_text, round_down
+
+if TYPE_CHECKING:
+    from facets.characterization.ambiguity import PairSearch
+    from facets.config import Config
+    from facets.proof.range_cover import RangeCover
+    from facets.proof.uniqueness import Certificate
+
+    from ..options.claims import Claim
+
+
+def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
+    """Describe the states of the certificate and its assumptions."""
+    light = light_text(found.share, claim.largest_power)
+    lines = [f"taken: every state with {light}", "  and its pose in"]
+    lines += box_lines(found.box.low, found.box.high)
+    lines += describe_range(claim, cover)
+    lines.append(
+        "  The model is the one that poses are solved with: collimated light, flat facets, no\n"
+        "  other light and nothing that cuts it. That every facet faces the beam and every\n"
+        "  sub-beam meets its detector's plane is part of what is proved. The laser's power may\n"
+        "  be known or not, and the beam may stand anywhere."
+    )
+    if claim.settings.sensor.imperfections != core.sensor.Imperfections():
+        lines.append(
+            "  sensor.imperfections is no part of it: the solver does not know them either"
+        )
+    if claim.tolerances is not None:
+        exact = ", ".join(claim.tolerances.exact) or "none"
+        left_out = ", ".join(claim.tolerances.left_out) or "none"
+        lines.append(
+            f"  It holds for every sensor within the tolerances of {claim.tolerances.source};\n  "
+            f"taken as exact: {exact}\n  not allowed for: {left_out}"
+        )
+    lines.append(f"  {len(found.pieces)} pieces proved, {found.seconds:.1f} s")
+    return lines
+
+
+def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
+    if cover is not None:
+        lengths = ", ".join(round_down(far) for far in cover.farthest[:3])
+        angles = ", ".join(round_down(far, 3, 1000) for far in cover.farthest[3:])
+        return [
+            "  The certificate's box, whose ends are rounded inwards here, holds every pose that\n"
+            "  keeps the rules of the range, for any place of the beam and any power up to that,\n"
+            f"  of those within {lengths} mm and {angles} mrad; this is proved by intervals."
+        ]
+    if claim.whole_range:
+        return [
+            "  which are the ranges of the axes, each with the others at rest: where several axes\n"
+            "  move together, some poses that keep the rules of the range lie outside of it"
+        ]
+    return []
+
+
+def outcome(found: Certificate, pair: PairSearch | None) -> str:
+    """One of "proved", "counterexample" and "undecided"."""
+    if found.unique:
+        return "proved"
+    return "counterexample" if pair is not None and pair.outside == 0 else "undecided"
+
+
+def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
+    lines = []
+    if found.regular:
+        bound = round_down(found.at_least)
+        lines.append(
+            f"proved: none is singular; |Eq. (11)| is {bound} or more (mm, mW, rad), a bound"
+        )
+    if found.unique:
+        margin = round_down(found.margin)
+        lines.append(
+            f"proved: no two of them have the same readings; margin {margin} or more, of 1"
+        )
+        return lines
+    if found.regular:
+        lines.append("not proved: that no two of them have the same readings: the inequality fails,"
+                     f" its margin being {round_down(found.margin)}")  # fmt: skip
+    else:
+        lines.append(f"not proved: {found.reason or 'some pieces were not done in the time given'}")
+        lines += [f"  not proved in {piece_text(piece)}" for piece in found.doubtful[:3]]
+    return lines + describe_pair(pair)
+
+
+def describe_pair(pair: PairSearch | None) -> list[str]:
+    if pair is None:
+        return ["undecided: two states with the same readings were not looked for"]
+    if pair.pair is None:
+        length = (
+            characterization.ambiguity.MAX_STEPS * characterization.ambiguity.STEP_UM_URAD / 1000
+        )
+        return [
+            "undecided: no two states with the same readings were found, which proves nothing;\n"
+            "  the way of which the readings tell least was followed from the weakest state for"
+            f" {length:.0f} mm or mrad"
+        ]
+    if pair.outside > 0:
+        by = f"{pair.outside:.3g} of its half width, or of a power's logarithm"
+        lines = [f"undecided: the nearest two states with the same readings lie outside by {by}"]
+    else:
+        lines = ["counterexample, found by numbers: two states of it with the same readings"]
+    rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.first, pair.pair.second, strict=True)
+    return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
+
+
+def prove_design(better: Config, work: int) -> str:
+    """State whether it is proved with `work` boxes that readings determine states."""
+    if not work:
+        return "not proved: that the readings determine the pose (use --certify)"
+    certificate = proof.designs.certify_design(better.sensor, better.range, work)
+    if isinstance(certificate, str):
+        return f"not proved that readings determine states: {certificate}"
+    if not certificate.share:
+        return f"not proved that readings determine states: {certificate.reason}"
+    light = light_text(certificate.share, better.sensor.beam.power)
+    states = f"states within the ranges of the axes and with {light}"
+    seconds = f"({certificate.seconds:.1f} s)"
+    if certificate.unique:
+        margin = round_down(certificate.margin)
+        return (
+            f"proved: no two {states} have the same readings; margin {margin} or more, of 1 "
+            f"{seconds}"
+        )
+    return (
+        f"not proved that readings determine {states}, in the work allowed:"
+        f" {certificate.reason or 'the inequality fails'} {seconds};\n"
+        "`facets jacobian --certify` says more"
+    )

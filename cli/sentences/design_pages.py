@@ -1,0 +1,230 @@
+"""Results about designs, printed and as pages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from facets import design, files, pictures
+
+from ..console import show_table
+from .yields import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
+
+if TYPE_CHECKING:
+    from facets.config import Config
+    from facets.design.exploration import Space
+    from facets.design.rounding import Rounded
+    from facets.design.search import Optimum
+    from facets.design.sheets import Rows
+    from facets.pictures.reports.report_page import ReportSection
+
+    from .yields import Yields
+
+
+def write_gallery(
+    settings: Config, space: Space, front: dict[str, Any], others: dict[str, Any] | None, path: Path
+) -> None:
+    """Write the page of the front's designs and of some others."""
+    table, sensors = design.gallery.gallery(space, front, others)
+    count = int((table["kind"] == "front").sum())
+    some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
+    if others is not None:
+        shown = int((table["kind"] == "other").sum())
+        some += f", and {shown} others of {len(others['design'])} sampled designs"
+    goals = list(space.objectives)
+    texts = design.gallery.texts_of(settings, sensors, path.parent)
+    designs = pictures.exploration_page.ShownDesigns(table, sensors, texts)
+    text = pictures.exploration_page.page(settings.name, space.names, goals, designs, f"{some}.")
+    files.whole.write_text(path, text)
+
+
+BREAKING = (
+    "breaks a limit: the best layout stands at that limit, so that an error of this size to the\n"
+    "wrong side leaves what is asked for. optimize.production.yield_percent asks for a layout\n"
+    "with margins for its tolerances."
+)
+
+
+@dataclass(frozen=True)
+class NewLayout:
+    """A layout that was found for a configuration.
+
+    rounded: the optimum in values that can be manufactured, if it was rounded.  better: the
+    configuration with the layout.
+    """
+
+    settings: Config
+    optimum: Optimum
+    rounded: Rounded | None
+    better: Config
+
+    @property
+    def objective(self) -> str:
+        """The objective of the layout in words."""
+        best = self.rounded or self.optimum.best
+        return design.report.objective_text(self.settings.layout.aim, best.objective)
+
+
+def show_layout(
+    layout: NewLayout, paths: list[Path], proved: str, heads: int
+) -> tuple[dict[str, Any], list[ReportSection]]:
+    """Print the layout; write its comparison as a table and as a picture; return the parts of its
+    page and the table."""
+    settings, sensor = layout.settings, layout.better.sensor
+    wanted = settings.layout
+    table = design.verification.compare(
+        settings.sensor, sensor, wanted, settings.range, wanted.seed
+    )
+    files.tables.write_table(
+        paths[0], table, files.provenance.provenance_header(settings, wanted.seed)
+    )
+    pictures.style.save(pictures.layout.layout_picture(table), paths[1])
+    show_objectives(layout)
+    names = layout.optimum.names
+    changed = design.tables.change_rows(settings, sensor, layout.rounded, names)
+    show_table("what changes", *changed, left=(0, 3))
+    if any(row[3].endswith(design.tables.BREAKS) for row in changed[1]):
+        typer.echo(f"{BREAKING}\n")
+    compared = design.tables.comparison_rows(table)
+    show_table("before and after: the worst over the volume (1 sigma), and symmetric ranges",
+               *compared)  # fmt: skip
+    reasons = show_reasons(settings, layout.optimum)
+    typer.echo(f"{proved}\n")
+    built = []
+    if heads:  # the settings of the configuration, and the optimised sensor
+        yields = yields_of(settings, sensor, heads, wanted.seed)
+        show_yields(settings, yields)
+        built = yield_sections(settings, yields)
+    return table, sections_of(layout, changed, compared, reasons, built, proved)
+
+
+def show_objectives(layout: NewLayout) -> None:
+    """Print the objective before and after."""
+    before, exact = "the requirements are not met", replace(layout, rounded=None).objective
+    if layout.optimum.before == layout.optimum.before:
+        aim = layout.settings.layout.aim
+        before = design.report.objective_text(aim, layout.optimum.before)
+    typer.echo(f"before: {before}")
+    typer.echo(f"after:  {exact}")
+    if layout.rounded is not None:
+        typer.echo(f"        {layout.objective}, in numbers that can be made")
+    typer.echo("")
+
+
+def show_reasons(settings: Config, optimum: Optimum) -> list[list[str]]:
+    """Print the active constraints and the effect of larger parts; return them as rows."""
+    active = [
+        [f"{size:.2f}", group] for group, size in list(optimum.best.active_constraints.items())[:8]
+    ]
+    typer.echo("what holds it back, over the strongest:")
+    for size, group in active:
+        typer.echo(f"  {size:>5}  {group}")
+    spare = optimum.problem.rows.spare
+    price = 0.0
+    if optimum.tried:
+        price = design.branching.price_term(settings.layout, optimum.tried[0][0].price)
+    more = design.report.gains(optimum.sensor, settings.layout, optimum.best.x, price, spare)
+    if more:
+        typer.echo("\nwhat more would give:")
+    given = [
+        [what, design.report.objective_text(settings.layout.aim, value)]
+        for what, value in more.items()
+    ]
+    for what, words in given:
+        typer.echo(f"  {what}: {words}")
+    typer.echo("")
+    return [*([group, f"holds it back, {size} of the strongest"] for size, group in active), *given]
+
+
+def write_report(
+    layout: NewLayout, table: dict[str, Any], sections: list[ReportSection], page: Path, scene: Path
+) -> None:
+    """Write the page of a layout, and the scene for a mechanical designer."""
+    import numpy as np
+
+    sensor, objective = layout.better.sensor, layout.objective
+    pictures.render.save_scene(sensor, np.zeros(8), scene)
+    summary = f"{objective[0].upper()}{objective[1:]}."
+    head = pictures.report_page.ReportSection(
+        "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
+        drawing=pictures.head_drawing.drawing(sensor),
+    )  # fmt: skip
+    bars = pictures.report_page.inline(pictures.layout.layout_picture(table), "bars")
+    drawn = pictures.report_page.ReportSection("The same, drawn", drawing=bars)
+    parts = [sections[0], head, *sections[1:3], drawn, *sections[3:]]
+    title = f"The layout found for {layout.settings.name}"
+    origin = files.provenance.origin_line(layout.settings)
+    files.whole.write_text(page, pictures.report_page.report(title, summary, parts, origin))
+
+
+def sections_of(
+    layout: NewLayout, changed: Rows, compared: Rows, reasons: list[list[str]],
+    built: list[ReportSection], proof: str,
+) -> list[ReportSection]:  # fmt: skip
+    """Sections of a layout's page except drawings; quantities are in words, with units."""
+    section, in_words = pictures.report_page.ReportSection, pictures.wording.rows_in_words
+    sections = [
+        section("Requirements", rows=requirement(layout.settings)),
+        section("What changes", (), ["of the sensor", *changed[0][1:]], in_words(changed[1]),
+                wide=True),
+        section("Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
+                compared[0], in_words(compared[1])),
+        section("What limits the layout, and what more would give", rows=in_words(reasons)),
+        *built,
+    ]  # fmt: skip
+    if layout.optimum.tried:
+        parts = design.tables.part_rows(layout.optimum)
+        sections.append(section("Parts", (), *parts, wide=True))
+    return [*sections, section("Are readings unique?", (proof,))]
+
+
+def write_tables(settings: Config, sections: list[ReportSection], path: Path) -> None:
+    """Write the tables of a page under their titles."""
+    tables = {
+        part.title.partition(",")[0]: (part.headings or ("what", "value"), part.rows)
+        for part in sections
+        if part.rows
+    }
+    design.sheets.write_sheets(path, tables, files.provenance.origin_line(settings))
+
+
+def yield_sections(settings: Config, yields: Yields) -> list[ReportSection]:
+    """Sections of a layout's page about its yield."""
+    section = pictures.report_page.ReportSection
+    words = (f"{yields.count} heads built by simulation, as loose as calibrate.before says.",)
+    parts = [section("Yield", words, *yield_rows(settings, yields))]
+    if yields.accurate:
+        within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
+        parts.append(section("Accuracy", within, *error_rows(settings, yields)))
+    headings, rows = tolerance_rows(settings, yields)
+    rows = pictures.wording.rows_in_words(rows)
+    return [*parts, section("Which tolerance costs most", (), headings, rows, wide=True)]
+
+
+def requirement(settings: Config) -> list[list[str]]:
+    """Rows that describe the requirements of the block `optimize`."""
+    asked = settings.resolved["optimize"]
+    aim = str(asked["aim"])
+    rows = [["aim", pictures.wording.AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]
+    blocks = (("volume", "volume", "±"), ("unit", "uncertainty that counts as 1", ""),
+              ("limit", "uncertainty at most", ""))  # fmt: skip
+    for block, words, sign in blocks:
+        values = [
+            pictures.wording.amount(key, value, sign)
+            for key, value in asked[block].items()
+            if value
+        ]
+        if values:
+            rows.append([words, ", ".join(values)])
+    if asked["head_mm"]:
+        rows.append(["diameter of the head", f"at most {asked['head_mm']:g} mm"])
+    rows.append(["power on a detector", f"at least {asked['least_power_uw']:g} µW"])
+    bounds = [
+        pictures.wording.between(key, *bounds)
+        for key, bounds in asked["variables"].items()
+        if bounds
+    ]
+    return [*rows, ["may vary", ", ".join(bounds)]]

@@ -1,0 +1,49 @@
+"""What `facets response` prints: the frame of an estimate, and its peaks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from facets import core
+from facets.core.names import POSE
+
+from ..console import show_table
+
+if TYPE_CHECKING:
+    from facets.characterization.frequency_response import FrequencyResponse
+    from facets.characterization.response_findings import Peak
+    from facets.characterization.response_signals import ResponseSignals
+
+
+def show_estimate(
+    estimate: FrequencyResponse,
+    signals: ResponseSignals,
+    peaks: list[Peak],
+    unit: str,
+    point: str,
+) -> None:
+    """Print the estimate's frame, and the peaks."""
+    lines = estimate.frequency[estimate.is_excited]
+    typer.echo(
+        f"{len(signals.stimulus)} rows at {estimate.rate:.6g} Hz: {estimate.segments} segments, "
+        f"{estimate.averages:.3g} independent averages, a line every {estimate.resolution:.4g} Hz; "
+        f"the input has power from {lines.min():.4g} to {lines.max():.4g} Hz"
+    )
+    typer.echo(f"{point}")
+    per = f" per {unit}" if unit else ""
+    rows = []
+    for peak in peaks:
+        fine = core.units.unit_of(peak.axis)
+        error = estimate.coverage_factor * estimate.random_error[peak.line, POSE.index(peak.axis)]
+        rows.append([
+            f"{peak.frequency:.5g}", peak.axis, f"{fine.fine_factor * peak.size:.4g}",
+            f"{fine.fine_unit}{per}", f"{100 * error:.2g} %", f"{peak.width:.3g}",
+            f"{estimate.coherence[peak.line, POSE.index(peak.axis)]:.4f}",
+        ])  # fmt: skip
+    if rows:
+        headings = ("Hz", "axis", "|H1|", "", "random (95 %)", "width, Hz", "coherence")
+        show_table("peaks, at lines of the estimate", headings, rows, left=(1, 3))
+    else:
+        typer.echo("No peak stands out of its surroundings by a factor of 3.")

@@ -1,0 +1,90 @@
+"""What `facets rezero` prints: changes since a calibration, and whether they are explained."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+from facets import calibration
+from facets.core.names import DETECTORS, POSE
+
+from ..console import FINDING, wrap
+
+if TYPE_CHECKING:
+    from facets.calibration.rezero import ChangePriors, NewZero
+    from facets.config import Config
+
+#: An uncertainty above this share of the one before is named as not determined.
+UNDETERMINED_SHARE = 0.5
+
+
+#: The changes, in the order of `ChangePriors.sigmas`: name, unit, and the factor to it from
+#: mm or a share.
+ROWS = (
+    *((f"beam {axis}", "um", 1e3) for axis in "xy"),
+    ("laser's power", "%", 100.0),
+    *((f"gain of detector {letter.upper()}", "%", 100.0) for letter in DETECTORS),
+    *((f"post of detector {letter.upper()}", "um", 1e3) for letter in DETECTORS),
+    ("beam's width", "%", 100.0),
+)
+
+
+def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
+    """Print the changes, and what a stop does not tell."""
+    typer.echo("Changes since the calibration, with standard uncertainties:")
+    typer.echo(f"  {'':19} {'change':>9} {'u':>8} {'u before':>9}")
+    weak = []
+    scales = priors.sigmas(1.0) / zero.prior  # of the power, to a share
+    numbers = zip(ROWS, scales, zero.change, zero.uncertainty, zero.prior, strict=True)
+    for (name, unit, factor), scale, *values in numbers:
+        change, u, before = (factor * scale * value for value in values)
+        typer.echo(f"  {name:19} {change:+9.3g} {u:8.2g} {before:9.2g} {unit}")
+        if u > UNDETERMINED_SHARE * before:
+            weak.append(name)
+    notes = [f"A stop hardly determines: {', '.join(weak)}."] if weak else []
+    notes += [
+        f"The mirror is taken to stand at the stop again within {1e3 * priors.stop:g} um and "
+        f"{1e6 * priors.stop_angle:g} urad (--stop-um, --stop-urad). If it stands elsewhere, all "
+        "poses are off by as much; along z nothing in the readings shows that.",
+        f"Chi-square is {zero.chi_square:.3g} where {zero.freedom} is expected (probability of a "
+        f"larger one: {zero.chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed).",
+    ]
+    axis, chance = zero.likeliest_motion
+    if chance < calibration.rezero.LEAST_CHANCE:
+        factor, unit = (1e3, "um") if axis < 3 else (1e6, "urad")
+        moved, u = factor * zero.motion[:, axis]
+        notes.append(
+            f"A motion of the mirror by {moved:.2g} +- {u:.1g} {unit} in {POSE[axis]} "
+            f"between the stops would explain the readings better (probability by chance: "
+            f"{chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed)."
+        )
+    if settings.solve.beam == "free":
+        notes.append(
+            "CONFIG solves for the beam (solve.beam: free); the beam's new position counts with "
+            "`known` and `prior`."
+        )
+    for note in notes:
+        typer.echo(wrap(f"- {note}"))
+
+
+#: A change of more than this number of its prior standard uncertainties is named.
+LARGE_CHANGE = 4.0
+
+
+def refuse(zero: NewZero) -> NoReturn:
+    """Say that the changes do not explain the readings; exit status 1."""
+    ratios = abs(zero.change / zero.prior)
+    worst = int(ratios.argmax())
+    words = (
+        "! These changes do not explain the readings: the mirror moved between the stops, or "
+        "something else changed. Nothing was written. Bring the mirror to the stop again; if the "
+        "result stays, calibrate."
+    )
+    if ratios[worst] > LARGE_CHANGE:
+        words += (
+            f" Or the change is larger than assumed: {ROWS[worst][0]}, {ratios[worst]:.2g} "
+            "standard uncertainties before; the options state these."
+        )
+    typer.echo(wrap(words), err=True)
+    raise typer.Exit(FINDING)

@@ -1,0 +1,111 @@
+"""Pictures of measurement ranges and of values inside them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...characterization.outlines import Boundary
+from ...characterization.ranges import CAUSES
+from ...core.hues import chosen_hues
+from ...core.units import Floats, Integers
+from .. import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Dashes by cause, in the order of `ranges.CAUSES`, beside their hues.
+DASHES = (
+    "-", (0, (5, 1.5)), (0, (3, 1, 1, 1, 1, 1)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)),
+)  # fmt: skip
+#: Height of a panel in its widths, by the number of panels in a row.
+PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
+
+
+def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -> Figure:
+    """Draw outlines coloured by cause, a panel each.
+
+    inside: for each, (x, y, values, label) of the map within, mm or rad; or nothing at all.
+    """
+    columns = min(len(boundaries), 2 if inside else 3)
+    rows = -(-len(boundaries) // columns)
+    width = style.SINGLE if columns == 1 else style.FULL
+    with style.style_context():
+        picture = style.figure(width, width / columns * PANEL_HEIGHTS[columns] * rows + 0.5)
+        panels = picture.subplots(rows, columns, squeeze=False).ravel()
+        for panel in panels[len(boundaries) :]:
+            panel.set_visible(False)
+        for number, boundary in enumerate(boundaries):
+            if inside:
+                map_values(picture, panels[number], boundary, inside[number])
+            outline(panels[number], boundary, filled=not inside)
+        add_legend(picture, boundaries, 3 if columns > 1 else 2)
+    return picture
+
+
+def add_legend(picture: Figure, boundaries: Sequence[Boundary], columns: int) -> None:
+    """Name the causes of all outlines, below them."""
+    from matplotlib.lines import Line2D
+
+    seen = sorted({int(cause) for b in boundaries for cause in b.causes})
+    lines = [Line2D([], [], **line_of(cause)) for cause in seen]
+    texts = [CAUSES[cause] if cause >= 0 else "end of the box" for cause in seen]
+    style.legend_below(picture, lines, texts, columns)
+
+
+def line_of(cause: int) -> dict[str, Any]:
+    """Return hue and dash of a range's end, by its cause; -1 for no limit."""
+    hues = chosen_hues()
+    if cause < 0:
+        return {"color": hues.grey, "ls": "-", "lw": 1.8}
+    series = (hues.ink, *hues.series)
+    return {"color": series[cause % len(series)], "ls": DASHES[cause % len(DASHES)], "lw": 1.8}
+
+
+def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
+    """Draw the range: filled, with its rim by cause; a cross at rest."""
+    factors = np.array([style.unit_of(name).factor for name in boundary.axes])
+    points = boundary.points * factors
+    hues = chosen_hues()
+    if filled and len(points):
+        panel.fill(*points.T, color=hues.rule, alpha=0.6, lw=0)
+    for cause, line in runs(points, boundary.causes):
+        panel.plot(*line.T, **line_of(cause), solid_capstyle="butt", dash_capstyle="butt")
+    for colour, size, width in ((hues.ground, 8, 3.0), (hues.ink, 6, 1.0)):
+        panel.plot(0, 0, "+", color=colour, ms=size, mew=width)
+    if not len(points):
+        style.say(panel, "no range")
+    panel.autoscale_view()
+    whose = "" if boundary.object is None else "object: "
+    labels = [whose + style.place_label(name) for name in boundary.axes]
+    panel.set(xlabel=labels[0], ylabel=labels[1])
+    panel.locator_params(axis="y", nbins=5)
+    panel.locator_params(axis="x", nbins=4)
+    if set(boundary.axes) == {"tx", "ty"}:
+        panel.set_aspect("equal", adjustable="datalim")
+
+
+def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
+    """Yield pieces of the closed rim with one cause each: (cause, points)."""
+    if not len(points):
+        return
+    closed = np.concatenate([points, points[:1]])
+    breaks = [0, *(np.flatnonzero(np.diff(causes)) + 1).tolist(), len(points)]
+    for start, end in pairwise(breaks):
+        yield int(causes[start]), closed[start : end + 1]
+
+
+def map_values(
+    picture: Figure, panel: Axes, boundary: Boundary, inside: tuple[Floats, Floats, Floats, str]
+) -> None:
+    """Draw a map (x, y, values, label) inside the range; NaN outside."""
+    x, y, z, label = inside
+    factors = [style.unit_of(name).factor for name in boundary.axes]
+    image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
+    panel.grid(visible=False)
+    bar = picture.colorbar(image, ax=panel, label=label, pad=0.03)
+    bar.outline.set_visible(False)

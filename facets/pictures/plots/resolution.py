@@ -1,0 +1,101 @@
+"""A picture of standard uncertainties by axis and way of solving, and their main sources."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...characterization.resolution import Resolution
+from ...core.hues import chosen_hues
+from ...core.names import ANGLES, POSE
+from .. import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Marks of sources, in their order; seven beside five hues, so that no two look alike.
+MARKS = ("o", "D", "s", "^", "v", "P", "X")
+#: The least share of the variance for which another source is named.
+NAMED_SHARE = 0.01
+
+
+def budget_picture(found: Sequence[Resolution]) -> Figure:
+    """Draw uncertainties at rest and at worst, on a logarithmic scale, shifts left, angles right.
+
+    Each way of solving has a lane; the mark at rest denotes the source of most of the variance.
+    """
+    lanes = len(found) + 1
+    with style.style_context():
+        picture = style.figure(style.FULL, 0.19 * 3 * lanes + 1.15)
+        panels = picture.subplots(1, 2)
+        groups = ([n for n in POSE if n not in ANGLES], list(ANGLES))
+        for panel, names in zip(panels, groups, strict=True):
+            for row, name in enumerate(names):
+                heading(panel, row * lanes, style.component_label(name))
+                for k, one in enumerate(found):
+                    lane(panel, row * lanes + k + 1, one, name)
+            finish(panel, 3 * lanes, style.unit_of(names[0]).fine_unit)
+        places = [row * lanes + k + 1 for row in range(3) for k in range(len(found))]
+        panels[0].set_yticks(places, [one.how.name for one in found] * 3)
+        panels[1].set_yticks(places, [])
+        legend(picture, found)
+    return picture
+
+
+def heading(panel: Axes, place: float, text: str) -> None:
+    """Name the axis of the lanes below."""
+    panel.annotate(text, (0, place), (3, 0), xycoords=("axes fraction", "data"), va="center",
+                   textcoords="offset points", fontsize=style.LEAST, fontweight="bold")  # fmt: skip
+    panel.axhspan(place - 0.5, place + 0.5, color=chosen_hues().rule, alpha=0.5, lw=0)
+
+
+def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
+    """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
+    from matplotlib.transforms import ScaledTranslation
+
+    hues, i = chosen_hues(), POSE.index(name)
+    factor = style.unit_of(name).fine_factor
+    rest, worst = factor * found.nominal[i], factor * found.worst[i]
+    panel.plot([rest, worst], [place, place], color=hues.grey, lw=1.0, zorder=1)
+    panel.plot(worst, place, "|", color=hues.ink, ms=8, mew=1.4)
+    order = np.argsort(-found.shares[i])
+    panel.plot(rest, place, ms=5.5, **look(int(order[0])))
+    if len(order) > 1 and found.shares[i][order[1]] >= NAMED_SHARE:
+        beside = panel.transData + ScaledTranslation(9 / 72, 0, panel.figure.dpi_scale_trans)
+        panel.plot(worst, place, ms=4, transform=beside, **look(int(order[1])))
+        text = f"{100 * found.shares[i][order[1]]:.0f} %"
+        panel.annotate(text, (worst, place), (14, 0), textcoords="offset points", va="center",
+                       fontsize=style.LEAST)  # fmt: skip
+
+
+def look(source: int) -> dict[str, Any]:
+    """The mark of a source."""
+    series = chosen_hues().series
+    return {"color": series[source % len(series)], "marker": MARKS[source % len(MARKS)], "ls": ""}
+
+
+def finish(panel: Axes, lanes: int, unit: str) -> None:
+    panel.set(xscale="log", ylim=(lanes - 0.5, -0.5), xlabel=f"standard uncertainty, {unit}")
+    low, high = panel.get_xlim()
+    span = high / low
+    panel.set_xlim(low / span**0.02, high * span**0.22)
+    style.plain_log(panel.xaxis)
+    panel.grid(visible=False, axis="y")
+    panel.tick_params(axis="y", length=0)
+    panel.spines["left"].set_visible(False)
+
+
+def legend(picture: Figure, found: Sequence[Resolution]) -> None:
+    from matplotlib.lines import Line2D
+
+    hues = chosen_hues()
+    sources = list(dict.fromkeys(source for one in found for source in one.sources))
+    handles: list[Any] = [Line2D([], [], **look(n)) for n in range(len(sources))]
+    handles.append(Line2D([], [], color=hues.ink, marker="|", ls="", ms=8, mew=1.4))
+    made = style.legend_below(picture, handles, [*sources, "at worst in the axis's range"], 4)
+    whose = "" if found[0].object is None else "displacement of the object\n"
+    made.set_title(f"{whose}at rest, marked by the source of most of the variance; "
+                   "in %: the share of a second", {"size": style.LEAST})  # fmt: skip

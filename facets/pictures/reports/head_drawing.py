@@ -1,0 +1,132 @@
+"""A drawing of a head as SVG: plan and section, with its dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import cos, degrees, hypot, sin, tan
+
+import numpy as np
+
+from ...core.hues import chosen_hues
+from ...core.names import DETECTORS
+from ...core.sensor import Sensor
+from ...core.units import Floats
+from ...model.arrays import readings
+from ...optics.forward import psd_axes, psd_centre
+from .wording import typeset
+
+#: Size of each of the two views, in units of the picture, and the margin around it.
+SIZE, EDGE = 300.0, 46.0
+FONT = "font-family='sans-serif' font-size='11'"
+
+
+def drawing(sensor: Sensor) -> str:
+    """An SVG element: the plan, and each detector's section through the axis, both to one scale."""
+    centres, sides, spots = places(sensor)
+    scale = (SIZE - 2 * EDGE) / (2.15 * float(np.hypot(centres[:, 0], centres[:, 1]).max()))
+    parts = [*plan(sensor, centres, sides, spots, scale), *section(sensor, centres, spots, scale)]
+    low, high = heights(sensor, centres)
+    below = max(SIZE, SIZE / 2 + scale * -low + EDGE, SIZE / 2 + scale * high + EDGE)
+    return (
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {2 * SIZE + EDGE:.0f} {below:.0f}' "
+        f"width='{2 * SIZE + EDGE:.0f}' role='img' aria-label='the head from above and in section'>"
+        f"{''.join(parts)}</svg>"
+    )
+
+
+def places(sensor: Sensor) -> tuple[Floats, Floats, Floats]:
+    """Return each detector's middle (3, 3), axes y and z (3, 2, 3), and spot at rest (3, 3)."""
+    centres, sides = [], []
+    for psd in sensor.psds:
+        axes = psd_axes(psd.azimuth, psd.roll, psd.pitch, psd.yaw)
+        centres.append(psd_centre(psd.radius, psd.azimuth, psd.height))
+        sides.append(axes[1:])
+    middle: Floats = np.array(centres)
+    across: Floats = np.array(sides)
+    spots = np.nan_to_num(readings(sensor, np.zeros(8))).reshape(3, 3)[:, :2]
+    return middle, across, middle + (spots[:, :, None] * across).sum(axis=1)
+
+
+def heights(sensor: Sensor, centres: Floats) -> tuple[float, float]:
+    half = max(psd.size_z for psd in sensor.psds) / 2
+    return min(0.0, float(centres[:, 2].min()) - half), max(0.0, float(centres[:, 2].max()) + half)
+
+
+def line(
+    a: Iterable[float], b: Iterable[float], colour: str, width: float, dashes: str = ""
+) -> str:
+    (x1, y1), (x2, y2) = a, b
+    dash = f" stroke-dasharray='{dashes}'" if dashes else ""
+    return (
+        f"<line x1='{x1:.2f}' y1='{y1:.2f}' x2='{x2:.2f}' y2='{y2:.2f}' stroke='{colour}' "
+        f"stroke-width='{width}'{dash}/>"
+    )
+
+
+def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "") -> str:
+    place = f"x='{x:.1f}' y='{y:.1f}' text-anchor='{anchor}'"
+    return f"<text {place} {FONT} fill='{colour or chosen_hues().ink}'>{typeset(words)}</text>"
+
+
+def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: float) -> list[str]:
+    """Draw the plan, x to the right and y up."""
+    middle = SIZE / 2
+
+    def pixel_of(place: Floats) -> tuple[float, float]:
+        return middle + scale * float(place[0]), middle - scale * float(place[1])
+
+    hues = chosen_hues()
+    radius = float(np.hypot(centres[:, 0], centres[:, 1]).max())
+    found = [
+        f"<circle cx='{middle}' cy='{middle}' r='{scale * radius:.2f}' fill='none' "
+        f"stroke='{hues.grey}' stroke-dasharray='4 3'/>"
+    ]
+    for k, psd in enumerate(sensor.psds):
+        reach = sides[k, 0] * psd.size_y / 2
+        hue = hues.detectors[DETECTORS[k]]
+        found.append(line((middle, middle), pixel_of(spots[k]), hue, 1))
+        found.append(line(pixel_of(centres[k] - reach), pixel_of(centres[k] + reach), hue, 4))
+        out = centres[k] * (1 + 17 / (scale * hypot(*centres[k, :2])))
+        x, y = pixel_of(out)
+        found.append(text(x, y + 4, f"{DETECTORS[k].upper()} {degrees(psd.azimuth):.4g}\u00b0"))
+    found.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{hues.ink}'/>")
+    beam = sensor.beam
+    width = f"{beam.diameter_x:.4g}" + (
+        "" if beam.diameter_x == beam.diameter_y else f" x {beam.diameter_y:.4g}"
+    )
+    found.append(text(middle, SIZE - 8, f"head \u2300 {2 * radius:.4g} mm, beam \u2300 {width} mm"))
+    return found
+
+
+def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
+    """Draw each detector's own half plane through the axis, outward to the right and z up."""
+    left, middle, hues = SIZE + EDGE, SIZE / 2, chosen_hues()
+    found = [line((left, 14), (left, middle), hues.ink, 1.4)]
+    found.append(text(left + 6, 22, "beam", "start"))
+    told: set[tuple[float, ...]] = set()
+    different = len({(p.radius, p.height, p.pitch, p.size_z) for p in sensor.psds}) > 1
+    for k, (facet, psd) in enumerate(zip(sensor.facets, sensor.psds, strict=True)):
+        r, z = hypot(*centres[k, :2]), float(centres[k, 2])
+        what = (round(r, 3), round(z, 3), round(psd.pitch, 5), round(facet.inclination, 5))
+        if what in told:
+            continue
+        told.add(what)
+        hue = hues.detectors[DETECTORS[k]] if different else hues.soft
+        along = 34.0
+        end = (left + along * cos(facet.inclination), middle + along * sin(facet.inclination))
+        found.append(line((left, middle), end, hues.ink, 2))
+        spot = (left + scale * hypot(*spots[k, :2]), middle - scale * float(spots[k, 2]))
+        found.append(line((left, middle), spot, hue, 1))
+        lean = tan(psd.pitch)
+        half = scale * psd.size_z / 2 / hypot(1, lean)
+        x, y = left + scale * r, middle - scale * z
+        found.append(line((x - half * lean, y + half), (x + half * lean, y - half), hue, 4))
+        name = DETECTORS[k].upper() if different else "each"
+        words = [f"{name}: R {r:.5g} mm", f"height {z:.5g} mm", f"pitch {1e3 * psd.pitch:.4g} mrad",
+                 f"area {psd.size_y:.4g} x {psd.size_z:.4g} mm",
+                 f"facet at {degrees(facet.inclination):.4g}\u00b0"]  # fmt: skip
+        top = 40 + 70 * (len(told) - 1)
+        right = left + SIZE - EDGE
+        found += [text(right, top + 13 * n, word, "end") for n, word in enumerate(words)]
+    found.append(line((left, middle), (left + SIZE - EDGE, middle), hues.rule, 0.8, "4 3"))
+    return found

@@ -1,0 +1,76 @@
+"""A page of sentences, tables and drawings on a result, such as a layout or a calibration.
+
+The page is one file that needs no network and prints on a few sheets.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from ...core.hues import DARK, LIGHT, chosen_hues
+from ..style import svg_text
+from .wording import typeset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class ReportSection:
+    """A part of the page: sentences, a table, a drawing (SVG or HTML), and unchanged text.
+
+    wide: whether it spans both columns.
+    """
+
+    title: str
+    words: Sequence[str] = ()
+    headings: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = field(default_factory=list)
+    drawing: str = ""
+    text: str = ""
+    wide: bool = False
+
+
+def report(
+    title: str,
+    summary: str,
+    sections: Sequence[ReportSection],
+    origin: str,
+    warning: str = "",
+    sheet: str = "",
+) -> str:
+    """Fill the page.
+
+    warning: text at its top, in the colour of alarms.  sheet: text at the foot of each printed
+    sheet.  A page without drawings follows the reader's choice of light or dark.
+    """
+    from jinja2 import Environment
+
+    text = files(__package__).joinpath("report_page.html").read_text("utf-8")
+    places = Environment(autoescape=True)
+    places.filters["typeset"] = typeset
+    hues = chosen_hues().css
+    if not any(section.drawing for section in sections):
+        hues += f"@media screen and (prefers-color-scheme:dark){{{DARK.css}}}"
+        hues += f"@media print{{{LIGHT.css}}}"
+    return places.from_string(text).render(
+        title=title,
+        summary=summary,
+        sections=sections,
+        origin=origin,
+        warning=warning,
+        sheet=re.sub(r"[^\w .,/·-]", " ", sheet),
+        hues=hues,
+    )
+
+
+def inline(picture: Figure, words: str) -> str:
+    """Convert a picture to an SVG element of a page, whose text can be searched and read aloud."""
+    from html import escape
+
+    text = svg_text(picture)
+    return text.replace("<svg", f'<svg role="img" aria-label="{escape(words)}"', 1)

@@ -1,0 +1,8 @@
+"""The rig in three dimensions: scenes, stills and films, and the light that is drawn in them."""
+
+from typing import TYPE_CHECKING
+
+from ...core.faces import load_on_use
+
+if not TYPE_CHECKING:
+    __getattr__ = load_on_use(__name__)
