@@ -139,14 +139,10 @@ def response(
     )
     bandwidth = settings.electronics.bandwidth
     delay, unit = describe_input(settings, input_column)
-    found = characterization.frequency_response.estimate_response(
-        signals.stimulus,
-        signals.motion,
-        signals.stretches,
-        resolution_hz,
-        characterization.frequency_response.OutputChannel(
-            signals.deviation, bandwidth, correct_bandwidth, delay
-        ),
+    responses = characterization.frequency_response
+    channel = responses.OutputChannel(signals.deviation, bandwidth, correct_bandwidth, delay)
+    found = responses.estimate_response(
+        signals.stimulus, signals.motion, signals.stretches, resolution_hz, channel
     )
     peaks = characterization.response_findings.find_peaks(found)
     about = files.provenance.provenance_header(settings) | {
@@ -155,20 +151,15 @@ def response(
         "averages": f"{found.averages:.4g}",
     }
     with files.tables.ResultSet():
-        rows = characterization.frequency_response.response_table(found)
+        rows = responses.response_table(found)
         files.tables.write_table(paths[0], rows, about)
         title = f"Response to {input_column} of {measurement.name}"
         pictures.style.save(
             pictures.response.response_picture(found, unit, title, bandwidth), paths[1]
         )
         if uff is not None:
-            universal.write_universal_file(
-                uff,
-                found,
-                universal.InputChannel(input_column, *dof),
-                universal.Node(node, body.point),
-                about,
-            )
+            stimulus, place = universal.InputChannel(input_column, *dof), (node, body.point)
+            universal.write_universal_file(uff, found, stimulus, universal.Node(*place), about)
     tell(found, signals, peaks, unit, body.text)
     limits = characterization.response_findings.find_limits(found, signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))
