@@ -124,16 +124,16 @@ def response(
     """
     paths = result_files(output_folder(folder, measurement.stem, "response"), table, plot)
     universal = characterization.universal_file
-    dof = universal.read_input_dof(input_dof) if input_dof else (0, 0)
+    dof = universal.read_input_dof(input_dof) if input_dof else ()
     if uff is not None:
         core.extras.require_extra("pyuff", f"--uff {uff}")
         if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
             raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
-    written = [*paths, *([uff] if uff else [])]
-    files.tables.refuse_to_overwrite(written, force, [measurement])
+    files.tables.refuse_to_overwrite([*paths, *([uff] if uff else [])], force, [measurement])
     columns, settings = read_columns(measurement, input_column, config)
     settings = choose_point(settings, point)
     body = settings.object or core.rigid_body.MIRROR
+    stimulus, place = universal.InputChannel(input_column, *dof), universal.Node(node, body.point)
     signals = characterization.response_signals.build_signals(
         columns, input_column, body, settings, str(measurement)
     )
@@ -154,12 +154,10 @@ def response(
         rows = responses.response_table(found)
         files.tables.write_table(paths[0], rows, about)
         title = f"Response to {input_column} of {measurement.name}"
-        pictures.style.save(
-            pictures.response.response_picture(found, unit, title, bandwidth), paths[1]
-        )
+        picture = pictures.response.response_picture(found, unit, title, bandwidth)
+        pictures.style.save(picture, paths[1])
         if uff is not None:
-            stimulus, place = universal.InputChannel(input_column, *dof), (node, body.point)
-            universal.write_universal_file(uff, found, stimulus, universal.Node(*place), about)
+            universal.write_universal_file(uff, found, stimulus, place, about)
     tell(found, signals, peaks, unit, body.text)
     limits = characterization.response_findings.find_limits(found, signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))
