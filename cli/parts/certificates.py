@@ -107,7 +107,7 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
         f" same least light"
         + (
             ", the largest that is tried"
-            if factor >= proof.reach.FARTHEST
+            if factor >= proof.reach.LARGEST_SCALING
             else "; a larger one may be too"
         )
         + f" ({beside.name})"

@@ -59,9 +59,9 @@ from .unknowns import (
 )
 
 #: Damping beyond which no step leads anywhere.
-STUCK = 1e10
+MAX_DAMPING = 1e10
 #: Residuals over the noise, as a root mean square, from which on a fit misses something.
-MISFIT = 1.3
+MISFIT_SIGMAS = 1.3
 #: Unknowns that cannot be negative, and where a fit holds them, mm: a roll-off without a width has
 #: no derivative.
 LOWER_BOUNDS_MM = {"rolloff.width": 1e-3, "light.wavelength": 0.0}
@@ -250,7 +250,7 @@ class Task:
             if worth < rule.fall and normal.fall < rule.fall * len(self.data.raw):
                 return at, steps - 1, ""
             level, better = self.cost(at, limit), None
-            while damping < STUCK:
+            while damping < MAX_DAMPING:
                 heavy = matrix + damping * scale
                 step: Floats = np.linalg.solve(heavy, side).astype(float)
                 tried = self.take_step(at, normal, step)
@@ -291,7 +291,7 @@ class Task:
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
         names = ", ".join(self.choice.names[n] for n in large)
         known, whole = step @ self.prior @ step, step @ matrix @ step
-        if known > whole / 2 and size < MISFIT:
+        if known > whole / 2 and size < MISFIT_SIGMAS:
             remedy = (
                 "the samples hardly tell these; take samples that move more, or hold them as they "
                 "are (null in calibrate.before)"
@@ -367,7 +367,7 @@ def fit(
 
 
 #: How well the detectors' common gain keeps to what it is by convention.
-CONVENTION = 1e-5
+GAIN_CONVENTION_SIGMA = 1e-5
 
 
 def prior_information(choice: Choice) -> Floats:
@@ -385,7 +385,7 @@ def prior_information(choice: Choice) -> Floats:
         matrix[np.ix_(inside, inside)] = whole[np.ix_(places, places)]
     gains = [n for n, name in enumerate(choice.names) if name in GAINS]
     if len(gains) == len(GAINS) and (np.isinf(choice.power) or "beam.power" in choice.names):
-        matrix[np.ix_(gains, gains)] += 1 / (len(gains) * CONVENTION) ** 2
+        matrix[np.ix_(gains, gains)] += 1 / (len(gains) * GAIN_CONVENTION_SIGMA) ** 2
     return matrix
 
 

@@ -33,19 +33,19 @@ from .unmodelled_findings import step_size
 Change = Callable[[Data], Data]
 
 #: Samples and steps of a first trial and of a last, for so many of the hypotheses.
-SAMPLES, STEPS, FINAL = (30, 120), (4, 12), 4
+SAMPLES, STEPS, LAST_TRIALS = (30, 120), (4, 12), 4
 #: How many of the best may be one of two faults.
 PARTNERS = 6
 #: How many moves of something loose are tried, and the limit of residuals that shows them.
-STEPS_TRIED, ROBUST = 3, 3.0
+STEPS_TRIED, ROBUST_SIGMAS = 3, 3.0
 #: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
 #: many times the noise at most; or more, which real light leaves, but chi-square lower by a factor
 #: than the next best.
-FACTOR, GOOD, GAP = 0.4, 5.0, 3.0
+LEAST_REDUCTION, GOOD_SIGMAS, CLEAR_GAP = 0.4, 5.0, 3.0
 #: A fault that leaves chi-square within this factor of the best one's cannot be told from it.
-ALIKE = 1.5
+ALIKE_FACTOR = 1.5
 #: Residuals over the noise that no light of a bench leaves.
-WORST = 17.0
+WORST_LIGHT_SIGMAS = 17.0
 
 
 class Hypothesis(NamedTuple):
@@ -294,7 +294,7 @@ def convert_places(sensor: Sensor, raw: Floats, convert: Callable[[Floats, float
 def jumps(sensor: Sensor, data: Data, result: Fit) -> Iterator[Hypothesis]:
     """Hypotheses that something jumped at a time that nobody knows, by the residuals of a fit."""
     try:
-        steps = find_steps(Remainder(sensor, data, result, ROBUST))
+        steps = find_steps(Remainder(sensor, data, result, ROBUST_SIGMAS))
     except (InputError, np.linalg.LinAlgError):
         return
     for step in steps[:STEPS_TRIED]:
@@ -390,7 +390,7 @@ def find_fault(sensor: Sensor, data: Data, chosen: Choice, result: Fit) -> Expla
     every = [*hypotheses(sensor), *jumps(sensor, data, result)]
     single = trials.rank([(hypothesis,) for hypothesis in every])
     explains = single.explains(before)
-    small = before <= GOOD**2 or (explains and single.levels[0] <= GOOD**2)
+    small = before <= GOOD_SIGMAS**2 or (explains and single.levels[0] <= GOOD_SIGMAS**2)
     if not small:
         double = trials.rank(pairs_of(single.partners, every))
         if double.explains(min(before, single.levels[0])):
@@ -431,7 +431,7 @@ class Trials(NamedTuple):
     def rank(self, several: list[tuple[Hypothesis, ...]]) -> Ranking:
         """Give each of several faults a first trial, and the best of them a last one."""
         first = sorted((self.first_trial(faults), n) for n, faults in enumerate(several))
-        last = sorted((self.last_trial(several[n]), n) for _, n in first[:FINAL])
+        last = sorted((self.last_trial(several[n]), n) for _, n in first[:LAST_TRIALS])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],
@@ -458,11 +458,13 @@ class Ranking(NamedTuple):
 
     def explains(self, before: float) -> bool:
         best, runner_up = self.levels[0], self.levels[1]
-        clear = best <= GOOD**2 or (best <= WORST**2 and GAP * best < runner_up)
-        return best < FACTOR * before and clear
+        clear = best <= GOOD_SIGMAS**2 or (
+            best <= WORST_LIGHT_SIGMAS**2 and CLEAR_GAP * best < runner_up
+        )
+        return best < LEAST_REDUCTION * before and clear
 
     def explanation(self, before: float) -> Explanation:
         alike = [faults for level, faults in zip(self.levels[1:], self.faults[1:], strict=True)
-                 if level < ALIKE * self.levels[0]]  # fmt: skip
+                 if level < ALIKE_FACTOR * self.levels[0]]  # fmt: skip
         best = float(self.levels[0] ** 0.5)
         return Explanation(self.faults[0], float(before**0.5), best, tuple(alike))

@@ -23,9 +23,9 @@ ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
 #: The settings of an axis that hold its moves back; a device stores them.
 LIMITS = ("maxspeed", "accel")
 #: The numbers of messages are below this, and repeat.
-NUMBERS = 90
+MESSAGE_NUMBERS = 90
 #: Largest number of other lines before an expected answer.
-MANY = 500
+MAX_OTHER_LINES = 500
 
 
 def checksum(message: str) -> str:
@@ -43,7 +43,7 @@ class Zaber(NativeLimits):
 
     def send(self, command: str, axis: int = 0) -> str:
         """Write a command; return its number."""
-        self.number = (self.number + 1) % NUMBERS
+        self.number = (self.number + 1) % MESSAGE_NUMBERS
         text = f"1 {axis} {self.number:02d} {command}"
         self.line.write(f"/{text}:{checksum(text)}\n".encode())
         return f"{self.number:02d}"
@@ -51,7 +51,7 @@ class Zaber(NativeLimits):
     def receive(self, number: str, command: str, patience: float = PATIENCE_S) -> list[str]:
         """The data of the answer to a command; alerts and late answers are discarded."""
         until = self.line.clock() + patience
-        for _ in range(MANY):
+        for _ in range(MAX_OTHER_LINES):
             reply = self.line.read_line(patience)
             if reply[:1] in ("!", "#"):
                 continue
