@@ -246,7 +246,7 @@ def refuse_output(
 ) -> None:
     """Raise `InputError` for an output that cannot be written, or options that contradict."""
     if smooth:
-        require_model("--smooth", smooth)
+        require_model(smooth)
         if path is None or is_mcap(path):
             raise InputError("--smooth needs -o, a table for the smoothed poses")
     if path is None:
