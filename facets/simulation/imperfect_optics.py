@@ -145,7 +145,7 @@ def ray_reading(geometry: Geometry, flaws: Flaws, state: Floats, halves: Floats)
 @cache
 def gauss(count: int) -> tuple[Floats, Floats]:
     """Gauss-Legendre nodes and weights from -1 to 1."""
-    return np.polynomial.legendre.leggauss(count)  # type: ignore[no-any-return]
+    return np.polynomial.legendre.leggauss(count)
 
 
 def origin(facet: Facet, flaws: Flaws, points: Floats) -> Floats:
@@ -315,7 +315,8 @@ def follow(
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     cosine = -(aim * face).sum(axis=1)
     leaving = aim + 2 * cosine[:, None] * face
-    axes, centre = np.array(facet.axes), np.array(facet.centre)
+    axes: Floats = np.array(facet.axes)
+    centre = np.array(facet.centre)
     length = ((centre - foot) @ axes[0]) / (leaving @ axes[0])
     spot = foot + length[:, None] * leaving - centre
     return spot @ axes[1:].T, reflected_share(flaws, aim, face, cosine)
@@ -370,12 +371,13 @@ def scatter(facet: Facet, flaws: Flaws) -> float:
 
 def project_on_detector(facet: Facet, step: Floats) -> Floats:
     """The projection of a step across the beam, in the world, on a facet's detector: (2,)."""
-    axes, normal = np.array(facet.axes), np.array(facet.normal)
-    direction = np.array(facet.geometry.direction)
+    axes: Floats = np.array(facet.axes)
+    normal, direction = np.array(facet.normal), np.array(facet.geometry.direction)
     step = step - 2 * (step @ normal) * normal
     ray = direction - 2 * (direction @ normal) * normal
     step = step - (step @ axes[0]) / (ray @ axes[0]) * ray
-    return axes[1:] @ step  # type: ignore[no-any-return]
+    projection: Floats = axes[1:] @ step
+    return projection
 
 
 def wave_spread(
