@@ -49,7 +49,7 @@ _NAMES_OF = {
     "sources.host_time": "HostTime",
     "sources.ports": "DatagramPort PortError PortInUse open_port",
     "streams.sample_rows": "SAMPLE row_content rows_of sample_dtype",
-    "virtual": "Bench Faults Pty truth_of",
+    "virtual": "Bench BenchSetup Faults Pty truth_of",
     "virtual.stages": "PiController ZaberDevice",
     "web.page": "WebPage",
     "web.status": "stage status_of",
