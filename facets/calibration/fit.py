@@ -183,7 +183,7 @@ class Task:
             raise InputError("a laser of no power")
         return Guess(sensor, values, own_values, residuals(sensor, self.data, own_values, values))
 
-    def limit(self, at: Guess) -> float:
+    def outlier_limit(self, at: Guess) -> float:
         """The residual beyond which a reading has less weight, relative to most residuals."""
         if self.robust is None:
             return np.inf
@@ -243,7 +243,7 @@ class Task:
         damping, growth = 0.0, 10.0
         scale = np.diag(1 / self.choice.sigma**2)
         for steps in range(1, rule.steps + 1):
-            limit = self.limit(at)
+            limit = self.outlier_limit(at)
             _, _, normal = self.linearise(at, limit)
             matrix, side = self.hold_at_bounds(at, *self.add_prior(at, normal))
             worth = float(side @ np.linalg.solve(matrix, side))
@@ -305,12 +305,12 @@ class Task:
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
-        limit = self.limit(at)
+        limit = self.outlier_limit(at)
         model, weights, normal = self.linearise(at, limit)
         matrix, _ = self.add_prior(at, normal)
         covariance: Floats = np.linalg.inv(matrix).astype(float)
         redundancy = redundancies(model, weights, normal, covariance)
-        chi_square, freedom = self.misfit(at, limit, redundancy)
+        chi_square, freedom = self.chi_square(at, limit, redundancy)
         try:
             sensor = calibrated_sensor(self, at, normal, covariance, freedom)
         except InputError as error:  # the mirror's turn, put into its facets, may leave no pyramid
@@ -334,7 +334,7 @@ class Task:
             cause=cause,
         )
 
-    def misfit(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
+    def chi_square(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
         """Chi-square without the outliers, corrected for the truncation, and its expectation."""
         there = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
         kept = cut_variance(self.robust) if limit == self.robust else 1.0

@@ -99,12 +99,14 @@ def join_tables(
     if likeness > LEAST_LIKENESS:
         moving = replace(settings, dwells=False)
         offset += remaining_offset(
-            sensor, samples(readings, columns, track, offset, moving), settings
+            sensor, samples_at_offset(readings, columns, track, offset, moving), settings
         )
-    return JoinedTables(samples(readings, columns, track, offset, settings), offset, likeness)
+    return JoinedTables(
+        samples_at_offset(readings, columns, track, offset, settings), offset, likeness
+    )
 
 
-def samples(
+def samples_at_offset(
     readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
 ) -> Data:
     """The samples with the reference's poses and velocities at an offset."""

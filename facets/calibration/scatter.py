@@ -62,12 +62,12 @@ class Likelihood:
 
     def __init__(self, task: Task, result: Fit) -> None:
         at = task.guess(result.all_values, result.own_values)
-        part, roots, _ = task.linearise(at, task.limit(at))
+        part, roots, _ = task.linearise(at, task.outlier_limit(at))
         weights = roots**2
         good = np.isfinite(task.data.raw) & (weights >= LEAST_WEIGHT)
         by_own = part.own * good[:, :, None]
         self.common = part.common * good[:, :, None]
-        self.left = (part.residual * good) + (by_own @ (at.own_values / OWN_UNITS)[:, :, None])[
+        self.residual = (part.residual * good) + (by_own @ (at.own_values / OWN_UNITS)[:, :, None])[
             :, :, 0
         ]
         self.noise = np.where(good, 1 / np.maximum(weights, LEAST_WEIGHT), 1.0)
@@ -95,10 +95,10 @@ class Likelihood:
         weighted = inverse @ self.common
         size = self.common.shape[2]
         matrix = self.common.reshape(-1, size).T @ weighted.reshape(-1, size) + self.prior
-        aim = (inverse @ self.left[:, :, None])[:, :, 0]
+        aim = (inverse @ self.residual[:, :, None])[:, :, 0]
         side = self.common.reshape(-1, size).T @ aim.ravel() - self.prior @ self.before
         step = np.linalg.solve(matrix, side)
-        level = float((self.left * aim).sum() + self.before @ self.prior @ self.before)
+        level = float((self.residual * aim).sum() + self.before @ self.prior @ self.before)
         unlikely = (
             np.linalg.slogdet(variance)[1].sum() + np.linalg.slogdet(matrix)[1]
             + level - side @ step
@@ -241,7 +241,7 @@ class SizeProblem(NamedTuple):
         for name in names:
             n = NAMES.index(name)
             square = (self.like.columns[:, :, n == OF_COLUMN] ** 2).sum()
-            start[n] = FIRST_NOISE_SHARE * len(self.like.left) / max(square, 1e-300)
+            start[n] = FIRST_NOISE_SHARE * len(self.like.residual) / max(square, 1e-300)
         return self.like.likeliest(self.known, (*self.always, *names), start)
 
 

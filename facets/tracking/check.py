@@ -238,12 +238,12 @@ class StageCheck(Tracker):
             why = self.error or self.envelope.latched or "the samples ended too soon"
             moved = " xy"[int(np.searchsorted(self.ends[::2], self.leg))]
             at = f" while the stage was to move along {moved}" if self.leg else ""
-            return [f"the check was not completed{at}: {why}", *self.surprise(moved)]
+            return [f"the check was not completed{at}: {why}", *self.unexpected_response(moved)]
         if np.ptp(np.array(self.apexes), axis=0).max() > MAX_MIRROR_MM:
             return ["the mirror moved during the check: it must stand still"]
         return [axis.fault for axis in self.axes() if axis.fault]
 
-    def surprise(self, name: str) -> list[str]:
+    def unexpected_response(self, name: str) -> list[str]:
         """The fault, in a list of one sentence or none, that the beam's unexpected place shows of
         the axis that was to move."""
         axis = "xy".find(name)
