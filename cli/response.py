@@ -26,7 +26,7 @@ from .options import (
 )
 from .options.places import choose_point
 from .parts.response_input import describe_input, read_columns
-from .results import Results
+from .results import ResultFolder
 from .sentences.response import show_estimate
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def response(
             raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
     names = [f"response.{table.value}", f"response.{plot.value}"]
     place = output_folder(folder, measurement.stem, "response")
-    results = Results(place, names, force, [measurement], [uff] if uff else [])
+    results = ResultFolder(place, names, force, [measurement], [uff] if uff else [])
     columns, settings = read_columns(measurement, input_column, config)
     settings = choose_point(settings, point)
     body = settings.object or core.rigid_body.MIRROR

@@ -14,7 +14,7 @@ from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from ..console import leave_out_picture, track
 from ..options.claims import claim_for
 from ..options.survey_request import SurveyRequest, refuse_too_many
-from ..results import Results
+from ..results import ResultFolder
 from .certificates import prove
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def survey_box(
-    request: SurveyRequest, results: Results, search: bool
+    request: SurveyRequest, results: ResultFolder, search: bool
 ) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
     """Sample, measure and report; then search the worst state and two with like readings."""
     refuse_too_many(request)
@@ -44,7 +44,7 @@ def survey_box(
     return survey, worst, pair
 
 
-def measure(request: SurveyRequest, results: Results) -> Survey:
+def measure(request: SurveyRequest, results: ResultFolder) -> Survey:
     """Sample and measure in chunks, with a progress bar; write all states if requested."""
     sampling: Literal["sobol", "uniform"] = "uniform" if request.uniform else "sobol"
     chunks = characterization.singularity.samples(
@@ -60,7 +60,7 @@ def measure(request: SurveyRequest, results: Results) -> Survey:
 
 
 def keeper(
-    request: SurveyRequest, results: Results, stack: ExitStack
+    request: SurveyRequest, results: ResultFolder, stack: ExitStack
 ) -> Callable[[Floats, Floats], None] | None:
     """Function that writes each chunk of states into the table, if one is requested."""
     if request.table is None:
@@ -72,7 +72,7 @@ def keeper(
 
 
 def write(
-    request: SurveyRequest, results: Results, survey: Survey, pair: AmbiguousPair | None
+    request: SurveyRequest, results: ResultFolder, survey: Survey, pair: AmbiguousPair | None
 ) -> dict[str, Any]:
     """Write table and picture; return their entries of the record."""
     density = characterization.tables.density_columns(survey)
