@@ -120,11 +120,9 @@ def response(
     status 1 if no axis answers to the input.
     """
     universal = characterization.universal_file
-    dof = universal.read_input_dof(input_dof) if input_dof else (0, 0)
-    if uff is not None:
-        core.extras.require_extra("pyuff", f"--uff {uff}")
-        if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
-            raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
+    dof = universal.read_input_dof(input_dof) if input_dof else ()
+    channel = universal.InputChannel(input_column, *dof)
+    require_universal(uff)
     names = [f"response.{table.value}", f"response.{plot.value}"]
     place = output_folder(folder, measurement.stem, "response")
     results = ResultFolder(place, names, force, [measurement], [uff] if uff else [])
@@ -136,32 +134,23 @@ def response(
     )
     bandwidth = settings.electronics.bandwidth
     delay, unit = describe_input(settings, input_column)
-    estimate = characterization.frequency_response.estimate_response(
-        signals.stimulus,
-        signals.motion,
-        signals.stretches,
-        resolution_hz,
-        characterization.frequency_response.OutputChannel(
-            signals.deviation, bandwidth, correct_bandwidth, delay
-        ),
+    responses = characterization.frequency_response
+    output = responses.OutputChannel(signals.deviation, bandwidth, correct_bandwidth, delay)
+    estimate = responses.estimate_response(
+        signals.stimulus, signals.motion, signals.stretches, resolution_hz, output
     )
     peaks = characterization.response_findings.find_peaks(estimate)
     averages = f"{estimate.averages:.4g}"
     origin = {"input": input_column, "point": body.text, "averages": averages}
     with results.publish(settings, more=origin) as (rows, picture):
-        results.write_table(rows, characterization.frequency_response.response_table(estimate))
+        results.write_table(rows, responses.response_table(estimate))
         title = f"Response to {input_column} of {measurement.name}"
         pictures.style.save(
             pictures.response.response_picture(estimate, unit, title, bandwidth), picture
         )
         if uff is not None:
-            universal.write_universal_file(
-                uff,
-                estimate,
-                universal.InputChannel(input_column, *dof),
-                universal.Node(node, body.point),
-                results.about,
-            )
+            output_node = universal.Node(node, body.point)
+            universal.write_universal_file(uff, estimate, channel, output_node, results.about)
     show_estimate(estimate, signals, peaks, unit, body.text)
     limits = characterization.response_findings.find_limits(estimate, signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))
@@ -170,3 +159,12 @@ def response(
         typer.echo(f"{uff}")
     if characterization.response_findings.silent_axes(estimate).all():
         raise typer.Exit(FINDING)
+
+
+def require_universal(uff: Path | None) -> None:
+    """Refuse a universal file that cannot be written, before any work."""
+    if uff is None:
+        return
+    core.extras.require_extra("pyuff", f"--uff {uff}")
+    if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
+        raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
