@@ -279,7 +279,7 @@ def spot(stand: Stand, k: int) -> SpotLight:
 
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
     stand = Stand.from_state(sensor, state)
-    found: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
+    bodies: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
     for k in range(3):
-        found += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]
-    return [body for body in found if body is not None]
+        bodies += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]
+    return [body for body in bodies if body is not None]
