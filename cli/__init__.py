@@ -190,18 +190,16 @@ def run_app() -> int:
         app_for_arguments()(prog_name="facets")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
-        if code == INTERRUPTED:  # the status that typer gives it without a message
-            print("interrupted", file=sys.stderr)
-        return code
+        if code != INTERRUPTED:  # the status that typer gives an interruption without a message
+            return code
     except (FacetsError, OSError, MemoryError) as error:
         print(message(error), file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
+        pass
     except Exception:
         # worker processes that start when a signal comes can raise other errors
         if signals.caught() is None:
             raise
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-    return BAD_INPUT
+    print("interrupted", file=sys.stderr)
+    return INTERRUPTED

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import live, pictures
+from facets import estimation, live, pictures
 from facets.core.errors import FacetsError, InputError
-from facets.estimation import PoseColumns
 from facets.files.whole import refuse_to_overwrite
 
 from .options import (
@@ -160,7 +159,7 @@ def acquire(
         publish=publish or (),
         web=web,
         page_scripts=pictures.page.scripts.rig_scripts(settings.sensor) if web else None,
-        columns=PoseColumns(zero_of(zero), covariance),
+        columns=estimation.PoseColumns(zero_of(zero), covariance),
     )
     run = live.Run.from_config(settings, port, options, tell)
     run_to_end(run, display(run.live, plain, json, display_rate))

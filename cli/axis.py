@@ -16,7 +16,7 @@ from .console import FINDING
 from .options import ConfigOption, Force, Look, Plot, PlotKind, Point, Style, folder_option
 from .options.places import choose_point
 from .parts.recordings import solve_recording
-from .results import Results
+from .results import ResultFolder
 from .sentences.axis import show
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def axis(
     tables = ("positions.csv", "quantities.csv", "compensation.csv")
     names = ["axis.html", f"axis.{plot.value}", *tables, "run.yaml"]
     place = folder or Path("results") / f"axis-{axis.value}"
-    results = Results(place, names, force, [poses, commands])
+    results = ResultFolder(place, names, force, [poses, commands])
     commanded = (
         characterization.axis_visits.read_commands(commands, axis.value)
         if commands is not None
@@ -159,7 +159,7 @@ def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Con
     return settings, characterization.axis_visits.read_series(source)
 
 
-def write(report: AxisReport, results: Results, title: str) -> None:
+def write(report: AxisReport, results: ResultFolder, title: str) -> None:
     page, picture, positions, quantities, compensation, _ = results.paths
     results.write_table(positions, report.table())
     results.write_table(quantities, report.summary())

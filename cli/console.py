@@ -117,7 +117,7 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
 
 
 @contextmanager
-def show_progress(task: str) -> Iterator[Callable[[float, float], None]]:
+def show_progress(task: str) -> Iterator[Callable[[float, float | None], None]]:
     """Show a bar for a task on a terminal; yields the function that takes what is done, of what.
 
     Where a report finds that an interruption was swallowed, the task ends there.
@@ -131,7 +131,7 @@ def show_progress(task: str) -> Iterator[Callable[[float, float], None]]:
     with Progress(console=Console(stderr=True), transient=True) as progress:
         row = progress.add_task(task, total=None)
 
-        def report(done: float, whole: float) -> None:
+        def report(done: float, whole: float | None) -> None:
             signals.check()
             progress.update(row, completed=done, total=whole)
 

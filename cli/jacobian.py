@@ -23,7 +23,7 @@ from .options import (
 )
 from .options.survey_request import SurveyRequest, choose_box
 from .parts.state_survey import certify_and_report, survey_box, write
-from .results import Results
+from .results import ResultFolder
 
 States = Annotated[int, typer.Option(min=1, help="Number of states to sample.")]
 Uniform = Annotated[
@@ -119,7 +119,7 @@ def jacobian(
         settings, *choose_box(settings, box), states, uniform, seed, left_out, threads, place,
         plot.value, state_table and state_table.value, certify > 0, reach,
     )  # fmt: skip
-    results = Results(place, request.names, force)
+    results = ResultFolder(place, request.names, force)
     with results.publish(settings, seed):
         survey, worst, pair = survey_box(request, results, search_worst)
         entries = write(request, results, survey, pair)

@@ -108,16 +108,16 @@ def show_channels(report: NoiseReport) -> None:
         f"{report.samples} samples, {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing"
     )
-    for one in report.channels:
-        model = one.model
+    for channel in report.channels:
+        model = channel.model
         lines = "".join(
             f"  {line.name if line.name != 'unknown' else 'line'} {line.amplitude.value:.3g} at "
             f"{line.frequency:.2f} Hz"
             for line in model.lines[:3]
         )
         typer.echo(
-            f"  {one.name:<12} {model.standard_deviation:8.3g} {one.unit:<4} (configured "
-            f"{one.configured:.3g})  white {model.white_deviation:.3g}  drift "
+            f"  {channel.name:<12} {model.standard_deviation:8.3g} {channel.unit:<4} (configured "
+            f"{channel.configured:.3g})  white {model.white_deviation:.3g}  drift "
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )
     if not report.faults:

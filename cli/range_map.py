@@ -28,7 +28,7 @@ from .options import (
     output_folder,
 )
 from .options.places import choose_point, displacement_at, object_rules, pair_of
-from .results import Results
+from .results import ResultFolder
 from .sentences.ranges import report_axes, report_calls, report_outline
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def range_map(
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
     pose = displacement_at(settings, at)
     names = [f"outlines.{table.value}", f"range.{plot.value}", "run.yaml"]
-    results = Results(output_folder(folder, settings.name, "range"), names, force)
+    results = ResultFolder(output_folder(folder, settings.name, "range"), names, force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)
     for boundary in boundaries:
@@ -117,7 +117,7 @@ POSE_NAMES = tuple(name.value for name in Inside if name is not Inside.condition
 
 
 def write(
-    results: Results, rules: Rules, boundaries: list[Boundary], inside: Inside | None
+    results: ResultFolder, rules: Rules, boundaries: list[Boundary], inside: Inside | None
 ) -> None:
     """Write outlines, picture and record, in that order."""
     outlines, picture, _ = results.paths

@@ -98,11 +98,11 @@ def replay(
     if publish:
         poses = playback.publish_poses(poses, publish, tell, typer.echo)
     with open_page(playback, web) as page:
-        found, is_same = playback.finish(
+        sentences, is_same = playback.finish(
             page.following(poses) if page else poses, output, smooth, compare, config
         )
         with free_output(output):
-            typer.echo("\n".join([*found, str(output)] if recover else found))
+            typer.echo("\n".join([*sentences, str(output)] if recover else sentences))
         if page and is_same:
             page.stay(tell)
     require_poses(playback)

@@ -27,7 +27,7 @@ from .options import (
 )
 from .options.places import choose_point, object_rules, report_object
 from .parts.trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
-from .results import Results
+from .results import ResultFolder
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution
@@ -66,7 +66,9 @@ def resolution(
     rules = object_rules(settings, track)
     request = TrialRequest(settings, rules, trials, coverage or DEFAULT_COVERAGE, seed, poses)
     names = ["resolution.csv", f"budget.{plot.value}", "run.yaml", *request.names(plot)]
-    results = Results(output_folder(folder, settings.name, "resolution"), names, force, [poses])
+    results = ResultFolder(
+        output_folder(folder, settings.name, "resolution"), names, force, [poses]
+    )
     states = request.states()
     resolutions = characterization.resolution.resolve(
         settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)

@@ -26,7 +26,7 @@ from .options import (
 )
 from .options.places import choose_point
 from .parts.response_input import describe_input, read_columns
-from .results import Results
+from .results import ResultFolder
 from .sentences.response import show_estimate
 
 if TYPE_CHECKING:
@@ -121,26 +121,23 @@ def response(
     """
     universal = characterization.universal_file
     dof = universal.read_input_dof(input_dof) if input_dof else ()
-    if uff is not None:
-        core.extras.require_extra("pyuff", f"--uff {uff}")
-        if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
-            raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")
+    channel = universal.InputChannel(input_column, *dof)
+    require_universal(uff)
     names = [f"response.{table.value}", f"response.{plot.value}"]
-    folder = output_folder(folder, measurement.stem, "response")
-    results = Results(folder, names, force, [measurement], [uff] if uff else [])
+    place = output_folder(folder, measurement.stem, "response")
+    results = ResultFolder(place, names, force, [measurement], [uff] if uff else [])
     columns, settings = read_columns(measurement, input_column, config)
     settings = choose_point(settings, point)
     body = settings.object or core.rigid_body.MIRROR
-    stimulus, place = universal.InputChannel(input_column, *dof), universal.Node(node, body.point)
     signals = characterization.response_signals.build_signals(
         columns, input_column, body, settings, str(measurement)
     )
     bandwidth = settings.electronics.bandwidth
     delay, unit = describe_input(settings, input_column)
     responses = characterization.frequency_response
-    channel = responses.OutputChannel(signals.deviation, bandwidth, correct_bandwidth, delay)
+    output = responses.OutputChannel(signals.deviation, bandwidth, correct_bandwidth, delay)
     estimate = responses.estimate_response(
-        signals.stimulus, signals.motion, signals.stretches, resolution_hz, channel
+        signals.stimulus, signals.motion, signals.stretches, resolution_hz, output
     )
     peaks = characterization.response_findings.find_peaks(estimate)
     averages = f"{estimate.averages:.4g}"
@@ -152,7 +149,8 @@ def response(
             pictures.response.response_picture(estimate, unit, title, bandwidth), picture
         )
         if uff is not None:
-            universal.write_universal_file(uff, estimate, stimulus, place, results.about)
+            output_node = universal.Node(node, body.point)
+            universal.write_universal_file(uff, estimate, channel, output_node, results.about)
     show_estimate(estimate, signals, peaks, unit, body.text)
     limits = characterization.response_findings.find_limits(estimate, signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))
@@ -161,3 +159,12 @@ def response(
         typer.echo(f"{uff}")
     if characterization.response_findings.silent_axes(estimate).all():
         raise typer.Exit(FINDING)
+
+
+def require_universal(uff: Path | None) -> None:
+    """Refuse a universal file that cannot be written, before any work."""
+    if uff is None:
+        return
+    core.extras.require_extra("pyuff", f"--uff {uff}")
+    if uff.suffix.lower() not in (".uff", ".unv", ".uf"):
+        raise InputError(f"{uff}: a universal file's name ends in .uff, .unv or .uf")

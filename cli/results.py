@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from facets.config import Config
 
 
-class Results:
+class ResultFolder:
     """The results of a command in a folder, whose places are checked at once, before any work.
 
     names: of the files in the folder.  sources: files that must not be overwritten.  beside: files

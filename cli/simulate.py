@@ -31,7 +31,7 @@ from .options import (
     seed_option,
 )
 from .options.places import choose_point, zero_of
-from .results import Results
+from .results import ResultFolder
 from .sentences.simulation import print_segment
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def simulate(
     settings, request = choose_point(load_config(config), point), zero_of(zero)
     names = [f"readings.{table.value}", f"poses.{table.value}", f"motion.{plot.value}", "run.yaml"]
     sources = [*configuration.source_files(settings), request.file if request else None]
-    results = Results(output_folder(folder, settings.name), names, force, sources)
+    results = ResultFolder(output_folder(folder, settings.name), names, force, sources)
     columns = estimation.PoseColumns(request, covariance)
     segments = simulation.run.simulate(settings, motion or [], noise, seed, track, columns)
     drawn = settings.seed if seed is None else seed
@@ -98,7 +98,7 @@ def simulate(
         raise typer.Exit(FINDING)
 
 
-def write(results: Results, segments: list[Segment], with_reference: bool) -> None:
+def write(results: ResultFolder, segments: list[Segment], with_reference: bool) -> None:
     settings, about = results.settings, results.about
     columns = simulation.run.reading_table(segments)
     if with_reference:

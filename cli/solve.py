@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -14,7 +11,7 @@ import typer
 
 from facets import estimation, files
 
-from .console import FINDING, free_output, load_config, report_coverage, report_lines
+from .console import FINDING, free_output, load_config, report_coverage, report_lines, show_progress
 from .options import (
     ConfigName,
     Covariance,
@@ -149,30 +146,17 @@ def solve(
     columns = estimation.PoseColumns(request, covariance, coverage)
     tally = estimation.Tally("rows", "READINGS has no column temperature_c")
     measurement = estimation.Measurement(replace(settings, solve=options), columns, tally=tally)
-    with progress_bar(readings) as advance:
-        lines = estimation.solve_table(measurement, readings, path, about, advance)
+    size = readings.stat().st_size if readings.is_file() else None
+    with show_progress("solving") as tell:
+        lines = estimation.solve_table(
+            measurement, readings, path, about, lambda done: tell(done, size)
+        )
     with free_output(path):
         report(measurement, lines, path)
         if coverage is not None:
             report_coverage(about)
     if not tally.solved_count or 2 * tally.misfit.flagged > tally.solved_count:
         raise typer.Exit(FINDING)
-
-
-@contextmanager
-def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
-    """Yields a function of the bytes read so far; the bar appears only on a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
-
-    columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        size = readings.stat().st_size if readings.is_file() else None
-        task = progress.add_task("solve", total=size)
-        yield lambda done: progress.update(task, completed=done)
 
 
 def report(measurement: estimation.Measurement, lines: list[int], output: Path) -> None:

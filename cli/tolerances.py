@@ -19,7 +19,7 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .results import Results
+from .results import ResultFolder
 from .sentences.yields import Yields, kinds_of, show_yields, yields_of
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def tolerances(
         raise InputError(f"--heads is {heads}; give at least {LEAST_HEADS}")
     settings = load_config(config)
     names = [f"{name}.{table.value}" for name in ("tolerances", "heads")]
-    results = Results(output_folder(folder, settings.name, "tolerances"), names, force)
+    results = ResultFolder(output_folder(folder, settings.name, "tolerances"), names, force)
     yields = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, yields)
     with results.publish(settings, seed) as (by_tolerance, by_head):

@@ -32,7 +32,7 @@ class Claim:
 
     @property
     def largest_power(self) -> float:
-        """Of the laser, mW."""
+        """The largest power of the laser for which the claim is made, mW."""
         power = self.settings.sensor.beam.power
         return power if self.deviations is None else power + self.deviations[0]
 

@@ -40,7 +40,7 @@ def assignments(
 
     def complete(incomplete: str) -> list[str]:
         before, comma, start = incomplete.rpartition(",")
-        given = [one.partition("=")[0] for one in before.split(",")]
+        given = [assignment.partition("=")[0] for assignment in before.split(",")]
         offered = [f"{name}={value}" for name in names() if name not in given for value in values]
         return [f"{before}{comma}{word}" for word in offered if word.startswith(start)]
 

@@ -36,20 +36,20 @@ def state_of(text: str | None) -> Floats:
 
 def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
     """Read NAME=NUMBER,... in the order of the names, mm and rad; zero for omitted names."""
-    found = [0.0] * len(names)
+    numbers = [0.0] * len(names)
     form = "NAME=NUMBER"
     given = {} if text is None else assignments(text, "--at", names, form)
     for name, value in given.items():
         number = names.index(name)
         try:
-            found[number] = plain_number(value) * STATE_UNITS[number]
+            numbers[number] = plain_number(value) * STATE_UNITS[number]
         except ValueError:
             raise InputError(
                 f"--at has '{name}={value}'; allowed: {form} with NAME one of {', '.join(names)}"
             ) from None
-        if not isfinite(found[number]):
+        if not isfinite(numbers[number]):
             raise InputError(f"--at has '{name}={value}'; allowed: finite numbers")
-    return found
+    return numbers
 
 
 def pair_of(text: str) -> tuple[str, str]:

@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -60,19 +60,19 @@ class CalibrationFiles:
         files.whole.refuse_to_overwrite([*self.results, *pages], force, read)
 
 
-def write_results(settings: Config, found: Verdict, paths: CalibrationFiles) -> None:
+def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -> None:
     """Write the results to a temporary place and load them, so that no unreadable file is left."""
     path, table, covariance, picture = paths.results
-    assert found.fit is not None
-    assert found.errors is not None
-    assert found.search is not None
+    assert verdict.fit is not None
+    assert verdict.errors is not None
+    assert verdict.search is not None
     about = files.provenance.provenance_header(settings)
     with TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)
-        write_covariance(matrix, found.fit.sensor, about)
-        bent = write_grids(settings, trial, found.fit, about)
-        trial.write_text(as_yaml(settings, found.fit, matrix, bent, about), "utf-8")
+        write_covariance(matrix, verdict.fit.sensor, about)
+        bent = write_grids(settings, trial, verdict.fit, about)
+        trial.write_text(as_yaml(settings, verdict.fit, matrix, bent, about), "utf-8")
         try:
             calibrated = facets.load(trial)
         except FacetsError as error:
@@ -88,25 +88,29 @@ def write_results(settings: Config, found: Verdict, paths: CalibrationFiles) -> 
                 with files.tables.Whole(target) as temporary:
                     copyfile(source, temporary)
             files.tables.write_table(
-                table, calibration.table.unknowns_table(found.search.sensor, found.fit), about
+                table, calibration.table.unknowns_table(verdict.search.sensor, verdict.fit), about
             )
             pictures.style.save(
-                pictures.calibration.residual_picture(found.fitted, found.fit, found.errors),
+                pictures.calibration.residual_picture(verdict.fitted, verdict.fit, verdict.errors),
                 picture,
             )
             if paths.report is not None:
                 pictures.calibration_certificate.write_report(
-                    settings, calibrated, found, paths.report, paths.sources, [trial, matrix]
+                    settings, calibrated, verdict, paths.report, paths.sources, [trial, matrix]
                 )
     written = [*paths.results[1:], *filter(None, [paths.report])]
     typer.echo(", ".join([str(path), *(file.name for file in written)]))
 
 
-def round_freedom(sensor: Sensor) -> float | None:
-    """The degrees of freedom of a calibration, to three digits after the point."""
+def calibration_keys(sensor: Sensor, covariance: Path) -> dict[str, Any]:
+    """The block `sensor.calibration` of a configuration, with the file of the covariance."""
     assert sensor.calibration is not None
-    known = sensor.calibration.degrees_of_freedom
-    return None if known is None else round(known, 3)
+    freedom = sensor.calibration.degrees_of_freedom
+    return {
+        "file": covariance.name,
+        "sha256": sha256(covariance.read_bytes()).hexdigest(),
+        "degrees_of_freedom": None if freedom is None else round(freedom, 3),
+    }
 
 
 def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
@@ -114,12 +118,10 @@ def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
     files.tables.write_table(path, configuration.covariance.columns(sensor.calibration), about)
 
 
-def write_grids(
-    settings: Config, beside: Path, found: Fit, about: dict[str, str]
-) -> dict[str, Path]:
+def write_grids(settings: Config, beside: Path, fit: Fit, about: dict[str, str]) -> dict[str, Path]:
     """Write tables of detectors with corrections beyond third order, by letter."""
     written = {}
-    for letter, old, new in zip(DETECTORS, settings.sensor.psds, found.sensor.psds, strict=True):
+    for letter, old, new in zip(DETECTORS, settings.sensor.psds, fit.sensor.psds, strict=True):
         if new.correction.grid is not None and new.correction.grid != old.correction.grid:
             written[letter] = beside.with_name(f"{beside.stem}-detector-{letter}.csv")
             files.tables.write_table(
@@ -129,14 +131,10 @@ def write_grids(
 
 
 def as_yaml(
-    settings: Config, found: Fit, covariance: Path, bent: dict[str, Path], about: dict[str, str]
+    settings: Config, fit: Fit, covariance: Path, bent: dict[str, Path], about: dict[str, str]
 ) -> str:
-    keys = configuration.sensor_keys.write_sensor(settings.resolved["sensor"], found.sensor)
-    keys["calibration"] = {
-        "file": covariance.name,
-        "sha256": sha256(covariance.read_bytes()).hexdigest(),
-        "degrees_of_freedom": round_freedom(found.sensor),
-    }
+    keys = configuration.sensor_keys.write_sensor(settings.resolved["sensor"], fit.sensor)
+    keys["calibration"] = calibration_keys(fit.sensor, covariance)
     for letter, table in bent.items():
         keys["psd"][letter]["correction"] |= {
             "table": table.name,

@@ -22,30 +22,36 @@ if TYPE_CHECKING:
     from facets.proof.range_cover import RangeCover
     from facets.proof.uniqueness import Certificate
 
+#: Messages where no enlarged box is proved, and no reduced one.
+NOT_PROVED = {
+    True: "no larger box of poses is proved, down to one 5 per cent larger",
+    False: "no smaller box of poses is proved either, down to a twelfth",
+}
+
 
 def prove(
     claim: Claim, work: int, limit: float, reach: bool, file: Path, about: dict[str, str]
 ) -> dict[str, Any]:
     """Prove, print the result, and write the certificate; return the entries of the record."""
     settings = claim.settings
-    found, cover = certify_range(claim, work, limit)
+    certificate, cover = certify_range(claim, work, limit)
     proof.certificate.write_certificate(
-        file, settings.sensor, found, about, settings.resolved, cover
+        file, settings.sensor, certificate, about, settings.resolved, cover
     )
-    pair = None if found.unique or not found.share else look_for_pair(claim, found)
-    for line in [*describe_set(claim, found, cover), *verdict(found, pair)]:
+    pair = (
+        None if certificate.unique or not certificate.share else look_for_pair(claim, certificate)
+    )
+    for line in [*describe_set(claim, certificate, cover), *verdict(certificate, pair)]:
         typer.echo(line)
     results = {
-        "outcome": outcome(found, pair),
-        "regular": found.regular,
-        "unique": found.unique,
-        "margin": found.margin,
+        "outcome": outcome(certificate, pair),
+        "regular": certificate.regular,
+        "unique": certificate.unique,
+        "margin": certificate.margin,
         "holds_whole_range": cover is not None,
     }
-    if reach and found.unique:
-        results["reach"] = prove_reach(claim, found, file, about)
-    elif reach and found.share:
-        results["reach"] = prove_core(claim, found, file, about)
+    if reach and (certificate.unique or certificate.share):
+        results["reach"] = prove_other_box(claim, certificate, file, about)
     return results
 
 
@@ -56,13 +62,13 @@ def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, R
     if claim.whole_range and share is not None:
         cover = proof.range_cover.cover_range(sensor, claim.settings.range, share, claim.deviations)
     if cover is not None:
-        found = certify_box(
+        certificate = certify_box(
             replace(claim, box=characterization.state_box.box_of_poses(cover.low, cover.high)),
             work,
             limit,
         )
-        if found.unique:
-            return found, cover
+        if certificate.unique:
+            return certificate, cover
     return certify_box(claim, work, limit), None
 
 
@@ -75,57 +81,34 @@ def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
         )
 
 
-def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
+def look_for_pair(claim: Claim, certificate: Certificate) -> PairSearch | None:
     """Search two states of the set with equal readings, starting at the weakest known state."""
     if claim.weakest is None:
         return None
     return characterization.ambiguity.find_pair_in_box(
-        claim.settings.sensor, found.box, found.share, claim.weakest
+        claim.settings.sensor, certificate.box, certificate.share, claim.weakest
     )
 
 
-def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str, str]) -> Path:
-    """Write the certificate of another box of the same sensor beside the first."""
+def prove_other_box(
+    claim: Claim, certificate: Certificate, file: Path, about: dict[str, str]
+) -> float:
+    """Prove the largest box of poses, enlarged if the box is proved and reduced if it is not; write
+    its certificate beside the other, and return its size over that of the box."""
+    larger = certificate.unique
+    find = proof.reach.find_reach if larger else proof.reach.find_core
+    settings = claim.settings
+    factor, other = find(settings.sensor, certificate.box, certificate.share, claim.deviations)
+    if other is None:
+        typer.echo(NOT_PROVED[larger])
+        return factor
     beside = reach_file(file)
-    proof.certificate.write_certificate(
-        beside, claim.settings.sensor, proved, about, claim.settings.resolved
-    )
-    return beside
-
-
-def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
-    """Prove the largest enlarged box of poses; write its certificate beside the other."""
-    factor, larger = proof.reach.find_reach(
-        claim.settings.sensor, found.box, found.share, claim.deviations
-    )
-    if larger is None:
-        typer.echo("no larger box of poses is proved, down to one 5 per cent larger")
-        return factor
-    beside = write_beside(claim, larger, file, about)
+    proof.certificate.write_certificate(beside, settings.sensor, other, about, settings.resolved)
+    is_farthest = factor >= proof.reach.LARGEST_SCALING
+    end = ", the largest that is tried" if is_farthest else "; a larger one may be too"
     typer.echo(
-        f"proved too: a box of poses {round_down(factor)} times as large about zero, with the"
-        f" same least light"
-        + (
-            ", the largest that is tried"
-            if factor >= proof.reach.LARGEST_SCALING
-            else "; a larger one may be too"
-        )
-        + f" ({beside.name})"
-    )
-    return factor
-
-
-def prove_core(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
-    """Prove the largest reduced box of poses; write its certificate beside the other."""
-    factor, smaller = proof.reach.find_core(
-        claim.settings.sensor, found.box, found.share, claim.deviations
-    )
-    if smaller is None:
-        typer.echo("no smaller box of poses is proved either, down to a twelfth")
-        return factor
-    beside = write_beside(claim, smaller, file, about)
-    typer.echo(
-        f"proved: a box of poses {round_down(factor)} times as large about its middle, with the"
-        f" same least light ({beside.name})"
+        f"proved{' too' * larger}: a box of poses {round_down(factor)} times as large about "
+        f"{'zero' if larger else 'its middle'}, with the same least light{end * larger} "
+        f"({beside.name})"
     )
     return factor

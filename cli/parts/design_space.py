@@ -82,8 +82,8 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
             on_front["proof_margin"] = proof_margins(space, on_front, certify)
         files.tables.write_table(front_table, on_front, job.header)
         typer.echo("\n".join(design.exploration.summary(table, best, goals, indices, seconds)))
-        own = show_own_measures(space)
-        drawing = pictures.exploration.front_picture(table, best, goals, indices, own)
+        present = show_own_measures(space)
+        drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
         if drawing is None:
             leave_out_picture(
                 picture, "the front needs at least two designs that have all objectives"
@@ -103,7 +103,9 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
 
     designs = np.stack([table[name] for name in space.names], axis=1)
     sensors = [design.variables.sensor_of(space.sensor, space.names, x) for x in designs]
-    margins = np.array([proof.designs.proof_margin(one, space.rules, work) for one in sensors])
+    margins = np.array(
+        [proof.designs.proof_margin(sensor, space.rules, work) for sensor in sensors]
+    )
     typer.echo(f"of the front's {len(margins)} designs, {int(np.isfinite(margins).sum())} are "
                "proved: readings determine states within the ranges of their axes and with the "
                "least light of the rules of `range` on each detector (proof_margin)")  # fmt: skip
@@ -118,25 +120,25 @@ def follow_front(job: Exploration, points: int) -> None:
         files.tables.refuse_to_overwrite(paths, force=True)
         begin = time.perf_counter()
         with show_progress("following the front") as tell:
-            found = design.front.pareto_front(space, points, space.seed, tell)
+            pareto = design.front.pareto_front(space, points, space.seed, tell)
         seconds = time.perf_counter() - begin
-        if not len(found.designs):
+        if not len(pareto.designs):
             typer.echo("no design meets all requirements, as far as the search can tell")
             raise typer.Exit(FINDING)
-        table = design.front.columns(found)
+        table = design.front.columns(pareto)
         files.tables.write_table(paths[0], table, job.header)
-        headings, rows = design.front.some_rows(found)
-        title = f"{len(found.designs)} points on the front, {seconds:.1f} s; some of them"
+        headings, rows = design.front.some_rows(pareto)
+        title = f"{len(pareto.designs)} points on the front, {seconds:.1f} s; some of them"
         show_table(title, headings, rows, left=(len(headings) - 1,))
-        if found.left_out:
+        if pareto.left_out:
             typer.echo(
-                f"{found.left_out} more are left out: measured again, they are not what was found"
+                f"{pareto.left_out} more are left out: measured again, they are not what was found"
             )
         cloud = design.exploration.collect_older(space, job.folder)
         if cloud is not None:
-            typer.echo("\n".join(design.front.compare_with_designs(found, cloud).lines()))
-        own = show_own_measures(space)
-        drawing = pictures.exploration.pareto_picture(table, goals, cloud, own)
+            typer.echo("\n".join(design.front.compare_with_designs(pareto, cloud).lines()))
+        present = show_own_measures(space)
+        drawing = pictures.exploration.pareto_picture(table, goals, cloud, present)
         pictures.style.save(drawing, paths[1])
         job.write_page(table, cloud)
     job.name_results(paths)
@@ -145,10 +147,10 @@ def follow_front(job: Exploration, points: int) -> None:
 def show_own_measures(space: Space) -> dict[str, float]:
     """Print the measures of the unchanged sensor in one line, and return them."""
     _, values, why = design.gallery.present_design(space)
-    own = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
-    shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)
+    present = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
+    shown = ", ".join(f"{name} {present[name]:.4g}" for name in space.objectives)
     typer.echo(f"as it is: {why or shown}")
-    return own
+    return present
 
 
 def write_pick(
@@ -158,8 +160,8 @@ def write_pick(
     path = output or Path(f"{settings.name}-{number}.yaml")
     require_yaml(path)
     files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
-    found = design.gallery.choose_design(settings, space, file, number)
-    x, words = design.gallery.make_buildable(space, found)
+    chosen = design.gallery.choose_design(settings, space, file, number)
+    x, words = design.gallery.make_buildable(space, chosen)
     typer.echo("\n".join(words))
     sensor = design.variables.sensor_of(space.sensor, space.names, x)
     about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}

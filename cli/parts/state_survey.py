@@ -14,7 +14,7 @@ from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from ..console import leave_out_picture, track
 from ..options.claims import claim_for
 from ..options.survey_request import SurveyRequest, refuse_too_many
-from ..results import Results
+from ..results import ResultFolder
 from .certificates import prove
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def survey_box(
-    request: SurveyRequest, results: Results, search: bool
+    request: SurveyRequest, results: ResultFolder, search: bool
 ) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
     """Sample, measure and report; then search the worst state and two with like readings."""
     refuse_too_many(request)
@@ -44,7 +44,7 @@ def survey_box(
     return survey, worst, pair
 
 
-def measure(request: SurveyRequest, results: Results) -> Survey:
+def measure(request: SurveyRequest, results: ResultFolder) -> Survey:
     """Sample and measure in chunks, with a progress bar; write all states if requested."""
     sampling: Literal["sobol", "uniform"] = "uniform" if request.uniform else "sobol"
     chunks = characterization.singularity.samples(
@@ -60,7 +60,7 @@ def measure(request: SurveyRequest, results: Results) -> Survey:
 
 
 def keeper(
-    request: SurveyRequest, results: Results, stack: ExitStack
+    request: SurveyRequest, results: ResultFolder, stack: ExitStack
 ) -> Callable[[Floats, Floats], None] | None:
     """Function that writes each chunk of states into the table, if one is requested."""
     if request.table is None:
@@ -72,7 +72,7 @@ def keeper(
 
 
 def write(
-    request: SurveyRequest, results: Results, survey: Survey, pair: AmbiguousPair | None
+    request: SurveyRequest, results: ResultFolder, survey: Survey, pair: AmbiguousPair | None
 ) -> dict[str, Any]:
     """Write table and picture; return their entries of the record."""
     density = characterization.tables.density_columns(survey)
@@ -86,9 +86,9 @@ def write(
     return {"states": survey.states, "one_sign": survey.one_sign}
 
 
-def report(request: SurveyRequest, found: Survey, seconds: float) -> None:
+def report(request: SurveyRequest, survey: Survey, seconds: float) -> None:
     settings, domain, left_out = request.settings, request.domain, request.left_out
-    typer.echo(f"{settings.name}: {found.states} states sampled in {seconds:.2f} s from the box")
+    typer.echo(f"{settings.name}: {survey.states} states sampled in {seconds:.2f} s from the box")
     for name, unit, low, high in zip(
         characterization.state_box.COLUMNS,
         characterization.state_box.UNITS,
@@ -97,22 +97,23 @@ def report(request: SurveyRequest, found: Survey, seconds: float) -> None:
         strict=True,
     ):
         typer.echo(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
-    below, zero, above = found.signs
+    below, zero, above = survey.signs
     typer.echo(
         f"determinant without {left_out}: {above} above zero, {below} below"
         + (f", {zero} zero" if zero else "")
-        + (f"; {found.dark} states leave a detector without a reading" if found.dark else "")
+        + (f"; {survey.dark} states leave a detector without a reading" if survey.dark else "")
     )
-    typer.echo(f"  from {found.low[0]:.4g} to {found.high[0]:.4g} (mm, mW, rad)")
+    typer.echo(f"  from {survey.low[0]:.4g} to {survey.high[0]:.4g} (mm, mW, rad)")
     typer.echo(
         "  with psi to the side y = z x x of detectors whose x points outward; the paper draws it\n"
         "  negative, as it is with psi mirrored"
     )
     typer.echo(
-        f"smallest singular value: {found.low[1]:.4g} to {found.high[1]:.4g} standard deviations\n"
-        f"  per µm or µrad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
+        f"smallest singular value: {survey.low[1]:.4g} to {survey.high[1]:.4g} standard "
+        "deviations\n"
+        f"  per µm or µrad; condition number {survey.low[2]:.4g} to {survey.high[2]:.4g}"
     )
-    show_weakest("weakest state of the sample", settings, found.weakest)
+    show_weakest("weakest state of the sample", settings, survey.weakest)
 
 
 def show_weakest(title: str, settings: Config, worst: Worst) -> None:
@@ -129,7 +130,7 @@ def show_weakest(title: str, settings: Config, worst: Worst) -> None:
     )
 
 
-def search_worst(request: SurveyRequest, found: Survey) -> Worst:
+def search_worst(request: SurveyRequest, survey: Survey) -> Worst:
     """Search the worst state, and report how near the sample came to it."""
     settings, domain = request.settings, request.domain
     lowest = characterization.singularity.search(
@@ -139,18 +140,18 @@ def search_worst(request: SurveyRequest, found: Survey) -> Worst:
         settings.sensor, domain, 1, request.left_out, request.seed
     )
     show_weakest("weakest state found by a search", settings, weakest)
-    if found.one_sign:
+    if survey.one_sign:
         typer.echo(
             "the search finds a determinant of "
-            f"{lowest.values[0] / found.lowest.values[0]:.3g} times, and a singular value of "
-            f"{weakest.values[1] / found.weakest.values[1]:.3g} times the smallest of the sample"
+            f"{lowest.values[0] / survey.lowest.values[0]:.3g} times, and a singular value of "
+            f"{weakest.values[1] / survey.weakest.values[1]:.3g} times the smallest of the sample"
         )
-    elif not found.has_one_sign_in_light:
+    elif not survey.has_one_sign_in_light:
         typer.echo("the determinant has both signs in the box, so it is zero at some states")
     else:
         typer.echo(
-            f"nothing can be said of the whole box: {100 * found.dark / found.states:.3g} % of its "
-            "states leave a detector without a reading"
+            f"nothing can be said of the whole box: {100 * survey.dark / survey.states:.3g} % of "
+            "its states leave a detector without a reading"
         )
     return weakest
 
@@ -159,10 +160,10 @@ def show_pair(pair: AmbiguousPair | None) -> None:
     if pair is None:
         return
     typer.echo("two states with the same readings:")
-    for name, unit, one, other in zip(
+    for name, unit, first, second in zip(
         STATE_COLUMNS, STATE_UNITS, pair.first, pair.second, strict=True
     ):
-        typer.echo(f"  {name:<10} {one / unit:12.6g} {other / unit:12.6g}")
+        typer.echo(f"  {name:<10} {first / unit:12.6g} {second / unit:12.6g}")
 
 
 def certify_and_report(

@@ -78,7 +78,7 @@ class TrialRequest(NamedTuple):
             )
         import numpy as np
 
-        found: dict[str, Floats] = {}
+        states: dict[str, Floats] = {}
         optional = STATE_COLUMNS[6:]
         for chunk in files.tables.read_chunks(self.table, STATE_COLUMNS[:6], optional):
             rows = np.zeros((len(chunk.lines), 8))
@@ -93,14 +93,14 @@ class TrialRequest(NamedTuple):
                     "each column"
                 )
             for row in rows:
-                found[f"at row {len(found) + 1} of {self.table.name}"] = row
-        if not found:
+                states[f"at row {len(states) + 1} of {self.table.name}"] = row
+        if not states:
             raise InputError(f"{self.table}: no rows")
-        return found
+        return states
 
     def run(self, states: dict[str, Floats]) -> dict[str, PropagationResult]:
         """Trials at each state; prints the results."""
-        found: dict[str, PropagationResult] = {}
+        results: dict[str, PropagationResult] = {}
         with show_progress("trials") as tell:
             solved = 0
 
@@ -111,7 +111,7 @@ class TrialRequest(NamedTuple):
 
             method = characterization.propagation.MonteCarlo
             for number, (where, state) in enumerate(states.items()):
-                found[where] = characterization.propagation.propagate_distributions(
+                results[where] = characterization.propagation.propagate_distributions(
                     self.settings.sensor,
                     self.settings.solve,
                     state,
@@ -119,76 +119,76 @@ class TrialRequest(NamedTuple):
                     object=self.settings.object,
                     advance=advance,
                 )
-        for where, one in found.items():
-            show(where, one)
-            if not one.is_stated:
-                explain_failures(self.settings.sensor, one.state, one.trials.failures)
+        for where, result in results.items():
+            show(where, result)
+            if not result.is_stated:
+                explain_failures(self.settings.sensor, result.state, result.trials.failures)
             typer.echo()
-        if any(one.is_stated and any(one.validate()[1]) for one in found.values()):
+        if any(result.is_stated and any(result.validate()[1]) for result in results.values()):
             report_lines("Where a ? stands, it may be one digit more: more trials decide.")
-        return found
+        return results
 
-    def record(self, found: dict[str, PropagationResult]) -> dict[str, Any]:
-        """What the record of the run says."""
-        if not found:
+    def record(self, results: dict[str, PropagationResult]) -> dict[str, Any]:
+        """Entries of the record of the run."""
+        if not results:
             return {}
         return {
             "trials": self.trials,
             "coverage_probability": self.probability,
             "agrees_to_digits": {
-                where: dict(zip(POSE, one.validate()[0], strict=True))
-                for where, one in found.items()
+                where: dict(zip(POSE, result.validate()[0], strict=True))
+                for where, result in results.items()
             },
         }
 
-    def write(self, paths: list[Path], found: dict[str, PropagationResult]) -> None:
+    def write(self, paths: list[Path], results: dict[str, PropagationResult]) -> None:
         """Write the table of the trials, and the picture of the pose where the linear result is
         farthest off."""
-        if not found:
+        if not results:
             return
         about = files.provenance.provenance_header(self.settings, self.seed)
         about |= {"coverage_probability": f"{self.probability:g}", "trials": str(self.trials)}
-        files.tables.write_table(paths[0], characterization.tables.trial_columns(found), about)
-        pictures.style.save(pictures.trials.trials_picture(found), paths[1])
+        files.tables.write_table(paths[0], characterization.tables.trial_columns(results), about)
+        pictures.style.save(pictures.trials.trials_picture(results), paths[1])
 
 
-def show(where: str, found: PropagationResult) -> None:
-    rows, linear = [], found.linear
-    expanded = linear.expanded_uncertainty(found.probability)[0]
-    digits, undecided = found.validate()
+def show(where: str, result: PropagationResult) -> None:
+    rows, linear = [], result.linear
+    expanded = linear.expanded_uncertainty(result.probability)[0]
+    digits, undecided = result.validate()
     for i, name in enumerate(POSE):
         unit, place = core.units.unit_of(name), linear.pose[0, i]
         ends = [
             f"{unit.fine_factor * (interval.low[i] - place):.4g} "
             f"{unit.fine_factor * (interval.high[i] - place):+.4g}"
-            for interval in (found.symmetric, found.shortest)
+            for interval in (result.symmetric, result.shortest)
         ]
-        cells = [*ends, describe(digits[i], undecided[i])] if found.is_stated else ["-"] * 3
+        cells = [*ends, describe(digits[i], undecided[i])] if result.is_stated else ["-"] * 3
         linear_end = f"±{unit.fine_factor * expanded[i]:.4g}"
         rows.append([f"{name} {unit.fine_unit}", linear_end, *cells])
-    share = f"{100 * found.probability:g} %"
+    share = f"{100 * result.probability:g} %"
     headings = ["", "linear", "trials", "shortest", "linear agrees to"]
     whose = "of the object's displacement " if linear.is_displacement else ""
-    title = f"{share} coverage intervals {whose}{where}, {found.count:,} trials"
+    title = f"{share} coverage intervals {whose}{where}, {result.count:,} trials"
     show_table(title, headings, rows)
-    if found.is_stated:
+    if result.is_stated:
         report_lines(
-            f"Region of all six axes: coverage factor {found.region_factor:.3f} by the trials, "
-            f"{found.linear_region_factor:.3f} by the linear result, whose region holds "
-            f"{100 * found.linear_region_probability:.2f} % of the trials."
+            f"Region of all six axes: coverage factor {result.region_factor:.3f} by the trials, "
+            f"{result.linear_region_factor:.3f} by the linear result, whose region holds "
+            f"{100 * result.linear_region_probability:.2f} % of the trials."
         )
-    if failures := found.trials.failures:
+    if failures := result.trials.failures:
         reasons = ", ".join(f"{number:,} {reason}" for reason, number in failures.items())
         report_lines(
             f"Trials without a pose: {reasons}. The intervals hold for measurements with a pose."
-            if found.is_stated
+            if result.is_stated
             else f"Trials without a pose: {reasons}. These are more than the coverage probability "
             "leaves, so that no interval is stated."
         )
-    if found.far:
+    if result.far:
         report_lines(
             f"Trials more than {characterization.propagation.FAR_SIGMAS:g} standard uncertainties "
-            f"from the estimate, such as those on a second solution: {found.far:,}."
+            f"from the estimate, such as those on a second solution: {result.far:,}."
         )
 
 

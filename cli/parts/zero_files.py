@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from hashlib import sha256
 from os.path import relpath
 from pathlib import Path
 from shutil import copyfile
@@ -17,7 +16,7 @@ from facets import config as configuration
 from facets import files, live
 from facets.core.errors import InputError
 
-from .calibration_files import round_freedom, write_covariance
+from .calibration_files import calibration_keys, write_covariance
 
 if TYPE_CHECKING:
     from facets.calibration.rezero import NewZero
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def trace_origin(settings: Config, then: Path, now: Path) -> dict[str, str]:
-    """What the new zero comes from, for its provenance.
+    """Describe the readings that the new zero comes from, for its provenance.
 
     Raises `InputError` for a zero that was renewed already, which would be corrected twice, and for
     recordings in the wrong order, which would turn all signs.
@@ -85,11 +84,7 @@ def new_keys(settings: Config, zero: NewZero, covariance: Path) -> dict[str, Any
     """The keys of CONFIG that change."""
     old = settings.resolved["sensor"]
     new = configuration.sensor_keys.write_sensor(old, zero.sensor)
-    new["calibration"] = {
-        "file": covariance.name,
-        "sha256": sha256(covariance.read_bytes()).hexdigest(),
-        "degrees_of_freedom": round_freedom(zero.sensor),
-    }
+    new["calibration"] = calibration_keys(zero.sensor, covariance)
     return {
         "sensor": changed_keys(old, new),
         "solve": {"beam_offset_um": (1e3 * zero.beam).tolist()},

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from ..options.claims import Claim
 
 
-def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
+def describe_set(claim: Claim, certificate: Certificate, cover: RangeCover | None) -> list[str]:
     """Describe the states of the certificate and its assumptions."""
-    light = light_text(found.share, claim.largest_power)
+    light = light_text(certificate.share, claim.largest_power)
     lines = [f"taken: every state with {light}", "  and its pose in"]
-    lines += box_lines(found.box.low, found.box.high)
+    lines += box_lines(certificate.box.low, certificate.box.high)
     lines += describe_range(claim, cover)
     lines.append(
         "  The model is the one that poses are solved with: collimated light, flat facets, no\n"
@@ -41,7 +41,7 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
             f"  It holds for every sensor within the tolerances of {claim.tolerances.source};\n  "
             f"taken as exact: {exact}\n  not allowed for: {left_out}"
         )
-    lines.append(f"  {len(found.pieces)} pieces proved, {found.seconds:.1f} s")
+    lines.append(f"  {len(certificate.pieces)} pieces proved, {certificate.seconds:.1f} s")
     return lines
 
 
@@ -62,32 +62,34 @@ def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
     return []
 
 
-def outcome(found: Certificate, pair: PairSearch | None) -> str:
+def outcome(certificate: Certificate, pair: PairSearch | None) -> str:
     """One of "proved", "counterexample" and "undecided"."""
-    if found.unique:
+    if certificate.unique:
         return "proved"
     return "counterexample" if pair is not None and pair.outside == 0 else "undecided"
 
 
-def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
+def verdict(certificate: Certificate, pair: PairSearch | None) -> list[str]:
     lines = []
-    if found.regular:
-        bound = round_down(found.at_least)
+    if certificate.regular:
+        bound = round_down(certificate.at_least)
         lines.append(
             f"proved: none is singular; |Eq. (11)| is {bound} or more (mm, mW, rad), a bound"
         )
-    if found.unique:
-        margin = round_down(found.margin)
+    if certificate.unique:
+        margin = round_down(certificate.margin)
         lines.append(
             f"proved: no two of them have the same readings; margin {margin} or more, of 1"
         )
         return lines
-    if found.regular:
+    if certificate.regular:
         lines.append("not proved: that no two of them have the same readings: the inequality fails,"
-                     f" its margin being {round_down(found.margin)}")  # fmt: skip
+                     f" its margin being {round_down(certificate.margin)}")  # fmt: skip
     else:
-        lines.append(f"not proved: {found.reason or 'some pieces were not done in the time given'}")
-        lines += [f"  not proved in {piece_text(piece)}" for piece in found.doubtful[:3]]
+        lines.append(
+            f"not proved: {certificate.reason or 'some pieces were not done in the time given'}"
+        )
+        lines += [f"  not proved in {piece_text(piece)}" for piece in certificate.doubtful[:3]]
     return lines + describe_pair(pair)
 
 

@@ -52,19 +52,19 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
     )
 
 
-def show_yields(settings: Config, found: Yields) -> None:
-    title = f"yield, as loose as calibrate.before says, of {found.count} heads"
-    show_table(title, *yield_rows(settings, found))
-    if found.accurate:
+def show_yields(settings: Config, yields: Yields) -> None:
+    title = f"yield, as loose as calibrate.before says, of {yields.count} heads"
+    show_table(title, *yield_rows(settings, yields))
+    if yields.accurate:
         show_table("largest error in the volume, from rest: 95 % of the heads are within",
-                   *error_rows(settings, found))  # fmt: skip
+                   *error_rows(settings, yields))  # fmt: skip
     else:
         typer.echo("optimize.accuracy names no axis, so that no accuracy is required")
-    if found.heads.unsettled:
-        typer.echo(f"{found.heads.unsettled} calibrations did not settle; their heads fail\n")
-    show_table("tolerances, the most worth while first", *tolerance_rows(settings, found),
+    if yields.heads.unsettled:
+        typer.echo(f"{yields.heads.unsettled} calibrations did not settle; their heads fail\n")
+    show_table("tolerances, the most worth while first", *tolerance_rows(settings, yields),
                left=(0, 4))  # fmt: skip
-    if advice := margin_advice(settings, found):
+    if advice := margin_advice(settings, yields):
         typer.echo(f"{fill(advice, 98)}\n")
 
 
@@ -72,12 +72,12 @@ def show_yields(settings: Config, found: Yields) -> None:
 FEW = 0.5
 
 
-def margin_advice(settings: Config, found: Yields) -> str:
+def margin_advice(settings: Config, yields: Yields) -> str:
     """Advice for a design with a low yield; "" for a higher yield or without tolerances."""
-    share = design.production.count_passes(found.heads)["kept"] / found.count
-    if share >= FEW or not found.by_tolerance:
+    share = design.production.count_passes(yields.heads)["kept"] / yields.count
+    if share >= FEW or not yields.by_tolerance:
         return ""
-    strongest = found.by_tolerance[0]
+    strongest = yields.by_tolerance[0]
     words = (
         f"Only {percent(share)} of the heads keep spots, light and limits: the design leaves too "
         f"little margin, most of all for {strongest.key} ({strongest.worst}). The best layout for "
@@ -91,23 +91,23 @@ def margin_advice(settings: Config, found: Yields) -> str:
     )
 
 
-def kinds_of(settings: Config, found: Yields) -> dict[str, str]:
+def kinds_of(settings: Config, yields: Yields) -> dict[str, str]:
     """Requirements of a head in words, by the fields of `tolerancing.YieldShares`."""
     kinds = {"kept": "spots, light and limits"}
-    if found.accurate:
+    if yields.accurate:
         kinds["built"] = "and accuracy, as built"
-    if found.accurate and settings.layout.calibrated:
+    if yields.accurate and settings.layout.calibrated:
         kinds["calibrated"] = "and accuracy, calibrated"
     return kinds
 
 
-def yield_rows(settings: Config, found: Yields) -> Rows:
-    counts = design.production.count_passes(found.heads)
+def yield_rows(settings: Config, yields: Yields) -> Rows:
+    counts = design.production.count_passes(yields.heads)
     rows = []
-    for kind, words in kinds_of(settings, found).items():
-        low, high = design.production.interval(counts[kind], found.count)
+    for kind, words in kinds_of(settings, yields).items():
+        low, high = design.production.interval(counts[kind], yields.count)
         rows.append(
-            [words, percent(getattr(found.predicted, kind)), percent(counts[kind] / found.count),
+            [words, percent(getattr(yields.predicted, kind)), percent(counts[kind] / yields.count),
              f"{100 * low:.1f} to {100 * high:.1f} %"]
         )  # fmt: skip
     return ["heads that keep", "predicted", "simulated", "95 % interval"], rows
@@ -117,11 +117,11 @@ def percent(share: float) -> str:
     return f"{100 * share:.1f} %"
 
 
-def error_rows(settings: Config, found: Yields) -> Rows:
+def error_rows(settings: Config, yields: Yields) -> Rows:
     import numpy as np
 
-    whole = found.heads.kept >= 0
-    some = found.heads.errors[whole] if whole.any() else found.heads.errors
+    whole = yields.heads.kept >= 0
+    some = yields.heads.errors[whole] if whole.any() else yields.heads.errors
     rows = []
     for i, name in enumerate(POSE):
         allowed = settings.layout.accuracy[i]
@@ -135,16 +135,16 @@ def error_rows(settings: Config, found: Yields) -> Rows:
     return ["axis", "asked", "as built", "calibrated"], rows
 
 
-def last_kind(settings: Config, found: Yields) -> str:
+def last_kind(settings: Config, yields: Yields) -> str:
     """Return the field of the yield that includes all requirements."""
-    return list(kinds_of(settings, found))[-1]
+    return list(kinds_of(settings, yields))[-1]
 
 
-def tolerance_rows(settings: Config, found: Yields) -> Rows:
-    kind = last_kind(settings, found)
+def tolerance_rows(settings: Config, yields: Yields) -> Rows:
+    kind = last_kind(settings, yields)
     rows = [
         [row.key, f"{settings.calibrate.before[row.key]:g}", percent(getattr(row.alone, kind)),
          percent(getattr(row.halved, kind)), row.worst]
-        for row in found.by_tolerance
+        for row in yields.by_tolerance
     ]  # fmt: skip
     return ["calibrate.before", "is", "yield with it alone", "with it halved", "eats most of"], rows

@@ -255,14 +255,14 @@ def log_ticks(low: float, high: float) -> list[float]:
     """
     from matplotlib.ticker import MaxNLocator
 
-    found: list[float] = []
+    ticks: list[float] = []
     tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     for digits in DIGITS:
-        found = [float(f"{digit:g}e{ten}") for ten in tens for digit in digits]
-        found = [place for place in found if low <= place <= high]
-        if len(found) <= TICKS:
+        ticks = [float(f"{digit:g}e{ten}") for ten in tens for digit in digits]
+        ticks = [place for place in ticks if low <= place <= high]
+        if len(ticks) <= TICKS:
             break
-    if len(found) < 3 and high < 10 * low:
+    if len(ticks) < 3 and high < 10 * low:
         even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
-        found = [float(place) for place in even]
-    return [place for place in found if low <= place <= high]
+        ticks = [float(place) for place in even]
+    return [place for place in ticks if low <= place <= high]

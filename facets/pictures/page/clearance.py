@@ -22,15 +22,15 @@ def spot_clearance(sensor: Sensor, ends: Any, reading: Any, whole: bool) -> floa
     """
     least = inf
     for k in range(3):
-        psi, zeta, own = reading[k][0], reading[k][1], ends[k]
+        psi, zeta, sides = reading[k][0], reading[k][1], ends[k]
         psd = sensor.psds[k]
-        bare = own[0] != own[0] and psi == psi
+        bare = sides[0] != sides[0] and psi == psi
         if bare or not whole:
-            own = (psi, psi, zeta, zeta, -inf if bare and whole else own[4])
+            sides = (psi, psi, zeta, zeta, -inf if bare and whole else sides[4])
         y, z = psd.size_y / 2, psd.size_z / 2
         limits = (y, y, z, z, sensor.apertures.rim)
         for i in range(5):
-            distance = limits[i] + SENSES[i] * own[i]
+            distance = limits[i] + SENSES[i] * sides[i]
             distance = distance / limits[i] if i < 4 else distance
             if distance != distance:
                 return -1.0

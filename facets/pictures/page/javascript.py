@@ -167,10 +167,10 @@ def _constructor(kind: Any) -> str:
     fields = [_safe(field) for field in kind._fields]
     usual = {_safe(name): literal(value) for name, value in kind._field_defaults.items()}
     given = ", ".join(f"{field} = {usual[field]}" if field in usual else field for field in fields)
-    parts, own = ", ".join(fields), ", ".join(f"this.{field}" for field in fields)
+    parts, fields_of_this = ", ".join(fields), ", ".join(f"this.{field}" for field in fields)
     return (
         f"function {name_of(kind)}({given}) {{\n"
-        f"  return {{{parts}, *[Symbol.iterator]() {{ yield* [{own}]; }}}};\n}}"
+        f"  return {{{parts}, *[Symbol.iterator]() {{ yield* [{fields_of_this}]; }}}};\n}}"
     )
 
 
@@ -407,10 +407,10 @@ class Function:
 
     def comprehension(self, node: ast.ListComp | ast.GeneratorExp) -> str:
         (loop,) = node.generators
-        target, found = self.target(loop.target), self.expression(loop.iter)
+        target, items = self.target(loop.target), self.expression(loop.iter)
         for condition in loop.ifs:
-            found = f"Array.from({found}).filter(({target}) => {self.expression(condition)})"
-        return f"Array.from({found}, ({target}) => {self.expression(node.elt)})"
+            items = f"Array.from({items}).filter(({target}) => {self.expression(condition)})"
+        return f"Array.from({items}, ({target}) => {self.expression(node.elt)})"
 
     def attribute(self, node: ast.Attribute) -> str:
         if isinstance(node.value, ast.Name) and node.value.id not in self.locals:
@@ -422,25 +422,25 @@ class Function:
         return f"{self.expression(node.value)}.{_safe(node.attr)}"
 
     def call(self, node: ast.Call) -> str:
-        found = self.callee(node.func)
+        callee = self.callee(node.func)
         if isinstance(node.func, ast.Name) and node.func.id in self.locals:
             return f"{_safe(node.func.id)}({', '.join(map(self.expression, node.args))})"
-        if found is len:
+        if callee is len:
             return f"{self.expression(node.args[0])}.length"
-        if found is getattr:
+        if callee is getattr:
             return "{}[{}]".format(*map(self.expression, node.args))
-        if isinstance(node.func, ast.Attribute) and found is None:
+        if isinstance(node.func, ast.Attribute) and callee is None:
             return self.call_of_method(node, node.func)
-        if found is dispatch.pi:
+        if callee is dispatch.pi:
             return "Math.PI"
-        if found in self.known:
+        if callee in self.known:
             given = ", ".join(map(self.expression, node.args))
-            alone = found in (min, max) and len(node.args) == 1
-            return f"{self.known[found]}({'...' * alone}{given})"
-        if not isinstance(found, type | FunctionType):
+            alone = callee in (min, max) and len(node.args) == 1
+            return f"{self.known[callee]}({'...' * alone}{given})"
+        if not isinstance(callee, type | FunctionType):
             raise self.refuse(node)
-        name = self.module_value(found, found.__name__, found.__module__, node)
-        return f"{name}({', '.join(self.ordered_arguments(found, node))})"
+        name = self.module_value(callee, callee.__name__, callee.__module__, node)
+        return f"{name}({', '.join(self.ordered_arguments(callee, node))})"
 
     def call_of_method(self, node: ast.Call, method: ast.Attribute) -> str:
         """Write a named tuple with other values, or what makes a list longer."""

@@ -223,14 +223,14 @@ def solver_data(sensor: Sensor) -> dict[str, Any]:
     noise: see `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then
     says.  refusal: why the page cannot solve; empty where it can.
     """
-    found = plan.make_limits(sensor, False)
+    limits = plan.make_limits(sensor, False)
     return {
         "keeps": Form((), kind_of(sensor)).keeps_equations,
         "plans": {
             f'"{beam} {power}"': plan_data(sensor, Knowledge(beam=beam, power=power))
             for beam, power in product(BEAM, POWER)
         },
-        "limits": {"floor": float(found.noise[2]), "light": found.light},
+        "limits": {"floor": float(limits.noise[2]), "light": limits.light},
         "samples": doubts.unit_samples().round(9),
         "fold": FOLD,
         "noise": electronic_noise(sensor),
@@ -257,8 +257,12 @@ def range_data(sensor: Sensor, rules: Rules) -> dict[str, Any]:
 def full_light(sensor: Sensor) -> float:
     """The light whose current, all into one electrode of a duo-lateral detector, is at the end of
     the amplifier's range, mW; infinite without electronics."""
-    found = sensor.electronics
-    return noise.largest_current(found) / (1e-3 * found.responsivity) if found else np.inf
+    electronics = sensor.electronics
+    return (
+        noise.largest_current(electronics) / (1e-3 * electronics.responsivity)
+        if electronics
+        else np.inf
+    )
 
 
 def range_refusal(sensor: Sensor) -> str:
@@ -273,8 +277,12 @@ def range_refusal(sensor: Sensor) -> str:
 
 def electronic_noise(sensor: Sensor) -> noise.TwoLayerNoise | None:
     """The noise of duo-lateral detectors' currents; None without electronics or with others."""
-    found = sensor.electronics
-    return noise.two_layer_noise(found) if found and noise.has_two_layers(found) else None
+    electronics = sensor.electronics
+    return (
+        noise.two_layer_noise(electronics)
+        if electronics and noise.has_two_layers(electronics)
+        else None
+    )
 
 
 def plan_data(sensor: Sensor, knowledge: Knowledge) -> dict[str, Any]:

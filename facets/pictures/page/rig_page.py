@@ -97,23 +97,23 @@ def stated_keys(resolved: dict[str, Any]) -> dict[str, Any]:
     """The keys of a configuration's sensor, range and solver that differ from what `facets` takes
     where none are given. What lies in other files is left out."""
     usual = resolve(Document.model_validate({}))
-    found = {block: differences(usual[block], resolved[block]) for block in SAVED}
-    found["sensor"].pop("calibration", None)
+    stated = {block: differences(usual[block], resolved[block]) for block in SAVED}
+    stated["sensor"].pop("calibration", None)
     for letter in DETECTORS:
-        own = found["sensor"].get("psd", {}).get(letter, {}).get("correction", {})
+        correction = stated["sensor"].get("psd", {}).get(letter, {}).get("correction", {})
         for key in ("table", "table_sha256"):
-            own.pop(key, None)
-    return found
+            correction.pop(key, None)
+    return stated
 
 
 def omitted_keys(sensor: Sensor) -> list[str]:
     """Say what a changed copy of the configuration leaves out."""
-    found = []
+    texts = []
     if sensor.calibration is not None:
-        found.append("The calibration's covariance is left out: it was that of another sensor.")
+        texts.append("The calibration's covariance is left out: it was that of another sensor.")
     if any(psd.correction.grid is not None for psd in sensor.psds):
-        found.append("The tables of corrections (sensor.psd.a.correction.table) are left out.")
-    return found
+        texts.append("The tables of corrections (sensor.psd.a.correction.table) are left out.")
+    return texts
 
 
 def knowledge_of(config: Config) -> dict[str, str]:
@@ -125,12 +125,12 @@ def knowledge_of(config: Config) -> dict[str, str]:
 
 def estimate_sentences(sensor: Sensor) -> list[str]:
     """State what the page's noise and uncertainties omit."""
-    found = []
+    texts = []
     if sensor.electronics is not None:
-        found.append("The noise is drawn without the steps of the converter.")
+        texts.append("The noise is drawn without the steps of the converter.")
     if sensor.calibration is not None:
-        found.append("The stated uncertainties are those by noise, without the calibration's part.")
-    return found
+        texts.append("The stated uncertainties are those by noise, without the calibration's part.")
+    return texts
 
 
 def write_rig_page(
@@ -189,27 +189,27 @@ def round_up(value: float) -> float:
 
 def sentences(sensor: Sensor) -> list[str]:
     """State the effects that the page's numbers include, and those that they omit."""
-    found = []
+    texts = []
     light, openings = sensor.light, sensor.apertures
     if light.on:
-        found.append(
+        texts.append(
             "The readings include the light of this bench: what sensor.light says of wavefront, "
             "edges, coating and background. The pictures show the light before diffraction."
         )
     if openings.cut:
-        found.append(
+        texts.append(
             "The readings are those of light that the sensor's apertures cut. A spot near a "
             "detector's edge is drawn whole."
         )
     if any(light.delays):
-        found.append(
+        texts.append(
             "The detectors are read at different times (light.delays). That concerns a mirror in "
             "motion; here it stands still."
         )
     if is_corrected(sensor):
-        found.append(
+        texts.append(
             "The readings are those of the light itself, before what the calibration adds to the "
             "detectors' places and powers."
         )
-    found.append("The readings are without noise.")
-    return found
+    texts.append("The readings are without noise.")
+    return texts

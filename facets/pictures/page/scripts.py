@@ -14,11 +14,11 @@ def rig_scripts(sensor: Sensor) -> dict[str, str]:
 
     They define `THREE`, `Digits`, `Model`, `RIG`, `Rig`, `Faces` and `Parts`; see their heads.
     """
-    own = ("digits", "scene", "faces", "parts")
+    names = ("digits", "scene", "faces", "parts")
     return {
         "base.css": text_of("base.css"),
         "three.min.js": text_of("vendor/three.min.js"),
         "model.js": model(sensor),
         "data.js": f"const RIG = {json.dumps(rig(sensor))};\n",
-        **{f"{name}.js": text_of(f"{name}.js") for name in own},
+        **{f"{name}.js": text_of(f"{name}.js") for name in names},
     }

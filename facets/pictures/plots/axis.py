@@ -125,10 +125,12 @@ def other_rows(report: AxisReport) -> list[tuple[str, ...]]:
         if n == report.motions.main:
             continue
         unit, scale = report.units(n)
-        found = {q.symbol: q for q in report.quantities[n]}
-        has_both = np.isfinite(found["M"].value)
-        extent = found["M"] if has_both else found["E_up" if report.runs[0] else "E_down"]
-        cells = [value_cells(scale * q.value, scale * q.expanded) for q in (extent, found["B"])]
+        quantities = {q.symbol: q for q in report.quantities[n]}
+        has_both = np.isfinite(quantities["M"].value)
+        extent = quantities["M"] if has_both else quantities["E_up" if report.runs[0] else "E_down"]
+        cells = [
+            value_cells(scale * q.value, scale * q.expanded) for q in (extent, quantities["B"])
+        ]
         rows.append((name, write_micro(unit), *cells[0], *cells[1]))
     return rows
 

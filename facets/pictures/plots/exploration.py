@@ -29,11 +29,11 @@ def front_picture(
     best: Booleans,
     objectives: list[str],
     indices: dict[str, dict[str, Index]],
-    own: dict[str, float] | None = None,
+    present: dict[str, float] | None = None,
 ) -> Figure | None:
     """Draw objectives against one another with the front marked; below, first-order Sobol indices.
 
-    A third objective is the hue. Designs without all objectives are left out.  own: the measures of
+    A third objective is the hue. Designs without all objectives are left out.  present: measures of
     the present design, which is marked as well. Returns None if there is nothing to draw: fewer
     than two designs with all objectives, or one objective and no indices.
     """
@@ -48,7 +48,7 @@ def front_picture(
         made: Any = picture.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
         parts = made.ravel()
         if views:
-            designs(parts[0], table, views, known, best, own)
+            designs(parts[0], table, views, known, best, present)
         if indices:
             effects(parts[-1].subplots(), indices)
     return picture
@@ -58,19 +58,19 @@ def views_of(objectives: list[str]) -> list[tuple[str, str, str]]:
     """List the panels as (x, y, hue), with hue "" for none."""
     if len(objectives) == 3:
         return [(objectives[0], objectives[1], objectives[2])]
-    return [(one, other, "") for one, other in pairwise(objectives)]
+    return [(first, second, "") for first, second in pairwise(objectives)]
 
 
 def designs(
     part: Any, table: Table, views: list[tuple[str, str, str]], known: Booleans, best: Booleans,
-    own: dict[str, float] | None,
+    present: dict[str, float] | None,
 ) -> None:  # fmt: skip
     """Draw the designs of each panel, the front and the present design."""
     panels = part.subplots(-(-len(views) // 2), min(len(views), 2), squeeze=False).ravel()
     for panel, (x, y, hue) in zip(panels, views, strict=False):
         cloud(part, panel, table, (x, y, hue), known, best)
-        if own is not None and np.isfinite([own[x], own[y]]).all():
-            star(panel, own[x], own[y])
+        if present is not None and np.isfinite([present[x], present[y]]).all():
+            star(panel, present[x], present[y])
         panel.set(xlabel=style.measure_label(x), ylabel=style.measure_label(y))
     for panel in panels[len(views) :]:
         panel.set_axis_off()
@@ -116,11 +116,11 @@ def effects(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
     hues = chosen_hues()
     variables = list(next(iter(indices.values())))
     step = 0.7 / len(indices)
-    for n, (objective, found) in enumerate(indices.items()):
+    for n, (objective, by_variable) in enumerate(indices.items()):
         places = np.arange(len(variables)) + (n - (len(indices) - 1) / 2) * step
         panel.errorbar(
-            [found[name].value for name in variables], places,
-            xerr=[found[name].half for name in variables], fmt=MARKS[n % len(MARKS)], ms=4.5,
+            [by_variable[name].value for name in variables], places,
+            xerr=[by_variable[name].half for name in variables], fmt=MARKS[n % len(MARKS)], ms=4.5,
             color=hues.series[n % len(hues.series)], elinewidth=1.2,
             label=objective_words(objective),
         )  # fmt: skip
@@ -141,7 +141,7 @@ def objective_words(objective: str) -> str:
 
 
 def pareto_picture(
-    table: Table, objectives: list[str], cloud: Table | None, own: dict[str, float]
+    table: Table, objectives: list[str], cloud: Table | None, present: dict[str, float]
 ) -> Figure:
     """Draw the front's objectives against one another and the first one's prices below, with a
     cloud of designs if there is one, and the present design."""
@@ -150,7 +150,7 @@ def pareto_picture(
         picture = style.figure(style.FULL, 5.9 + 0.4 * (len(objectives) > 2))
         parts: Any = picture.subfigures(2, 1, height_ratios=(1.75, 1))
         upper, lower = parts
-        draw_front(upper, upper.subplots(), table, objectives, cloud, own)
+        draw_front(upper, upper.subplots(), table, objectives, cloud, present)
         panels = lower.subplots(1, len(others), squeeze=False)[0]
         for panel, other in zip(panels, others, strict=True):
             price(panel, table, objectives[0], other, len(objectives) == 2)
@@ -159,7 +159,7 @@ def pareto_picture(
 
 def draw_front(
     part: Any, panel: Axes, table: Table, objectives: list[str], cloud: Table | None,
-    own: dict[str, float],
+    present: dict[str, float],
 ) -> None:  # fmt: skip
     hues = chosen_hues()
     x, y = objectives[:2]
@@ -174,8 +174,8 @@ def draw_front(
                               ec=hues.ink, lw=0.8, label="front")  # fmt: skip
         bar = part.colorbar(image, ax=panel, label=style.measure_label(objectives[2]), pad=0.02)
         bar.outline.set_visible(False)
-    if np.isfinite([own[x], own[y]]).all():
-        star(panel, own[x], own[y])
+    if np.isfinite([present[x], present[y]]).all():
+        star(panel, present[x], present[y])
     panel.set(xlabel=style.measure_label(x), ylabel=style.measure_label(y))
     handles, texts = panel.get_legend_handles_labels()
     style.legend_below(part, handles, texts, 3)

@@ -149,9 +149,9 @@ def samples(panel: Axes, time: Floats, values: Floats, name: str, columns: int) 
     if len(time) <= columns:
         panel.plot(time, values, ".", ms=6 if len(time) < 10 else 3, color=hue, mew=0)
         return
-    found = style.band(time, values, columns)
-    panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.4, lw=0)
-    panel.plot(found.time, found.middle, color=hue, lw=1.0)
+    band = style.band(time, values, columns)
+    panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.4, lw=0)
+    panel.plot(band.time, band.middle, color=hue, lw=1.0)
 
 
 def mark_failures(panel: Axes, time: Floats) -> None:
@@ -166,9 +166,9 @@ def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
     unit = style.unit_of(name)
     for segment, time in zip(segments, clock.times, strict=True):
         wide = 2 * unit.fine_factor * segment.solution.uncertainty[:, n]
-        found = style.band(time, wide, columns_for(segments))
+        band = style.band(time, wide, columns_for(segments))
         for side in (-1, 1):
-            panel.plot(found.time, side * found.middle, color=hues.ink, lw=0.8, ls=DASHES)
+            panel.plot(band.time, side * band.middle, color=hues.ink, lw=0.8, ls=DASHES)
         if len(time) == 1:
             panel.errorbar(time, 0 * time, wide, color=hues.ink, lw=0.8, capsize=3, fmt="none")
         samples(panel, time, unit.fine_factor * segment.error[:, n], name, columns_for(segments))

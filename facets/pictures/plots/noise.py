@@ -79,8 +79,8 @@ def table(channels: list[Channel]) -> str:
     words = ("channel", "white /&radic;Hz", "flicker at 1 Hz /&radic;Hz", "drift /s", "1 sigma",
              "configured", "ratio", "lines", "spikes")  # fmt: skip
     rows = ["<tr>" + "".join(f"<th>{word}</th>" for word in words) + "</tr>"]
-    for one in channels:
-        model = one.model
+    for channel in channels:
+        model = channel.model
         lines = "; ".join(
             f"{line.name}: {line.amplitude.value:.3g} at {line.frequency:.2f} Hz"
             if line.name != "unknown"
@@ -88,11 +88,12 @@ def table(channels: list[Channel]) -> str:
             for line in model.lines
         )
         cells = (
-            f"{one.name} ({write_micro(one.unit)})", amplitude(model.white),
+            f"{channel.name} ({write_micro(channel.unit)})", amplitude(model.white),
             amplitude(model.flicker),
             f"{model.drift.value:.2g} &plusmn; {1.96 * model.drift.sigma:.1g}",
-            f"{model.standard_deviation:.3g}", f"{one.configured:.3g}",
-            f"{model.standard_deviation / one.configured:.2f}", lines or "none", str(model.spikes),
+            f"{model.standard_deviation:.3g}", f"{channel.configured:.3g}",
+            f"{model.standard_deviation / channel.configured:.2f}", lines or "none",
+            str(model.spikes),
         )  # fmt: skip
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
     return "".join(rows)
@@ -104,7 +105,7 @@ def amplitude(density: Any) -> str:
 
 
 def correlations(report: NoiseReport) -> str:
-    names = [one.name.rpartition("_")[0] for one in report.channels[:9]]
+    names = [channel.name.rpartition("_")[0] for channel in report.channels[:9]]
     rows = ["<tr><th></th>" + "".join(f"<th>{name}</th>" for name in names) + "</tr>"]
     for name, values in zip(names, report.correlation, strict=True):
         cells = "".join(f"<td>{value:+.2f}</td>" for value in values)
@@ -117,9 +118,11 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
     with style.style_context():
         picture, panels = page_of(len(groups))
         for panel, (name, channels) in zip(panels, groups.items(), strict=False):
-            for one in channels:
-                spectrum(panel, one)
-            for line in {round(x.frequency, 2) for one in channels for x in one.model.lines[:5]}:
+            for channel in channels:
+                spectrum(panel, channel)
+            for line in {
+                round(x.frequency, 2) for channel in channels for x in channel.model.lines[:5]
+            }:
                 panel.axvline(line, color=chosen_hues().rule, lw=1.0, zorder=0)
             unit = write_micro(channels[0].unit)
             panel.set(xscale="log", yscale="log", xlabel="frequency, Hz", title=name)
@@ -128,21 +131,21 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
     return f"<h2>{title}</h2>{style.svg_text(picture)}"
 
 
-def spectrum(panel: Axes, one: Channel) -> None:
+def spectrum(panel: Axes, channel: Channel) -> None:
     """Draw the measured spectrum as a band, the fitted noise, and the configured noise dashed."""
     from scipy.signal import welch
 
-    rate, hue = one.model.rate, hue_of(one.name)
-    signal = fill(one.signal) - one.model.mean
+    rate, hue = channel.model.rate, hue_of(channel.name)
+    signal = fill(channel.signal) - channel.model.mean
     piece = 1 << max(6, int(np.log2(len(signal) / 8)))
     frequency, power = welch(signal, rate, nperseg=min(piece, len(signal)))
-    found = columns(frequency[1:], np.sqrt(power[1:]))
-    panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.35, lw=0)
-    panel.plot(found.time, found.middle, color=hue, lw=0.5, alpha=0.7)
-    fitted = np.sqrt(one.model.density(found.time))
-    panel.plot(found.time, fitted, color=hue, lw=1.6, ls=dash_of(one.name))
-    level = one.configured * np.sqrt(2 / rate)
-    panel.plot(found.time[[0, -1]], [level, level], color=hue, ls=(0, (1, 1.5)), lw=1.4)
+    band = columns(frequency[1:], np.sqrt(power[1:]))
+    panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.35, lw=0)
+    panel.plot(band.time, band.middle, color=hue, lw=0.5, alpha=0.7)
+    fitted = np.sqrt(channel.model.density(band.time))
+    panel.plot(band.time, fitted, color=hue, lw=1.6, ls=dash_of(channel.name))
+    level = channel.configured * np.sqrt(2 / rate)
+    panel.plot(band.time[[0, -1]], [level, level], color=hue, ls=(0, (1, 1.5)), lw=1.4)
 
 
 def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
@@ -159,10 +162,10 @@ def deviations(groups: dict[str, list[Channel]]) -> str:
     with style.style_context():
         picture, panels = page_of(len(groups))
         for panel, (name, channels) in zip(panels, groups.items(), strict=False):
-            for one in channels:
-                hue, found = hue_of(one.name), one.allan
-                panel.fill_between(found.tau, found.low, found.high, color=hue, alpha=0.2, lw=0)
-                panel.plot(found.tau, found.deviation, color=hue, ls=dash_of(one.name))
+            for channel in channels:
+                hue, allan = hue_of(channel.name), channel.allan
+                panel.fill_between(allan.tau, allan.low, allan.high, color=hue, alpha=0.2, lw=0)
+                panel.plot(allan.tau, allan.deviation, color=hue, ls=dash_of(channel.name))
             unit = write_micro(channels[0].unit)
             panel.set(xscale="log", yscale="log", xlabel="averaging time, s", title=name)
             panel.set_ylabel(f"Allan deviation, {unit}")
@@ -184,7 +187,9 @@ def legend(picture: Figure, panels: Any, groups: dict[str, list[Channel]]) -> No
     """Explain hues and dashes: detectors by letter, axes by name."""
     from matplotlib.lines import Line2D
 
-    names = list(dict.fromkeys(one.name.rpartition("_")[0] for g in groups.values() for one in g))
+    names = list(
+        dict.fromkeys(channel.name.rpartition("_")[0] for g in groups.values() for channel in g)
+    )
     axes = [name for name in names if name in POSE]
     letters = [letter for letter in DETECTORS if any(name.endswith(f"_{letter}") for name in names)]
     hues = chosen_hues()
@@ -209,9 +214,9 @@ def dash_of(column: str) -> str:
 def group_channels(channels: list[Channel]) -> dict[str, list[Channel]]:
     """Group channels by panel: psi, zeta and power of readings, shifts and angles of poses."""
     words = {"psi": "place psi", "zeta": "place zeta", "power": "power"}
-    found: dict[str, list[Channel]] = {}
-    for one in channels:
-        name = one.name.rpartition("_")[0]
+    groups: dict[str, list[Channel]] = {}
+    for channel in channels:
+        name = channel.name.rpartition("_")[0]
         kind = "angles" if name in ANGLES else "shifts" if name in POSE else words[name[:-2]]
-        found.setdefault(kind, []).append(one)
-    return found
+        groups.setdefault(kind, []).append(channel)
+    return groups

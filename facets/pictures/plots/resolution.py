@@ -22,12 +22,12 @@ MARKS = ("o", "D", "s", "^", "v", "P", "X")
 NAMED_SHARE = 0.01
 
 
-def budget_picture(found: Sequence[Resolution]) -> Figure:
+def budget_picture(resolutions: Sequence[Resolution]) -> Figure:
     """Draw uncertainties at rest and at worst, on a logarithmic scale, shifts left, angles right.
 
     Each way of solving has a lane; the mark at rest denotes the source of most of the variance.
     """
-    lanes = len(found) + 1
+    lanes = len(resolutions) + 1
     with style.style_context():
         picture = style.figure(style.FULL, 0.19 * 3 * lanes + 1.15)
         panels = picture.subplots(1, 2)
@@ -35,13 +35,13 @@ def budget_picture(found: Sequence[Resolution]) -> Figure:
         for panel, names in zip(panels, groups, strict=True):
             for row, name in enumerate(names):
                 heading(panel, row * lanes, style.component_label(name))
-                for k, one in enumerate(found):
-                    lane(panel, row * lanes + k + 1, one, name)
+                for k, resolution in enumerate(resolutions):
+                    lane(panel, row * lanes + k + 1, resolution, name)
             finish(panel, 3 * lanes, style.unit_of(names[0]).fine_unit)
-        places = [row * lanes + k + 1 for row in range(3) for k in range(len(found))]
-        panels[0].set_yticks(places, [one.how.name for one in found] * 3)
+        places = [row * lanes + k + 1 for row in range(3) for k in range(len(resolutions))]
+        panels[0].set_yticks(places, [resolution.how.name for resolution in resolutions] * 3)
         panels[1].set_yticks(places, [])
-        legend(picture, found)
+        legend(picture, resolutions)
     return picture
 
 
@@ -52,21 +52,21 @@ def heading(panel: Axes, place: float, text: str) -> None:
     panel.axhspan(place - 0.5, place + 0.5, color=chosen_hues().rule, alpha=0.5, lw=0)
 
 
-def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
+def lane(panel: Axes, place: float, resolution: Resolution, name: str) -> None:
     """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
     from matplotlib.transforms import ScaledTranslation
 
     hues, i = chosen_hues(), POSE.index(name)
     factor = style.unit_of(name).fine_factor
-    rest, worst = factor * found.nominal[i], factor * found.worst[i]
+    rest, worst = factor * resolution.nominal[i], factor * resolution.worst[i]
     panel.plot([rest, worst], [place, place], color=hues.grey, lw=1.0, zorder=1)
     panel.plot(worst, place, "|", color=hues.ink, ms=8, mew=1.4)
-    order = np.argsort(-found.shares[i])
+    order = np.argsort(-resolution.shares[i])
     panel.plot(rest, place, ms=5.5, **look(int(order[0])))
-    if len(order) > 1 and found.shares[i][order[1]] >= NAMED_SHARE:
+    if len(order) > 1 and resolution.shares[i][order[1]] >= NAMED_SHARE:
         beside = panel.transData + ScaledTranslation(9 / 72, 0, panel.figure.dpi_scale_trans)
         panel.plot(worst, place, ms=4, transform=beside, **look(int(order[1])))
-        text = f"{100 * found.shares[i][order[1]]:.0f} %"
+        text = f"{100 * resolution.shares[i][order[1]]:.0f} %"
         panel.annotate(text, (worst, place), (14, 0), textcoords="offset points", va="center",
                        fontsize=style.LEAST)  # fmt: skip
 
@@ -88,14 +88,16 @@ def finish(panel: Axes, lanes: int, unit: str) -> None:
     panel.spines["left"].set_visible(False)
 
 
-def legend(picture: Figure, found: Sequence[Resolution]) -> None:
+def legend(picture: Figure, resolutions: Sequence[Resolution]) -> None:
     from matplotlib.lines import Line2D
 
     hues = chosen_hues()
-    sources = list(dict.fromkeys(source for one in found for source in one.sources))
+    sources = list(
+        dict.fromkeys(source for resolution in resolutions for source in resolution.sources)
+    )
     handles: list[Any] = [Line2D([], [], **look(n)) for n in range(len(sources))]
     handles.append(Line2D([], [], color=hues.ink, marker="|", ls="", ms=8, mew=1.4))
     made = style.legend_below(picture, handles, [*sources, "at worst in the axis's range"], 4)
-    whose = "" if found[0].object is None else "displacement of the object\n"
+    whose = "" if resolutions[0].object is None else "displacement of the object\n"
     made.set_title(f"{whose}at rest, marked by the source of most of the variance; "
                    "in %: the share of a second", {"size": style.LEAST})  # fmt: skip

@@ -21,7 +21,7 @@ DISTANCE = "apex from the beam's centre, mm"
 DETERMINANT = "determinant, units of mm, mW, rad"
 
 
-def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = None) -> Figure:
+def survey_picture(survey: Survey, left_out: str, pair: AmbiguousPair | None = None) -> Figure:
     """Draw the determinant (as Fig. 4) and the smallest singular value against the apex's offset.
 
     pair: two states with the same readings, if there are any.
@@ -32,8 +32,8 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
     with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 2.9 * rows + 0.2)
         panels = picture.subplots(rows, 2, squeeze=False)
-        first = density(picture, panels[0, 0], found.edges[0], found.edges[1], found.counts)
-        second = density(picture, panels[0, 1], found.edges[0], found.edges[2], found.second)
+        first = density(picture, panels[0, 0], survey.edges[0], survey.edges[1], survey.counts)
+        second = density(picture, panels[0, 1], survey.edges[0], survey.edges[2], survey.second)
         panels[0, 0].set(xlabel=DISTANCE, ylabel=DETERMINANT, title=f"Eq. (11) without {left_out}")
         panels[0, 1].set(
             xlabel=DISTANCE, ylabel="standard deviations per µm or µrad",

@@ -13,7 +13,7 @@ from ...core.units import Floats
 from ...model.arrays import readings
 from .. import style
 from ..stills import scene
-from ..stills.scene import Spot, Stand
+from ..stills.scene import SpotLight, Stand
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +54,7 @@ def light_on(psd: Psd, reading: Floats) -> str:
     return f"{1e3 * power:.1f} µW" + (" beside it" if beside else "")
 
 
-def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats, letter: str) -> None:
+def face(panel: Axes, psd: Psd, spot: SpotLight, centroid: Floats, letter: str) -> None:
     """Draw the whole sensitive area."""
     from matplotlib.patches import Rectangle
 
@@ -74,7 +74,7 @@ def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats, letter: str) -> No
     panel.set_xlabel("psi, mm")
 
 
-def shine(panel: Axes, spot: Spot) -> Any:
+def shine(panel: Axes, spot: SpotLight) -> Any:
     """Draw the spot's irradiance, transparent where there is no light."""
     light = np.ma.masked_less(spot.light, 0.004)
     return panel.pcolormesh(*spot.grid.transpose(2, 0, 1), light, cmap="inferno", vmin=0, vmax=1,
@@ -86,7 +86,7 @@ def write(panel: Axes, text: str, place: Floats, degrees: float = 0.0) -> None:
                    linespacing=1.25, rotation=degrees, rotation_mode="anchor")  # fmt: skip
 
 
-def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
+def large(panel: Axes, spot: SpotLight, centroid: Floats, letter: str) -> Any:
     """Draw the spot with its centroid R, the images of apex Q and beam S, and the cut circle."""
     hues = chosen_hues()
     image = shine(panel, spot) if spot.grid.size else None

@@ -23,62 +23,62 @@ DRAWN = 4000
 SHOWN_SHARE = 0.998
 
 
-def trials_picture(found: dict[str, PropagationResult]) -> Figure:
+def trials_picture(results: dict[str, PropagationResult]) -> Figure:
     """Draw trials of the pose at which the linear result is farthest off, along the two axes that
     differ most, and the distribution along the first of these."""
-    where = max(found, key=lambda name: largest_difference(found[name]).max())
-    one = found[where]
-    first, second = np.argsort(-largest_difference(one), kind="stable")[:2].tolist()
+    where = max(results, key=lambda name: largest_difference(results[name]).max())
+    result = results[where]
+    first, second = np.argsort(-largest_difference(result), kind="stable")[:2].tolist()
     with style.style_context():
         picture = style.figure(style.FULL, 3.5)
         plane, line = picture.subplots(1, 2)
-        picture.suptitle(f"{one.count:,} trials {where}")
-        if len(one.trials.poses) < 2:
+        picture.suptitle(f"{result.count:,} trials {where}")
+        if len(result.trials.poses) < 2:
             for panel in (plane, line):
                 style.say(panel, "no trial has a pose")
             return picture
-        draw_plane(plane, one, (first, second))
-        draw_distribution(line, one, first)
+        draw_plane(plane, result, (first, second))
+        draw_distribution(line, result, first)
         handles, names = [], []
         for panel in (plane, line):
-            own = panel.get_legend_handles_labels()
-            handles += own[0]
-            names += own[1]
+            marks, labels = panel.get_legend_handles_labels()
+            handles += marks
+            names += labels
         style.legend_below(picture, handles, names, 3)
     return picture
 
 
-def largest_difference(found: PropagationResult) -> Floats:
+def largest_difference(result: PropagationResult) -> Floats:
     """How far the ends of the intervals differ from the linear ones, (6,), in standard
     uncertainties."""
-    low, high = found.linear_interval
-    off = np.maximum(np.abs(found.symmetric.low - low), np.abs(found.symmetric.high - high))
-    relative: Floats = np.nan_to_num(off / found.linear.uncertainty[0], nan=np.inf)
+    low, high = result.linear_interval
+    off = np.maximum(np.abs(result.symmetric.low - low), np.abs(result.symmetric.high - high))
+    relative: Floats = np.nan_to_num(off / result.linear.uncertainty[0], nan=np.inf)
     return relative
 
 
-def offsets(found: PropagationResult, axis: int) -> Floats:
+def offsets(result: PropagationResult, axis: int) -> Floats:
     """The trials beside the estimate along an axis, um or urad."""
-    relative: Floats = found.trials.poses[:, axis] - found.linear.pose[0, axis]
+    relative: Floats = result.trials.poses[:, axis] - result.linear.pose[0, axis]
     return relative * unit_of(POSE[axis]).fine_factor
 
 
-def draw_plane(panel: Axes, found: PropagationResult, axes: tuple[int, int]) -> None:
+def draw_plane(panel: Axes, result: PropagationResult, axes: tuple[int, int]) -> None:
     """Draw some trials and the linear region of two axes."""
     from matplotlib.collections import LineCollection
 
-    hues, step = chosen_hues(), -(-len(found.trials.poses) // DRAWN)
-    places = np.stack([offsets(found, axis) for axis in axes], axis=1)
+    hues, step = chosen_hues(), -(-len(result.trials.poses) // DRAWN)
+    places = np.stack([offsets(result, axis) for axis in axes], axis=1)
     panel.plot(*places[::step].T, ".", ms=2, mew=0, color=hues.grey)
     panel.plot([], [], ".", ms=7, mew=0, color=hues.grey, label="trials")
-    assert found.linear.covariance is not None
+    assert result.linear.covariance is not None
     factors = [unit_of(POSE[axis]).fine_factor for axis in axes]
-    covariance = found.linear.covariance[0][np.ix_(axes, axes)] * np.outer(factors, factors)
+    covariance = result.linear.covariance[0][np.ix_(axes, axes)] * np.outer(factors, factors)
     turn = np.linspace(0, 2 * np.pi, 241)
-    freedom = float(np.nanmin(found.linear.degrees_of_freedom[0]))
-    size = region_factor(found.probability, 2, freedom)
+    freedom = float(np.nanmin(result.linear.degrees_of_freedom[0]))
+    size = region_factor(result.probability, 2, freedom)
     ellipse = size * np.linalg.cholesky(covariance) @ np.array([np.cos(turn), np.sin(turn)])
-    text = f"linear region, {100 * found.probability:g} %"
+    text = f"linear region, {100 * result.probability:g} %"
     panel.add_collection(LineCollection([ellipse.T], colors=hues.accent, lw=1.6, label=text))
     low, high = np.quantile(places, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2], axis=0)
     low, high = np.minimum(low, ellipse.min(axis=1)), np.maximum(high, ellipse.max(axis=1))
@@ -95,25 +95,25 @@ def label(axis: int) -> str:
     return f"{style.component_label(name)} beside the estimate, {unit_of(name).fine_unit}"
 
 
-def draw_distribution(panel: Axes, found: PropagationResult, axis: int) -> None:
+def draw_distribution(panel: Axes, result: PropagationResult, axis: int) -> None:
     """Draw the trials' density along an axis, the linear one, and both coverage intervals."""
-    hues, values = chosen_hues(), offsets(found, axis)
-    factor, place = unit_of(POSE[axis]).fine_factor, found.linear.pose[0, axis]
+    hues, values = chosen_hues(), offsets(result, axis)
+    factor, place = unit_of(POSE[axis]).fine_factor, result.linear.pose[0, axis]
     low, high = np.quantile(values, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2])
     count = int(np.clip(len(values) ** 0.4, 20, 120))
     density, edges = np.histogram(values, count, (low, high))
     density = density / (len(values) * (edges[1] - edges[0]))
     panel.stairs(density, edges, fill=True, color=hues.grey, alpha=0.5)
-    size = factor * found.linear.uncertainty[0, axis]
+    size = factor * result.linear.uncertainty[0, axis]
     along = np.linspace(min(low, -4 * size), max(high, 4 * size), 400)
     normal = np.exp(-((along / size) ** 2) / 2) / (size * np.sqrt(2 * np.pi))
     panel.plot(along, normal, color=hues.accent, lw=1.6)
     interval: dict[str, Any] = {"ls": (0, (4, 2)), "lw": 1.2}
     for name, ends, hue in (
-        ("linear interval", [one[axis] for one in found.linear_interval], hues.accent),
+        ("linear interval", [end[axis] for end in result.linear_interval], hues.accent),
         (
             "interval of the trials",
-            [found.symmetric.low[axis], found.symmetric.high[axis]],
+            [result.symmetric.low[axis], result.symmetric.high[axis]],
             hues.ink,
         ),
     ):

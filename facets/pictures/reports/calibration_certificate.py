@@ -66,7 +66,7 @@ DOES_NOT_STATE = (
 
 
 def write_report(
-    settings: Config, calibrated: Config, found: Verdict, path: Path, sources: list[Path],
+    settings: Config, calibrated: Config, verdict: Verdict, path: Path, sources: list[Path],
     results: list[Path],
 ) -> None:  # fmt: skip
     """Write the page.  calibrated: the written configuration.  sources, results: files read and
@@ -75,18 +75,18 @@ def write_report(
     what = statement.sensor or settings.name
     summary, warning = "The checks of this calibration found no reason to reject it.", ""
     title = f"Calibration certificate of {what}"
-    if not found.is_trusted:
+    if not verdict.is_trusted:
         title = f"Calibration of {what}: not valid"
         summary = "Written for inspection only, because --accept-misfit was given."
         warning = (
             "NOT VALID. The checks of this calibration failed: do not use these results. Reasons: "
-            + " ".join(one.words for one in found.findings if one.bad)
+            + " ".join(finding.words for finding in verdict.findings if finding.bad)
         )
     sheet = " · ".join(filter(None, ("Calibration", statement.number, settings.name)))
     if warning:
         sheet += " · NOT VALID"
     text = report(
-        title, summary, sections(settings, calibrated, found, sources, results),
+        title, summary, sections(settings, calibrated, verdict, sources, results),
         origin_line(settings), warning, sheet,
     )  # fmt: skip
     with Whole(path) as temporary:
@@ -94,30 +94,32 @@ def write_report(
 
 
 def sections(
-    settings: Config, calibrated: Config, found: Verdict, sources: list[Path], results: list[Path]
+    settings: Config, calibrated: Config, verdict: Verdict, sources: list[Path], results: list[Path]
 ) -> list[ReportSection]:
-    assert found.fit is not None
-    assert found.search is not None
+    assert verdict.fit is not None
+    assert verdict.search is not None
     statement, asked = settings.calibrate.statement, settings.calibrate
     budget = budgets.calibration_budget(
-        found.search.sensor, found.fitted, found.fit, calibrated.sensor, asked.outliers
+        verdict.search.sensor, verdict.fitted, verdict.fit, calibrated.sensor, asked.outliers
     )
-    states = budgets.fitted_states(found.fitted, found.fit)
+    states = budgets.fitted_states(verdict.fitted, verdict.fit)
     whole = budgets.pose_covariances(
         calibrated.sensor, budget, np.vstack([np.zeros(8), states]),
         calibrated.solve.knowledge(calibrated.sensor),
     )  # fmt: skip
     parts = {source: np.diagonal(part, axis1=1, axis2=2) for source, part in whole.items()}
-    findings = [("not passed: " if one.bad else "") + one.words for one in found.findings]
+    findings = [
+        ("not passed: " if finding.bad else "") + finding.words for finding in verdict.findings
+    ]
     entries = [[words, getattr(statement, name) or NOT_STATED] for name, words in ENTRIES.items()]
     return [
         ReportSection("Sensor and reference (entered by the user)", rows=entries, wide=True),
         ReportSection("What this page states, and what it does not", (STATES, DOES_NOT_STATE),
                       wide=True),
-        ReportSection("Conditions", rows=condition_rows(statement, found)),
+        ReportSection("Conditions", rows=condition_rows(statement, verdict)),
         ReportSection("Reference's standard uncertainty", ("Entered by the user.",),
                 ("axis", "u"), reference_rows(asked.reference)),
-        parameter_section(found, budget, calibrated.sensor),
+        parameter_section(verdict, budget, calibrated.sensor),
         pose_section(budget, parts),
         ReportSection("Uncertainty budget of a pose",
                 ("Share of each source in the variance that the calibration causes, at rest, %. "
@@ -126,34 +128,34 @@ def sections(
         ReportSection("Check on samples that were not fitted",
                 ("Errors of solved poses against the reference: robust estimate, stated standard "
                  "uncertainty, and share within 95 % intervals.",),
-                ("axis", "error", "stated", "unit", "held, %"), error_rows(found.errors)),
+                ("axis", "error", "stated", "unit", "held, %"), error_rows(verdict.errors)),
         ReportSection("Correlations of poses",
                 ("Coefficients of what the calibration causes, at rest.",), ("", *POSE),
                 pose_correlations(whole)),
         correlation_section(calibrated),
         ReportSection("Validity", ("The sensor was calibrated within these ranges.",),
                 ("quantity", "from", "to", "unit"),
-                range_rows(found, states, statement.temperature)),
+                range_rows(verdict, states, statement.temperature)),
         ReportSection("Findings of the checks", findings or ["None."], wide=True),
         ReportSection("Method, software and files", wide=True,
-                rows=method_rows(settings, found, sources, results)),
+                rows=method_rows(settings, verdict, sources, results)),
     ]  # fmt: skip
 
 
-def condition_rows(statement: Statement, found: Verdict) -> list[list[str]]:
+def condition_rows(statement: Statement, verdict: Verdict) -> list[list[str]]:
     """Ambient conditions as the user states them, and the temperature of the data."""
     rows = []
     for name, (words, unit) in CONDITIONS.items():
         bounds = getattr(statement, name)
         rows.append([words, f"{bounds[0]:g} to {bounds[1]:g} {unit}" if bounds else NOT_STATED])
-    between = temperature_range(found)
+    between = temperature_range(verdict)
     measured = "not measured" if between is None else f"{between[0]:.2f} to {between[1]:.2f} °C"
     rows.append(["temperature in the data", measured])
     return [*rows, ["remarks", statement.remarks or NOT_STATED]]
 
 
-def temperature_range(found: Verdict) -> tuple[float, float] | None:
-    data = found.fitted
+def temperature_range(verdict: Verdict) -> tuple[float, float] | None:
+    data = verdict.fitted
     if data.temperature is None or data.clock is None:
         return None
     above = data.clock[:, 1]
@@ -183,10 +185,10 @@ def coverage_words() -> str:
     )
 
 
-def parameter_section(found: Verdict, budget: Budget, made: Sensor) -> ReportSection:
-    assert found.fit is not None
-    assert found.search is not None
-    table = parameter_table(found.search.sensor, found.fit, made)
+def parameter_section(verdict: Verdict, budget: Budget, made: Sensor) -> ReportSection:
+    assert verdict.fit is not None
+    assert verdict.search is not None
+    table = parameter_table(verdict.search.sensor, verdict.fit, made)
     columns = [table[name].tolist() for name in ("parameter", "unit", "value", "change")]
     variances = {source: np.diag(part)[table["place"]] for source, part in budget.sensor.items()}
     standard = table["factor"] * np.sqrt(np.asarray(sum(variances.values())))
@@ -281,7 +283,7 @@ def correlation_section(calibrated: Config) -> ReportSection:
 
 
 def range_rows(
-    found: Verdict, states: Floats, stated: tuple[float, float] | None
+    verdict: Verdict, states: Floats, stated: tuple[float, float] | None
 ) -> list[list[str]]:
     """Ranges of the fitted samples' poses and beam positions, and of the temperature, which is the
     `stated` one where the data have none."""
@@ -290,22 +292,22 @@ def range_rows(
         unit = unit_of(axis)
         low, high = (f(states[:, n]) * unit.factor for f in (np.min, np.max))
         rows.append([axis, f"{low:.4g}", f"{high:.4g}", unit.unit])
-    between = temperature_range(found) or stated
+    between = temperature_range(verdict) or stated
     ends = [NOT_STATED] * 2 if between is None else [f"{value:.2f}" for value in between]
     return [*rows, ["temperature", *ends, "°C"]]
 
 
 def method_rows(
-    settings: Config, found: Verdict, sources: list[Path], results: list[Path]
+    settings: Config, verdict: Verdict, sources: list[Path], results: list[Path]
 ) -> list[list[str]]:
-    assert found.fit is not None
-    assert found.search is not None
-    fit, origin = found.fit, provenance_header(settings)
-    effects = [row.words for row in found.search.rows if row.accepted]
+    assert verdict.fit is not None
+    assert verdict.search is not None
+    fit, origin = verdict.fit, provenance_header(settings)
+    effects = [row.words for row in verdict.search.rows if row.accepted]
     about = [
         ["method", "weighted least squares over all readings (bundle adjustment), "
-                   f"{len(fit.choice.names)} unknowns, {len(found.fitted.raw)} samples fitted, "
-                   f"{len(found.held.raw)} checked"],
+                   f"{len(fit.choice.names)} unknowns, {len(verdict.fitted.raw)} samples fitted, "
+                   f"{len(verdict.held.raw)} checked"],
         ["chi-square per degree of freedom",
          f"{fit.reduced_chi_square:.3f} with {fit.freedom:.0f} degrees of freedom; 1 is expected"],
         ["effects that the data require", ", ".join(effects) or "none"],

@@ -77,32 +77,32 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
 
     hues = chosen_hues()
     radius = float(np.hypot(centres[:, 0], centres[:, 1]).max())
-    found = [
+    parts = [
         f"<circle cx='{middle}' cy='{middle}' r='{scale * radius:.2f}' fill='none' "
         f"stroke='{hues.grey}' stroke-dasharray='4 3'/>"
     ]
     for k, psd in enumerate(sensor.psds):
         reach = sides[k, 0] * psd.size_y / 2
         hue = hues.detectors[DETECTORS[k]]
-        found.append(line((middle, middle), pixel_of(spots[k]), hue, 1))
-        found.append(line(pixel_of(centres[k] - reach), pixel_of(centres[k] + reach), hue, 4))
+        parts.append(line((middle, middle), pixel_of(spots[k]), hue, 1))
+        parts.append(line(pixel_of(centres[k] - reach), pixel_of(centres[k] + reach), hue, 4))
         out = centres[k] * (1 + 17 / (scale * hypot(*centres[k, :2])))
         x, y = pixel_of(out)
-        found.append(text(x, y + 4, f"{DETECTORS[k].upper()} {degrees(psd.azimuth):.4g}\u00b0"))
-    found.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{hues.ink}'/>")
+        parts.append(text(x, y + 4, f"{DETECTORS[k].upper()} {degrees(psd.azimuth):.4g}\u00b0"))
+    parts.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{hues.ink}'/>")
     beam = sensor.beam
     width = f"{beam.diameter_x:.4g}" + (
         "" if beam.diameter_x == beam.diameter_y else f" x {beam.diameter_y:.4g}"
     )
-    found.append(text(middle, SIZE - 8, f"head \u2300 {2 * radius:.4g} mm, beam \u2300 {width} mm"))
-    return found
+    parts.append(text(middle, SIZE - 8, f"head \u2300 {2 * radius:.4g} mm, beam \u2300 {width} mm"))
+    return parts
 
 
 def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
     """Draw each detector's own half plane through the axis, outward to the right and z up."""
     left, middle, hues = SIZE + EDGE, SIZE / 2, chosen_hues()
-    found = [line((left, 14), (left, middle), hues.ink, 1.4)]
-    found.append(text(left + 6, 22, "beam", "start"))
+    parts = [line((left, 14), (left, middle), hues.ink, 1.4)]
+    parts.append(text(left + 6, 22, "beam", "start"))
     told: set[tuple[float, ...]] = set()
     different = len({(p.radius, p.height, p.pitch, p.size_z) for p in sensor.psds}) > 1
     for k, (facet, psd) in enumerate(zip(sensor.facets, sensor.psds, strict=True)):
@@ -114,19 +114,19 @@ def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> lis
         hue = hues.detectors[DETECTORS[k]] if different else hues.soft
         along = 34.0
         end = (left + along * cos(facet.inclination), middle + along * sin(facet.inclination))
-        found.append(line((left, middle), end, hues.ink, 2))
+        parts.append(line((left, middle), end, hues.ink, 2))
         spot = (left + scale * hypot(*spots[k, :2]), middle - scale * float(spots[k, 2]))
-        found.append(line((left, middle), spot, hue, 1))
+        parts.append(line((left, middle), spot, hue, 1))
         lean = tan(psd.pitch)
         half = scale * psd.size_z / 2 / hypot(1, lean)
         x, y = left + scale * r, middle - scale * z
-        found.append(line((x - half * lean, y + half), (x + half * lean, y - half), hue, 4))
+        parts.append(line((x - half * lean, y + half), (x + half * lean, y - half), hue, 4))
         name = DETECTORS[k].upper() if different else "each"
         words = [f"{name}: R {r:.5g} mm", f"height {z:.5g} mm", f"pitch {1e3 * psd.pitch:.4g} mrad",
                  f"area {psd.size_y:.4g} x {psd.size_z:.4g} mm",
                  f"facet at {degrees(facet.inclination):.4g}\u00b0"]  # fmt: skip
         top = 40 + 70 * (len(told) - 1)
         right = left + SIZE - EDGE
-        found += [text(right, top + 13 * n, word, "end") for n, word in enumerate(words)]
-    found.append(line((left, middle), (left + SIZE - EDGE, middle), hues.rule, 0.8, "4 3"))
-    return found
+        parts += [text(right, top + 13 * n, word, "end") for n, word in enumerate(words)]
+    parts.append(line((left, middle), (left + SIZE - EDGE, middle), hues.rule, 0.8, "4 3"))
+    return parts

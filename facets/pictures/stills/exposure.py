@@ -55,10 +55,10 @@ def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
 
 def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]]:
     """Return the amounts of light and their colours: beams, then surfaces."""
-    found = [(haze * 1.1 * light.beam, np.array(rgb(theme.beam)))]
+    lights = [(haze * 1.1 * light.beam, np.array(rgb(theme.beam)))]
     for k, hue in enumerate(theme.hues):
-        found.append((haze * 1.1 * light.sub_beams[k], np.array(rgb(hue))))
-    return found
+        lights.append((haze * 1.1 * light.sub_beams[k], np.array(rgb(hue))))
+    return lights
 
 
 def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0) -> Floats:

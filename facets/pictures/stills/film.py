@@ -93,9 +93,9 @@ def write_gif(shown: Iterator[Any], path: Path, rate: float) -> None:
     from PIL import Image
 
     first = Image.fromarray(next(shown))
-    own = first.quantize(COLOURS, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    colours = first.quantize(COLOURS, method=Image.Quantize.MEDIANCUT).getpalette() or []
     palette = Image.new("P", (1, 1))
-    palette.putpalette([*own[: 3 * COLOURS], *hue_ramps()])
+    palette.putpalette([*colours[: 3 * COLOURS], *hue_ramps()])
     dither = Image.Dither.NONE
     pictures = [
         first.quantize(palette=palette, dither=dither),

@@ -283,14 +283,14 @@ def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
         depth = -line.origins(normal, apex) / line.rays(normal)
     mirror = (line.rays(normal) < 0) & (np.abs(line.high - depth) < 0.02 + 1.5 * pixel)
     where = fill_mask(where, mirror)
-    found = np.zeros(shot.depth.shape)
+    light = np.zeros(shot.depth.shape)
     for folded in (k, None):
         line = PixelRays(shot, where)
         line.low, line.high = line.high, np.full(len(line.high), 1e9)
         u, w = beam_coordinates(stand, line, folded)
         keep_wedge(line, stand, k, u, w)
-        found += REFLECTS * line.spread(line.gaussian(u, w))
-    return found
+        light += REFLECTS * line.spread(line.gaussian(u, w))
+    return light
 
 
 def surface(stand: Stand, shot: Shot, k: int) -> Floats:

@@ -33,8 +33,8 @@ class Ground:
 
         scale = (MAP - 1) / (2 * self.reach)
         rows, columns = (y + self.reach) * scale, (x + self.reach) * scale
-        found: Floats = map_coordinates(self.shade, [rows, columns], order=1, mode="constant")
-        return found
+        shade: Floats = map_coordinates(self.shade, [rows, columns], order=1, mode="constant")
+        return shade
 
 
 def ground(parts: Sequence[RigPart], z: float) -> Ground:
@@ -86,8 +86,8 @@ def backdrop(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
     width, height = camera.size
     half = camera.resize(((width + 1) // 2, (height + 1) // 2))
     whole = (2 * half.size[0], 2 * half.size[1])
-    found: Floats = enlarge(scenery(half, theme, floor), whole)[:height, :width]
-    return found
+    picture: Floats = enlarge(scenery(half, theme, floor), whole)[:height, :width]
+    return picture
 
 
 def scenery(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:

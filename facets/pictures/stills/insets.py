@@ -39,7 +39,7 @@ def assign(targets: Sequence[Floats], slots: Sequence[Floats]) -> list[int]:
         lines = [(target, slots[n]) for target, n in zip(targets, order, strict=True)]
         cost = sum(float(np.hypot(*(b - a))) for a, b in lines)
         cost += 1e4 * sum(
-            crossing(*one, *other) for n, one in enumerate(lines) for other in lines[:n]
+            crossing(*line, *earlier) for n, line in enumerate(lines) for earlier in lines[:n]
         )
         if cost < best[0]:
             best = (cost, order)

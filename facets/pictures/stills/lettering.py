@@ -52,7 +52,7 @@ class DimensionLine:
         return float(np.hypot(*(self.end - self.start)))
 
     @property
-    def along(self) -> Floats:
+    def direction(self) -> Floats:
         """The unit vector from start to end."""
         direction: Floats = (self.end - self.start) / max(self.length, 1e-9)
         return direction
@@ -60,7 +60,7 @@ class DimensionLine:
     @property
     def angle(self) -> float:
         """The angle at which the label can be read, rad."""
-        angle = float(np.arctan2(-self.along[1], self.along[0]))
+        angle = float(np.arctan2(-self.direction[1], self.direction[0]))
         return (angle + np.pi / 2) % np.pi - np.pi / 2
 
 
@@ -205,7 +205,7 @@ class DrawingSheet:
         for point in (line.start, line.end):
             self.line([point + 1.5 * over, point + off + over], width=0.9, alpha=0.75)
         wide, _ = self.measure(line.words, line.size)
-        start, end, along = line.start + off, line.end + off, line.along
+        start, end, along = line.start + off, line.end + off, line.direction
         if wide + 30 * self.unit < line.length:
             gap = (wide / 2 + 7 * self.unit) * along
             self.line([start, middle - gap], width=1.1)

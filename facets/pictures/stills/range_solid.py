@@ -72,15 +72,15 @@ def changes(cause: Callable[[Floats], Integers], pole: Floats) -> Floats:
 
     The search ends at the equator; for a constant cause the result is a third of a right angle.
     """
-    own = cause(pole)
+    at_pole = cause(pole)
     near, far = pole.copy(), np.full(len(pole), np.pi / 2)
-    differs = cause(far) != own
+    differs = cause(far) != at_pole
     for _ in range(HALVINGS):
         middle = (near + far) / 2
-        same = cause(middle) == own
+        same = cause(middle) == at_pole
         near, far = np.where(same, middle, near), np.where(same, far, middle)
-    found: Floats = np.where(differs, near, pole + (np.pi / 2 - pole) * 2 / 3)
-    return found
+    angles: Floats = np.where(differs, near, pole + (np.pi / 2 - pole) * 2 / 3)
+    return angles
 
 
 def between(upper: Floats, lower: Floats) -> Floats:
@@ -96,8 +96,8 @@ def between(upper: Floats, lower: Floats) -> Floats:
 
 def follow(sensor: Sensor, rules: Rules, ways: Floats) -> tuple[Floats, Integers]:
     """The range in directions (n, 3) of the mirror's place, mm, and the causes of its end."""
-    found = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
-    return found.distance * FARTHEST_MM, np.where(found.cause < 0, len(CAUSES), found.cause)
+    exits = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
+    return exits.distance * FARTHEST_MM, np.where(exits.cause < 0, len(CAUSES), exits.cause)
 
 
 def rays_along(ways: Floats) -> Floats:

@@ -76,10 +76,10 @@ def floor_of(stand: Stand) -> float:
 
 def parts(stand: Stand) -> list[RigPart]:
     """List the parts of the whole rig at a state."""
-    found = [*head(stand), *laser(stand), *base(stand)]
+    every = [*head(stand), *laser(stand), *base(stand)]
     for k in range(3):
-        found += detector(stand, k)
-    return found
+        every += detector(stand, k)
+    return every
 
 
 # --- the mirror ----------------------------------------------------------------------------------
@@ -102,8 +102,8 @@ def edge_angles(stand: Stand) -> Floats:
     normals = stand.geometry.normals
     angles = []
     for k in range(3):
-        one, other = np.array(normals[k - 1]), np.array(normals[k])
-        down = np.cross(other, one)
+        first, second = np.array(normals[k - 1]), np.array(normals[k])
+        down = np.cross(second, first)
         angles.append(np.arctan2(down[1], down[0]))
     return np.unwrap(np.array([*angles, angles[0]]))
 

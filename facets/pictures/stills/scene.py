@@ -47,7 +47,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Spot:
+class SpotLight:
     """The light on a detector, in its frame: (psi, zeta), mm.
 
     grid: (RADII, ANGLES, 2) the light's places, light: their irradiance; empty where none of the
@@ -262,7 +262,7 @@ def spot_body(stand: Stand, k: int) -> Body | None:
     return Body(f"spot {DETECTORS[k]}", "spot", points, faces, irradiance(cross).ravel())
 
 
-def spot(stand: Stand, k: int) -> Spot:
+def spot(stand: Stand, k: int) -> SpotLight:
     """Compute the image on detector k that Fig. 2 of the paper shows."""
     cross = cut(stand, k)
     turn = np.linspace(0, 2 * np.pi, 181)
@@ -272,14 +272,14 @@ def spot(stand: Stand, k: int) -> Spot:
         for part in (np.array(stand.at.q), np.zeros(2), circle)
     ]
     if not len(cross):
-        return Spot(np.empty((0, 0, 2)), np.empty((0, 0)), *places)
+        return SpotLight(np.empty((0, 0, 2)), np.empty((0, 0)), *places)
     grid = stand.flat(k, array(stand.detector_points(k, cross)))
-    return Spot(grid, irradiance(cross), *places)
+    return SpotLight(grid, irradiance(cross), *places)
 
 
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
     stand = Stand.from_state(sensor, state)
-    found: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
+    bodies: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
     for k in range(3):
-        found += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]
-    return [body for body in found if body is not None]
+        bodies += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]
+    return [body for body in bodies if body is not None]

@@ -55,10 +55,10 @@ def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
 
 def group_solids(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]:
     """Group surfaces by assembly and material, since each drawn surface takes time."""
-    found: dict[tuple[str, str], list[Solid]] = {}
+    groups: dict[tuple[str, str], list[Solid]] = {}
     for part in parts:
-        found.setdefault((part.assembly, part.material), []).append(part.solid)
-    return found
+        groups.setdefault((part.assembly, part.material), []).append(part.solid)
+    return groups
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Shot:
 
     @property
     def is_covered(self) -> Booleans:
-        found: Booleans = np.isfinite(self.depth)
-        return found
+        finite: Booleans = np.isfinite(self.depth)
+        return finite
 
 
 def surroundings(theme: Theme) -> Any:

@@ -196,10 +196,10 @@ class CombinedView(RigView):
     area = (0.165, 0.03, 0.835, 0.93)
 
     def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        found = [self.point_inset(), *(self.face_inset(k) for k in range(3))]
-        targets = [camera.project(inset.target)[:2] for inset in found]
-        corners = self.slots(sheet, [inset.camera.size for inset in found])
-        self.place(picture, sheet, found, targets, corners)
+        shown_insets = [self.point_inset(), *(self.face_inset(k) for k in range(3))]
+        targets = [camera.project(inset.target)[:2] for inset in shown_insets]
+        corners = self.slots(sheet, [inset.camera.size for inset in shown_insets])
+        self.place(picture, sheet, shown_insets, targets, corners)
         self.annotate(sheet, camera)
         self.caption(sheet, "three-facet-mirror sensor")
 
@@ -220,16 +220,18 @@ class CombinedView(RigView):
         self,
         picture: Floats,
         sheet: DrawingSheet,
-        found: list[Inset],
+        shown_insets: list[Inset],
         targets: list[Floats],
         corners: Any,
     ) -> None:
-        middles = [np.array(c, float) + np.array(found[1].camera.size) / 2 for c in corners[1:]]
+        middles = [
+            np.array(c, float) + np.array(shown_insets[1].camera.size) / 2 for c in corners[1:]
+        ]
         order = insets.assign(targets[1:], middles)
         places = [corners[0], *(corners[1 + n] for n in order)]
-        for inset, target, corner in zip(found, targets, places, strict=True):
+        for inset, target, corner in zip(shown_insets, targets, places, strict=True):
             insets.leader(sheet, inset, target, corner, inset.camera.size)
-        for inset, corner in zip(found, places, strict=True):
+        for inset, corner in zip(shown_insets, places, strict=True):
             shown = self.magnify(inset)
             insets.paste(picture, shown, corner, inset.round)
             insets.frame(sheet, inset, corner, inset.camera.size)
@@ -411,14 +413,14 @@ class CutawayView(SceneView):
         """List the cut parts, and the mirror in one piece, so that it is closed."""
         name = f"detector {DETECTORS[self.number]}"
         plain = ("hub", "moving stage", "collar")
-        found = [
+        kept = [
             part for part in super().own_parts()
             if part.assembly in ("head", "laser", name) or part.name in plain
         ]  # fmt: skip
-        mirror = [part for part in found if part.name.startswith("facet ")]
-        body = next(part for part in found if part.name == "mirror body")
+        mirror = [part for part in kept if part.name.startswith("facet ")]
+        body = next(part for part in kept if part.name == "mirror body")
         whole = replace(body, solid=join([body.solid, *(part.solid for part in mirror)]))
-        rest = [part for part in found if part not in mirror and part is not body]
+        rest = [part for part in kept if part not in mirror and part is not body]
         plates = [part for part in super().own_parts() if part.name == "plate"]
         return [whole, plates[self.number], plates[3], *rest]
 
@@ -435,13 +437,13 @@ class CutawayView(SceneView):
     def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         width, height = self.size
         letter = DETECTORS[self.number].upper()
-        found = [self.head_inset(), self.detector_inset()]
-        targets = [camera.project(inset.target)[:2] for inset in found]
-        side = found[0].camera.size[0]
+        shown_insets = [self.head_inset(), self.detector_inset()]
+        targets = [camera.project(inset.target)[:2] for inset in shown_insets]
+        side = shown_insets[0].camera.size[0]
         top = int(30 * sheet.unit)
         left = int(0.39 * width)
         corners = [(left, top), (left + side + int(40 * sheet.unit), top)]
-        for inset, target, corner in zip(found, targets, corners, strict=True):
+        for inset, target, corner in zip(shown_insets, targets, corners, strict=True):
             shown = self.expose(inset.camera, haze=0.5)
             insets.paste(picture, shown, corner, inset.round)
             title = insets.frame(sheet, inset, corner, inset.camera.size)
