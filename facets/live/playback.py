@@ -69,7 +69,7 @@ class Playback:
         zero: ZeroRequest | None = None,
         covariance: bool = False,
     ) -> None:
-        meta = meta_of(folder, own=config is None)
+        meta = meta_of(folder, sealed=config is None)
         self.folder, self.recorded = folder, str(meta.get("made", ""))
         self.config = change(config or recorded_config(folder))
         self.pipeline, self.damage = Pipeline(self.config, zero, covariance), Damage()
@@ -227,7 +227,7 @@ class Playback:
         """
         parts = [pose_columns(part) for part in poses]
         result = compare(recorded_poses(self.folder), join_columns(parts) if parts else {})
-        version = meta_of(self.folder, own=False).get("facets")
+        version = meta_of(self.folder, sealed=False).get("facets")
         return comparison_sentences(
             result, seal_of(self.folder), self.damage, self.folder, version, config_name
         )
