@@ -173,12 +173,12 @@ def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]
 
 def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
     """Angle of each edge seen along the beam, and its derivatives by roll, pitch and yaw."""
-    own = [
+    normals = [
         IntervalDual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)])
         for i, x in enumerate(angles)
     ]
-    turn = rotation((own[0], own[1], own[2]), IntervalDual(arb(1)))
-    found = []
+    turn = rotation((normals[0], normals[1], normals[2]), IntervalDual(arb(1)))
+    edges = []
     for k in range(3):
         a, b = rig.normals[k], rig.normals[k - 1]
         edge = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -189,8 +189,8 @@ def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any
             (x.value * y.slope[j] - y.value * x.slope[j]) / (x.value**2 + y.value**2)
             for j in (3, 4, 5)
         ]
-        found.append((angle, slopes))
-    return found
+        edges.append((angle, slopes))
+    return edges
 
 
 def openings_between(edges: list[tuple[Any, list[Any]]]) -> list[Any]:
@@ -205,16 +205,18 @@ def openings_between(edges: list[tuple[Any, list[Any]]]) -> list[Any]:
 
 def farthest_offset(openings: list[Any], least: float) -> Fraction:
     """Offset of the apex, in sigmas, beyond which some facet has less than its least share."""
-    found = None
+    farthest = None
     for step in range(STEPS, 0, -1):
         distance = Fraction(FARTHEST * step, STEPS)
         far = arb(distance.numerator) / distance.denominator
         shares = [(far * least_sine(gap) / arb(2).sqrt()).erfc() / 2 for gap in openings]
         if not all(share < least for share in shares):
             break
-        found = distance
-    refuse_unless(found is not None, "a facet may have its least share of light with the apex far")
-    return found or Fraction(0)
+        farthest = distance
+    refuse_unless(
+        farthest is not None, "a facet may have its least share of light with the apex far"
+    )
+    return farthest or Fraction(0)
 
 
 def least_sine(opening: Any) -> Any:

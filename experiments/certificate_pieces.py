@@ -117,9 +117,9 @@ def least_magnitude(size: Any) -> Fraction:
 
 
 def middles_of(rows: Rows) -> Any:
-    found = np.array([[float(x.mid()) for x in row] for row in rows])
-    refuse_unless(bool(np.isfinite(found).all()), "no bounds of the Jacobian")
-    return found
+    middles = np.array([[float(x.mid()) for x in row] for row in rows])
+    refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")
+    return middles
 
 
 def determinant_of(rows: Rows) -> Any:

@@ -262,8 +262,8 @@ def approximate_inverse(slopes: Any) -> list[list[float]]:
     """Approximate inverse of the midpoints; any matrix is valid, a close one contracts best."""
     middles = np.array([[float(slopes[i, j].mid()) for j in range(6)] for i in range(6)])
     refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")
-    found: list[list[float]] = np.linalg.pinv(middles).tolist()
-    return found
+    inverse: list[list[float]] = np.linalg.pinv(middles).tolist()
+    return inverse
 
 
 def check_rules(content: dict[str, Any]) -> list[str]:

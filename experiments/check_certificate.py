@@ -338,8 +338,8 @@ def check(path: Path) -> CheckResult:
 
 
 def check_content(content: dict[str, Any]) -> CheckResult:
-    found = CheckResult()
-    check_configuration(content, found)
+    result = CheckResult()
+    check_configuration(content, result)
     check_cover(content)
     for claims in intervals_of(content["light"]):
         refuse_unless(
@@ -349,17 +349,17 @@ def check_content(content: dict[str, Any]) -> CheckResult:
     rig = IntervalSensor(content["parameters"], content["tolerances"])
     refuse_unless(rig.power > 0 and all(s > 0 for s in rig.sigma), "the beam has no power or width")
     check_light(rig, content)
-    jacobians = check_pieces(rig, content, found)
+    jacobians = check_pieces(rig, content, result)
     if content.get("middles") is None:
-        check_hull(jacobians, content, found)
+        check_hull(jacobians, content, result)
     else:
-        check_middles(rig, jacobians, content, found)
+        check_middles(rig, jacobians, content, result)
     if content["range"] is not None:
-        found.verified, unverified = check_range(rig, content)
-        found.not_verified += unverified
+        result.verified, unverified = check_range(rig, content)
+        result.not_verified += unverified
     known = ("object", "facets", "seed", "command", "made", "seconds", "work")
-    found.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
-    return found
+    result.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
+    return result
 
 
 def intervals_of(light: dict[str, Any]) -> list[list[float]]:

@@ -137,18 +137,18 @@ def tolerances() -> dict[str, Any]:
     """Tolerances by experiment, kind of table (claims, table) and column: rel, abs, why."""
     from ruamel.yaml import YAML
 
-    found: dict[str, Any] = YAML(typ="safe").load(EXPECTED / "tolerances.yaml")
-    return found
+    rules: dict[str, Any] = YAML(typ="safe").load(EXPECTED / "tolerances.yaml")
+    return rules
 
 
 def check_columns(name: str, quick: bool, table: Table, claims: list[PaperClaim]) -> list[Check]:
     """Compare every column that the tolerances name with its reference."""
     checks = []
     for kind, columns in tolerances()[name].items():
-        found = table if kind == "table" else claim_table(claims)
+        actual = table if kind == "table" else claim_table(claims)
         path = reference_path(name, quick, kind)
         expected = read(path) if path.exists() else {}
-        checks += [check_column(column, found, expected, rule) for column, rule in columns.items()]
+        checks += [check_column(column, actual, expected, rule) for column, rule in columns.items()]
     return checks
 
 

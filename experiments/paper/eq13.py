@@ -33,8 +33,8 @@ def remaining_offset(sensor: facets.Sensor, turn: Any) -> float:
     def unequal(place: Any) -> Any:
         return tracking_error(facets.readings(sensor, np.array([0, 0, 0, *turn, *place]))[2::3])
 
-    found = root(unequal, [0.0, 0.0], tol=1e-14)
-    return float(1e3 * np.hypot(*found.x))
+    solution = root(unequal, [0.0, 0.0], tol=1e-14)
+    return float(1e3 * np.hypot(*solution.x))
 
 
 def compute(quick: bool) -> Table:

@@ -44,16 +44,16 @@ def compute(quick: bool) -> Table:
 
 
 def claims(table: Table) -> list[PaperClaim]:
-    found = []
+    results = []
     for axis, tilt in (("roll", 10), ("yaw", 20), ("all three", 20)):
         rows = (table["axis"] == axis) & (table["tilt_mrad"] == tilt)
         rows &= table["offset_mm"] == 0
-        found.append(
+        results.append(
             PaperClaim(f"error of a place; {axis} {tilt} mrad", "nm", 0.0,
                   float(table["place_nm"][rows].max()),
                   "the paper calls its formula the irradiance; grows as the tilt squared")
         )  # fmt: skip
-    return found
+    return results
 
 
 def picture(table: Table) -> Figure:

@@ -39,9 +39,9 @@ def compute(quick: bool) -> Table:
         seen = add_noise(config.sensor, facets.readings(config.sensor, states), rng)
         place = states[:, 6:] + config.stage.accuracy * rng.standard_normal((len(time), 2))
         known = facets.Prior(place, config.stage.accuracy)
-        found = facets.solve(config.sensor, seen, beam=known, threads=0)
+        poses = facets.solve(config.sensor, seen, beam=known, threads=0)
         off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
-        parts.append((states, found.state, found.converged, off))
+        parts.append((states, poses.state, poses.converged, off))
     states, estimate, ok, off = (np.concatenate(part) for part in zip(*parts, strict=True))
     thin = slice(None, None, 4)
     return {
@@ -57,12 +57,12 @@ def compute(quick: bool) -> Table:
 
 
 def claims(table: Table) -> list[PaperClaim]:
-    found = []
+    results = []
     for axis, reach in REACH.items():
         rows = table["axis"] == axis
         key = f"t{axis}_mm"
         error = 1e3 * (table[key] - table[f"true_{key}"])[rows]
-        found += [
+        results += [
             PaperClaim(f"range covered in {axis}", "mm", NONE, 2 * reach,
                   "the paper shows a picture: less than Fig. 10 by limits of its stage"),
             PaperClaim(f"samples solved in {axis}", "", 1, table["solved"][rows].mean(), ""),
@@ -71,7 +71,7 @@ def claims(table: Table) -> list[PaperClaim]:
             PaperClaim(f"beam off the apex in {axis}; most", "um", NONE,
                   table["beam_off_um"][rows].max(), "by the virtual stage's lag and control law"),
         ]  # fmt: skip
-    return found
+    return results
 
 
 def picture(table: Table) -> Figure:

@@ -39,16 +39,16 @@ def compute(quick: bool) -> Table:
 
 def claims(table: Table) -> list[PaperClaim]:
     free, known = (np.flatnonzero(table["beam_um"] == um)[0] for um in (np.inf, 0.0))
-    found = []
+    results = []
     for axis, paper in zip(("tx", "ty"), RESOLUTION, strict=False):
         fine = 2 * table[f"{axis}_um"]
-        found += [
+        results += [
             PaperClaim(f"resolution in {axis} at rest; beam free", "um", paper,
                   fine[free], "the paper's own is between the two: its beam stood still"),
             PaperClaim(f"resolution in {axis} at rest; beam known", "um", paper,
                   fine[known], "the powers then tell the apex's offset alone"),
         ]  # fmt: skip
-    return found
+    return results
 
 
 def picture(table: Table) -> Figure:

@@ -50,14 +50,14 @@ def errors(table: Table, name: str) -> np.ndarray:
 
 def errors_in_six_axes(table: Table) -> list[PaperClaim]:
     """Twice the root mean square error of each axis, beside the paper's resolution."""
-    found = []
+    results = []
     for name, paper in zip(POSE, RESOLUTION, strict=True):
         off = 2 * float(np.sqrt(np.nanmean(errors(table, name) ** 2)))
         unit = unit_of(name)[2].replace("µ", "u")
-        found.append(PaperClaim(f"twice the r.m.s. error in {name}", unit, paper, off, WHY[name]))
+        results.append(PaperClaim(f"twice the r.m.s. error in {name}", unit, paper, off, WHY[name]))
     solved = float((table["status"] == "converged").mean())
-    found.append(PaperClaim("samples solved", "", 1, solved, ""))
-    return found
+    results.append(PaperClaim("samples solved", "", 1, solved, ""))
+    return results
 
 
 def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
@@ -90,6 +90,6 @@ def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
 
 def error_band(panel: Any, time: np.ndarray, error: np.ndarray, hue: str, label: str = "") -> None:
     """Plot many errors as a band between neighbours' minimum and maximum, with their median."""
-    found = style.band(time, error)
-    panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.4, lw=0, label=label)
-    panel.plot(found.time, found.middle, color=hue, lw=1.0)
+    band = style.band(time, error)
+    panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.4, lw=0, label=label)
+    panel.plot(band.time, band.middle, color=hue, lw=1.0)

@@ -29,10 +29,10 @@ def trace_table(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: 
     rules = replace(config.range, tracking=tracking)
     rows = []
     for axes in pairs:
-        found = trace(config.sensor, rules, axes)
+        outline = trace(config.sensor, rules, axes)
         factors = [unit_of(name)[1] for name in axes]
-        points = found.points * factors
-        causes = [CAUSES[cause] if cause >= 0 else "" for cause in found.causes]
+        points = outline.points * factors
+        causes = [CAUSES[cause] if cause >= 0 else "" for cause in outline.causes]
         rows += [(*axes, *point, cause) for point, cause in zip(points, causes, strict=True)]
     return columns_of("first second first_place second_place cause", rows)
 

@@ -39,21 +39,23 @@ def compute(quick: bool) -> Table:
         power = (1 + drift / 100) * sensor.beam.power
         seen = facets.readings(replace(sensor, beam=replace(sensor.beam, power=power)), AWAY)
         for way, options in WAYS.items():
-            found = facets.solve(sensor, seen, start=AWAY, **options)  # type: ignore[arg-type]
-            rows.append((drift, way, *((found.state - AWAY)[:6] * factors)))
+            poses = facets.solve(sensor, seen, start=AWAY, **options)  # type: ignore[arg-type]
+            rows.append((drift, way, *((poses.state - AWAY)[:6] * factors)))
     return columns_of("drift_percent way tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
 
 
 def claims(table: Table) -> list[PaperClaim]:
-    found = []
+    results = []
     for way in WAYS:
         row = np.flatnonzero((table["way"] == way) & (table["drift_percent"] == 1.0))[0]
         off = float(np.hypot(table["tx_um"][row], table["ty_um"][row]))
         why = "at 0.09 mm off the beam; a power that is wrong looks like light that has moved"
         if way == "power solved for":
             why = "a ninth unknown, which nine readings still give"
-        found.append(PaperClaim(f"1 % more light: error of the place; {way}", "um", NONE, off, why))
-    return found
+        results.append(
+            PaperClaim(f"1 % more light: error of the place; {way}", "um", NONE, off, why)
+        )
+    return results
 
 
 def picture(table: Table) -> Figure:

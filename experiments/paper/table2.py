@@ -64,17 +64,17 @@ def compute(quick: bool) -> Table:
 
 
 def claims(table: Table) -> list[PaperClaim]:
-    found = []
+    results = []
     for n, (quantity, beam, axis) in enumerate(
         zip(table["quantity"], table["beam"], table["axis"], strict=True)
     ):
         other = EDGE if quantity == "range" else FIT
         why = WHY.get((quantity, beam), {}).get(axis, other)
-        found.append(
+        results.append(
             PaperClaim(f"{quantity} in {axis}; {beam}", str(table["unit"][n]),
                   float(table["paper"][n]), float(table["ours"][n]), why)
         )  # fmt: skip
-    return found
+    return results
 
 
 def picture(table: Table) -> Figure:

@@ -25,12 +25,12 @@ def compute(quick: bool) -> Table:
     cover = cover_range(config.sensor, config.range, least)
     axes = range_box(config.sensor, config.range)
     box = axes if cover is None else box_of_poses(cover.low, cover.high)
-    found = certify(config.sensor, box, share=least)
+    certificate = certify(config.sensor, box, share=least)
     rows = [
-        ("proved one to one", "", float(found.unique)),
+        ("proved one to one", "", float(certificate.unique)),
         ("proved to hold every pose of the range", "", float(cover is not None)),
-        ("pieces of the box", "", float(len(found.pieces))),
-        ("lower bound of the determinant", "mm^6 mW^2", found.at_least),
+        ("pieces of the box", "", float(len(certificate.pieces))),
+        ("lower bound of the determinant", "mm^6 mW^2", certificate.at_least),
         ("least light on a facet that is covered", "uW", 1e3 * least * config.sensor.beam.power),
     ]
     return columns_of("what unit ours", rows)

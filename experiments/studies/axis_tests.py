@@ -110,8 +110,8 @@ class Held(NamedTuple):
 def compare_with_truth(seed: int) -> Held:
     _, report, true = evaluate(seed)
     held, size = np.empty((2, 6, len(QUANTITIES)))
-    for n, (found, values) in enumerate(zip(report.quantities, true, strict=True)):
-        for k, (quantity, (_, _, formula)) in enumerate(zip(found, QUANTITIES, strict=True)):
+    for n, (estimates, values) in enumerate(zip(report.quantities, true, strict=True)):
+        for k, (quantity, (_, _, formula)) in enumerate(zip(estimates, QUANTITIES, strict=True)):
             truth = float(formula(values))
             held[n, k] = abs(quantity.value - truth) <= quantity.expanded
             size[n, k] = abs(quantity.expanded / truth)

@@ -92,7 +92,7 @@ def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tup
 
 
 def predicted_distance(place: Controller, stage: Stage, speed: float) -> float:
-    """What the circle's acceleration leaves over the horizon, mm."""
+    """The distance by which the circle's acceleration leads over the horizon, mm."""
     horizon = place.age + stage.latency + stage.lag + 0.5 / place.rate
     return speed**2 / RADIUS * (horizon**2 / 2 + SPEED_AVERAGING_S * horizon)
 
@@ -111,13 +111,13 @@ def main() -> None:
 
     def solve_like_board(reading: Floats, last: Floats) -> Floats:
         start = np.append(last, config.sensor.beam.power)
-        found: Floats = library.solve(reading[None], "known", start).state[0]
-        return found
+        state: Floats = library.solve(reading[None], "known", start).state[0]
+        return state
 
     def solve_like_pc(reading: Floats, last: Floats) -> Floats:
         beam = facets.Prior(last[6:], 0.0)
-        found: Floats = facets.solve(config.sensor, reading, beam=beam, start=last).state
-        return found
+        state: Floats = facets.solve(config.sensor, reading, beam=beam, start=last).state
+        return state
 
     places = [
         Controller("board", 2e-4, 5000.0, solve_like_board),
@@ -126,11 +126,11 @@ def main() -> None:
     print(f"stage: latency {1e3 * wide.latency:g} ms, lag {1e3 * wide.lag:g} ms; circle of 4 mm")
     for speed in SPEEDS:
         for place in places:
-            found, blind = follow(place, wide, speed, options.seconds)
+            distance, blind = follow(place, wide, speed, options.seconds)
             predicted = predicted_distance(place, wide, speed)
             print(
                 f"{place.name:6} {speed:5.1f} mm/s: predicted {1e3 * predicted:7.1f} um, "
-                f"found {1e3 * found:7.1f} um; {blind} commands without a pose"
+                f"found {1e3 * distance:7.1f} um; {blind} commands without a pose"
             )
 
 

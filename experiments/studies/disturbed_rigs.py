@@ -405,7 +405,7 @@ class Result(NamedTuple):
 
 
 def result(case: Case, trial: BenchTrial) -> Result:
-    said = " ".join(one.words for one in trial.verdict.findings)
+    said = " ".join(finding.words for finding in trial.verdict.findings)
     return Result(
         trial.verdict.is_trusted,
         np.array([trial.over[:2].max(), trial.over[2:].max()]),
@@ -447,19 +447,19 @@ def main() -> None:
             continue
         for seed in range(options.first, options.first + options.draws):
             trial = try_bench_rig(seed, options.samples, options.config, wrong=case.wrong)
-            one = result(case, trial)
-            every.append(one)
-            print(line(case, one), flush=True)
+            row = result(case, trial)
+            every.append(row)
+            print(line(case, row), flush=True)
             if not options.brief:
                 for finding in trial.verdict.findings:
                     print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
-            if one.wrong:
+            if row.wrong:
                 bad.append(case.name)
                 print("    TRUSTED AND WRONG", flush=True)
-    asked = [one for one in every if one.named is not None]
+    asked = [row for row in every if row.named is not None]
     print(
-        f"{len(every)} calibrations: {sum(one.trusted for one in every)} trusted; "
-        f"{sum(bool(one.named) for one in asked)} of {len(asked)} faults named; "
+        f"{len(every)} calibrations: {sum(row.trusted for row in every)} trusted; "
+        f"{sum(bool(row.named) for row in asked)} of {len(asked)} faults named; "
         f"{len(bad)} rigs trusted and wrong{': ' * bool(bad)}{', '.join(bad)}"
     )
 

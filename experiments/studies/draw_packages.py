@@ -56,12 +56,12 @@ def arrows() -> set[Arrow]:
         graph = grimp.build_graph("facets", *PROGRAMS, include_external_packages=True)
     finally:
         sys.path.remove(str(ROOT))
-    found = package_imports()
+    imports = package_imports()
     for module in graph.modules:
         for other in graph.find_modules_directly_imported_by(module):
-            found.add((folder_of(module), folder_of(other)))
+            imports.add((folder_of(module), folder_of(other)))
     known = {name for row in layers() for name in row}
-    return {(a, b) for a, b in found if a != b and a in known and b in known}
+    return {(a, b) for a, b in imports if a != b and a in known and b in known}
 
 
 def package_imports() -> set[Arrow]:

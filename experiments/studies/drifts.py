@@ -76,8 +76,8 @@ def shift_to_noise_ratio(readings: Floats, beam: str, power: str) -> Floats:
     """Largest shift of each pose component over its standard uncertainty: (6,)."""
     some = poses()
     knowledge: Any = {"beam": beam, "power": power}
-    found = facets.solve(SENSOR, readings, **knowledge, accept_unchecked=True)
-    shift = np.abs(found.state - some)[:, :6] / found.uncertainty[:, :6]
+    result = facets.solve(SENSOR, readings, **knowledge, accept_unchecked=True)
+    shift = np.abs(result.state - some)[:, :6] / result.uncertainty[:, :6]
     largest: Floats = shift.max(axis=0)
     return largest
 

@@ -231,43 +231,43 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
     states = states_of(case, model, 4 * PAIRS, rng)
     if len(states) < 2:
         return False
-    one = states[: len(states) // 2][:PAIRS]
-    other = states[-len(one) :].copy()
-    half = len(one) // 2  # half of the pairs begin along the least sensitive direction
-    weakest = np.linalg.svd(model.slopes(one[:half])[:, :8] * STEP)[2][:, -1] * STEP
+    first = states[: len(states) // 2][:PAIRS]
+    other = states[-len(first) :].copy()
+    half = len(first) // 2  # half of the pairs begin along the least sensitive direction
+    weakest = np.linalg.svd(model.slopes(first[:half])[:, :8] * STEP)[2][:, -1] * STEP
     width = np.abs(weakest[:, :6] / (case.box.high - case.box.low)[:6]).max(axis=1)
-    other[:half] = one[:half] + weakest * (rng.uniform(-0.5, 0.5, half) / width)[:, None]
-    wanted = model(one)[:, :8]
+    other[:half] = first[:half] + weakest * (rng.uniform(-0.5, 0.5, half) / width)[:, None]
+    wanted = model(first)[:, :8]
     for _ in range(STEPS):
         missing = wanted - model(other)[:, :8]
         slopes = model.slopes(other)[:, :8]
         sound = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
-        one, other, wanted = one[sound], other[sound], wanted[sound]
+        first, other, wanted = first[sound], other[sound], wanted[sound]
         moved = (np.linalg.pinv(slopes[sound]) @ missing[sound][..., None])[..., 0]
         length = np.abs(moved / STEP).max(axis=1, initial=1.0)
         other = other + moved * np.minimum(1.0, 1e4 / length)[:, None]
     same = np.abs(model(other)[:, :8] - wanted).max(axis=1, initial=0.0) < SAME
-    apart = np.abs(other - one).max(axis=1, initial=0.0) > APART
+    apart = np.abs(other - first).max(axis=1, initial=0.0) > APART
     return bool(
-        (same & apart & is_in_case(case, model, other) & is_in_case(case, model, one)).any()
+        (same & apart & is_in_case(case, model, other) & is_in_case(case, model, first)).any()
     )
 
 
 def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it; `checked` also tests the checker."""
     model = RayModel(parameters(case.sensor))
-    found = certify(case.sensor, case.box, case.share, effort=Effort(WORK))
-    if found.unique:
-        broken = breaks_bound(case, model, found, rng) or breaks_uniqueness(case, model, rng)
-        return "unique", broken or (checked and breaks_check(case, model, found, rng))
+    proof = certify(case.sensor, case.box, case.share, effort=Effort(WORK))
+    if proof.unique:
+        broken = breaks_bound(case, model, proof, rng) or breaks_uniqueness(case, model, rng)
+        return "unique", broken or (checked and breaks_check(case, model, proof, rng))
     states = states_of(case, model, SAMPLES, rng)
     if len(states):
         values = measures(case.sensor, states)[:, 1]
         weak = states[int(np.nanargmin(values))]
         if find_pair_in_box(case.sensor, case.box, case.share, weak).outside == 0:
-            return "counterexample", found.regular and breaks_bound(case, model, found, rng)
-    if found.regular:
-        return "regular", breaks_bound(case, model, found, rng)
+            return "counterexample", proof.regular and breaks_bound(case, model, proof, rng)
+    if proof.regular:
+        return "regular", breaks_bound(case, model, proof, rng)
     return "undecided", False
 
 

@@ -64,15 +64,15 @@ def show_coverage(records: int, seed: int) -> None:
         near: list[Floats] = []
         for n in range(records):
             motion = replace(RECORD, drive=drive)
-            found = measure(motion, np.random.default_rng([seed, n]), RESOLUTION_HZ)
-            true = np.abs(receptance(motion, found.frequency))
-            apart = np.abs(np.abs(found.h1) - true) / found.uncertainty
-            use = found.is_excited[:, None] & (true > 0) & (found.coherence > 0.1)
-            peak = np.zeros(len(found.frequency), bool)
+            response = measure(motion, np.random.default_rng([seed, n]), RESOLUTION_HZ)
+            true = np.abs(receptance(motion, response.frequency))
+            apart = np.abs(np.abs(response.h1) - true) / response.uncertainty
+            use = response.is_excited[:, None] & (true > 0) & (response.coherence > 0.1)
+            peak = np.zeros(len(response.frequency), bool)
             for mode in motion.modes.values():
                 width = 2 * mode.damping * mode.frequency
-                peak |= np.abs(found.frequency - mode.frequency) < 2 * width
-            held = apart < found.coverage_factor
+                peak |= np.abs(response.frequency - mode.frequency) < 2 * width
+            held = apart < response.coverage_factor
             inside.append(held[use & ~peak[:, None]])
             near.append(held[use & peak[:, None]])
         far, close = (100 * np.concatenate(part).mean() for part in (inside, near))
@@ -85,11 +85,11 @@ def show_noise_bias(records: int, seed: int) -> None:
         ratios = []
         for n in range(records):
             rng = np.random.default_rng([seed, 100 + n])
-            found = measure(RECORD, rng, 0.5, output, stimulus)
-            true = receptance(RECORD, found.frequency)[:, 2]
-            use = (found.frequency > 10) & (found.frequency < 40)
-            ratios.append([np.mean((h[use, 2] / true[use]).real) for h in (found.h1, found.h2)]
-                          + [found.coherence[use, 2].mean()])  # fmt: skip
+            response = measure(RECORD, rng, 0.5, output, stimulus)
+            true = receptance(RECORD, response.frequency)[:, 2]
+            use = (response.frequency > 10) & (response.frequency < 40)
+            biases = [np.mean((h[use, 2] / true[use]).real) for h in (response.h1, response.h2)]
+            ratios.append([*biases, response.coherence[use, 2].mean()])
         h1, h2, coherence = np.mean(ratios, axis=0)
         print(f"sensor's noise x {output:g}, {stimulus:g} N of noise on the input: coherence "
               f"{coherence:.3f}, H1 {h1:.3f}, H2 {h2:.3f} of the truth")  # fmt: skip
@@ -102,10 +102,10 @@ def show_leakage(records: int, seed: int) -> None:
     for lines in LINES:
         ratios = []
         for n in range(records):
-            found = measure(motion, np.random.default_rng([seed, 200 + n]), 3.0 / lines)
-            line = int(np.argmin(np.abs(found.frequency - mode.frequency)))
-            true = np.abs(receptance(motion, found.frequency[[line]]))[0, 2]
-            ratios.append(np.abs(found.h1[line, 2]) / true)
+            response = measure(motion, np.random.default_rng([seed, 200 + n]), 3.0 / lines)
+            line = int(np.argmin(np.abs(response.frequency - mode.frequency)))
+            true = np.abs(receptance(motion, response.frequency[[line]]))[0, 2]
+            ratios.append(np.abs(response.h1[line, 2]) / true)
         scatter = np.std(ratios) / np.sqrt(records)
         print(f"{lines} lines in the width: |H1| is {100 * (np.mean(ratios) - 1):+.1f} % off, "
               f"+- {100 * scatter:.1f}")  # fmt: skip
@@ -120,8 +120,9 @@ def show_modes(records: int, seed: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "body.uff"
         for n in range(records):
-            found = measure(RECORD, np.random.default_rng([seed, n]), RESOLUTION_HZ)
-            write_universal_file(path, found, InputChannel("force_n"), Node(1, (0.0, 0.0, 0.0)), {})
+            response = measure(RECORD, np.random.default_rng([seed, n]), RESOLUTION_HZ)
+            channel, node = InputChannel("force_n"), Node(1, (0.0, 0.0, 0.0))
+            write_universal_file(path, response, channel, node, {})
             model = EMA.Model(lower=20, upper=300, pol_order_high=24)
             model.read_uff(str(path))
             with contextlib.redirect_stderr(io.StringIO()):

@@ -98,7 +98,7 @@ def cases() -> dict[str, NeglectedEffect]:
 
 
 def calibrated_unknowns() -> Choice:
-    """What `rigs` lets vary, the beam's cross-section, and detectors that are not linear."""
+    """The unknowns of `rigs`, the beam's cross-section, and detectors that are not linear."""
     known = rigs.hidden() | {"beam.sigma_xx": 4e-3, "beam.sigma_yy": 4e-3, "beam.sigma_xy": 2e-3}
     known |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
     return Choice(tuple(known), np.array(list(known.values())))
@@ -118,14 +118,14 @@ def errors_over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -
     solution = facets.solve(sensor, correct(sensor, data.raw), beam="known")
     error = (solution.state - state)[:, :6]
     error[:, :2] -= apex
-    own = facets.solve(facets.Sensor(), data.raw, beam="known").uncertainty[:, :6]
-    ratio = rigs.rms(error) / rigs.rms(own)
+    noise = facets.solve(facets.Sensor(), data.raw, beam="known").uncertainty[:, :6]
+    ratio = rigs.rms(error) / rigs.rms(noise)
     return np.array([ratio[:2].max(), ratio[2:].max()])
 
 
 def compare_optics() -> list[tuple[Any, ...]]:
     """(what, then in x and y and in others: before, after calibration, in the model)."""
-    found: list[tuple[Any, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     still = np.zeros(2)
     for name, (real, known) in cases().items():
         rng = np.random.default_rng(1)
@@ -135,8 +135,8 @@ def compare_optics() -> list[tuple[Any, ...]]:
         fitted = fit(facets.Sensor(), data, calibrated_unknowns(), None)
         after = errors_over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
         best = errors_over_noise(known, fresh, state, still)
-        found.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
-    return found
+        rows.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
+    return rows
 
 
 def diffraction_shifts(
@@ -167,7 +167,8 @@ def diffraction_shifts(
 
 
 def closed_form_shifts(offset: float, places: Floats) -> Floats:
-    """The same by the closed form: PSD A is moved under its spot, whose z runs along the facet."""
+    """`diffraction_shifts` by the closed form: PSD A, whose z runs along the facet, moves under its
+    spot."""
     nominal, state = facets.Sensor(), np.array([offset, 0, 0, 0, 0, 0, 0, 0])
     shifts = []
     for place in places:
@@ -183,7 +184,7 @@ def closed_form_shifts(offset: float, places: Floats) -> Floats:
 def covered_share(
     along: Floats, across: Floats, offset: float, step: float, parts: int = 4
 ) -> Floats:
-    """What share of each cell the facet covers; only cells that an edge may cross are cut up."""
+    """The share of each cell that the facet covers; only cells that an edge may cross are cut."""
 
     def is_inside(x: Floats, y: Floats) -> Booleans:
         turned: Booleans = np.abs(np.arctan2(y, x - offset)) < np.pi / 3

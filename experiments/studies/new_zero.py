@@ -59,9 +59,9 @@ def calibrate_rig(seed: int, samples: int = 500) -> CalibratedRig:
     real = draw_bench_rig(settings.sensor, rng)
     data, _ = sample_bench_motion(real, samples, rng, np.array([REACH_MM, REACH_MM, *BOX[2:]]))
     asked = settings.calibrate
-    found = verdict(settings.sensor, data, choice(settings.sensor, asked), asked)
-    assert found.sensor is not None
-    return CalibratedRig(real, found.sensor, rng)
+    result = verdict(settings.sensor, data, choice(settings.sensor, asked), asked)
+    assert result.sensor is not None
+    return CalibratedRig(real, result.sensor, rng)
 
 
 def change_rig(real: BenchRig, change: Floats) -> Sensor:
@@ -134,11 +134,11 @@ def solve_poses(
     bench = change_light(one.real.bench, change)
     exact = spots(real, bench, true_states(one, pose, change[:2]))
     raw = invert_correction(real, add_noise(real, exact, one.rng))
-    found = facets.solve(
+    poses = facets.solve(
         sensor, correct(sensor, raw), beam=facets.Prior(beam, 0.0), power="unknown", threads=0
     )
     truth = true_states(one, pose, change[:2], is_folded=True)
-    off: Floats = (found.state - truth)[:, :6] / found.uncertainty[:, :6]
+    off: Floats = (poses.state - truth)[:, :6] / poses.uncertainty[:, :6]
     return off
 
 
@@ -173,21 +173,21 @@ def main() -> None:
     rigs = [calibrate_rig(seed) for seed in range(options.rigs)]
     show("known change, exact stop", known_change(rigs[0]))
     priors = ChangePriors()
-    draws = [draw_changes(one, priors) for one in rigs for _ in range(options.draws)]
+    draws = [draw_changes(draw, priors) for draw in rigs for _ in range(options.draws)]
     for name, off in (
-        ("changes", np.array([one.off for one in draws])),
-        ("poses by the old zero", np.concatenate([one.before for one in draws])),
-        ("poses by the new zero", np.concatenate([one.after for one in draws])),
+        ("changes", np.array([draw.off for draw in draws])),
+        ("poses by the old zero", np.concatenate([draw.before for draw in draws])),
+        ("poses by the new zero", np.concatenate([draw.after for draw in draws])),
     ):
         held = " ".join(f"{100 * share:.1f}" for share in (np.abs(off) < 1.96).mean(axis=0))
         print(f"95 % intervals of {name} that held, %: {held}")
-    chi_square = np.array([one.chi_square for one in draws])
+    chi_square = np.array([draw.chi_square for draw in draws])
     print(f"chi-square {chi_square.mean():.2f} on average, where 9 is expected")
     for axis, size in enumerate((1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-6)):
         moved = np.zeros(6)
         moved[axis] = size
         for stop, some in (("exact stop", EXACT_STOP), ("stop by default", priors)):
-            all_zeros = [move_mirror(one, moved, some) for one in rigs for _ in range(10)]
+            all_zeros = [move_mirror(draw, moved, some) for draw in rigs for _ in range(10)]
             refused = np.mean([not zero.is_explained for zero in all_zeros])
             show(
                 f"mirror moved in {facets.POSE[axis]}, {stop}, refused {refused:.0%}", all_zeros[0]

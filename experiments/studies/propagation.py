@@ -72,18 +72,20 @@ def integrate_facets(numbers: Floats, states: Floats) -> Floats:
     normals = []
     for name in "abc":
         lean, along = p[f"facet_{name}.inclination"], p[f"facet_{name}.azimuth"]
-        own = np.stack([np.sin(lean) * np.cos(along), np.sin(lean) * np.sin(along), np.cos(lean)])
-        normals.append(np.einsum("nij,jn->ni", mirror, own))
+        outward = np.stack(
+            [np.sin(lean) * np.cos(along), np.sin(lean) * np.sin(along), np.cos(lean)]
+        )
+        normals.append(np.einsum("nij,jn->ni", mirror, outward))
 
     def project(vectors: Floats) -> Floats:
         return np.asarray(np.einsum("ni,nij->nj", vectors, frame[:, :, :2]) / sigmas)
 
-    apex, found = project(states[:, :3] - start), np.empty((len(states), 9))
+    apex, readings = project(states[:, :3] - start), np.empty((len(states), 9))
     for k, letter in enumerate("abc"):
         before, normal, after = normals[k - 1], normals[k], normals[(k + 1) % 3]
         edges = []
-        for one, other in ((before, normal), (normal, after)):
-            edge = np.cross(one, other)
+        for before_edge, other in ((before, normal), (normal, after)):
+            edge = np.cross(before_edge, other)
             edges.append(project(edge * np.sign(np.einsum("ni,ni->n", edge, down))[:, None]))
         power, centroid = integrate_sector(apex, *edges)
         place = start + np.einsum("nj,nij->ni", centroid * sigmas, frame[:, :, :2])
@@ -98,9 +100,9 @@ def integrate_facets(numbers: Floats, states: Floats) -> Floats:
         away = np.einsum("ni,ni->n", centre - hit, axes[:, :, 0])
         away /= np.einsum("ni,ni->n", leaving, axes[:, :, 0])
         spot = hit + away[:, None] * leaving - centre
-        found[:, 3 * k : 3 * k + 2] = np.einsum("ni,nij->nj", spot, axes[:, :, 1:])
-        found[:, 3 * k + 2] = states[:, 8] * power
-    return found
+        readings[:, 3 * k : 3 * k + 2] = np.einsum("ni,nij->nj", spot, axes[:, :, 1:])
+        readings[:, 3 * k + 2] = states[:, 8] * power
+    return readings
 
 
 def integrate_sector(apex: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
@@ -193,15 +195,15 @@ def compare_pairs(sensor: Sensor, options: Solve, state: Floats, count: int, see
     known = knowledge_at(options, sensor, state)
     own_parameters = np.tile(parameters(sensor), (count, 1))
     if sensor.calibration is None:
-        found = facets.solve(sensor, values, beam=known.beam, power=known.power).state
+        propagated = facets.solve(sensor, values, beam=known.beam, power=known.power).state
     else:
         draws = draw_parameters(sensor, sensor.calibration, values, rng)
         own_parameters, values = draws.sensors.parameters, values + draws.readings
         means = np.append(np.tile(state[6:], (count, 1)), own_parameters[:, :1], axis=1)
         drawn = draw_knowledge(known, means, rng)
-        found = solve_each(draws.sensors, values, options.question(drawn)).states
-    own = solve_alone(sensor, own_parameters, values, start, options.power == "known")
-    off = np.abs(found[:, :6] - own[:, :6]) / own[:, :6].std(axis=0)
+        propagated = solve_each(draws.sensors, values, options.question(drawn)).states
+    alone = solve_alone(sensor, own_parameters, values, start, options.power == "known")
+    off = np.abs(propagated[:, :6] - alone[:, :6]) / alone[:, :6].std(axis=0)
     return float(off.max())
 
 
@@ -230,20 +232,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
-    found: dict[str, PropagationResult] = {}
+    results: dict[str, PropagationResult] = {}
     for number, (name, (sensor, way, state)) in enumerate(cases().items()):
         rng = np.random.default_rng((options.seed, 100 + number))
-        own = draw_alone(sensor, state, options.own, way.power == "known", rng)
-        found[name] = propagate_distributions(
+        alone = draw_alone(sensor, state, options.own, way.power == "known", rng)
+        results[name] = propagate_distributions(
             sensor, way, state, MonteCarlo(options.trials, seed=(options.seed, number))
         )
-        report(name, found[name], own)
+        report(name, results[name], alone)
         off = compare_pairs(sensor, way, state, PAIRS, options.seed)
         print(f"the same {PAIRS} draws: poses differ by {off:.1g} standard deviations at most")
     if options.picture:
-        name = next(iter(found))
+        name = next(iter(results))
         with style.style_context():
-            style.save(trials_picture({f"at {name}": found[name]}), options.picture)
+            style.save(trials_picture({f"at {name}": results[name]}), options.picture)
 
 
 if __name__ == "__main__":

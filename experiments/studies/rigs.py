@@ -58,15 +58,15 @@ CLEARANCE_MM = 1.2
 
 def hidden() -> dict[str, float]:
     """Half the spread of each hidden parameter error, in mm, rad and shares."""
-    found = {"beam.tilt_x": 2e-3, "beam.tilt_y": 2e-3}
+    sigmas = {"beam.tilt_x": 2e-3, "beam.tilt_y": 2e-3}
     for letter in "abc":
-        found |= {f"facet_{letter}.{name}": 2e-3 for name in ("inclination", "azimuth")}
-        found |= {f"psd_{letter}.{name}": 0.3 for name in ("radius", "height")}
-        found[f"psd_{letter}.azimuth"] = 0.3 / 250
-        found |= {f"psd_{letter}.{name}": 5e-3 for name in ("roll", "pitch", "yaw")}
-        found[f"correction_{letter}.power"] = 0.03
-        found |= {f"correction_{letter}.{name}": 0.03 * 6.5 for name in ("y10", "z01")}
-    return found | dict(zip(MOUNTING, (20.0, 20.0, 40.0, 0.05, 0.05), strict=False))
+        sigmas |= {f"facet_{letter}.{name}": 2e-3 for name in ("inclination", "azimuth")}
+        sigmas |= {f"psd_{letter}.{name}": 0.3 for name in ("radius", "height")}
+        sigmas[f"psd_{letter}.azimuth"] = 0.3 / 250
+        sigmas |= {f"psd_{letter}.{name}": 5e-3 for name in ("roll", "pitch", "yaw")}
+        sigmas[f"correction_{letter}.power"] = 0.03
+        sigmas |= {f"correction_{letter}.{name}": 0.03 * 6.5 for name in ("y10", "z01")}
+    return sigmas | dict(zip(MOUNTING, (20.0, 20.0, 40.0, 0.05, 0.05), strict=False))
 
 
 def choice() -> Choice:
@@ -107,8 +107,8 @@ def sample_motion(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data,
 
 def errors(sensor: Sensor, data: Data, state: Floats) -> Floats:
     """Errors (n, 6) of solved poses with the beam known; mm and rad."""
-    found = facets.solve(sensor, correct(sensor, data.raw), beam="known", threads=0)
-    error: Floats = (found.state - state)[:, :6]
+    poses = facets.solve(sensor, correct(sensor, data.raw), beam="known", threads=0)
+    error: Floats = (poses.state - state)[:, :6]
     return error
 
 
@@ -122,10 +122,10 @@ def try_rig(seed: int, samples: int, nominal: Sensor) -> tuple[Rig, Fit, Floats]
     rng = np.random.default_rng(seed)
     rig = draw_rig(nominal, rng)
     data, _ = sample_motion(rig, samples, rng)
-    found = fit(nominal, data, choice())
+    result = fit(nominal, data, choice())
     fresh, state = sample_motion(rig, 2000, rng)
-    rows = [rms(errors(sensor, fresh, state)) for sensor in (nominal, found.sensor, rig.sensor)]
-    return rig, found, np.array(rows)
+    rows = [rms(errors(sensor, fresh, state)) for sensor in (nominal, result.sensor, rig.sensor)]
+    return rig, result, np.array(rows)
 
 
 # ---- rigs with the light of a bench, read by rays
@@ -225,9 +225,9 @@ def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats =
     half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2
     place = reading.reshape(-1, 3, 3)[:, :, :2]
     inside = (np.abs(place) < half - CLEARANCE_MM).all(axis=(1, 2))
-    found = every.part(np.flatnonzero(inside)[:count])
-    assert len(found.pose) == count, "too few poses keep their spots on the detectors"
-    return found
+    samples = every.part(np.flatnonzero(inside)[:count])
+    assert len(samples.pose) == count, "too few poses keep their spots on the detectors"
+    return samples
 
 
 class BenchTrial(NamedTuple):
@@ -262,39 +262,41 @@ def try_bench_rig(
     data, _ = sample_bench_motion(real, samples, rng, np.array([reach, reach, *BOX[2:]]), wrong)
     start = time.process_time()
     asked = settings.calibrate
-    found = verdict(settings.sensor, data, choice_of(settings.sensor, asked), asked)
+    result = verdict(settings.sensor, data, choice_of(settings.sensor, asked), asked)
     seconds = time.process_time() - start
-    if found.sensor is None:
-        return BenchTrial(found, np.full(6, np.inf), np.zeros(6), np.full(6, np.inf), seconds)
+    if result.sensor is None:
+        return BenchTrial(result, np.full(6, np.inf), np.zeros(6), np.full(6, np.inf), seconds)
     other, state = sample_bench_motion(real, fresh, rng)
     solved = facets.solve(
-        found.sensor, correct(found.sensor, other.raw), beam="known", power="unknown", threads=0
+        result.sensor, correct(result.sensor, other.raw), beam="known", power="unknown", threads=0
     )
     error = (solved.state - state)[:, :6]
-    ideal = add_noise(found.sensor, facets.readings(found.sensor, state), rng)
-    perfect = facets.solve(found.sensor, ideal, beam="known", power="unknown", threads=0)
+    ideal = add_noise(result.sensor, facets.readings(result.sensor, state), rng)
+    perfect = facets.solve(result.sensor, ideal, beam="known", power="unknown", threads=0)
     with np.errstate(invalid="ignore"):
         inside = np.abs(error) < 1.96 * solved.uncertainty[:, :6]
     there = np.isfinite(error).sum(axis=0)  # a converter at its end leaves no pose
     over = rms(error) / rms((perfect.state - state)[:, :6])
     beyond = rms(error) / rms(solved.uncertainty[:, :6])
-    return BenchTrial(found, over, inside.sum(axis=0) / there, beyond, seconds)
+    return BenchTrial(result, over, inside.sum(axis=0) / there, beyond, seconds)
 
 
 def try_bench_rigs(rigs: int, samples: int, config: str, reach: float) -> None:
     trials = []
     for seed in range(rigs):
-        one = try_bench_rig(seed, samples, config, reach=reach)
-        trials.append(one)
-        ratios, shares = (" ".join(f"{x:6.3f}" for x in row) for row in (one.over, one.inside))
-        rows = one.verdict.search.rows if one.verdict.search else []
+        trial = try_bench_rig(seed, samples, config, reach=reach)
+        trials.append(trial)
+        ratios, shares = (" ".join(f"{x:6.3f}" for x in row) for row in (trial.over, trial.inside))
+        rows = trial.verdict.search.rows if trial.verdict.search else []
         taken = ", ".join(row.key for row in rows if row.accepted)
-        print(f"{seed:3} {one.seconds:5.1f} s  over perfect {ratios}  inside {shares}", flush=True)
-        print(f"    trusted {one.verdict.is_trusted}; taken: {taken}", flush=True)
-        for finding in one.verdict.findings:
+        print(
+            f"{seed:3} {trial.seconds:5.1f} s  over perfect {ratios}  inside {shares}", flush=True
+        )
+        print(f"    trusted {trial.verdict.is_trusted}; taken: {taken}", flush=True)
+        for finding in trial.verdict.findings:
             print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
-    over = np.array([one.over for one in trials])
-    inside = np.array([one.inside for one in trials])
+    over = np.array([trial.over for trial in trials])
+    inside = np.array([trial.inside for trial in trials])
     told = " ".join(f"{x:.3f}" for x in over.max(axis=0))
     print(f"over perfect, worst by axis: {told}")
     print(f"95 % intervals that held: x, y {100 * inside[:, :2].mean():.1f} %, others "
@@ -319,14 +321,14 @@ def main() -> None:
     inside, worst = [], np.zeros(6)
     for seed in range(options.rigs):
         start = time.perf_counter()
-        rig, found, rows = try_rig(seed, options.samples, nominal)
-        off = (found.values - rig.values[found.choice.places]) / found.uncertainty
+        rig, result, rows = try_rig(seed, options.samples, nominal)
+        off = (result.values - rig.values[result.choice.places]) / result.uncertainty
         inside.append(np.abs(off) < 1.96)
         ratio = rows[1] / rows[2]
         worst = np.maximum(worst, ratio)
         before, after = (" ".join(f"{x:7.3g}" for x in row * units) for row in rows[:2])
         seconds = time.process_time() - start
-        print(f"{seed:3} {found.steps:2} steps {seconds:4.1f} s  before {before}")
+        print(f"{seed:3} {result.steps:2} steps {seconds:4.1f} s  before {before}")
         print(f"{'after':>23} {after}  over perfect {ratio.max():.3f}")
     told = " ".join(f"{ratio:.3f}" for ratio in worst)
     print(f"over perfect, worst by axis: {told}; inside 95 %: {100 * np.mean(inside):.1f} %")

@@ -141,7 +141,7 @@ def soak(
     ending.set()
     other.join()
     heard = [counts.get(timeout=PATIENCE_S) for _ in range(readers)]
-    published = [(one["sent"], one["dropped"]) for one in publications.counts()]
+    published = [(count["sent"], count["dropped"]) for count in publications.counts()]
     return {
         **check_recording(folder, live),
         "published_and_dropped": published,
@@ -184,9 +184,9 @@ def load(busy: int, mixed: int) -> Iterator[None]:
     texts = [(BUSY, n) for n in range(busy)] + [(MIXED, n) for n in range(mixed)]
     with ExitStack() as closing:
         for text, seed in texts:
-            one = subprocess.Popen([sys.executable, "-c", text, str(seed)])
-            closing.callback(one.wait)
-            closing.callback(one.kill)
+            process = subprocess.Popen([sys.executable, "-c", text, str(seed)])
+            closing.callback(process.wait)
+            closing.callback(process.kill)
         yield
 
 
@@ -224,7 +224,7 @@ def p99_of(output: str) -> str:
 
 
 def recording_outcome(folder: Path, errors: str) -> dict[str, Any]:
-    """What the recording says of a run; of one that did not begin, what it said itself."""
+    """The outcome of a run by its recording, or by its errors if it did not begin."""
     path = folder / "recorded"
     if not path.exists():
         return {"lost": 1.0, "urgent": False, "reasons": [errors.strip().splitlines()[-1]]}
@@ -250,15 +250,15 @@ def count_runs(runs: int, busy: int, mixed: int, seconds: float, ordinary: bool)
     with load(busy, mixed):
         for run in range(1, runs + 1):
             with tempfile.TemporaryDirectory() as place:
-                found = follow_circle(Path(place), seconds, ordinary)
-            shares.append(found["lost"])
+                outcome = follow_circle(Path(place), seconds, ordinary)
+            shares.append(outcome["lost"])
             print(
-                f"{run:4}   {100 * found['lost']:7.2f} %   {found['p99']:8}  "
-                f"{os.getloadavg()[0]:5.1f}   {found['status']:6}   "
-                f"{' '.join(found['reasons']) or '-'}",
+                f"{run:4}   {100 * outcome['lost']:7.2f} %   {outcome['p99']:8}  "
+                f"{os.getloadavg()[0]:5.1f}   {outcome['status']:6}   "
+                f"{' '.join(outcome['reasons']) or '-'}",
                 flush=True,
             )
-    priority = "with a real-time priority" if found["urgent"] else "without a real-time priority"
+    priority = "with a real-time priority" if outcome["urgent"] else "without a real-time priority"
     print(
         f"{priority}: {shares.count(0.0)} of {runs} runs without loss, at most "
         f"{100 * max(shares):.2f} % lost, {100 * np.mean(shares):.2f} % in the mean"

@@ -223,7 +223,7 @@ def add_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
 def every_sensor() -> dict[str, facets.Sensor]:
     """The sensors of all shipped configurations, and those without symmetry."""
     names = {name: facets.load(name).sensor for name in shipped()}
-    return {**names, **{f"{name} of the studies": one for name, one in SENSORS.items()}}
+    return {**names, **{f"{name} of the studies": sensor for name, sensor in SENSORS.items()}}
 
 
 def draw_states(
@@ -335,9 +335,9 @@ def stress_cases(asymmetric: list[facets.Sensor], draws: int, rng: np.random.Gen
     """Print the outcomes of the stress cases, a row each."""
     for case in CASES:
         each = int(draws * case.share / len(asymmetric))
-        found = [stress(case, sensor, each, rng) for sensor in asymmetric]
-        total = {key: sum(row[key] for row in found) for key in found[0]}
-        worst = max(row["worst_condition"] for row in found)
+        rows = [stress(case, sensor, each, rng) for sensor in asymmetric]
+        total = {key: sum(row[key] for row in rows) for key in rows[0]}
+        worst = max(row["worst_condition"] for row in rows)
         print(
             f"{case.name:40} {total['draws']:8d} drawn, {total['converged']:8d} ok, "
             f"{total['wrong']} wrong, {total['edge']} near an edge; condition to {worst:.1g}"

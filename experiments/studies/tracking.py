@@ -20,7 +20,7 @@ LAWS = ("proportional", "pi", "feedforward")
 
 
 def offset(settings: Stage, speed: float, seconds: float = 3.0) -> float:
-    """How far beam and mirror part, mm, when the mirror comes to speed along x in 1 s."""
+    """The largest distance of beam and mirror, mm, if the mirror comes to speed along x in 1 s."""
     time = np.arange(int(1000 * seconds)) / 1000
     truth = np.zeros((len(time), 8))
     truth[:, 0] = speed * np.where(time < 1, time**2 / 2, time - 0.5)

@@ -159,16 +159,16 @@ def error(ours: list[float], theirs: list[Any], kind: str) -> float:
 def search(count: int, seed: int) -> list[tuple[Wedge, float, list[float]]]:
     """Return (wedge, mass, errors in the order of KINDS) of random wedges that hold any light."""
     rng = np.random.default_rng(seed)
-    found: list[tuple[Wedge, float, list[float]]] = []
-    while len(found) < count:
+    wedges: list[tuple[Wedge, float, list[float]]] = []
+    while len(wedges) < count:
         point = draw_wedge(rng)
         theirs = exact_wedge(*point)
         mass = float(theirs["mass"][0])
         if mass < 1e-290:
             continue
         ours = computed_wedge(*point)
-        found.append((point, mass, [error(ours[kind], theirs[kind], kind) for kind in KINDS]))
-    return found
+        wedges.append((point, mass, [error(ours[kind], theirs[kind], kind) for kind in KINDS]))
+    return wedges
 
 
 def batches(total: int, size: int) -> Iterator[int]:
@@ -191,16 +191,16 @@ def main() -> None:
     counts = list(batches(options.points, 500))
     seeds = np.random.SeedSequence(options.seed).generate_state(len(counts)).tolist()
     with ProcessPoolExecutor(cores()) as pool:
-        found = [row for part in pool.map(search, counts, seeds) for row in part]
-    errors = np.array([row[2] for row in found])
-    print(f"{len(found)} wedges; share of them with an error up to")
+        wedges = [row for part in pool.map(search, counts, seeds) for row in part]
+    errors = np.array([row[2] for row in wedges])
+    print(f"{len(wedges)} wedges; share of them with an error up to")
     limits = 10.0 ** np.arange(-16, -8)
     print(f"{'':20}" + "".join(f"{limit:9.0e}" for limit in limits) + "    worst")
     for kind, column in zip(KINDS, errors.T, strict=True):
         shares = "".join(f"{(column <= limit).mean():9.5f}" for limit in limits)
-        print(f"{kind:20}{shares} {column.max():8.1e}  {describe(*found[column.argmax()][:2])}")
+        print(f"{kind:20}{shares} {column.max():8.1e}  {describe(*wedges[column.argmax()][:2])}")
     if options.output:
-        rows = [[*q, *u1, *u2, mass, *values] for (q, u1, u2), mass, values in found]
+        rows = [[*q, *u1, *u2, mass, *values] for (q, u1, u2), mass, values in wedges]
         names = ("q_x", "q_y", "u1_x", "u1_y", "u2_x", "u2_y", "light", *KINDS)
         columns = dict(zip(names, np.array(rows).T, strict=True))
         about = {"facets": facets.__version__, "seed": str(options.seed)}

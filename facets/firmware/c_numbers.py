@@ -46,8 +46,8 @@ def is_wide(*parts: Numbers) -> bool:
 class CWriter(Tracer):
     """Collects the statements of one C function.
 
-    functions: the texts of the functions that it calls, and of their tables, by what they are made
-    of; in an order in which they can stand in a file.
+    functions: the texts of the functions that it calls, and of their tables, by the function or the
+    table from which each is made; in an order in which they can stand in a file.
     """
 
     drops_zeros = True
@@ -127,12 +127,12 @@ class CWriter(Tracer):
         first, indent = len(self.statements), self._indent
         with self.loop(len(table)) as row:
             numbers = (Value(self, f"{name}[{row}][{n}]") for n, _ in enumerate(table[0]))
-            found = function(*numbers, *arguments)
-            for n, number in enumerate(leaves(found)):
+            terms = function(*numbers, *arguments)
+            for n, number in enumerate(leaves(terms)):
                 self._write(f"{place}[{n}] += {self.text(number)};")
-        count = len(list(leaves(found)))
+        count = len(list(leaves(terms)))
         self.statements.insert(first, f"{indent}facets_real {place}[{count}] = {{R(0.0)}};")
-        return nest(found, iter([Value(self, f"{place}[{n}]") for n in range(count)]))
+        return nest(terms, iter([Value(self, f"{place}[{n}]") for n in range(count)]))
 
     @contextmanager
     def loop(self, count: int) -> Iterator[str]:
@@ -183,8 +183,8 @@ def write_function(
     """A C function of plain numbers, nested like `arguments`, that fills an array."""
     writer = CWriter(functions)
     names = [f"p{n}" for n, _ in enumerate(leaves(arguments))]
-    found = function(*nest(arguments, map(writer.variable, names)))
-    for n, each in enumerate(leaves(found)):
+    results = function(*nest(arguments, map(writer.variable, names)))
+    for n, each in enumerate(leaves(results)):
         writer.put(f"found[{n}]", each)
     given = ", ".join(f"facets_real {name}" for name in names)
     head = f"static void facets_{function.__name__}({given}, facets_real *found)"

@@ -48,16 +48,16 @@ FILES = (
 def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
     """Files of the folder by path. Raises `InputError` for a sensor without a C solver."""
     code = write_source(sensor, about)
-    found = {
+    paths = {
         Path("facets.h"): code.header,
         Path("facets.c"): code.code,
         Path("vectors.h"): vectors_header(make_vectors(sensor), about, sensor.light.on),
     }
     for name in FILES:
-        found[Path(name.removesuffix(".in"))] = fill_folder_template(
+        paths[Path(name.removesuffix(".in"))] = fill_folder_template(
             template(name), code, about, not needs_double(sensor)
         )
-    return found
+    return paths
 
 
 def fill_folder_template(text: str, code: CSource, about: Provenance, single: bool) -> str:
@@ -69,9 +69,9 @@ def fill_folder_template(text: str, code: CSource, about: Provenance, single: bo
     )
 
 
-def vectors_header(found: TestVectors, about: Provenance, real_light: bool) -> str:
+def vectors_header(vectors: TestVectors, about: Provenance, real_light: bool) -> str:
     """Write the test vectors as C constants in double precision."""
-    count = len(found.status)
+    count = len(vectors.status)
     lines = [
         fill_template('/* Test vectors of "@NAME@", hash @HASH@, by facets @VERSION@. */', about),
         "#ifndef FACETS_VECTORS_H",
@@ -79,11 +79,11 @@ def vectors_header(found: TestVectors, about: Provenance, real_light: bool) -> s
         "#include <math.h>",
         f"#define VECTORS {count}",
         f"#define VECTORS_OF_REAL_LIGHT {int(real_light)}",
-        table("double VECTOR_READING", found.reading),
-        table("int VECTOR_BEAM_KNOWN", found.beam_known.astype(int)),
-        table("int VECTOR_STATUS", found.status),
-        table("double VECTOR_STATE", found.state),
-        table("double VECTOR_UNCERTAINTY", found.uncertainty),
+        table("double VECTOR_READING", vectors.reading),
+        table("int VECTOR_BEAM_KNOWN", vectors.beam_known.astype(int)),
+        table("int VECTOR_STATUS", vectors.status),
+        table("double VECTOR_STATE", vectors.state),
+        table("double VECTOR_UNCERTAINTY", vectors.uncertainty),
         "#endif",
         "",
     ]

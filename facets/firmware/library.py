@@ -93,7 +93,7 @@ class FirmwareLibrary:
         accept_unchecked: as for `facets.solve`.
         """
         rows = np.ascontiguousarray(as_vectors(readings, 9, "readings"), self.kind)
-        found = np.zeros(len(rows), self._solution)
+        solutions = np.zeros(len(rows), self._solution)
         begin: NDArray[Any] | None = None
         if start is not None:
             begin = np.ascontiguousarray(
@@ -106,15 +106,15 @@ class FirmwareLibrary:
             if beam == "known" and begin is not None:
                 options["mean"][:2] = begin[n, 6:8]
             self._code.facets_solve(
-                pointer(row), first, pointer(options), pointer(found[n : n + 1])
+                pointer(row), first, pointer(options), pointer(solutions[n : n + 1])
             )
         return FirmwareSolutions(
-            found["state"].astype(float),
-            found["power"].astype(float),
-            found["status"].copy(),
-            found["covariance"].astype(float),
-            found["residual"].astype(float),
-            found["used"] > 0,
+            solutions["state"].astype(float),
+            solutions["power"].astype(float),
+            solutions["status"].copy(),
+            solutions["covariance"].astype(float),
+            solutions["residual"].astype(float),
+            solutions["used"] > 0,
         )
 
     def _solve_options(self, beam: str, means: ArrayLike | None, sigmas: ArrayLike | None) -> Any:

@@ -28,9 +28,12 @@ from .c_numbers import CONSTANT, CWriter, prune_statements
 
 
 class ModelText(NamedTuple):
-    """statements: body of `facets_linearise`.  ends: of `spot_ends`, which fills ends[3][5] with
-    `footprints`.  functions: that these call.  operations: count of the first one's computed
-    numbers."""
+    """The C code of a sensor's model.
+
+    statements: body of `facets_linearise`.  ends: body of `spot_ends`, which fills ends[3][5] with
+    `footprints`.  functions: text of the functions that these call.  operations: count of the
+    numbers that `facets_linearise` computes.
+    """
 
     statements: str
     ends: str
@@ -78,7 +81,7 @@ def state_of(writer: CWriter, wide: bool = False) -> tuple[Value, ...]:
 
 
 def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
-    """What each detector reads in ideal light, and the derivatives by the state.
+    """The readings of each detector in ideal light, and their derivatives by the state.
 
     The spots' positions are computed in wide numbers: over the detector's distance, single
     precision would round them by some 50 nm. The light and the derivatives do not need this.
@@ -97,8 +100,8 @@ def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
 
 
 def linearise_exactly(writer: CWriter, vectors: Geometry, text: ExactText) -> list[Any]:
-    """The same of real light, or of light that apertures cut; a loop in C puts the derivatives, one
-    component of the state after the other."""
+    """The readings of each detector in real light, or in light that apertures cut; a loop in C
+    stores the derivatives, one component of the state after the other."""
     state = state_of(writer)
     at = text.scene(vectors, state)
     with writer.loop(8) as component:

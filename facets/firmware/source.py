@@ -20,8 +20,11 @@ class Provenance(NamedTuple):
 
 
 class CSource(NamedTuple):
-    """header, code: the texts of the two files.  operations: count of the numbers that the
-    model computes for the readings and their derivatives."""
+    """The C code of a sensor.
+
+    header, code: the texts of the two files.  operations: count of the numbers that the model
+    computes for the readings and their derivatives.
+    """
 
     header: str
     code: str

@@ -19,7 +19,10 @@ SEED = 1
 
 
 class TestVectors(NamedTuple):
-    """reading: (n, 9).  beam_known: (n,).  status: (n,).  state, uncertainty: (n, 8)."""
+    """Readings (n, 9), and the statuses (n,), states and uncertainties (n, 8) of their poses.
+
+    beam_known: (n,) whether the beam's position is known.
+    """
 
     reading: Floats
     beam_known: np.ndarray
@@ -42,12 +45,12 @@ def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Float
     across = 0.15 * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     along, turn = half.min() / 2, half.min() / (4 * distance)
     sizes = np.array([across, across, along, turn, turn, turn, across, across])
-    found = np.zeros((0, 8))
-    while len(found) < count:
+    states = np.zeros((0, 8))
+    while len(states) < count:
         drawn = sizes * rng.uniform(-1, 1, (4 * count, 8))
-        found = np.concatenate([found, drawn[reaches(sensor, drawn).all(axis=1)]])
+        states = np.concatenate([states, drawn[reaches(sensor, drawn).all(axis=1)]])
         sizes *= 0.9
-    return found[:count]
+    return states[:count]
 
 
 def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
@@ -82,9 +85,9 @@ def make_vectors(sensor: Sensor) -> TestVectors:
 
 def solve_readings(sensor: Sensor, rows: Floats, beam: str) -> TestVectors:
     plain = sensor if sensor.calibration is None else drop_uncertainty(sensor)
-    found = solve(plain, rows, beam=beam)  # type: ignore[arg-type]
+    poses = solve(plain, rows, beam=beam)  # type: ignore[arg-type]
     known = np.full(len(rows), beam == "known")
-    return TestVectors(rows, known, found.status, found.state, found.uncertainty)
+    return TestVectors(rows, known, poses.status, poses.state, poses.uncertainty)
 
 
 def drop_uncertainty(sensor: Sensor) -> Sensor:

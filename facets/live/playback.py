@@ -66,7 +66,7 @@ class Playback:
         change: Callable[[Config], Config] = lambda config: config,
         columns: PoseColumns | None = None,
     ) -> None:
-        meta = meta_of(folder, own=config is None)
+        meta = meta_of(folder, sealed=config is None)
         self.folder, self.recorded = folder, str(meta.get("made", ""))
         self.config = change(config or recorded_config(folder))
         self.pipeline, self.damage = Pipeline(self.config, columns), Damage()
@@ -224,7 +224,7 @@ class Playback:
         """
         parts = [part.columns() for part in poses]
         result = compare(recorded_poses(self.folder), join_columns(parts) if parts else {})
-        version = meta_of(self.folder, own=False).get("facets")
+        version = meta_of(self.folder, sealed=False).get("facets")
         return comparison_sentences(
             result, seal_of(self.folder), self.damage, self.folder, version, config_name
         )

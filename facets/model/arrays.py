@@ -36,7 +36,7 @@ def parameters(sensor: Sensor) -> tuple[float, ...]:
 
 
 def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
-    """The sensor with other values of its 30 parameters. Raises `InputError` where that is none."""
+    """The sensor with other values of its 30 parameters. Raises `InputError` if these are wrong."""
     values = iter(p)
     beam = replace(sensor.beam, **{name: next(values) for name in BEAM})
     a, b, c = (replace(part, **{name: next(values) for name in FACET}) for part in sensor.facets)
@@ -51,7 +51,7 @@ def geometry_of(sensor: Sensor) -> Geometry:
 
 
 def geometry_under(sensor: Sensor, numbers: dict[str, Any] | None) -> Geometry:
-    """The sensor's vectors under light of these `light_numbers`; None for ideal light."""
+    """The sensor's vectors under light with these `light_numbers`; None for ideal light."""
     light = None if numbers is None else LightEffects(numbers, options(sensor))
     return build_geometry(parameters(sensor), openings(sensor), light)
 
@@ -120,9 +120,9 @@ def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
     if len(values) != len(EFFECTS):
         raise InputError(f"{len(values)} numbers of the light; needed: {len(EFFECTS)}")
     fields = dict[str, Any]()
-    for field, own in group_by_field([float(value) for value in values]).items():
+    for field, numbers in group_by_field([float(value) for value in values]).items():
         old = getattr(sensor.light, field)
-        fields[field] = None if old is None else nest(old, iter(own))
+        fields[field] = None if old is None else nest(old, iter(numbers))
     return replace(sensor, light=replace(sensor.light, **fields))
 
 
@@ -162,8 +162,8 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
         vectors, moved = (
             build_geometry(parameters(sensor), openings(sensor), light) for light in (plain, varied)
         )
-        own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor, profiled)}"
-        out[:, :, wanted] = slopes_at(name, vectors, own, len(wanted), rows)
+        name, slopes = f"slopes_of_{lit_kind(sensor, profiled)}", packing.pack_slopes(moved)
+        out[:, :, wanted] = slopes_at(name, vectors, slopes, len(wanted), rows)
     return out.reshape(*shape, 9, len(EFFECTS))
 
 
@@ -172,11 +172,10 @@ def slopes_at(name: str, vectors: Geometry, varied: Floats, count: int, states: 
 
     name, varied: of a kernel of `blocks.slopes`.
     """
-    plain, found = packing.pack(vectors), np.empty((len(states), 9, count))
-    if len(states) == 0:
-        return found
-    blocks.slopes(name, plain, varied, states, found)
-    return found
+    derivatives = np.empty((len(states), 9, count))
+    if len(states):
+        blocks.slopes(name, packing.pack(vectors), varied, states, derivatives)
+    return derivatives
 
 
 def openings(sensor: Sensor) -> Openings:
@@ -261,9 +260,9 @@ def readings(
     if (
         irradiance == "exact"
         and out is None
-        and (found := evaluate_one(sensor, "readings", state, threads)) is not None
+        and (single := evaluate_one(sensor, "readings", state, threads)) is not None
     ):
-        return found
+        return single
     rows, shape = as_rows(state, 8, "state")
     out = result_array(out, (*shape, 9), rows)
     if irradiance == "paper":
@@ -280,7 +279,7 @@ def readings(
 
 
 def result_array(out: Any, shape: tuple[int, ...], rows: Floats) -> Floats:
-    """New memory for results, or the caller's own.  rows: what they are computed from."""
+    """New memory for results, or that of the caller.  rows: the states of the results."""
     if out is None:
         return np.empty(shape)
     is_fit = isinstance(out, np.ndarray) and out.shape == shape and out.dtype == np.float64
@@ -307,10 +306,10 @@ def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> F
 
     Returns None for other states.
     """
-    one = as_floats(state, "state", 8)
-    if one.shape != (8,) or threads < 0:
+    array = as_floats(state, "state", 8)
+    if array.shape != (8,) or threads < 0:
         return None
-    return blocks.run_one(kernel_name(sensor, name), packed_vectors(sensor), one)
+    return blocks.run_one(kernel_name(sensor, name), packed_vectors(sensor), array)
 
 
 def evaluate(sensor: Sensor, name: str, states: Floats, out: Floats, threads: int) -> None:
@@ -357,9 +356,9 @@ def jacobian(
     'psi_a moves 250 mm per rad of yaw'
     """
     if out is None:
-        found = evaluate_one(sensor, "derivatives", state, threads)
-        if found is not None:
-            return found
+        single = evaluate_one(sensor, "derivatives", state, threads)
+        if single is not None:
+            return single
     rows, shape = as_rows(state, 8, "state")
     out = result_array(out, (*shape, 9, 8), rows)
     evaluate(sensor, "derivatives", rows, out.reshape(len(rows), 9, 8), threads)
@@ -367,7 +366,7 @@ def jacobian(
 
 
 def derivatives(sensor: Sensor, states: Floats) -> Floats:
-    """The Jacobian (n, 9, 8) at states (n, 8); under real light that of
+    """The Jacobian (n, 9, 8) at states (n, 8); under real light the Jacobian of
     `bench_gradient.linearise_nearly`."""
     out = np.empty((len(states), 9, 8))
     evaluate(sensor, "approximate_derivatives", states, out, threads=1)
@@ -405,10 +404,10 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     kind = kind_of(sensor)
     if kind == "plain":
         axes = axes_of(parameters(sensor))
-        name, own = "slopes_by_parameters", np.array([number + 0.0 for number in leaves(axes)])
+        name, slopes = "slopes_by_parameters", np.array([number + 0.0 for number in leaves(axes)])
     else:
-        name, own = f"slopes_of_{kind}", packing.pack_slopes(dual_geometry(sensor))
-    return slopes_at(name, vectors, own, 30, rows).reshape(*shape, 9, 30)
+        name, slopes = f"slopes_of_{kind}", packing.pack_slopes(dual_geometry(sensor))
+    return slopes_at(name, vectors, slopes, 30, rows).reshape(*shape, 9, 30)
 
 
 def half_sizes(sensor: Sensor) -> Floats:
@@ -514,8 +513,8 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"spot A spans {largest - least:.2f} mm along y"
     'spot A spans 0.74 mm along y'
     """
-    if (found := evaluate_one(sensor, "footprints", state, threads)) is not None:
-        return found
+    if (single := evaluate_one(sensor, "footprints", state, threads)) is not None:
+        return single
     rows, shape = as_rows(state, 8, "state")
     out = np.empty((len(rows), 3, 5))
     evaluate(sensor, "footprints", rows, out, threads)
@@ -576,7 +575,7 @@ def edge_limits(halves: Floats, rim: float) -> Floats:
 
 
 def edge_distances(ends: Floats, limits: Floats) -> Floats:
-    """`margins` of spots with these ends (..., 3, 5), as of `footprints`; mm.
+    """`margins` of spots with given ends (..., 3, 5) from `footprints`; mm.
 
     limits: (..., 3, 5), of `edge_limits`.
     """

@@ -49,19 +49,19 @@ LaneWrite = Callable[[Any, Sequence[Any], Callable[[Any], LaneWriter]], None]
 Load = Callable[[LaneWriter, Any], Geometry]
 
 
-def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
+def each_block(formula: Formula, load: Load, size: int) -> LaneWrite:
     """Write the loop over blocks for a formula of states, as `blocks.kernel` needs it.
 
-    load: loads the vectors that the formula takes.  found: how many numbers a state gives.
+    load: loads the vectors that the formula takes.  size: number of results at a state.
     """
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
-        packed, asked, results = pointers_to(builder, arguments[:3])
+        packed, states, results = pointers_to(builder, arguments[:3])
         with write_loop(builder, arguments[3]) as index:
             code = begin_code(builder)
             here, there = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, code.lanes * numbers))])
-                for pointer, numbers in ((asked, 8), (results, found))
+                for pointer, numbers in ((states, 8), (results, size))
             )
             formula(code, load(code, packed), here, there)
 
@@ -72,24 +72,24 @@ def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
     return [builder.inttoptr(address, ir.PointerType(DOUBLE)) for address in addresses]
 
 
-def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """Write nine readings to a row of `found` for each row of eight numbers of a state."""
+def write_readings(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
+    """Write nine readings to a row of `results` for each row of eight numbers of a state."""
     state = code.load_rows(states, 8, 8)
     text = cut.readings if is_cut(vectors) else bench_light.readings
     if is_ideal(vectors) and not is_cut(vectors):
         text = readings_uncut
-    code.store_rows(list(leaves(text(vectors, tuple(state)))), found, 9)
+    code.store_rows(list(leaves(text(vectors, tuple(state)))), results, 9)
 
 
-def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """Write nine rows of eight derivatives to `found` for each state; NaN where there is no
+def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
+    """Write nine rows of eight derivatives to `results` for each state; NaN where there is no
     reading.
 
     Under real light they are those of `bench_gradient.linearise_nearly`.
     """
     state = code.load_rows(states, 8, 8)
     text = gradient.linearise if is_ideal(vectors) else bench_gradient.linearise_nearly
-    code.store_rows(lit_rows(code, text(vectors, tuple(state))), found, 72)
+    code.store_rows(lit_rows(code, text(vectors, tuple(state))), results, 72)
 
 
 def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
@@ -102,14 +102,14 @@ def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
     return derivatives
 
 
-def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """Write fifteen numbers to a row of `found` for each state, five of `footprint` for each
+def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
+    """Write fifteen numbers to a row of `results` for each state, five of `footprint` for each
     spot."""
     ends: list[Any] = []
     for *edges, out in footprints(complete_light(vectors), tuple(code.load_rows(states, 8, 8))):
         landed = code.compare("==", edges[0], edges[0])  # Lanes subtract x - x to get zero, or NaN.
         ends += [*edges, code.select(landed, out, nan)]
-    code.store_rows(ends, found, 15)
+    code.store_rows(ends, results, 15)
 
 
 @contextmanager
@@ -123,20 +123,22 @@ def each_component(
     with code.loop(ir.Constant(LONG, count)) as component:
         moved = []
         for c, number in enumerate(state):
-            own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
-            slope = code.spread(code.builder.uitofp(own, DOUBLE)) if c < count else 0.0
+            is_c = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
+            slope = code.spread(code.builder.uitofp(is_c, DOUBLE)) if c < count else 0.0
             moved.append(Dual(number, slope))
         yield component, list(leaves(exact_text(is_cut(vectors)).slopes(vectors, tuple(moved), at)))
 
 
-def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
+def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
     """Write the exact derivatives, one component after the other."""
     state = code.load_rows(states, 8, 8)
     text = exact_text(is_cut(vectors))
     at = text.scene(vectors, tuple(state))
     values = list(leaves(text.readings(vectors, at)))
     with each_component(code, vectors, state, at, 8) as (component, slopes):
-        code.store_column(where_read(code, values, slopes), found, component, ir.Constant(LONG, 8))
+        code.store_column(
+            where_read(code, values, slopes), results, component, ir.Constant(LONG, 8)
+        )
 
 
 def where_read(code: LaneWriter, values: list[Value], slopes: list[Value]) -> list[Value]:
@@ -148,8 +150,8 @@ def where_read(code: LaneWriter, values: list[Value], slopes: list[Value]) -> li
 def linearise_exactly(
     code: LaneWriter, vectors: Geometry, state: Sequence[Value], count: int
 ) -> list[tuple[Any, list[list[Value]]]]:
-    """Readings and their derivatives by the first `count` components of the state, detector by
-    detector as `bench_gradient.linearise` gives them."""
+    """Readings and their exact derivatives by the first `count` components of the state, arranged
+    as by `bench_gradient.linearise`."""
     text = exact_text(is_cut(vectors))
     at = text.scene(vectors, tuple(state))
     values = text.readings(vectors, at)
@@ -172,14 +174,14 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
     varied vectors, of states and results, of the number of copies, and of the number of blocks."""
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
-        packed, varied, states, found = pointers_to(builder, arguments[:4])
+        packed, varied, states, results = pointers_to(builder, arguments[:4])
         copies = arguments[4]
         with write_loop(builder, arguments[5]) as index:
             code = begin_code(builder)
             rows = builder.mul(index, ir.Constant(LONG, code.lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
-            there = builder.gep(found, [builder.mul(rows, numbers)])
+            there = builder.gep(results, [builder.mul(rows, numbers)])
             state = tuple(code.load_rows(here, 8, 8))
             formula(code, vectors_of(code, packed, kind), state, varied, there, copies)
 
@@ -187,10 +189,10 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
 
 
 def slopes_by_copies(kind: str) -> LaneWrite:
-    """Write derivatives by what the sensor's vectors answer to variables."""
+    """Write derivatives by variables, from the derivatives of the sensor's vectors by these."""
 
     def formula(
-        code: LaneWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
+        code: LaneWriter, vectors: Geometry, state: Any, varied: Any, results: Any, copies: Any
     ) -> None:
         text = exact_text(is_cut(vectors))
         at = text.scene(vectors, state)
@@ -198,19 +200,19 @@ def slopes_by_copies(kind: str) -> LaneWrite:
             row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
             moved = carry_slopes(vectors, vectors_of(code, row, kind))
             slopes = text.slopes(moved, state, at)
-            code.store_column(list(leaves(slopes)), found, copy, copies)
+            code.store_column(list(leaves(slopes)), results, copy, copies)
 
     return each_block_of_slopes(formula, kind)
 
 
 def write_slopes_by_parameters(
-    code: LaneWriter, vectors: Geometry, state: Any, axes: Any, found: Any, _: Any
+    code: LaneWriter, vectors: Geometry, state: Any, axes: Any, results: Any, _: Any
 ) -> None:
     """Write derivatives by the thirty parameters, of ideal light.  axes: pointer to
     `parameters.Axes`."""
-    own = vectors_at(code, axes, AXES)
-    derivatives = lit_rows(code, parameters.linearise(vectors, own, state))
-    code.store_rows(derivatives, found, len(derivatives))
+    slopes = parameters.linearise(vectors, vectors_at(code, axes, AXES), state)
+    derivatives = lit_rows(code, slopes)
+    code.store_rows(derivatives, results, len(derivatives))
 
 
 def loops_of(kind: str) -> dict[str, LaneWrite]:
@@ -226,16 +228,16 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
         return {
             "readings": readings, "derivatives": derivatives, "slopes_by_parameters": slopes
         }  # fmt: skip
-    found = {
+    loops = {
         f"slopes_of_{kind}": slopes_by_copies(kind),
         f"readings_of_{kind}": readings,
         f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
     }
-    return found if kind in CUT else {**found, f"approximate_derivatives_of_{kind}": derivatives}
+    return loops if kind in CUT else {**loops, f"approximate_derivatives_of_{kind}": derivatives}
 
 
 def footprints_of(example: Geometry) -> LaneWrite:
-    """example: the arrangement of the vectors, of parallel rays or of any."""
+    """The code of `write_footprints`.  example: the vectors' arrangement, PARALLEL or EXAMPLE."""
     return each_block(
         write_footprints, lambda code, pointer: vectors_at(code, pointer, example), 15
     )

@@ -89,23 +89,23 @@ def slopes_kernel(name: str) -> Callable[..., None]:
     return load_code(name, 6)
 
 
-def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
-    """Fills found (n, 9, m): the derivatives of the readings at states (n, 8) by m parameters of a
-    sensor.
+def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, out: Floats) -> None:
+    """Fill `out` (n, 9, m) with the derivatives of the readings at states (n, 8) by m parameters
+    of a sensor.
 
-    name: of a kernel: "slopes_of_KIND", KIND of `kinds.LIT`, where `varied` (m, ...) is how much
-    each number of `vectors` answers to a parameter; or "slopes_by_parameters", where it is
-    `parameters.Axes`.
+    name: of a kernel: "slopes_of_KIND", KIND of `kinds.LIT`, with the derivatives of each number of
+    `vectors` by a parameter as `varied` (m, ...); or "slopes_by_parameters", with `parameters.Axes`
+    as `varied`.
     """
-    code, copies = slopes_kernel(name), found.shape[2]
+    code, copies = slopes_kernel(name), out.shape[2]
     whole, short = divmod(len(states), lanes())
     if whole:
-        code(*map(address_of, (vectors, varied, states, found)), copies, whole)
+        code(*map(address_of, (vectors, varied, states, out)), copies, whole)
     if short:
         rows = states[np.minimum(np.arange(-short, lanes() - short), -1)]
-        out = np.empty((lanes(), *found.shape[1:]))
-        code(*map(address_of, (vectors, varied, rows, out)), copies, 1)
-        found[-short:] = out[:short]
+        last = np.empty((lanes(), *out.shape[1:]))
+        code(*map(address_of, (vectors, varied, rows, last)), copies, 1)
+        out[-short:] = last[:short]
 
 
 class BlockMemory:
@@ -117,13 +117,13 @@ class BlockMemory:
     def __init__(self, width: int | None = None) -> None:
         size = width or lanes()
         self.rows = np.empty((size, 8))
-        found = np.empty(72 * size)
+        numbers = np.empty(72 * size)
         self.found = {
-            "readings": found[: 9 * size].reshape(size, 9),
-            "derivatives": found.reshape(size, 9, 8),
-            "footprints": found[: 15 * size].reshape(size, 3, 5),
+            "readings": numbers[: 9 * size].reshape(size, 9),
+            "derivatives": numbers.reshape(size, 9, 8),
+            "footprints": numbers[: 15 * size].reshape(size, 3, 5),
         }
-        self.addresses = [address_of(array) for array in (self.rows, found)]
+        self.addresses = [address_of(array) for array in (self.rows, numbers)]
         self._vectors: Any = None
         self._address = 0
 
@@ -137,13 +137,13 @@ class BlockMemory:
         return self._address
 
 
-def run_rest(name: str, vectors: Floats, states: Floats, found: Floats) -> None:
-    """Fill `found` for less than a block of states."""
+def run_rest(name: str, vectors: Floats, states: Floats, out: Floats) -> None:
+    """Fill `out` for less than a block of states."""
     memory, short = RESTS.take(), len(states)
     memory.rows[:short] = states
     memory.rows[short:] = states[-1]
     kernel(name)(memory.address_of_vectors(vectors), *memory.addresses, 1)
-    found[:] = memory.results(name)[:short]
+    out[:] = memory.results(name)[:short]
     RESTS.put_back(memory)
 
 
@@ -152,18 +152,18 @@ def run_one(name: str, vectors: Floats, state: Floats) -> Floats:
     memory = SINGLES.take()
     memory.rows[:] = state
     kernel(name, SINGLE)(memory.address_of_vectors(vectors), *memory.addresses, 1)
-    found: Floats = memory.results(name)[0].copy()
+    results: Floats = memory.results(name)[0].copy()
     SINGLES.put_back(memory)
-    return found
+    return results
 
 
-def run(name: str, vectors: Floats, states: Floats, found: Floats) -> None:
-    """Fill `found` for states (n, 8)."""
+def run(name: str, vectors: Floats, states: Floats, out: Floats) -> None:
+    """Fill `out` for states (n, 8)."""
     whole, short = divmod(len(states), lanes())
     if whole:
-        kernel(name)(*map(address_of, (vectors, states, found)), whole)
+        kernel(name)(*map(address_of, (vectors, states, out)), whole)
     if short:
-        run_rest(name, vectors, states[-short:], found[-short:])
+        run_rest(name, vectors, states[-short:], out[-short:])
 
 
 def address_of(array: Any) -> int:

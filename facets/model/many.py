@@ -41,7 +41,7 @@ def pack_all(vectors: Geometry, count: int) -> Floats:
 
 
 def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Floats:
-    """Readings, derivatives or footprints (k, ...) of sensors at states (k, 8).
+    """Compute readings, derivatives or footprints (k, ...) of sensors at states (k, 8).
 
     name: of `SHAPES`.  vectors (n, m): from `vectors_of`.  owner (k,): the row of the sensor that a
     state belongs to, in ascending order.
@@ -53,14 +53,13 @@ def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Flo
     # The last block of a sensor reaches into the next one's states, whose own block overwrites
     # them.
     rows = np.concatenate([states, np.zeros((width, 8))])
-    found = np.empty((len(rows), *SHAPES[name]))
+    results = np.empty((len(rows), *SHAPES[name]))
     for arguments in zip(
         (address_of(vectors) + vectors.strides[0] * some).tolist(),
         (address_of(rows) + rows.strides[0] * begins).tolist(),
-        (address_of(found) + found.strides[0] * begins).tolist(),
+        (address_of(results) + results.strides[0] * begins).tolist(),
         blocks.tolist(),
         strict=True,
     ):
         code(*arguments)
-    results: Floats = found[: len(states)]
-    return results
+    return results[: len(states)]

@@ -18,9 +18,9 @@ from .kinds import CUT, LIT
 EXAMPLE = build_geometry((1.0,) * 30)
 #: The number of numbers that `pack` makes from a sensor.
 PACKED = len(list(leaves(EXAMPLE)))
-#: The same for the vectors' derivatives by the parameters.
+#: An example of the vectors' derivatives by the parameters, for their arrangement.
 AXES = parameter_axes((1.0,) * 30)
-#: The arrangement without apertures for parallel rays, and for any rays.
+#: The arrangement of a sensor's vectors under ideal light: without apertures, and with them.
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
@@ -64,8 +64,8 @@ def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
     options = whole.light.options._replace(
         on=True, coated=coated, polarised=polarised, profiled=profiled
     )
-    found = whole._replace(light=whole.light._replace(options=options))
-    return found if kind in CUT else found._replace(openings=None)  # type: ignore[no-any-return]
+    vectors = whole._replace(light=whole.light._replace(options=options))
+    return vectors if kind in CUT else vectors._replace(openings=None)  # type: ignore[no-any-return]
 
 
 def is_cut(vectors: Any) -> bool:
@@ -79,7 +79,7 @@ def is_ideal(vectors: Any) -> bool:
 
 
 def complete_light(vectors: Any) -> Any:
-    """Vectors of which formulas for any light can ask; ideal light is not in memory."""
+    """The vectors with their light, for formulas of any light; ideal light is not in memory."""
     return vectors._replace(light=IDEAL) if is_ideal(vectors) else vectors
 
 

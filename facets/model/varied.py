@@ -20,11 +20,11 @@ from .kinds import block_kind, lit_kind
 
 
 class VariedSensors(NamedTuple):
-    """Sensors that differ from one in their parameters.
+    """Sensors that differ in their parameters.
 
-    sensor: what they have in common.  parameters: (n, 30) in the order of `facets.PARAMETERS`.
-    effects: (n, 36) numbers of the light in the order of `EFFECTS`, or None where these are the
-    sensor's own.
+    sensor: its other properties are those of all sensors.  parameters: (n, 30) in the order of
+    `facets.PARAMETERS`.  effects: (n, 36) numbers of the light in the order of `EFFECTS`; None if
+    all have the light of `sensor`.
     """
 
     sensor: Sensor
@@ -55,6 +55,6 @@ class VariedSensors(NamedTuple):
         return packing.pack_rows(vectors, kind, len(self.parameters))
 
     def one(self, row: int) -> Sensor:
-        """One of the sensors.  Raises `InputError` where it cannot be."""
+        """The sensor of a row.  Raises `InputError` if it is impossible."""
         made = sensor_with(self.sensor, self.parameters[row].tolist())
         return made if self.effects is None else replace_effects(made, self.effects[row])

@@ -1,6 +1,6 @@
 """The light along a side near the beam's centre, as polynomials: no branch, no loop.
 
-The result of `wedge.side` without library functions and with a series of fixed length. With
+The integrals of `wedge.sides` without library functions, by a series of fixed length. With
 A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass that a side sweeps over is
 
     erf(h / sqrt 2) / 4 - a h / 4 pi  int_0^1 D((H + A u^2) / 2) du,   D(z) = (1 - exp(-z)) / z,
@@ -26,8 +26,8 @@ CENTRAL_SQUARED = 4.0
 
 
 def tables() -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The factors of H^j, and those of r^2j, of the integral of D: with g_j = prod 2 i / (2 i + 1),
-    DECAY_j g_j / 2^j and 1 / (g_j (2 j + 1))."""
+    """The factors of H^j and of r^2j in the integral of D: DECAY_j g_j / 2^j and
+    1 / (g_j (2 j + 1)), with g_j = prod 2 i / (2 i + 1)."""
     across, around, product = [], [], 1.0
     for j, coefficient in enumerate(DECAY):
         product *= 2 * j / (2 * j + 1) if j else 1.0
@@ -40,7 +40,10 @@ ACROSS, AROUND = tables()
 
 
 def side_central(q: Plane, a: Number, h: Number) -> Side:
-    """`wedge.side` within sqrt(CENTRAL_SQUARED) of the beam's centre.  a, h: q . u and q x u."""
+    """One of `wedge.sides` within sqrt(CENTRAL_SQUARED) of the beam's centre.
+
+    a, h: q . u and q x u.
+    """
     along, across, radius = a * a, h * h, q[0] * q[0] + q[1] * q[1]
     beyond = 1 - error_function(a, along)
     length = exponential(across * 0.5) * beyond * (1 / (2 * sqrt(2 * pi)))

@@ -20,7 +20,7 @@ Five = tuple[Any, Any, Any, Any, Any]
 
 
 class LightOptions(NamedTuple):
-    """Constants: plain floats and truth values for all types of number.
+    """The constants of the light, plain floats and truth values for all types of number.
 
     on: whether any effect is on; otherwise the formulas of ideal light apply.  coated: whether the
     facets reflect by incidence.  polarised: whether the light is polarised.  profiled: whether
@@ -38,9 +38,9 @@ class LightOptions(NamedTuple):
 
 
 class LightEffects(NamedTuple):
-    """The numbers of the effects.
+    """The numbers and the options of the effects.
 
-    numbers: those of each field of `facets.core.sensor.BenchLight` that has any, by its name.
+    numbers: of each field of `facets.core.sensor.BenchLight` that has any, by the field's name.
     """
 
     numbers: dict[str, Any]
@@ -106,12 +106,12 @@ IDEAL = Light(
 def sector_centroid(first: Vector, second: Vector, opening: Number, radius: Number) -> Vector:
     """The vector from the middle of a disc to the centroid of its sector between two edges, seen
     along the mirror's axis, in the mirror's frame; mm."""
-    one = sqrt(first[0] * first[0] + first[1] * first[1])
-    other = sqrt(second[0] * second[0] + second[1] * second[1])
+    size1 = sqrt(first[0] * first[0] + first[1] * first[1])
+    size2 = sqrt(second[0] * second[0] + second[1] * second[1])
     far = 2 * radius / (3 * opening)
     return (
-        far * (second[1] / other - first[1] / one),
-        far * (first[0] / one - second[0] / other),
+        far * (second[1] / size2 - first[1] / size1),
+        far * (first[0] / size1 - second[0] / size2),
         radius * 0,
     )
 
@@ -208,15 +208,15 @@ def build_light(
     flat = [(x, y) for x, y, _ in edges]  # These are seen along the mirror's axis.
     shares = tuple(angle_between(flat[k], flat[(k + 1) % 3]) for k in range(3))
     whole = 2 * pi(shares[0])
-    own = effects.numbers
-    (area,) = own["tip"]
+    numbers = effects.numbers
+    (area,) = numbers["tip"]
     radius = sqrt(area / pi(area)) if holds_anywhere(real(area) > 0) else area * 0
-    curvature = (*own["curvature_xx"], *own["curvature_xy"], *own["curvature_yy"])
+    curvature = (*numbers["curvature_xx"], *numbers["curvature_xy"], *numbers["curvature_yy"])
     first, second = ray_turn(curvature, x, y, spread[0]), ray_turn(curvature, x, y, spread[1])
     normal = cross(whitening[0], whitening[1])
     u = unit_vector((dot(spread[0], x), dot(spread[0], y)))  # the first of the beam's own axes
-    across_u, odd = (-u[1], u[0]), own["asymmetry"]
-    (n, k), (polarization,) = own["index"], own["polarization"]
+    across_u, odd = (-u[1], u[0]), numbers["asymmetry"]
+    (n, k), (polarization,) = numbers["index"], numbers["polarization"]
     across, along = reflectances((n, k), sqrt((n * 0 + 1) / 2))
     return Light(
         options=effects.options,
@@ -228,10 +228,10 @@ def build_light(
         ),
         fan=(first, second),
         density=sqrt(dot(normal, normal)),
-        wavelength=own["wavelength"][0],
-        rolloff=split_in_three(own["rolloff"], 2),
-        rolloff_width=own["rolloff_width"][0],
-        strips=own["strips"],
+        wavelength=numbers["wavelength"][0],
+        rolloff=split_in_three(numbers["rolloff"], 2),
+        rolloff_width=numbers["rolloff_width"][0],
+        strips=numbers["strips"],
         tip=area,
         tip_shares=(shares[0] / whole, shares[1] / whole, shares[2] / whole),
         tip_offsets=(
@@ -239,10 +239,10 @@ def build_light(
             sector_centroid(edges[1], edges[2], shares[1], radius),
             sector_centroid(edges[2], edges[0], shares[2], radius),
         ),
-        background=split_in_three(own["background"], 3),
+        background=split_in_three(numbers["background"], 3),
         coating=(n, k),
         plain=across + along,
         field=combine(cos(polarization), x, sin(polarization), y),
-        profile=turn_tensor(tensor_of(own["profile"]), u, across_u),
+        profile=turn_tensor(tensor_of(numbers["profile"]), u, across_u),
         asymmetry=turn_cubic((odd[0], odd[1] / 3, odd[2] / 3, odd[3]), u, across_u),
     )

@@ -9,8 +9,11 @@ from . import bench_gradient, bench_light, cut
 
 
 class ExactText(NamedTuple):
-    """scene: of vectors and a state, what follows needs.  readings: from vectors and that.
-    slopes: of vectors and a state that carry derivatives, and of that without them."""
+    """The functions that compute readings and exact derivatives under one kind of light.
+
+    scene: from vectors and a state.  readings: from vectors and that scene.  slopes: from vectors
+    and a state that carry derivatives, and the scene without derivatives.
+    """
 
     scene: Callable[..., Any]
     readings: Callable[..., Any]

@@ -38,10 +38,11 @@ Three = tuple[Any, Any, Any]
 
 
 class Openings(NamedTuple):
-    """The apertures; they cut nothing where `cut` is false.
+    """The apertures; they cut nothing if `cut` is false.
 
-    radius: of the beam's aperture, in sigmas.  tip, rim: of the mirror, from its axis, mm.
-    gap: lost along each edge, mm.  halves: of each detector's area along y and z, mm.
+    radius: of the beam's aperture, in sigmas.  tip, rim: distances of the mirror's tip and rim from
+    its axis, mm.  gap: width lost along each edge, mm.  halves: half sizes of each detector's area
+    along y and z, mm.
     """
 
     cut: bool
@@ -138,7 +139,7 @@ def build_geometry(
 
 
 def replace_power(geometry: Geometry, power: Number) -> Geometry:
-    """The same sensor with another beam power, mW."""
+    """The vectors of a sensor with another beam power, mW."""
     return Geometry(
         geometry.direction,
         power,
@@ -184,12 +185,12 @@ def project_to_sigmas(geometry: Geometry, v: Vector) -> Plane:
 class Scene(NamedTuple):
     """A sensor at a state of Eq. (3): the pose of its mirror and the light on its facets.
 
-    apex, place: of the mirror and of the beam's centre at z = 0, mm.
+    apex, place: positions of the mirror's apex and of the beam's centre at z = 0, mm.
     turn: the mirror's rotation, by rows.
     normals, edges: of the facets, in the world.
     q: the apex seen along the beam, from its centre, in sigmas.
-    sides, integrals: of each edge, its direction in that plane and what `side` gives.
-    moments: of the light on each facet, what `wedge` gives.
+    sides: the direction of each edge in that plane.  integrals: of each edge, see `wedge.sides`.
+    moments: of the light on each facet, see `wedge.wedges`.
     """
 
     apex: Vector

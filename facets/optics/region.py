@@ -45,8 +45,7 @@ class SideLine(NamedTuple):
     y: Any
 
 
-#: What `region` gives of eight sides that bound nothing: of f along each, the moments of order 0, 1
-#: and 2.
+#: The moments of order 0, 1 and 2 of f along each of eight sides that bound nothing, see `region`.
 NO_SPANS: tuple[Three, ...] = ((0.0, 0.0, 0.0),) * 8
 
 
@@ -75,8 +74,8 @@ def region(sides: tuple[SideLine, ...], radius: Number) -> tuple[Any, Plane, tup
 
 
 def spans(sides: tuple[SideLine, ...], radius: Number) -> tuple[list[Any], list[Any]]:
-    """Where the other sides and the disc leave a span of each side; low is not below high where
-    they leave none."""
+    """The ends, low and high, of the span of each side that the other sides and the disc leave; low
+    is not below high where they leave none."""
     lows, highs = [], []
     for side in sides:
         square = (radius - side.distance) * (radius + side.distance)
@@ -98,7 +97,7 @@ def spans(sides: tuple[SideLine, ...], radius: Number) -> tuple[list[Any], list[
 
 
 def cut_span(low: Number, high: Number, rest: Number, rate: Number, other: SideLine) -> Plane:
-    """What another side leaves of a span: where rest - rate s > 0."""
+    """The part of a span that another side leaves, where rest - rate s > 0."""
     counts = other.distance < FAR
     crosses = abs(rate) > 0
     end = rest / select(crosses, rate, 1.0)
@@ -110,10 +109,11 @@ def cut_span(low: Number, high: Number, rest: Number, rate: Number, other: SideL
 
 
 def span(low: Number, high: Number, d: Number, rim: Number) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Of a side from low to high: what it sweeps over, the excess of f along it over the density on
-    the disc's rim, the share of a turn that it subtends, and the moments of f of order 0, 1 and 2.
+    """The integrals of a side from low to high: the mass that it sweeps over, the excess of f along
+    it over the density on the disc's rim, the share of a turn that it subtends, and the moments of
+    f of order 0, 1 and 2.
 
-    rim: exp(-radius^2 / 2).
+    d: the side's distance.  rim: exp(-radius^2 / 2).
     """
     across = exp(-d * d / 2)
     to_low, to_high = exp(-low * low / 2), exp(-high * high / 2)
@@ -138,9 +138,9 @@ def span(low: Number, high: Number, d: Number, rim: Number) -> tuple[Any, Any, A
 def slopes_of_region(
     lines: tuple[Any, ...], moments: tuple[Three, ...], mass: Number, centroid: Plane
 ) -> Three:
-    """The derivatives of mass and centroid.
+    """The derivatives of the mass and the centroid of a region.
 
-    lines: of each side d, x, y, the derivative of d, and the angle by which it turns.  moments: of
+    lines: d, x, y, the derivative of d, and the rate at which it turns, of each side.  moments: of
     f along the sides, from `region`.
     """
     m, x, y = 0.0, 0.0, 0.0

@@ -162,9 +162,9 @@ def tail_wedge(q: Plane, u1: Plane, u2: Plane) -> Moments:
     side = BrighterSide(a, h, select_both(swap, u2, u1), sense, near, scale)
     seen = sine > 0  # else from behind
     flag, light = select(near, 1.0, 0.0), exp(-a * a / 2)
-    own = Cut(a, -sense * h, dot2(u1, u2), select(seen, sine, 1.0), flag, light)
-    darker = own._replace(a=select(swap, a1, a2), beyond=select(swap, -h1, h2), near=0.0)
-    sums = sums_over(side, own, darker, select_both(swap, u1, u2))
+    brighter = Cut(a, -sense * h, dot2(u1, u2), select(seen, sine, 1.0), flag, light)
+    darker = brighter._replace(a=select(swap, a1, a2), beyond=select(swap, -h1, h2), near=0.0)
+    sums = sums_over(side, brighter, darker, select_both(swap, u1, u2))
     mass = select(seen, scale * sums[0], 0.0)
     return moments_of(side, q, sums, select(mass > 0, mass, 0.0))
 
@@ -173,26 +173,26 @@ def select_both(condition: Any, a: Plane, b: Plane) -> Plane:
     return select(condition, a[0], b[0]), select(condition, a[1], b[1])
 
 
-def sums_over(side: BrighterSide, own: Cut, darker: Cut, v: Plane) -> Sums:
+def sums_over(side: BrighterSide, brighter: Cut, darker: Cut, v: Plane) -> Sums:
     """The sums over a wedge about the side's foot, or about q.
 
-    own, darker: the wedge as seen from its sides.  v: direction of the darker one.
+    brighter, darker: the wedge as seen from its two sides.  v: direction of the darker side.
     """
-    u, near, wide = side.u, side.near, own.c < WIDE
+    u, near, wide = side.u, side.near, brighter.c < WIDE
     # Each half counts from its own side, because rounding of an angle near pi would show.
-    c = select(wide, sqrt((1 + own.c) / 2), own.c)
-    s = select(wide, sqrt((1 - own.c) / 2), own.s)
-    sums = slices(own._replace(c=c, s=s), u, side.sense)
+    c = select(wide, sqrt((1 + brighter.c) / 2), brighter.c)
+    s = select(wide, sqrt((1 - brighter.c) / 2), brighter.s)
+    sums = slices(brighter._replace(c=c, s=s), u, side.sense)
     rest = where_any(wide, NOTHING, slices, darker._replace(c=c, s=s), v, -side.sense)
     rest = shift_sums(
         rest,
-        select(near, own.light, 1.0),
-        select(near, own.a * u[0], 0.0),
-        select(near, own.a * u[1], 0.0),
+        select(near, brighter.light, 1.0),
+        select(near, brighter.a * u[0], 0.0),
+        select(near, brighter.a * u[1], 0.0),
     )
-    passes = darker.a < -PASSES * abs(own.beyond)
-    narrow = near & passes & (own.c > NARROW)
-    return where_any(narrow, add_sums(sums, rest), rays, own, u, side.sense)  # type: ignore[no-any-return]
+    passes = darker.a < -PASSES * abs(brighter.beyond)
+    narrow = near & passes & (brighter.c > NARROW)
+    return where_any(narrow, add_sums(sums, rest), rays, brighter, u, side.sense)  # type: ignore[no-any-return]
 
 
 def add_sums(a: Sums, b: Sums) -> Sums:
@@ -226,7 +226,7 @@ def turn_sums(sums: Sums, u: Plane, w: Plane) -> Sums:
 
 
 def moments_of(side: BrighterSide, q: Plane, sums: Sums, mass: Number) -> Moments:
-    """NaN without light."""
+    """The moments of a wedge from its sums; NaN without light."""
     lit, near, u = mass > 0, side.near, side.u
     share = select(lit, 1 / select(lit, sums[0], 1.0), nan)
     x, y = sums[1] * share, sums[2] * share
@@ -246,7 +246,7 @@ def slices(cut: Cut, u: Plane, sense: Number) -> Sums:
 
 
 def last_slice(cut: Cut) -> Number:
-    """Where the light of the slices ends, along the darker side, in sigmas."""
+    """The end of the slices' light, along the darker side, in sigmas."""
     a, beyond, c, s, near, _ = cut
     a2, whole = a * c + beyond * s, root_of(2 * ENOUGH)
     end = 2 * ENOUGH / (sqrt(a2 * a2 + 2 * ENOUGH) + a2)
@@ -261,7 +261,7 @@ def last_slice(cut: Cut) -> Number:
 
 
 def slice_term(node: Number, weight: Number, end: Number, cut: Cut) -> Sums:
-    """What one slice adds: of 1, t, r, t^2, t r, r^2, with t along the slice and r to it."""
+    """The sums of 1, t, r, t^2, t r, r^2 over one slice, with t along the slice and r to it."""
     a, beyond, c, s, _, _ = cut
     near, r = cut.near > 0, end * node
     start, rise = a + r * c, r * s
@@ -306,14 +306,17 @@ def rays_between(begin: Number, end: Number, cut: Cut) -> Sums:
 
 
 def ray_angle(height: Number, square: Number) -> Number:
-    """The angle between the ray through the beam's centre and one that passes it at a height; a
-    quarter turn where none is so high.  height, square: of the distance of q, both squared."""
+    """The angle between the ray through the beam's centre and a ray that passes it at a height; a
+    quarter turn if no ray is so high.
+
+    height: the square of that height.  square: the square of the distance of q.
+    """
     rest = square - height
     return atan2(sqrt(height), sqrt(select(rest > 0, rest, 0.0)))
 
 
 def ray_term(node: Number, weight: Number, begin: Number, end: Number, cut: Cut) -> Sums:
-    """What the rays about one angle add, as in `slice_term`, with r across the brighter side."""
+    """The sums of `slice_term` over the rays about one angle, with r across the brighter side."""
     a, beyond, _, _, _, light = cut
     angle = begin + (end - begin) * node
     c, s, half = cos(angle), sin(angle), sin(angle / 2)

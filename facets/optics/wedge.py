@@ -13,7 +13,7 @@ A side is the half-line q + s u, s > 0. With a = q . u and h = q x u, its integr
 The divergence theorem turns the wedge's moments into these: M1 = -(n1 L1 + n2 L2), with n the
 outward normals. The mass is that of a wedge pointed at the beam's centre, angle / 2 pi, plus what
 each side sweeps over while the point moves from there to q (`swept_mass`). Where the mass is small
-this sum cancels; `faint.tail_wedge` then integrates over slices, where all terms are positive.
+this sum cancels; `tail.tail_wedge` then integrates over slices, where all terms are positive.
 
 Derivatives follow from the normal distribution being an exponential family: with centroid C and
 covariance S of the light in the wedge, dM0/dq = -M0 C and dC/dq = 1 - S; turning a side adds

@@ -26,7 +26,7 @@ def is_float(x: Number) -> bool:
 
 
 def has_more_digits(x: Number) -> bool:
-    """Whether numbers of this type have more digits than a float, for which polynomials are."""
+    """Whether numbers of this type have more digits than floats, the digits of the polynomials."""
     return hasattr(x, "context")
 
 
@@ -70,7 +70,7 @@ def cos(x: Number) -> Number:
 
 
 def turn_together(*angles: Number) -> None:
-    """Sine and cosine of these will be asked for: code looks once whether any of them is large."""
+    """Announce angles whose sine and cosine follow, so that code tests once if any is large."""
     for angle in angles:
         if hasattr(angle, "writer"):
             angle.writer.turn_together(*angles)
@@ -113,18 +113,18 @@ def select(condition: Any, a: Number, b: Number) -> Number:
 
 
 def select_each(condition: Any, a: Any, b: Any) -> Any:
-    """`select` of numbers that are nested likewise."""
+    """Apply `select` to each of the numbers in tuples that are nested alike."""
     pairs = zip(leaves(a), leaves(b), strict=True)
-    return nest(a, (select(condition, one, other) for one, other in pairs))
+    return nest(a, (select(condition, *pair) for pair in pairs))
 
 
 def round_product(x: Number) -> Number:
-    """A product as the number that it is rounded to, whatever sums it goes into (decision 13)."""
+    """Round a product before it is added to anything, so that no sum fuses it (decision 13)."""
     return x.writer.round_product(x) if hasattr(x, "writer") else x
 
 
 def where_any(condition: Any, other: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-    """`function(*arguments)` where the condition holds, else `other`, numbers nested likewise.
+    """`function(*arguments)` where the condition holds, else `other`, which is nested alike.
 
     Code for several poses runs the function only where one of them needs it.
     """
@@ -156,7 +156,7 @@ def where_each(
 def sum_over(
     function: Callable[..., Any], table: Sequence[tuple[float, float]], *arguments: Any
 ) -> Any:
-    """The sums of what a function gives for each row of a table and further arguments."""
+    """The sums, over the rows of a table, of a function's results for a row and the arguments."""
     for number in leaves(arguments):
         if hasattr(number, "writer"):
             return number.writer.sum_over(function, table, *arguments)

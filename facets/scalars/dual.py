@@ -30,8 +30,10 @@ def subtract_slopes(a: Any, b: Any) -> Any:
 
 
 class Dual:
-    """real: the value.  imag: the slope; named as in complex numbers, so that formulas serve
-    both."""
+    """A number with its derivative.
+
+    real: the value.  imag: the slope; named as in complex numbers, so that formulas serve both.
+    """
 
     __slots__ = ("imag", "real")
     #: The module with the elementary functions of such numbers, see `dispatch.library`.
@@ -116,5 +118,5 @@ def atan2(y: Any, x: Any) -> Dual:
 
 
 def value_and_slope(x: Any) -> tuple[Any, Any]:
-    """A number's value and slope, which is 0 where it carries none."""
+    """A number's value and slope; the slope is 0 if the number carries none."""
     return (x.real, x.imag) if isinstance(x, Dual) else (x, 0.0)

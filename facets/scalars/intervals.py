@@ -27,7 +27,7 @@ def interval_around(value: float, off: float) -> Interval:
 
 
 def hull(parts: Iterable[Interval]) -> Interval:
-    """The smallest interval that holds all of them."""
+    """The smallest interval that holds all of the given ones."""
     whole: Interval = None
     for part in parts:
         whole = part if whole is None else whole.union(part)

@@ -1,4 +1,4 @@
-"""Numbers of several poses at once that write machine code: each instruction works on all of them.
+"""Numbers of several poses that write machine code, whose instructions work on all poses at once.
 
 A `LaneWriter` runs the optics' formulas once, as `machine.MachineWriter` does, but its numbers are
 LLVM's vectors with a lane for each pose. There are no branches: both alternatives are computed, and
@@ -85,8 +85,11 @@ def join(builder: Any, vectors: list[Any]) -> Any:
 
 
 class LaneWriter(MachineWriter):
-    """lanes: number of poses.  called_lanes: number of lanes of the functions that are called where
-    a lane needs them, `lanes` unless given."""
+    """Writes LLVM's code for several poses at once.
+
+    lanes: number of poses.  called_lanes: number of lanes of the functions that are called where a
+    lane needs them, `lanes` unless given.
+    """
 
     drops_zeros = True
     shares_reciprocals = True
@@ -107,10 +110,10 @@ class LaneWriter(MachineWriter):
                     if operation == "subtract":
                         a, other = (a, -other) if part is operands[0] else (-a, other)
                     return self._write_intrinsic("fma", a, b, other)
-        found = super().write(operation, *operands)
+        value = super().write(operation, *operands)
         if operation == "multiply":
-            self._factors[found] = operands
-        return found
+            self._factors[value] = operands
+        return value
 
     def round_product(self, x: Value) -> Value:
         """See `dispatch.round_product`: a number of which no factors are known."""
@@ -134,9 +137,9 @@ class LaneWriter(MachineWriter):
         """Broadcast one number to all lanes."""
         return Value(self, self._splat(number, self.kind))
 
-    def _splat(self, one: Any, kind: Any) -> Any:
+    def _splat(self, number: Any, kind: Any) -> Any:
         empty = ir.Constant(kind, ir.Undefined)
-        first = self.builder.insert_element(empty, one, ir.Constant(SHORT, 0))
+        first = self.builder.insert_element(empty, number, ir.Constant(SHORT, 0))
         return shuffle(self.builder, first, empty, [0] * self.lanes)
 
     def load(self, pointer: Any, index: int) -> Value:
@@ -155,7 +158,7 @@ class LaneWriter(MachineWriter):
     def load_rows(self, pointer: Any, stride: Any, count: int) -> list[Value]:
         """Load `count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or
         a number of the generated code."""
-        found: list[Value] = []
+        columns: list[Value] = []
         for first, size in self._squares(count):
             rows = [
                 self.builder.load(self._row_vector(pointer, stride, lane, first, size), align=8)
@@ -166,8 +169,8 @@ class LaneWriter(MachineWriter):
                 for lane in range(0, self.lanes, size)
             ]
             for parts in zip(*squares, strict=True):
-                found.append(Value(self, join(self.builder, list(parts))))
-        return found
+                columns.append(Value(self, join(self.builder, list(parts))))
+        return columns
 
     def _squares(self, count: int) -> Iterator[tuple[int, int]]:
         """Divide columns into squares of memory: the first column, and the number of columns."""
@@ -186,11 +189,10 @@ class LaneWriter(MachineWriter):
         for row, number in enumerate(numbers):
             vector = self.value(number)
             for lane in range(self.lanes):
-                one = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
+                number_of_lane = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
                 first = self.builder.mul(columns, ir.Constant(LONG, lane * len(numbers) + row))
-                self.builder.store(
-                    one, self.builder.gep(pointer, [self.builder.add(first, column)])
-                )
+                place = self.builder.gep(pointer, [self.builder.add(first, column)])
+                self.builder.store(number_of_lane, place)
 
     def _row_vector(self, pointer: Any, stride: Any, lane: int, column: int, size: int) -> Any:
         """Return the pointer to `size` numbers of a lane's row, as a vector."""
@@ -300,8 +302,8 @@ class LaneWriter(MachineWriter):
         with self.scope(), do_while(self.builder) as repetition:
             at = self.builder.load(place)
             row = self.builder.gep(memory, [at])
-            found = function(*(self.load(row, n) for n in range(width)), *arguments)
-            for number in leaves(found):
+            terms = function(*(self.load(row, n) for n in range(width)), *arguments)
+            for number in leaves(terms):
                 sums.append(LaneMemory(self, 1))
                 sums[-1].begin(0.0)
                 sums[-1][0] = sums[-1][0] + number
@@ -309,7 +311,7 @@ class LaneWriter(MachineWriter):
             self.builder.store(at, place)
             end = ir.Constant(LONG, width * len(table))
             repetition.again = self.builder.icmp_signed("<", at, end)
-        return nest(found, iter([each[0] for each in sums]))
+        return nest(terms, iter([each[0] for each in sums]))
 
     def _table(self, table: Sequence[Sequence[float]]) -> Any:
         """A table's numbers in the module's memory, row by row."""
@@ -359,7 +361,7 @@ class LaneWriter(MachineWriter):
         return scaled - ROUNDING, bits
 
     def has_bit(self, bits: Any, bit: int, more: int = 0) -> Condition:
-        """In which lanes an integer, and `more`, has a bit."""
+        """Whether, in each lane, an integer plus `more` has a bit."""
         added = self.builder.add(bits, self._whole(more))
         masked = self.builder.and_(added, self._whole(bit))
         return Condition(self, self.builder.icmp_signed("!=", masked, self._whole(0)))
@@ -368,14 +370,14 @@ class LaneWriter(MachineWriter):
         return ir.Constant(ir.VectorType(LONG, self.lanes), [number] * self.lanes)
 
     def _exp(self, x: Value) -> Value:
-        """To all digits; 0 where x is below -700."""
+        """The exponential function to all digits; 0 where x is below -700."""
         e, bits = self.nearest_whole(x * (1 / math.log(2)))
         rest = (x - e * LN2_HIGH) - e * LN2_LOW
         power = self.builder.shl(bits, self._whole(MANTISSA_BITS))
         part = polynomials.polynomial(rest, EXPONENTIAL_SERIES)
         whole = self.builder.bitcast(part.ir, power.type)
-        found = Value(self, self.builder.bitcast(self.builder.add(whole, power), self.kind))
-        return self.select(x < LEAST_EXPONENT, 0.0, found)  # type: ignore[no-any-return]
+        result = Value(self, self.builder.bitcast(self.builder.add(whole, power), self.kind))
+        return self.select(x < LEAST_EXPONENT, 0.0, result)  # type: ignore[no-any-return]
 
     def _log(self, x: Value) -> Value:
         """The logarithm of positive numbers to all digits; NaN of others.
@@ -436,7 +438,7 @@ class LaneMemory:
     """Numbers of all lanes in the code's own memory, which a loop passes to its next round."""
 
     def __init__(self, code: LaneWriter, size: int = 1, place: Any = None) -> None:
-        """place: of numbers that are there already."""
+        """size: how many numbers.  place: address of numbers that exist already."""
         self.code, self._place = code, place
         if place is None:
             with code.builder.goto_entry_block():

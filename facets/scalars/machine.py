@@ -29,8 +29,11 @@ CONNECTIVES = {"and": "and_", "or": "or_", "not": "not_"}
 
 
 class MachineWriter(Tracer):
-    """builder: an `llvmlite` builder at the place of the next instruction.  kind: LLVM's type of a
-    number."""
+    """Base of the writers of LLVM's code.
+
+    builder: an `llvmlite` builder at the place of the next instruction.  kind: LLVM's type of a
+    number.
+    """
 
     kind: Any = DOUBLE
 
@@ -101,7 +104,7 @@ def write_loop(builder: Any, count: Any) -> Iterator[Any]:
 
 
 class Repetition:
-    """again: a bit, set within a loop, that repeats it."""
+    """A loop of `do_while`.  again: a bit, set within the loop, that repeats it."""
 
     again: Any = None
 

@@ -139,7 +139,7 @@ def arc_tangent(x: Number) -> Number:
     return x * polynomial(x * x, ARC_TANGENT)
 
 
-#: of 2 artanh(x) / x in powers of x^2; leaves out 2e-18
+#: Coefficients of 2 artanh(x) / x in powers of x^2; leaves out 2e-18
 LOGARITHM = tuple(2 / (2 * n + 1) for n in range(12))
 
 

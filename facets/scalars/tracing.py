@@ -184,10 +184,10 @@ class Tracer:
 
     def once(self, key: Hashable, write: Callable[..., Any], *arguments: Any) -> Any:
         """Return the earlier result of `write` for the same key, or else write now."""
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = write(*arguments)
-        return found
+        value = self._known.get(key)
+        if value is None:
+            value = self._known[key] = write(*arguments)
+        return value
 
     def add(self, a: Value | float, b: Value | float) -> Any:
         if (negative := opposite(b)) is not None:
@@ -214,17 +214,17 @@ class Tracer:
         return self.once(("subtract", key_of(a), key_of(b)), self.write, "subtract", a, b)
 
     def multiply(self, a: Value | float, b: Value | float) -> Any:
-        for one, other in ((b, a), (a, b)):
-            if (negative := opposite(one)) is not None:
+        for factor, other in ((b, a), (a, b)):
+            if (negative := opposite(factor)) is not None:
                 return -(other * negative)
-        for one, other in ((a, b), (b, a)):
-            if isinstance(one, Value):
+        for factor, other in ((a, b), (b, a)):
+            if isinstance(factor, Value):
                 continue
-            if one == 0 and self.drops_zeros:
+            if factor == 0 and self.drops_zeros:
                 return 0.0
-            if one == 1:
+            if factor == 1:
                 return other
-            if one == -1:
+            if factor == -1:
                 return -other
         return self.once(key_of_either_order("multiply", a, b), self.write, "multiply", a, b)
 
@@ -240,9 +240,9 @@ class Tracer:
     def negative(self, number: Value) -> Value:
         if number.opposite is not None:
             return number.opposite
-        found: Value = self.once(("negative", number), self.write, "negative", number)
-        found.opposite = number
-        return found
+        negative: Value = self.once(("negative", number), self.write, "negative", number)
+        negative.opposite = number
+        return negative
 
     def compare(self, how: str, a: Value | float, b: Value | float) -> Condition:
         key = (how, key_of(a), key_of(b))
@@ -284,7 +284,7 @@ def key_of_either_order(operation: str, a: Value | float, b: Value | float) -> H
 
 
 def opposite(number: Value | float) -> Value | None:
-    """The number whose negative this number is known to be."""
+    """The number whose negative `number` is, if that is known."""
     return number.opposite if isinstance(number, Value) else None
 
 
@@ -330,8 +330,8 @@ def erfc(x: Value) -> Any:
 
 
 def atan2(y: Value | float, x: Value | float) -> Any:
-    one = x if isinstance(x, Value) else y
-    return one.writer.function("atan2", y, x)  # type: ignore[union-attr]
+    value = x if isinstance(x, Value) else y
+    return value.writer.function("atan2", y, x)  # type: ignore[union-attr]
 
 
 def maximum(a: Any, b: Any) -> Any:
@@ -344,8 +344,9 @@ def maximum(a: Any, b: Any) -> Any:
 def select_number(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
     """a if the condition holds, else b, with its derivative."""
     if isinstance(a, Dual) or isinstance(b, Dual):
-        (one, first), (other, second) = value_and_slope(a), value_and_slope(b)
-        return Dual(code.select(condition, one, other), code.select(condition, first, second))
+        (value_a, slope_a), (value_b, slope_b) = value_and_slope(a), value_and_slope(b)
+        value = code.select(condition, value_a, value_b)
+        return Dual(value, code.select(condition, slope_a, slope_b))
     return code.select(condition, a, b)
 
 

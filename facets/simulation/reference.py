@@ -20,9 +20,9 @@ def reference_poses(poses: Floats, sigma: Sequence[float], rng: np.random.Genera
     moved = np.append(True, (np.diff(poses, axis=0) != 0).any(axis=1))
     arrival = np.maximum.accumulate(np.where(moved, np.arange(len(poses)), 0))
     measured = np.isfinite(sigma)
-    found: Floats = poses + np.where(measured, sigma, 0.0) * error[arrival]
-    found[:, ~measured] = np.nan
-    return found
+    readings: Floats = poses + np.where(measured, sigma, 0.0) * error[arrival]
+    readings[:, ~measured] = np.nan
+    return readings
 
 
 def reference_columns(poses: Floats) -> dict[str, Floats]:

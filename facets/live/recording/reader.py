@@ -22,7 +22,7 @@ from .index import CLOSED, Damage, are_events_whole, proves, read_rows, unpack_e
 
 @dataclass(frozen=True)
 class Seal:
-    """What a recording's files held when it was closed; see `Recording.seal`."""
+    """Sizes of a recording's files when it was closed; see `Recording.seal`."""
 
     bytes: int
     rows: int
@@ -33,7 +33,7 @@ class Seal:
 
 
 def seal_of(folder: Path) -> Seal | None:
-    """The last event of a recording; None where the recording was not closed."""
+    """The last event of a recording; None if it was not closed."""
     names = [field.name for field in fields(Seal)]
     lines = (events_of(folder) or b"").splitlines()
     with suppress(StopIteration, ValueError, KeyError, TypeError):
@@ -44,7 +44,7 @@ def seal_of(folder: Path) -> Seal | None:
 
 
 def events_of(folder: Path) -> bytes | None:
-    """The bytes of `events.jsonl`; None where it cannot be read."""
+    """The bytes of `events.jsonl`; None if the file cannot be read."""
     with suppress(OSError):
         return (folder / "events.jsonl").read_bytes()
     return None
@@ -53,10 +53,10 @@ def events_of(folder: Path) -> bytes | None:
 def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) -> Iterator[Block]:
     """Yield the blocks of a recording, also of one that ended in the middle of a write.
 
-    Bytes that no sound row of the index proves come as blocks of their own, `doubtful`; the beam's
-    place is then unknown where a stage carried it. damage: receives what is not as it was written.
-    salvage: do without the index if it is missing or not that of these bytes; otherwise this
-    raises `InputError`.
+    Bytes that no sound row of the index proves come as separate, `doubtful` blocks; the beam's
+    place is then unknown if a stage carried the beam. damage: counts differences from what was
+    written. salvage: do without the index if it is missing or belongs to other bytes; otherwise
+    this raises `InputError`.
     """
     damage = damage if damage is not None else Damage()
     seal, size = seal_of(folder), size_of(folder)
@@ -80,7 +80,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
 
 
 def open_bytes(folder: Path) -> BinaryIO:
-    """The received bytes; raises `InputError` where they cannot be opened."""
+    """Open the file of the received bytes; raises `InputError` if that fails."""
     path = folder / "bytes.bin"
     try:
         return path.open("rb")
@@ -103,14 +103,14 @@ def foreign_index(folder: Path, seal: Seal, size: int, rows: int) -> InputError:
 def indexed_blocks(
     file: BinaryIO, rows: Any, size: int, nowhere: Encoder | None, damage: Damage
 ) -> Iterator[Block]:
-    """Yield the blocks that the index knows of, and the bytes between them.
+    """Yield the blocks of the index's rows, and the bytes between them.
 
     size: of the file, bytes.  nowhere: the stage's place for bytes that no row proves.
     """
     place, known_missing = 0, damage.missing
     for row in rows:
         offset, length, arrival = int(row["offset"]), int(row["length"]), float(row["monotonic"])
-        if offset < place:  # nothing that this program writes
+        if offset < place:  # This program writes no such row.
             damage.rows += 1
             continue
         if offset > place:
@@ -151,7 +151,7 @@ def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
 
 
 def any_agrees(rows: Any, file: BinaryIO) -> bool:
-    """Whether the bytes of any row are those of the file, which is then at its beginning."""
+    """Whether the bytes of any row are those of the file; then seek the file's beginning."""
     for row in rows:
         file.seek(int(row["offset"]))
         if proves(row, file.read(int(row["length"]))):
@@ -162,7 +162,7 @@ def any_agrees(rows: Any, file: BinaryIO) -> bool:
 
 
 def size_of(folder: Path) -> int:
-    """Bytes that a recording holds, 0 where it has no file of them."""
+    """Number of bytes that a recording holds; 0 if their file is missing."""
     try:
         return (folder / "bytes.bin").stat().st_size
     except OSError:
@@ -170,16 +170,17 @@ def size_of(folder: Path) -> int:
 
 
 def utc_offset(folder: Path) -> float | None:
-    """Of the wall clock over the host's monotonic one, s, at the recording's beginning."""
+    """The wall clock's time less the host's monotonic time at the recording's beginning, s."""
     rows, _ = read_rows(read_index(folder, salvage=True))
     known = rows[np.isfinite(rows["monotonic"])]
     return float(known["utc"][0] - known["monotonic"][0]) if len(known) else None
 
 
-def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
-    """How a recording was made; raises `InputError` where the folder is none.
+def meta_of(folder: Path, sealed: bool = True) -> dict[str, Any]:
+    """The content of `meta.yaml`: how a recording was made.
 
-    own: refuse a `meta.yaml` that is not the one that the recording was closed with.
+    sealed: whether to refuse a `meta.yaml` other than that with which the recording was closed.
+    Raises `InputError` if the folder is no recording.
     """
     path = folder / "meta.yaml"
     remedy = (
@@ -193,18 +194,18 @@ def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
         raise InputError(f"{folder}: is not a recording of `facets acquire`: {what}")
     try:
         data = path.read_bytes()
-        found = YAML(typ="safe").load(data.decode())
+        meta = YAML(typ="safe").load(data.decode())
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except (YAMLError, ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict) or not isinstance(found.get("resolved"), dict):
+        meta = None
+    if not isinstance(meta, dict) or not isinstance(meta.get("resolved"), dict):
         raise InputError(f"{path}: is damaged: it holds no configuration; {remedy}")
     seal = seal_of(folder)
-    if own and seal and seal.meta_crc != zlib.crc32(data):
+    if sealed and seal and seal.meta_crc != zlib.crc32(data):
         raise InputError(
             f"{path}: is not the file with which this recording was closed: it was changed, or "
             "belongs to another recording. Restore the right file, or name a configuration: "
             f"`facets replay {folder} --config CONFIG`"
         )
-    return found
+    return meta

@@ -1,12 +1,12 @@
 """A recording: a folder in which nothing that came is lost, whenever the program or the power ends.
 
-meta.yaml       first of all: how it was made, the whole configuration, when it began
-bytes.bin       the received bytes, as they are
-index.bin       a row (`index.INDEX`) for each block of them: where, when, what the stage said
-                then, and the sums that prove both
+meta.yaml       written first: how the recording was made, the whole configuration, when it began
+bytes.bin       the received bytes
+index.bin       a row (`index.INDEX`) for each block of bytes: its place and time, the stage's place
+                then, and the sums that prove row and bytes
 poses.arrows    the poses as an Arrow stream, batch by batch; where the loop fell behind, the newest
                 first
-events.jsonl    a line for each thing that happened; the last says how much the others hold
+events.jsonl    a line for each event; the last line states the sizes of the other files
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from . import pose_table
 from .disk import Disk
 from .index import CLOSED, add_sum, make_row, name_of_copy
 
-#: In the order in which they are synced: no row reaches the disk long before its bytes.
+#: The files in the order in which they are synced: no row reaches the disk long before its bytes.
 NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
 #: Poses are written this often, s: each batch is a short pause of the loop, with a head of 1.6 kB.
 FLUSH_INTERVAL_S = 0.1
@@ -40,18 +40,18 @@ RETRY_INTERVAL_S = 1.0
 
 
 class DiskError(FacetsError):
-    """A recording that cannot be begun."""
+    """A recording cannot be begun."""
 
 
 class Recording(ClosedAtExit, Sink):
-    """Writes one, and says what it could not write.
+    """Writes a recording, and says what it could not write.
 
-    Bytes go to the system at once, so that the end of the program takes none of them; a thread of
-    its own has the system put them on the disk every `sync` seconds, so that a power failure takes
-    no more than that. Where the disk refuses, `troubles` says why, by the file, and `lost` counts
-    the bytes that came and are not recorded; what was written stays readable, and writing goes on
-    as soon as it can. A file that is refused costs no other file anything. After the beginning no
-    method raises.
+    Bytes go to the system at once, so that the end of the program takes none of them; a separate
+    thread has the system put them on the disk every `sync` seconds, so that a power failure takes
+    no more than the bytes of that time. If the disk refuses, `troubles` says why, by the file, and
+    `lost` counts the bytes that came and are not recorded; the written bytes stay readable, and
+    writing continues as soon as it can. A file that is refused costs no other file anything. After
+    the beginning no method raises.
     """
 
     def __init__(
@@ -62,10 +62,11 @@ class Recording(ClosedAtExit, Sink):
         sync: float = 0.0,
         disk: Disk | None = None,
     ) -> None:
-        """Begins with the whole configuration, and what files it names about the sensor.
+        """Begin a recording with its meta data and the files that the configuration names.
 
-        sync: s, 0 for never. Raises `InputError` for a folder that is not new, `DiskError` where it
-        cannot be written.
+        meta: the text of `meta.yaml`.  resolved: the whole configuration.  sync: time between
+        syncs, s; 0 for none. Raises `InputError` for a folder that is not new, and `DiskError` for
+        one that cannot be written.
         """
         self.folder, self.disk = folder, disk or Disk()
         self.lost = 0
@@ -95,8 +96,8 @@ class Recording(ClosedAtExit, Sink):
             self.syncer.start()
 
     def begin(self, meta: str, resolved: dict[str, Any]) -> None:
-        """The files that are there before the first byte comes, whatever happens then."""
-        self.above = [one for one in self.folder.parents if not one.exists()]
+        """Make the files that must exist before the first byte comes."""
+        self.above = [parent for parent in self.folder.parents if not parent.exists()]
         self.disk.make_folder(self.folder)
         self.save("meta.yaml", meta.encode())
         for keys, name, digest in measured_files(resolved):
@@ -106,7 +107,7 @@ class Recording(ClosedAtExit, Sink):
         self.disk.sync_folder(self.folder.absolute().parent)
 
     def save(self, name: str, data: bytes) -> None:
-        """A whole file, at once and for good."""
+        """Write a whole file, and sync it."""
         handle = self.disk.create(self.folder / name)
         try:
             view = memoryview(data)
@@ -117,7 +118,7 @@ class Recording(ClosedAtExit, Sink):
             self.disk.close(handle)
 
     def put(self, name: str, *parts: bytes) -> bool:
-        """All of the parts at a file's end, or nothing of them; whether that was possible."""
+        """Append all of the parts to a file or none; return whether that was possible."""
         with self.locks[name]:
             before = self.sizes[name]
             try:
@@ -134,12 +135,12 @@ class Recording(ClosedAtExit, Sink):
         return True
 
     def complain(self, name: str, what: str, error: OSError) -> None:
-        """Keep the first thing that the disk refused for a file, in words."""
+        """Keep a sentence about the first refusal of the disk for a file."""
         reason = f"{self.folder / name}: cannot be {what}: {error.strerror}"
         self.troubles.setdefault(name, reason)
 
     def add_block(self, block: Block) -> None:
-        """The bytes, then their row in the index: a row is never without its bytes.
+        """Write the bytes, then their row in the index: a row is never without its bytes.
 
         Bytes whose row is refused stay, because nothing else has them.
         """
@@ -157,7 +158,7 @@ class Recording(ClosedAtExit, Sink):
             self.add_event("recording again", lost_bytes=self.lost)
 
     def add_event(self, name: str, **details: Any) -> None:
-        """A line about something that happened now, with the sum of all lines until there."""
+        """Write a line about an event of this moment, with the sum of all lines until there."""
         row = {"monotonic": time.monotonic(), "utc": time.time(), "event": name, **details}
         with self.summing:
             line = add_sum(json.dumps(row, default=str).encode(), self.events_crc)
@@ -165,13 +166,13 @@ class Recording(ClosedAtExit, Sink):
                 self.events_crc = zlib.crc32(line, self.events_crc)
 
     def add_poses(self, poses: RunPoses) -> None:
-        """Poses, which are written a little later, many at once."""
+        """Take poses, which are written a little later, many at once."""
         self.waiting.append(poses)
         if time.monotonic() - self.written > FLUSH_INTERVAL_S:
             self.flush()
 
     def flush(self) -> None:
-        """Writes the poses that wait."""
+        """Write the waiting poses."""
         self.written = time.monotonic()
         if not self.waiting:
             return
@@ -185,7 +186,7 @@ class Recording(ClosedAtExit, Sink):
             self.poses_refused += len(rows)
 
     def sync(self) -> None:
-        """Has the system put on the disk what it was given."""
+        """Let the system put all written bytes on the disk."""
         for name in NAMES:
             try:
                 self.disk.sync(self.files[name])
@@ -193,7 +194,7 @@ class Recording(ClosedAtExit, Sink):
                 self.complain(name, "synced", error)
 
     def close(self) -> None:
-        """Writes what waits, syncs, and closes every file, whatever of this fails."""
+        """Write the waiting poses, sync, and close every file, whatever of this fails."""
         if self.closed:
             return
         self.closed = True
@@ -216,14 +217,14 @@ class Recording(ClosedAtExit, Sink):
             self.put("poses.arrows", pose_table.END)
 
     def seal(self) -> None:
-        """The last event: how much each file holds, so that what is cut off later is missed."""
+        """Write the last event: the sizes of all files, which show what is cut off later."""
         self.add_event(
             CLOSED, bytes=self.sizes["bytes.bin"], rows=self.rows, poses=self.poses_written,
             meta_crc=self.meta_crc, refused_bytes=self.lost, refused_poses=self.poses_refused,
         )  # fmt: skip
 
     def messages(self) -> list[str]:
-        """What the disk refused, if anything: why for the first of the files, and how much."""
+        """A sentence about what the disk refused: the reason for the first file, and how much."""
         counts = {
             f"{self.lost} received bytes are not recorded": self.lost,
             f"{self.poses_refused} poses are not recorded, `facets replay` computes them again": (
@@ -231,14 +232,14 @@ class Recording(ClosedAtExit, Sink):
             ),
         }
         reasons = [self.troubles[name] for name in NAMES if name in self.troubles]
-        found = [*reasons[:1], *(text for text, count in counts.items() if count)]
-        return ["; ".join(found)] if found else []
+        parts = [*reasons[:1], *(text for text, count in counts.items() if count)]
+        return ["; ".join(parts)] if parts else []
 
     def values(self) -> dict[str, Any]:
         return {"recording": str(self.folder), "not_recorded_bytes": self.lost}
 
     def discard(self) -> None:
-        """Close a recording, and if it holds nothing yet remove it with the folders made for it."""
+        """Close a recording; remove it, with the folders made for it, if it holds no bytes."""
         self.close()
         if self.sizes["bytes.bin"]:
             return
@@ -251,7 +252,7 @@ class Recording(ClosedAtExit, Sink):
 
 
 class Syncer(threading.Thread):
-    """Syncs a recording every so often, beside those who write: a disk may take its time."""
+    """Syncs a recording at intervals, in a separate thread, because a disk may take its time."""
 
     def __init__(self, recording: Recording, seconds: float) -> None:
         super().__init__(name="sync", daemon=True)

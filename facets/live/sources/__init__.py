@@ -1,4 +1,4 @@
-"""Where samples come from: ports, files and cards; their frames and their clocks."""
+"""Sources of samples (ports, files and cards), their frames, and their clocks."""
 
 from ...core.closing import ClosedAtExit as ClosedAtExit
 from .contract import check_missing as check_missing

@@ -1,4 +1,4 @@
-"""Sequence numbers and a board's clock, which wrap, skip, and begin again.
+"""The sequence numbers and the clock of a board, which wrap, skip, and begin again.
 
 A board's two counters, of samples and of microseconds, are 32 bits each: the second wraps every
 71.6 minutes. A counter that is suddenly small has wrapped, or the board was switched off and on.
@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from .frames import RawSamples
 
 WRAP = 2**32
-#: Time goes on by no more than this between samples of which none is missing, us.
+#: Longest time between two samples between which none is missing, us.
 CLOSE_US = 1_000_000
-#: By how much the board's clock and the arrival of its bytes may disagree, s: a busy host reads
-#: late, and a board sends late what it has kept.
+#: Largest difference between the board's clock and the arrival of its bytes, s: a busy host reads
+#: late, and a board sends late the samples that it has kept.
 CREDIBLE_S = 5.0
-#: By what factor the samples that are missing and the time that has passed may disagree.
+#: Largest ratio between the time of the missing samples and the time that has passed.
 FACTOR = 4.0
 
 #: A sample's time on the board, us, and its counts.
@@ -31,7 +31,7 @@ Frame = tuple[int, bytes]
 
 
 class Remembered:
-    """The samples that came last, by their number; looked through once one is asked for."""
+    """The newest samples by their number, sorted when the first is asked for."""
 
     def __init__(self, parts: Iterable[RawSamples]) -> None:
         self.parts = list(parts)
@@ -41,7 +41,7 @@ class Remembered:
         self.parts.append(samples)
 
     def get(self, number: int) -> Frame | None:
-        """The newest of that number."""
+        """Return the newest sample of a number, if there is any."""
         for part in self.parts:
             self.frames |= {
                 int(seq): (int(at), counts.tobytes())
@@ -55,18 +55,18 @@ class Remembered:
 
 
 class Sequence:
-    """Unwraps seq and t_us, and counts what is missing or comes twice.
+    """Unwraps seq and t_us, and counts samples that are missing or come twice.
 
-    lost: samples that never came.  doubled: that came again, or too late, and were dropped.
-    restarts: of the board, whose counters then begin anew; what was lost meanwhile is not known.
-    silent: time for which the board took no samples, though none is missing by its number, us.
-    period: between samples, us, 0 while it is not known.  fresh: of the samples that were followed
-    last, the first after a restart; 0 where there was none.
+    lost: samples that never came.  doubled: samples that came again, or too late, and were dropped.
+    restarts: of the board, whose counters then begin anew; the samples lost meanwhile are not
+    known.  silent: time for which the board took no samples, though none is missing by its number,
+    us.  period: between samples, us, 0 while it is not known.  fresh: position of the first sample
+    after a restart among the samples that were followed last; 0 without a restart.
     """
 
-    #: A step back by no more than this can be a sample that comes again or late.
+    #: Largest step back of a sample that comes again or late.
     LATE = 1000
-    #: A step ahead by more than this must agree with both clocks, or it is a restart.
+    #: A step ahead by more than this is a restart unless it agrees with both clocks.
     AHEAD = 10_000_000
 
     def __init__(self) -> None:
@@ -81,10 +81,10 @@ class Sequence:
     def follow(
         self, samples: RawSamples, arrival: float = nan
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
-        """The samples to be used, with seq and time (us) that only grow.
+        """Return the samples to be used, and their seq and time (us), which only grow.
 
-        arrival: of the bytes at the host, s, on a clock that is never set; NaN where not known.
-        After a restart time goes on by what the host's clock says.
+        arrival: of the bytes at the host, s, on a clock that is never set; NaN if it is not known.
+        After a restart the time continues by the host's clock.
         """
         self.fresh = 0
         if not len(samples):
@@ -113,7 +113,7 @@ class Sequence:
         return samples, seq, time
 
     def remember(self, samples: RawSamples) -> None:
-        """Keeps the newest samples, at least LATE of them."""
+        """Keep the newest samples, at least LATE of them."""
         self.recent.append(samples)
         self.kept += len(samples)
         while self.kept - len(self.recent[0]) >= self.LATE:
@@ -122,9 +122,9 @@ class Sequence:
     def sort_out(
         self, samples: RawSamples, ends: list[int], gap: float
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
-        """Run by run, where a counter does not simply go on.
+        """Follow samples run by run, if a counter does not simply go on.
 
-        ends: of the runs.  gap: since the last samples, us.
+        ends: of the runs.  gap: host's time since the last samples, us.
         """
         keep = np.zeros(len(samples), dtype=bool)
         seqs: list[NDArray[np.int64]] = []
@@ -134,7 +134,7 @@ class Sequence:
         known = Remembered(self.recent)
         n = 0
         for end in ends:
-            while n < end:  # what is left of a run, once its first sample is kept, goes on from it
+            while n < end:  # The rest of a run continues from its first sample that is kept.
                 number, at = int(samples.seq[n]), int(samples.time[n])
                 step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
                 frame = (at, samples.counts[n].tobytes())
@@ -180,8 +180,8 @@ class Sequence:
     ) -> bool:
         """Whether a sample has come before, or comes after its turn.
 
-        step, passed: of the raw counters, modulo 2^32.  reach: how far back samples are remembered.
-        number, frame: of this one.  known: those that came before.
+        step, passed: of the raw counters, modulo 2^32.  reach: number of samples back that are
+        remembered.  number, frame: of this sample.  known: the samples that came before.
         """
         if 0 < step < WRAP - self.LATE:
             return False
@@ -192,19 +192,20 @@ class Sequence:
         return self.period > 0 and 0 < back <= reach and self.agrees(earlier, back)
 
     def agrees(self, passed: float, steps: int) -> bool:
-        """Whether so much time, us, is about so many samples."""
+        """Whether a time `passed`, us, is about that of `steps` samples."""
         late = passed > FACTOR * steps * self.period + CLOSE_US / 100
         return self.fits_samples(passed, steps) and not late
 
     def fits_samples(self, passed: float, steps: int) -> bool:
-        """Whether so many samples can have been taken in that time, us."""
+        """Whether `steps` samples can have been taken in a time `passed`, us."""
         return 0 < steps * self.period <= FACTOR * passed
 
     def elapsed_time(self, step: int, passed: int, gap: float, first: bool) -> int | None:
-        """How far the board's clock went on, us, with its wraps counted; None for a restart.
+        """The time that passed on the board's clock, us, with its wraps; None for a restart.
 
-        step, passed: of the raw counters, modulo 2^32.  gap: of the host's clock, us.  first: of
-        the samples that came together, of which only the first can be known to be late.
+        step, passed: of the raw counters, modulo 2^32.  gap: of the host's clock, us.  first:
+        whether this is the first of the samples that came together, because only the first can be
+        known to be late.
         """
         if step == 1 and passed < CLOSE_US:
             return passed
@@ -220,14 +221,14 @@ class Sequence:
     def may_miss(self, step: int, were_kept: bool, late: bool) -> bool:
         """Whether the samples before this one, step - 1, may be missing, and nothing else is wrong.
 
-        were_kept: see `explains_samples`.  late: whether the host's clock says that all are late.
+        were_kept: see `explains_samples`.  late: whether all are late by the host's clock.
         """
         is_plausible = were_kept or self.period == 0
         is_near = step <= self.AHEAD or (self.period > 0 and late)
         return is_plausible and is_near
 
     def explains_samples(self, step: int, whole: float) -> bool:
-        """Whether a time, us, is one in which the missing samples can have been taken."""
+        """Whether the missing samples can have been taken in a time `whole`, us."""
         if step == 1 or self.period == 0:
             return False
         # a board that stood still for a while and lost samples has not begun anew
@@ -235,9 +236,9 @@ class Sequence:
         return stood or self.agrees(whole, step)
 
     def agrees_with_host(self, whole: float, gap: float, first: bool, were_kept: bool) -> bool:
-        """Whether the board's clock went on, by `whole` us, about as the host's, by `gap` us.
+        """Whether the board's clock went on by about as much, `whole` us, as the host's, `gap` us.
 
-        Only what follows samples that were kept for long may be ahead of the host.
+        Only samples after those that the board kept for long may be ahead of the host.
         """
         slack = 1e6 * CREDIBLE_S + 1e-3 * abs(gap)
         is_behind = first and whole < gap - slack
@@ -246,21 +247,21 @@ class Sequence:
 
 
 def run_ends(samples: RawSamples) -> list[int]:
-    """Where runs end whose samples simply follow each other, in both counters."""
+    """The ends of runs, whose samples simply follow each other in both counters."""
     steps, passed = np.diff(samples.seq), np.diff(samples.time)  # unsigned, and wrap
     breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE_US)) + 1
     return [*breaks.tolist(), len(samples)]
 
 
 def usual_step(time: NDArray[np.int64]) -> float:
-    """The median step of times (n,) that only grow, for a board may have paused among them; the
-    mean step where most have none, as those of a board that stamps several samples at once."""
+    """The median step of growing times (n,), because a board may have paused among them; the mean
+    step if most steps are zero, because the board stamps several samples at once."""
     steps = np.sort(np.diff(time))
     return float(steps[len(steps) // 2] or steps.mean())
 
 
 def elapsed_counts(values: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """How far a counter that wraps at 2^32 has gone on since the first of its values (n,)."""
+    """The steps of a counter that wraps at 2^32, since the first of its values (n,)."""
     gone = np.zeros(len(values), np.int64)
     np.cumsum(np.diff(values), out=gone[1:])  # unsigned differences wrap as the counter does
     return gone

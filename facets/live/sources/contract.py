@@ -1,4 +1,4 @@
-"""What every source of bytes must do, as a check that any package's tests can call.
+"""Checks that a source of bytes keeps the protocol `Source`, for the tests of any package.
 
 from facets.live.sources import check_source
 
@@ -20,9 +20,10 @@ GUARD_S = 600.0
 def check_source(
     opened: Callable[[], Source], send: Callable[[bytes], object], data: bytes
 ) -> None:
-    """Raises `AssertionError`, in words, where a source does not keep `Source`.
+    """Raise `AssertionError` if a source does not keep the protocol `Source`.
 
-    opened: opens it.  send: has the other end send bytes.  data: what is sent, and must come.
+    opened: opens the source.  send: lets the other end send bytes.  data: the bytes to send, which
+    must come.
     """
     port = opened()
     try:
@@ -37,7 +38,7 @@ def check_source(
             assert isinstance(part, bytes), f"read() gives {type(part).__name__}, not bytes"
             came.extend(part)
         assert bytes(came) == data, "other bytes came than were sent"
-        for _ in range(3):  # nothing more is no error, and no end but where there is one
+        for _ in range(3):  # Having nothing to read is no error.
             assert port.ended or port.read() == b"", "more came than was sent"
     finally:
         port.close()
@@ -45,11 +46,11 @@ def check_source(
 
 
 def check_missing(opened: Callable[[], Source]) -> None:
-    """A source that is not there is told by `PortError`, and by no other error."""
-    told = None
+    """Raise `AssertionError` if opening a missing source raises no `PortError` with words."""
+    message = None
     try:
         opened().close()
     except PortError as error:
-        told = str(error)
-    assert told is not None, "a source that is not there was opened"
-    assert told, "the error says nothing"
+        message = str(error)
+    assert message is not None, "a source that is not there was opened"
+    assert message, "the error says nothing"

@@ -1,4 +1,4 @@
-"""What a detector board sends: three formats, parsed in blocks, made again after noise.
+"""The three formats of a detector board's bytes: parsed in blocks, also after noise, and made.
 
 Every format carries the same sample: seq (u32), t_us (u32), 12 counts (i32), four a detector, and
 up to 15 auxiliary channels (f32). docs/formats.md describes the bytes for those who write firmware.
@@ -39,7 +39,7 @@ def frame_dtype(channels: int) -> np.dtype[np.void]:
 FRAME = frame_dtype(0)
 SIZE = FRAME.itemsize
 SIGN = int.from_bytes(SYNC, "little")
-#: Frames that are checked together: after a spoilt one, no more than so many are checked again.
+#: Number of frames that are checked together: after a spoilt frame these are checked again.
 TOGETHER = 64
 #: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare; or a pose
 #: that the board has solved (`board_poses`), with the number of the sample that it belongs to.
@@ -80,9 +80,12 @@ class RawSamples:
 
 
 class Parser(Protocol):
-    """Turns blocks of bytes into samples. corrupt: frames refused; skipped: bytes passed over.
-    other_channels: number of auxiliary channels of sound frames that came instead of the expected
-    ones; None if none came."""
+    """Turns blocks of bytes into samples.
+
+    corrupt: number of frames refused.  skipped: number of bytes passed over.  other_channels:
+    number of auxiliary channels of sound frames that came instead of the expected ones; None if
+    none came.
+    """
 
     corrupt: int
     skipped: int
@@ -124,7 +127,7 @@ def is_sound(frame: memoryview | bytes) -> bool:
 
 
 def sound_frames(view: memoryview, dtype: np.dtype[np.void] = FRAME) -> int:
-    """How many sound frames, one after the other, the bytes begin with."""
+    """Number of sound frames, one after the other, with which the bytes begin."""
     size = dtype.itemsize
     whole = len(view) // size
     for first in range(0, whole, TOGETHER):
@@ -136,8 +139,8 @@ def sound_frames(view: memoryview, dtype: np.dtype[np.void] = FRAME) -> int:
 
 
 def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
-    """Of frames, one after the other, which have the sign, the number of channels and their
-    CRC-32."""
+    """Whether each of the frames, one after the other, has the sign, the number of channels and a
+    CRC-32 that is right."""
     frames, size = np.frombuffer(view, dtype), dtype.itemsize
     sums = [zlib.crc32(view[at : at + size - 4]) for at in range(0, len(view), size)]
     sound: NDArray[np.bool_] = (frames["crc"] == sums) & (frames["sync"] == SIGN)
@@ -182,7 +185,8 @@ class FixedFrames:
         return samples_from(np.frombuffer(b"".join(good), self.dtype))
 
     def resume(self, raw: bytes, view: memoryview, place: int) -> int:
-        """Where a sound frame begins again, or may begin in what has not come yet."""
+        """The place where a sound frame begins again, or may begin with bytes that are still to
+        come."""
         self.corrupt += raw.startswith(SYNC, place)
         following = place
         while True:
@@ -200,7 +204,7 @@ class FixedFrames:
 
 
 class CobsFrames:
-    """Format "cobs": the same bytes, made free of zeros, each frame ended by a zero."""
+    """Format "cobs": the bytes of "frames" made free of zeros, and a zero after each frame."""
 
     def __init__(self, channels: int = 0) -> None:
         self.channels, self.dtype = channels, frame_dtype(channels)
@@ -233,10 +237,10 @@ class CobsFrames:
 
 
 def cobs_decode(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """COBS undone, for rows (n, size + 1) of frames shorter than 254 bytes: (n, size).
+    """Decode COBS, for rows (n, size + 1) of frames shorter than 254 bytes: (n, size).
 
-    Each code says how far the next one is; in the frame, a zero stands there. A chain that does not
-    end at the row's end leaves a row whose CRC fails.
+    Each code is the distance to the next one, in whose place the frame has a zero. A chain that
+    does not end at the row's end leaves a row whose CRC fails.
     """
     raw = coded.copy()
     rows = np.arange(len(raw))
@@ -266,9 +270,9 @@ class TextLines:
     """Format "text": lines of seq,t_us,c0,...,c11, and of the auxiliary channels. There is no
     checksum: use it to try things."""
 
-    #: A line is never so long.
+    #: Length of a line, bytes, that no line reaches.
     LONGEST = 800
-    #: Lines of the same other number of channels, one after the other, that are no accident.
+    #: Number of successive lines with the same wrong number of channels that are no accident.
     SURE = 3
 
     def __init__(self, kind: int, channels: int = 0) -> None:
@@ -336,8 +340,11 @@ def text_encode(samples: RawSamples) -> bytes:
 
 
 def parser(form: str, content: str, channels: int = 0) -> Parser:
-    """form: "frames", "cobs" or "text". content: of text, "electrodes" or "xy-sum".  channels:
-    number of auxiliary channels of each sample."""
+    """The parser of a format.
+
+    form: "frames", "cobs" or "text".  content: of text, "electrodes" or "xy-sum".  channels: number
+    of auxiliary channels of each sample.
+    """
     if form == "text":
         return TextLines(XY_SUM if content == "xy-sum" else ELECTRODES, channels)
     return CobsFrames(channels) if form == "cobs" else FixedFrames(channels)

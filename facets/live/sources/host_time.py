@@ -1,7 +1,7 @@
-"""When a board's samples were taken, on the host's clock, by the blocks that came soonest.
+"""The times of a board's samples on the host's clock, from the blocks that came soonest.
 
 A block can only be late: the port, the system and a busy reader keep it for a while, and nothing
-brings it early. Of all arrivals the earliest therefore know the time best. The line under the
+brings it early. The earliest of all arrivals therefore tell the time best. The line under the
 arrivals against the board's clock that touches them from below, with the least sum of distances
 (Moon, Skelly and Towsley, 1999), is the maximum of the likelihood for exponential delays; it is
 an edge of the lower convex hull. Its slope is the drift of the board's clock.
@@ -23,9 +23,9 @@ from ...core.units import Floats
 ARRIVAL_MEMORY_S = 60.0
 #: Length of a bucket, s: only the arrival with the least delay in a bucket is remembered.
 BUCKET_S = 0.1
-#: No clock of a board is wrong by more, 1 sigma; the slope is held within three of them.
+#: Standard uncertainty of the rate of any board's clock; the slope is held within three of it.
 WORST_RATE = 100e-6
-#: By how much a clock's rate may have changed between two lives of the board, 1 sigma.
+#: Standard uncertainty of the change of a clock's rate between two lives of the board.
 RATE_CHANGE = 1e-6
 #: An arrival that is earlier than possible by more than this shows that a clock was set, s.
 EARLY_ARRIVAL_S = 0.05
@@ -46,9 +46,10 @@ CLOCK_READINGS = 3
 
 
 def wall_clock_offset() -> float:
-    """Of the wall clock over the host's monotonic one, now, s.
+    """The present offset of the wall clock over the host's monotonic clock, s.
 
-    Of some pairs of times that with the least between them: a busy machine may stop between two.
+    It is that of the pair of times with the least time between them, because a busy machine may
+    stop between two.
     """
     pairs = ((time.monotonic(), time.time(), time.monotonic()) for _ in range(CLOCK_READINGS))
     before, utc, after = min(pairs, key=lambda times: times[2] - times[0])
@@ -63,7 +64,7 @@ class ClockLine(NamedTuple):
     rate: float
 
     def lag(self, device: float) -> float:
-        """Host's time less the board's."""
+        """The host's time less the board's time, s."""
         return self.offset + self.rate * (device - self.middle)
 
     def host_times(self, device: Floats) -> Floats:
@@ -72,13 +73,13 @@ class ClockLine(NamedTuple):
 
 
 class HostTime:
-    """The line of one life of a board, from its arrivals so far; see the module.
+    """The line between the clocks of a board and of the host, since the board's last start.
 
-    rate, rate_sigma: of the host's clock against the board's, and how well that is known; they
-    outlive a restart.  restarts: how often it was begun anew.  over: the delay of the newest block
-    after the line, s.  late: how much later the line is than the soonest one so far, s, but for the
-    drift; nothing tells a board's clock that lost time from a delay.  moves: how often a line that
-    was known was moved by more than its drift.
+    rate, rate_sigma: of the host's clock against the board's, with its standard uncertainty; they
+    outlive a restart.  restarts: number of new lines.  over: the delay of the newest block after
+    the line, s.  late: delay of the line after the soonest line so far, s, without the drift;
+    a board's clock that lost time looks the same as a delay.  moves: how often a known line was
+    moved by more than its drift.
     """
 
     def __init__(self) -> None:
@@ -89,7 +90,7 @@ class HostTime:
         self.restart()
 
     def restart(self) -> None:
-        """The clocks are apart by another amount from here on; their rates are not."""
+        """Begin a new line: the clocks' offset changes here, their rates do not."""
         self.restarts += 1
         self.moves += len(self.points) >= KNOWN_BUCKETS
         self.line: ClockLine | None = None
@@ -100,7 +101,7 @@ class HostTime:
         self.held = self.rate, hypot(self.rate_sigma, RATE_CHANGE)
 
     def add(self, device: float, arrival: float) -> None:
-        """One block: the board's time of its last sample, and when it came, s."""
+        """Add a block: `device` is the board's time of its last sample, s."""
         lag = arrival - device
         if self.line is None:
             self.line = ClockLine(device, lag, self.rate)
@@ -126,7 +127,7 @@ class HostTime:
         self.over = max(lag - self.line.lag(device), 0.0)
 
     def fit(self) -> None:
-        """The line under the remembered arrivals."""
+        """Fit the line under the remembered arrivals."""
         at, lag = np.array(self.points).T
         middle = float(at.mean())
         known, sigma = self.held
@@ -147,16 +148,15 @@ class HostTime:
         self.line = ClockLine(middle, offset - BIAS * self.scale / count, rate)
 
     def stood_still(self, over: Floats) -> bool:
-        """Whether what came lately is late as a whole: the board's clock has lost time."""
+        """Whether all of the newest buckets are late, because the board's clock has lost time."""
         older, newer = over[:-LATE_BUCKETS], over[-LATE_BUCKETS:]
         return len(older) >= 10 and bool(newer.min() > LATE_ARRIVAL_S + 20 * np.median(older))
 
     @property
     def uncertainty(self) -> float:
-        """Of the times of the newest samples, 1 sigma, s; NaN before there are any.
+        """Standard uncertainty of the newest samples' times, s; NaN before there are any samples.
 
-        It holds for what arrivals can tell: that the soonest of them took the least delay, which
-        the configuration knows.
+        It supposes that the soonest arrivals took the least delay, which is in the configuration.
         """
         if self.line is None:
             return nan
@@ -169,14 +169,15 @@ class HostTime:
 
     @property
     def ppm(self) -> float:
-        """By how much the host's clock runs faster, 1e-6; NaN until there is something to say."""
+        """Relative rate of the host's clock over the board's, 1e-6; NaN until it is known."""
         return 1e6 * self.rate if self.rate_sigma < WORST_RATE else nan
 
 
 def touching_line(x: Floats, y: Floats, least: float, most: float) -> tuple[float, float, bool]:
     """The line under points (n,) with the least sum of distances, its slope between two ends.
 
-    x: ascending, of mean zero. Returns its value at zero, its slope, and whether that is free.
+    x: ascending, of mean zero. Returns the line's value at zero, its slope, and whether the slope
+    lies between its ends.
     """
     slope = hull_slope(x, y)
     free = isfinite(slope) and least < slope < most

@@ -33,24 +33,25 @@ TERMINALS = {"rse": "RSE", "nrse": "NRSE", "diff": "DIFF", "default": "DEFAULT"}
 
 
 def numbers_of(name: str, known: dict[str, float]) -> tuple[str, dict[str, float], dict[str, str]]:
-    """The place of a port's name, and its options with their defaults; words are told apart.
+    """The place in a port's name, its options with a number or its default, and its other options.
 
-    Raises `PortInUse`, since no waiting helps, for an option that is none or no number.
+    known: the options with numbers, and their defaults. Raises `PortInUse`, because waiting does
+    not help, if one of them is not a positive number.
     """
     place, _, query = name.partition("?")
     given = dict(parse_qsl(query, keep_blank_values=True))
     words = {key: given.pop(key) for key in list(given) if key not in known}
     try:
-        found = known | {key: float(value) for key, value in given.items()}
+        numbers = known | {key: float(value) for key, value in given.items()}
     except ValueError as error:
         raise PortInUse(f"{name}: {error}") from None
-    if not all(np.isfinite(value) and value > 0 for value in found.values()):
+    if not all(np.isfinite(value) and value > 0 for value in numbers.values()):
         raise PortInUse(f"{name}: {', '.join(known)} must be positive numbers")
-    return place.partition(":")[2], found, words
+    return place.partition(":")[2], numbers, words
 
 
 def counts_of_volts(volts: Floats, bits: float, full: float) -> Any:
-    """Counts of a converter of so many bits for `full` volts; its end where there are more."""
+    """Counts of a converter of `bits` bits for `full` volts, clipped to its range."""
     top = 2**bits - 1
     return np.clip(np.round(volts * (2**bits / full)), -top, top).astype(np.int32)
 
@@ -61,7 +62,7 @@ class Card(ClosedAtExit):
     ended = waits = False
 
     def __init__(self, name: str, baud: int) -> None:
-        """baud: of serial lines, and nothing to a card."""
+        """baud: ignored, because a card is no serial line."""
         self.name = name
         channels, options, words = numbers_of(name, {"rate": 10_000, "bits": 16, "range": 10})
         terminal = words.pop("terminal", "default")
@@ -110,7 +111,7 @@ class Card(ClosedAtExit):
         self.made = 0
 
     def read(self) -> bytes:
-        """What the card has sampled since, as frames."""
+        """Return the frames that the card has sampled since the last call."""
         try:
             count = int(self.task.in_stream.avail_samp_per_chan)
             if not count:

@@ -1,4 +1,4 @@
-"""Where bytes come from: serial ports and sockets by pyserial's URLs, datagrams, recorded files.
+"""Sources of bytes: serial ports and sockets by pyserial's URLs, datagrams, recorded files.
 
 Other packages add sources by entry points of the group `facets.sources`: one named `daq` opens the
 ports whose names begin with `daq:`. It is called with the name and the baud rate, and returns a
@@ -19,16 +19,15 @@ from urllib.parse import urlsplit
 from ...core.closing import ClosedAtExit
 from .source import MAX_READ_BYTES, POLL_S, PortError, PortInUse, Source
 
-#: Of the entry points by which other packages bring ports.
+#: Group of the entry points by which other packages bring ports.
 GROUP = "facets.sources"
-#: What is shipped, and needs an extra.
+#: Entry points of the shipped sources that need an extra.
 SHIPPED = (
     EntryPoint("ni", "facets.live.sources.ni_card:Card", GROUP),
     EntryPoint("thorlabs", "facets.live.sources.thorlabs_heads:Heads", GROUP),
 )
-#: Between attempts to open a port, s.
+#: Time between attempts to open a port, s.
 RETRY_INTERVAL_S = 0.1
-IN_USE = "another program uses it; close that program first"
 
 
 class SerialPort(ClosedAtExit):
@@ -42,7 +41,8 @@ class SerialPort(ClosedAtExit):
         self.line.write_timeout = POLL_S
 
     def read(self) -> bytes:
-        """What came, at once or after POLL_S; nothing is no error, a port that is gone is."""
+        """Return the bytes that came, at once or after POLL_S; raise `PortError` if the port is
+        gone."""
         try:
             block: bytes = self.line.read(MAX_READ_BYTES)
         except Exception as error:  # pyserial's own, and what the system's driver raises through it
@@ -50,7 +50,7 @@ class SerialPort(ClosedAtExit):
         return block
 
     def write(self, data: bytes) -> bool:
-        """Sends a few bytes to the board, in another thread's time; whether the line took them."""
+        """Send a few bytes to the board, from another thread; return whether the line took them."""
         try:
             return bool(self.line.write(data) == len(data))
         except Exception:
@@ -63,12 +63,12 @@ class SerialPort(ClosedAtExit):
 class DatagramPort(ClosedAtExit):
     """A board that sends its frames by UDP to a port of this machine, `udp://:PORT`.
 
-    A host before the colon binds that address alone. Datagrams hold whole frames, as many as the
-    board likes; one that is lost is so many samples lost, which `seq` tells.
+    A host before the colon binds that address alone. Each datagram holds any number of whole
+    frames, whose samples are missing by `seq` if the datagram is lost.
     """
 
     ended = waits = False
-    #: What the system keeps while nobody reads, bytes.
+    #: Size of the system's buffer for datagrams that nobody has read yet, bytes.
     BUFFER = 1 << 22
 
     def __init__(self, name: str) -> None:
@@ -90,7 +90,7 @@ class DatagramPort(ClosedAtExit):
         self.line.settimeout(POLL_S)
 
     def read(self) -> bytes:
-        """All datagrams that are there."""
+        """Return the bytes of all datagrams that have come."""
         parts: list[bytes] = []
         size = 0
         try:
@@ -108,7 +108,7 @@ class DatagramPort(ClosedAtExit):
         return b"".join(parts)
 
     def write(self, data: bytes) -> bool:
-        """Sends a datagram to where the last one came from; whether there was one."""
+        """Send a datagram to the sender of the last one; return whether that was possible."""
         try:
             return self.sender is not None and self.line.sendto(data, self.sender) == len(data)
         except OSError:
@@ -144,7 +144,7 @@ class FilePort(ClosedAtExit):
 
 
 def open_line(name: str, baud: int, timeout: float) -> Any:
-    """An open pyserial port, or a message that says what to do."""
+    """Open a pyserial port; raises `PortError` with a remedy if that fails."""
     import serial
 
     try:
@@ -154,25 +154,23 @@ def open_line(name: str, baud: int, timeout: float) -> Any:
         line.open()
         return line
     except Exception as error:  # pyserial lets termios' errors, which are no OSError, pass
-        reason = advice(str(error))
-        kind = PortInUse if reason == IN_USE else PortError
-        raise kind(f"{name}: cannot be opened: {reason}") from None
+        raise opening_error(f"{name}: cannot be opened", str(error)) from None
 
 
-def advice(reason: str) -> str:
-    """What to do about an error of the system."""
+def opening_error(what: str, reason: str) -> PortError:
+    """The error of a port that the system does not open for a reason, with its remedy."""
     text = reason.lower()
     if "exclusively lock" in text or "busy" in text:
-        return IN_USE
+        return PortInUse(f"{what}: another program uses it; close that program first")
     if "permission" in text:
-        return "no permission; on Linux, join the group that owns it (dialout or uucp)"
-    if "no such file" in text or "filenotfound" in text:
-        return "there is no such device; check that it is plugged in"
-    return reason
+        reason = "no permission; on Linux, join the group that owns it (dialout or uucp)"
+    elif "no such file" in text or "filenotfound" in text:
+        reason = "there is no such device; check that it is plugged in"
+    return PortError(f"{what}: {reason}")
 
 
 def open_port(name: str, baud: int) -> Source:
-    """The port of a name, now; raises `PortError` where it cannot be opened."""
+    """Open the port of a name; raises `PortError` if it cannot be opened."""
     if name.startswith("file:"):
         return FilePort(name)
     if name.startswith("udp://"):
@@ -183,16 +181,16 @@ def open_port(name: str, baud: int) -> Source:
 
 
 def source_of(name: str) -> EntryPoint | None:
-    """The entry point of `facets.sources` that opens a port of that name, if there is one."""
+    """The entry point of `facets.sources` that opens the port of a name, if there is one."""
     scheme, colon, _ = name.partition(":")
     if not colon or len(scheme) < 2:  # a letter is a drive
         return None
-    found = [*entry_points(group=GROUP, name=scheme), *SHIPPED]
-    return next((one for one in found if one.name == scheme), None)
+    sources = [*entry_points(group=GROUP, name=scheme), *SHIPPED]
+    return next((source for source in sources if source.name == scheme), None)
 
 
 def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
-    """The port that another package opens; what it raises besides `PortError` names it."""
+    """Open a port of another package, which errors other than `PortError` name."""
     try:
         port: Source = source.load()(name, baud)
     except PortError:
@@ -209,10 +207,10 @@ def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
 def await_port(
     name: str, baud: int, wait: float, tell: Callable[[str], None] = lambda _: None
 ) -> Source:
-    """The port of a name, as soon as it is there: a board that boots takes some seconds.
+    """Open the port of a name as soon as it is there: a board that boots takes some seconds.
 
-    tell: is told once, in words, if there is something to wait for. Raises `PortError` after `wait`
-    seconds; at once for a file, and for a port that another program has.
+    tell: receives a sentence once, if there is something to wait for. Raises `PortError` after
+    `wait` seconds; at once for a file, and for a port that another program uses.
     """
     last, told = time.monotonic() + wait, False
     while True:

@@ -1,4 +1,4 @@
-"""What a run reads from: the protocol `Source`, its errors, and its blocks of bytes."""
+"""The protocol `Source` of what a run reads from, its errors, and its blocks of bytes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 from ...core.errors import FacetsError
 from ...tracking.encoder import Encoder
 
-#: A read waits no longer than this for bytes, s, so that blocks are as short.
+#: Longest time for which a read waits for bytes, s, which keeps blocks short.
 POLL_S = 0.003
 #: A read returns at most this many bytes.
 MAX_READ_BYTES = 65_536
@@ -24,8 +24,8 @@ class PortInUse(PortError):
 class Block(NamedTuple):
     """Bytes that came together.
 
-    arrival: when, on the host's monotonic clock, s; NaN where it is not known.  encoder: the
-    stage's last place before that.  doubtful: whether nothing proves that these bytes came.
+    arrival: time of arrival on the host's monotonic clock, s; NaN if it is not known.  encoder: the
+    stage's last place before then.  doubtful: whether nothing proves that these bytes came.
     """
 
     data: bytes

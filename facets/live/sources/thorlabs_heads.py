@@ -30,7 +30,7 @@ class Heads(ClosedAtExit):
     ended = waits = False
 
     def __init__(self, name: str, baud: int) -> None:
-        """baud: of serial lines, and nothing to a controller on USB."""
+        """baud: ignored, because a controller on USB is no serial line."""
         self.name = name
         place, options, words = numbers_of(name, {"rate": 30, "bits": 16, "range": 10})
         numbers = place.split(",")
@@ -54,15 +54,15 @@ class Heads(ClosedAtExit):
         self.made, self.due = 0, time.monotonic()
 
     def read(self) -> bytes:
-        """One sample, as a frame, when it is due."""
+        """Wait until a sample is due, and return its frame."""
         time.sleep(max(0.0, self.due - time.monotonic()))
         begin = time.monotonic()
         self.due = max(self.due + self.period, begin)
         volts = np.zeros((3, 4))
         try:
             for row, head in zip(volts, self.heads, strict=True):
-                found = head.get_readings()
-                row[:3] = found.xdiff, found.ydiff, found.sum
+                signals = head.get_readings()
+                row[:3] = signals.xdiff, signals.ydiff, signals.sum
         except Exception as error:
             raise PortError(f"{self.name}: went away: {error}") from None
         middle = (begin + time.monotonic()) / 2
