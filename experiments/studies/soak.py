@@ -99,7 +99,9 @@ def start_readers(publications: Publications, count: int) -> Any:
     counts = context.Queue()
     for address in publications.places() * count:
         context.Process(target=read, args=(address, counts), daemon=True).start()
-        counts.get(timeout=PATIENCE_S)
+        while counts.empty():
+            publications.outlet.hear(wait_ms=10)
+        counts.get()
     return counts
 
 

@@ -23,7 +23,7 @@ _NAMES_OF = {
     "web.replay_page": "ReplayPage",
     "assembly": "Run RunOptions",
     "run.view": "Screen json_line plain_line summary values",
-    "streams.publication": "require_packages Publication Publications",
+    "streams.publication": "require_packages Publications",
     "run.poses": "poses",
     "run.smoothing": ("smooth MODELS noise_covariance process_noise smoothed_columns transition"),
     "streams.ophyd_device": "Interval PoseSensor",

@@ -27,12 +27,12 @@ from .run.pipeline import Pipeline
 from .run.reader import Reader
 from .stage_setup import check_sentences, open_tracker, refuse_board
 from .streams.publication import Publications, require_packages
-from .streams.sample_rows import row_content
 from .web.page import WebPage
 from .web.status import status_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
+    from .streams.outlet import Outlet
 
 Tell = Callable[[str], None]
 Show = Callable[[Live], None]
@@ -222,12 +222,14 @@ class Run:
         if options.page_scripts is None:
             raise InputError("a page (web) needs page_scripts; give rig_scripts of the sensor")
         status = partial(status_of, self.live)
-        more = {"kind": "acquire", **row_content(self.config, measurement)}
-        self.page = WebPage(self.config, options.web, status, more, drawn=options.page_scripts)
+        outlet, more = self.publications.outlet, {"kind": "acquire"}
+        self.page = WebPage(
+            outlet, self.config, options.web, status, more, drawn=options.page_scripts
+        )
         self.publications.all.append(self.page)
         for text in self.page.greeting():
             tell(text)
-        self.page.show()
+        outlet.refresh()
 
     def open_stage(self, tell: Tell) -> None:
         """Open the stage, which the page can then resume."""
@@ -258,7 +260,7 @@ class Run:
         show: called often, with the state of the run. Raises the `FacetsError` that ended the
         reading, if there is one; everything before it is recorded and solved.
         """
-        show = join_page(self.page, show) if self.page else show
+        show = join_outlet(self.publications.outlet, show) if self.publications else show
         acquire(self.live, self.reader, self.ending, show, lambda _: self.complaints())
 
     def complaints(self) -> list[str]:
@@ -316,13 +318,13 @@ def require_port(port: str | None, option: str, key: str) -> str:
     return port
 
 
-def join_page(page: WebPage, show: Show) -> Show:
-    """A view that also updates the page, even after a terminal was closed."""
+def join_outlet(outlet: Outlet, show: Show) -> Show:
+    """A view that also looks after the outlet, even after a terminal was closed."""
     is_open = True
 
     def show_both(live: Live) -> None:
         nonlocal is_open
-        page.show()
+        outlet.refresh()
         try:
             if is_open:
                 show(live)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+from programs import await_true
 
 import facets
 from facets.detectors import readings_to_counts
-from facets.live import ELECTRODES, SAMPLE, RawSamples
+from facets.live import ELECTRODES, SAMPLE, RawSamples, Subscription
 
 BENCH = facets.load("bench")
 CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
@@ -47,7 +49,13 @@ def page_rows(count, first=0, rate_hz=1_000.0):
     return rows
 
 
-def give(page, rows):
-    """Hand samples over to a page at once, as the loop has it done when it comes round."""
-    page.send(rows.tobytes())
-    page.flush()
+def subscribe(publications, count=1):
+    """Subscriptions of publications by ZeroMQ, which hear meanwhile who comes, as a run's loop has
+    it done when it comes round."""
+    outlet = publications.outlet
+    (address,) = outlet.places
+    wanted = outlet.receivers + count
+    with ThreadPoolExecutor(count) as pool:
+        opening = [pool.submit(Subscription, address) for _ in range(count)]
+        await_true(lambda: outlet.hear() or outlet.receivers == wanted, "the subscribers")
+    return [one.result() for one in opening]

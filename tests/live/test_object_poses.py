@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from streams import BENCH, CALIBRATED, samples_of
+from streams import BENCH, CALIBRATED, samples_of, subscribe
 
 import facets
 from facets import MeasuredObject
@@ -18,7 +18,6 @@ from facets.live import (
     Live,
     Pipeline,
     Publications,
-    Subscription,
     join_poses,
     pack,
     recorded_config,
@@ -123,14 +122,12 @@ def test_subscribers_are_told_of_the_object():
     u = pose_of(poses.object, "u_displacement_")
     assert u[0].max() < 1e-9
     assert u[1].min() > 1e-8
-    with (
-        Publications(
-            ["zmq://127.0.0.1:0"], WITH_ALL, True, 5.0, objects=pipeline.measurement
-        ) as publications,
-        Subscription(publications.places()[0]) as subscription,
-    ):
-        publications.add_poses(poses)
-        rows = next(iter(subscription))
+    publications = Publications(["zmq://127.0.0.1:0"], WITH_ALL, True, 5.0, pipeline.measurement)
+    with publications:
+        (subscription,) = subscribe(publications)
+        with subscription:
+            publications.add_poses(poses)
+            rows = next(iter(subscription))
     assert rows.tobytes() == rows_of(poses, 5.0)[: len(rows)].tobytes()
     for name, column in poses.object.items():
         np.testing.assert_array_equal(rows[name], column[: len(rows)])

@@ -6,6 +6,7 @@ import itertools
 import queue
 import time
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -255,11 +256,14 @@ def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
 
         def during():
             yield from ()
+            beginning.result()
             publications.add_poses(pipeline.feed(data[SIZE:], time.monotonic() + 100.0))
 
-        # staging waits for a first sample, and the flight for those after it
-        publications.add_poses(pipeline.feed(data[:SIZE], time.monotonic()))
-        engine(flight(sensor, live.Interval(samples=400), during))
+        # staging waits for a first sample, which waits for it, and the flight for those after it
+        first = pipeline.feed(data[:SIZE], time.monotonic())
+        with ThreadPoolExecutor() as pool:
+            beginning = pool.submit(publications.add_poses, first)
+            engine(flight(sensor, live.Interval(samples=400), during))
     assert documents.flown("seq") == list(range(1, 401))
     assert set(documents.flown("status")) == {"converged"}
     assert not [name for name in documents.all["event_page"][0]["data"] if "u_noise" in name]

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -15,14 +18,13 @@ import numpy as np
 import pytest
 from facets.experiments.studies import kills
 from programs import GUARD, await_true
-from streams import CALIBRATED
+from streams import BENCH, CALIBRATED, subscribe
 
 from facets import InputError
 from facets.core import AuxiliaryChannel
 from facets.live import (
     SAMPLE,
     Pipeline,
-    Publication,
     Publications,
     Subscription,
     join_columns,
@@ -30,6 +32,8 @@ from facets.live import (
     rows_of,
 )
 
+#: Maximum number of messages that are heard at once, as the outlet has it.
+MAX_HEARD = 100
 FORCE = AuxiliaryChannel("force", "N", delay=250e-6)
 #: Of a calibrated sensor with an auxiliary channel, whose samples have more columns.
 CONFIG = replace(CALIBRATED, acquire=replace(CALIBRATED.acquire, channels=(FORCE,)))
@@ -48,10 +52,15 @@ def solved(count):
 
 
 def numbered(count, first=0):
-    """The bytes of samples, which have nothing but their numbers."""
+    """Samples that have nothing but their numbers."""
     rows = np.zeros(count, SAMPLE)
     rows["seq"] = first + np.arange(count)
-    return rows.tobytes()
+    return rows
+
+
+def await_count(publications, true, what):
+    """Wait until something is so of what became of the samples, address by address."""
+    await_true(lambda: true(*publications.counts()), what)
 
 
 @contextmanager
@@ -108,9 +117,7 @@ def test_two_local_subscribers_get_every_sample_with_all_columns_of_the_recordin
     parts = solved(3_000)
     came = [[], []]
     with Publications(["zmq://127.0.0.1:0"], CONFIG, True, utc_offset=5.0) as publications:
-        (publication,) = publications.all
-        both = [Subscription(*publications.places()) for _ in came]
-        await_true(lambda: publication.receivers == 2, "both subscribers")
+        both = subscribe(publications, 2)
         readers = [
             threading.Thread(target=rows.extend, args=(subscription,))
             for rows, subscription in zip(came, both, strict=True)
@@ -129,7 +136,8 @@ def test_two_local_subscribers_get_every_sample_with_all_columns_of_the_recordin
         np.testing.assert_array_equal(rows["utc_s"], rows["host_s"] + 5.0)
         assert subscription.lost == 0
         subscription.close()
-    assert (publication.sent, publication.dropped_count) == (30_000, 0)
+    (counts,) = publications.counts()
+    assert (counts["sent"], counts["dropped"]) == (30_000, 0)
     about = subscription.about
     assert about["config_sha256"] == CONFIG.sha256
     assert about["statuses"]["0"] == "converged"
@@ -140,77 +148,161 @@ def test_two_local_subscribers_get_every_sample_with_all_columns_of_the_recordin
 
 def test_a_slow_subscriber_loses_samples_alone_and_tells_how_many():
     """Beyond 1,000 messages at each end, and what the system keeps between the two."""
-    publication, sent = Publication("zmq://127.0.0.1:0", {}), 0
-    publication.send(numbered(100))
-    await_true(lambda: publication.dropped_count == 100, "that nobody was there")
-    address = f"zmq://127.0.0.1:{publication.port}"
-    with Subscription(address) as slow, Subscription(address) as quick:
-        await_true(lambda: publication.receivers == 2, "both subscribers")
-        slow_rows, quick_rows = iter(slow), iter(quick)
-        while not slow.lost:
-            for _ in range(100):
-                publication.send(numbered(100, sent))
-                sent += 100
-            for _ in range(100):
-                assert len(next(quick_rows)) == 100
-                if sent > 300_000:
-                    next(slow_rows)
-        assert quick.lost == 0
-        await_true(lambda: publication.dropped_count == 100 + slow.lost, "the loss")
-    publication.close()
+    with Publications(["zmq://127.0.0.1:0"], BENCH) as publications:
+        outlet, sent = publications.outlet, 0
+        outlet.send(numbered(100))
+        (counts,) = publications.counts()
+        assert counts["dropped"] == 100  # nobody was there
+        slow, quick = subscribe(publications, 2)
+        with slow, quick:
+            slow_rows, quick_rows = iter(slow), iter(quick)
+            while not slow.lost:
+                for _ in range(100):
+                    outlet.send(numbered(100, sent))
+                    sent += 100
+                for _ in range(100):
+                    assert len(next(quick_rows)) == 100
+                    if sent > 300_000:
+                        next(slow_rows)
+            assert quick.lost == 0
+            lost = 100 + slow.lost
+            await_count(publications, lambda counts: counts["dropped"] == lost, "the loss")
+
+
+#: A subscriber that reads nothing, and says words without end, if it is given any.
+STRANGE = """
+import sys, zmq
+endpoint, words = sys.argv[1:]
+socket = zmq.Context().socket(zmq.XSUB)
+socket.connect(endpoint)
+socket.send(b"\\1samples")
+while words:
+    socket.send(words.encode())
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("words", ["", "lost 1", "from nobody {}", "x" * 10_000])
+def test_a_subscriber_that_reads_nothing_or_talks_without_end_costs_nobody_else_samples(words):
+    """Nor is more heard of it at once than the loop has time for."""
+    with Publications(["zmq://127.0.0.1:0"], BENCH) as publications:
+        outlet = publications.outlet
+        endpoint = outlet.places[0].replace("zmq", "tcp")
+        command = [sys.executable, "-c", STRANGE, endpoint, words]
+        with subprocess.Popen(command, stdin=subprocess.PIPE) as strange:
+            await_true(lambda: outlet.hear() or outlet.receivers, "the strange subscriber")
+            if not words:
+                strange.send_signal(signal.SIGSTOP)
+            (quick,) = subscribe(publications)
+            with quick:
+                rows, before = iter(quick), outlet.missed_count
+                for first in range(0, 150_000, 100):
+                    outlet.send(numbered(100, first))
+                    assert len(next(rows)) == 100
+                assert quick.lost == 0
+                assert outlet.missed_count - before <= 1_500 * MAX_HEARD
+            strange.kill()
+    (counts,) = publications.counts()
+    assert counts["sent"] == 150_000
 
 
 def test_an_address_where_nobody_publishes_and_one_in_use_are_told():
     with socket.create_server(("127.0.0.1", 0)) as other:
         taken = f"zmq://127.0.0.1:{other.getsockname()[1]}"
         for address in (taken, "zmq://127.0.0.1:9"):
-            with pytest.raises(InputError, match="no program publishes samples there"):
+            with pytest.raises(InputError, match=f"{address}: no program publishes samples there"):
                 Subscription(address, timeout=0.1)
-        with pytest.raises(InputError, match="in use"):
-            Publication(taken, {})
+        with pytest.raises(InputError, match=f"--publish {taken}: Address already in use"):
+            Publications(["udp://127.0.0.1:9", taken], BENCH)
 
 
-@pytest.mark.slow
-def test_a_receiver_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
-    monkeypatch.setattr("facets.live.streams.publication.MAX_WAITING_BYTES", 2_000_000)
-    monkeypatch.setattr("facets.live.streams.publication.END_TIMEOUT_S", 0.2)
-    parts = solved(2_000)
+def test_a_process_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
+    """What it has missed is known when it goes on, and at the end of the run."""
+    monkeypatch.setattr("facets.live.streams.outlet.END_TIMEOUT_S", 0.5)
     with datagram_socket() as (_, port):
-        publications = Publications(["zmq://127.0.0.1:0", f"udp://127.0.0.1:{port}"], CONFIG)
-        stuck, free = publications.all
-        stuck.process.send_signal(signal.SIGSTOP)
-        while not stuck.dropped_count:  # each call returns, whatever the process does
-            for part in parts:
-                publications.add_poses(part)
-            await_true(lambda: free.sent + free.dropped_count == free.given, "all to go")
+        address = f"udp://127.0.0.1:{port}"
+        publications = Publications([address] * 3, BENCH)
+        stuck, late, _ = publications.all
+        for one in (stuck, late):
+            one.process.send_signal(signal.SIGSTOP)
+        for first in range(0, 2_500, 500):
+            for number in range(first, first + 500):  # each call returns, whatever they do
+                publications.outlet.send(numbered(1, number))
+            sent = publications.outlet.count
+            await_count(publications, lambda *counts, n=sent: counts[2]["sent"] == n, "all to go")
+        late.process.send_signal(signal.SIGCONT)
+        send_one = lambda: publications.outlet.send(numbered(1))  # noqa: E731
+        # the number of the next sample that finds a place tells how many did not
+        await_true(lambda: send_one() or publications.counts()[1]["dropped"], "what was missed")
         publications.close()
-    assert stuck.sent + stuck.dropped_count == stuck.given
-    assert (free.sent, free.dropped_count) == (free.given, 0)
-    assert stuck.sent < free.sent
+    counts = publications.counts()
+    assert all(all_known(one, publications.outlet.count) for one in counts)
+    assert counts[0]["sent"] < counts[1]["sent"] < counts[2]["sent"]
+    assert counts[2]["dropped"] == 0
+    assert publications.messages() == [
+        f"{address}: publishing has ended: its receiver accepts no more data"
+    ]
+
+
+def all_known(counts, count):
+    return counts["sent"] + counts["dropped"] == count
 
 
 def test_samples_that_nobody_takes_are_counted():
     with datagram_socket() as (_, port):
         address = f"udp://127.0.0.1:{port}"
-    publication = Publication(address, {})
-    publication.send(numbered(2_000))
-    publication.close()
-    assert publication.sent + publication.dropped_count == publication.given == 2_000
-    assert publication.dropped_count > 500  # of a socket that was refused, the next send says so
+    with Publications([address], BENCH) as publications:
+        publications.outlet.send(numbered(2_000))
+    (counts,) = publications.counts()
+    assert all_known(counts, 2_000)
+    assert counts["dropped"] > 500  # of a socket that was refused, the next send says so
 
 
-def test_a_process_that_dies_is_told_and_neither_run_nor_subscriber_waits_for_it():
-    publication, data = Publication("zmq://127.0.0.1:0", {}), numbered(100)
-    with Subscription(f"zmq://127.0.0.1:{publication.port}") as subscription:
-        publication.process.kill()
-        assert list(subscription) == []
-    publication.process.wait()
-    publication.send(data)
-    await_true(lambda: publication.trouble, "the news")
-    publication.send(data)
-    publication.close()
-    assert publication.dropped_count == 200
-    assert "its process has ended" in publication.trouble
+def test_a_process_that_dies_is_told_and_the_run_does_not_wait_for_it():
+    with datagram_socket() as (_, port):
+        address = f"udp://127.0.0.1:{port}"
+        publications = Publications([address, "zmq://127.0.0.1:0"], BENCH)
+        publications.all[0].process.kill()
+        await_true(publications.messages, "the news")
+        with subscribe(publications)[0] as subscription:
+            publications.outlet.send(numbered(100))
+            publications.close()
+            assert sum(map(len, subscription)) == 100
+    assert publications.messages() == [f"{address}: publishing has ended: its process has ended"]
+    assert [one["dropped"] for one in publications.counts()] == [100, 0]
+
+
+def test_no_process_survives_a_run_that_is_killed():
+    """Nor does a subscriber wait for it."""
+    with datagram_socket() as (_, port):
+        command = [sys.executable, "-c", RUN, f"udp://127.0.0.1:{port}"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
+            place, *processes = run.stdout.readline().split()
+            with Subscription(place) as subscription:
+                run.kill()
+                assert list(subscription) == []
+    await_true(lambda: not any(map(is_running, processes)), "the ends of the run's processes")
+
+
+RUN = """
+import sys
+import facets
+from facets.live import Publications
+
+publications = Publications(["zmq://127.0.0.1:0", *sys.argv[1:]], facets.load("bench"))
+print(publications.places()[0], *(one.process.pid for one in publications.outlet.relays))
+sys.stdout.flush()
+while True:
+    publications.outlet.hear(100)
+"""
+
+
+def is_running(number):
+    """Whether there is a process of this number that has not ended."""
+    with suppress(ProcessLookupError):
+        os.kill(int(number), 0)
+        return True
+    return False
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments.studies import kills
+from streams import subscribe
 
 import facets
 from facets.live import (
@@ -15,7 +16,6 @@ from facets.live import (
     Pipeline,
     Publications,
     PulseClock,
-    Subscription,
     pack,
 )
 
@@ -83,12 +83,11 @@ def test_published_times_follow_the_pulses(marked_stream):
     config = replace(bench, acquire=replace(bench.acquire, mark="pps"))
     poses = Pipeline(config).feed(marked_stream, 100.0)
     offset = 1_800_000_000.0 - poses.host[5] + 0.01  # the host's clock is 10 ms late
-    with (
-        Publications(["zmq://127.0.0.1:0"], config, True, offset) as publications,
-        Subscription(publications.places()[0]) as subscription,
-    ):
-        publications.add_poses(poses)
-        utc = next(iter(subscription))["utc_s"]
+    with Publications(["zmq://127.0.0.1:0"], config, True, offset) as publications:
+        (subscription,) = subscribe(publications)
+        with subscription:
+            publications.add_poses(poses)
+            utc = next(iter(subscription))["utc_s"]
     assert utc[5] == pytest.approx(1_800_000_000.0 + 50e-6, abs=2e-6)
     assert utc[-1] - utc[5] == pytest.approx(1e-4 * (len(utc) - 6), abs=2e-6)
     assert utc[0] == pytest.approx(poses.host[0] + offset, abs=1e-6)

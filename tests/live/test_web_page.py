@@ -11,9 +11,18 @@ from browser import CHROMIUM, Browser
 from commands import command
 from facets.experiments.studies import kills
 from programs import Program, await_true
-from streams import BENCH, give, page_rows
+from streams import BENCH, page_rows
 
-from facets.live import FixedFrames, Live, Pipeline, WebPage, pack, recorded_poses, status_of
+from facets.live import (
+    FixedFrames,
+    Live,
+    Pipeline,
+    Publications,
+    WebPage,
+    pack,
+    recorded_poses,
+    status_of,
+)
 from facets.pictures import page as drawing
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
@@ -50,12 +59,13 @@ def open_page():
 
     def open_page(status=dict):
         scripts = drawing.scripts.rig_scripts(BENCH.sensor)
-        pages.append(WebPage(BENCH, "0", status, {"kind": "acquire"}, drawn=scripts))
+        outlet = Publications([], BENCH).outlet
+        pages.append(WebPage(outlet, BENCH, "0", status, {"kind": "acquire"}, drawn=scripts))
         return pages[-1]
 
     yield open_page
     for page in pages:
-        page.close()
+        page.outlet.close()
 
 
 def numbers(browser):
@@ -166,7 +176,7 @@ def assert_nothing_is_cut_on_a_telephone_and_on_a_screen(browser):
 @pytest.mark.slow
 def test_the_rig_is_drawn_where_there_is_webgl(open_page):
     page = open_page()
-    give(page, page_rows(100))
+    page.outlet.send(page_rows(100))
     with Browser("about:blank", webgl=True) as browser:
         browser.resize(1440, 900, scale=0.25)
         browser.send("Page.navigate", url=page.url)
@@ -178,33 +188,33 @@ def test_the_rig_is_drawn_where_there_is_webgl(open_page):
 def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself(open_page):
     live = Live(Pipeline(BENCH))
     page = open_page(lambda: status_of(live))
-    page.show()
+    page.outlet.refresh()
     with Browser(page.url) as browser:
         browser.await_true("facets.run.status && document.getElementById('counts').children.length")
         text = browser.ask("document.body.innerText")
         assert "unknown: no sample is solved yet" in text
         assert "unknown: no stage is moved" in text
         assert set(numbers(browser).values()) == {None}
-        give(page, page_rows(1_000))
+        page.outlet.send(page_rows(1_000))
         browser.await_true("facets.run.sample?.seq === 999")
         browser.await_true("document.querySelector('.number').dataset.value === '0.999'")
         spoilt = page_rows(10, 1_000)
         spoilt["status"], spoilt["flags"] = 66, 1
         for name in ("tx_mm", "power_b_mw", "psi_b_mm", "zeta_b_mm"):
             spoilt[name] = np.nan
-        give(page, spoilt)
+        page.outlet.send(spoilt)
         browser.await_true("facets.run.sample?.seq === 1009")
         browser.await_true("document.querySelector('.strip .u').textContent === 'saturated'")
         assert set(numbers(browser).values()) == {None}
         trouble = "document.querySelector('.face[data-name=B]').dataset.trouble"
         assert browser.ask(trouble) == "saturated"
         browser.ask("facets.run.line.close()")
-        give(page, page_rows(500, 1_010))
+        page.outlet.send(page_rows(500, 1_010))
         browser.await_true("facets.run.connections === 2 && facets.run.sample.seq === 1509")
         samples = browser.ask("facets.run.store.view(0, 1e9, 1e9).samples.reduce((a, b) => a + b)")
         assert samples == 1_510
         browser.await_true("facets.scene.root.textContent.includes('no WebGL')")
-        page.close()
+        page.outlet.close()
         browser.await_true("document.body.dataset.state === 'ended'")
         assert "The run has ended." in browser.ask("document.body.innerText")
         assert not browser.errors
@@ -221,14 +231,14 @@ def test_a_stopped_stage_has_a_button_that_resumes_it(open_page):
     page.resume = lambda: pressed.append(True)
     button = "document.getElementById('resume')"
     with Browser(page.url) as browser:
-        page.show()
+        page.outlet.refresh()
         browser.await_true(f"{button} && !{button}.hidden")
         browser.ask(f"{button}.click()")
-        await_true(lambda: pressed, "the button's word")
+        await_true(lambda: page.outlet.hear() or pressed, "the button's word")
         stage |= {"state": "following", "stopped": ""}
         words["messages"] = []
-        page.due = 0.0
-        page.show()
+        page.outlet.status_due = 0.0
+        page.outlet.refresh()
         browser.await_true(f"{button}.hidden")
         doubts = "document.getElementById('doubts').textContent"
         browser.await_true(f"{doubts} === 'No sample has come yet.'")
@@ -239,7 +249,7 @@ def test_a_stopped_stage_has_a_button_that_resumes_it(open_page):
 @pytest.mark.slow
 def test_axe_finds_nothing_against_wcag(open_page):
     page = open_page()
-    give(page, page_rows(1_000))
+    page.outlet.send(page_rows(1_000))
     for theme in ("light", "dark"):
         with Browser(f"{page.url}?theme={theme}") as browser:
             browser.await_true("document.querySelector('.number').dataset.value")

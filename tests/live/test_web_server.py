@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from facets.experiments.studies import kills
 from programs import GUARD, await_true
-from streams import BENCH, give, page_rows
+from streams import BENCH, page_rows
 
 from facets import InputError
-from facets.live import Live, Pipeline, ReplayPage, WebPage, stage, status_of
+from facets.live import Live, Pipeline, Publications, ReplayPage, WebPage, stage, status_of
 from facets.tracking import Encoder
 
 pytestmark = pytest.mark.installed
@@ -69,13 +69,18 @@ def watched(page, until):
     return asyncio.run(asyncio.wait_for(follow(page, until), GUARD))
 
 
+def await_pages(page, count):
+    """Wait until so many pages are there."""
+    await_true(lambda: page.outlet.hear() or page.receivers == count, "the pages")
+
+
 def watch_the_end(page, count):
     """What pages that are open are told until the run has ended."""
 
     async def watch():
         tasks = [asyncio.create_task(follow(page, lambda told: told.end)) for _ in range(count)]
-        await asyncio.to_thread(await_true, lambda: page.receivers == count, "the pages")
-        await asyncio.to_thread(page.close)
+        await asyncio.to_thread(await_pages, page, count)
+        await asyncio.to_thread(page.outlet.close)
         return await asyncio.wait_for(asyncio.gather(*tasks), GUARD)
 
     return asyncio.run(watch())
@@ -95,21 +100,27 @@ def answer(page, path, **headers):
 
 
 def begin(web="0"):
-    live = Live(Pipeline(BENCH))
-    return WebPage(BENCH, web, lambda: status_of(live), {"kind": "acquire"}, drawn={})
+    live, outlet = Live(Pipeline(BENCH)), Publications([], BENCH).outlet
+    try:
+        return WebPage(
+            outlet, BENCH, web, lambda: status_of(live), {"kind": "acquire"}, drawn={}
+        )  # fmt: skip
+    except InputError:
+        outlet.close()
+        raise
 
 
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No test fails since a machine is slow."""
-    monkeypatch.setattr("facets.live.web.page.END_TIMEOUT_S", GUARD)
+    monkeypatch.setattr("facets.live.streams.outlet.END_TIMEOUT_S", GUARD)
 
 
 @pytest.fixture
 def page():
     page = begin()
     yield page
-    page.close()
+    page.outlet.close()
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +128,7 @@ def still():
     """A page that nobody sends any samples to."""
     page = begin()
     yield page
-    page.close()
+    page.outlet.close()
 
 
 @pytest.mark.parametrize("text", ["", "x", "::1:80", "80:", "65536", "٣"])
@@ -170,18 +181,18 @@ def is_bound(page, host):
 
 def test_another_address_is_bound_only_when_asked_for_and_with_a_warning(still):
     assert still.address == f"http://127.0.0.1:{still.port}"
-    assert still.local
+    assert still.is_local
     assert not is_bound(still, "127.0.0.2")
     wide = begin("0.0.0.0:0")
     try:
         assert is_bound(wide, "127.0.0.2")
-        assert not wide.local
+        assert not wide.is_local
         assert any(text.startswith("warning:") for text in wide.greeting())
         path = wide.url.removeprefix(wide.address)
         for name, status in (("192.0.2.7", 200), (socket.gethostname(), 200), ("a.example", 403)):
             assert answer(wide, path, Host=f"{name}:{wide.port}")[0] == status
     finally:
-        wide.close()
+        wide.outlet.close()
 
 
 def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page):
@@ -189,8 +200,8 @@ def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page
     rows["status"][5] = 3
     rows["tx_mm"][5] = np.nan
     for part in np.array_split(rows, 30):
-        give(page, part)
-    page.show()
+        page.outlet.send(part)
+    page.outlet.refresh()
     told = watched(page, lambda told: told.has_sample(2_999))
     newest = told.news["sample"]
     assert newest["state"][0] == rows["tx_mm"][-1]
@@ -204,7 +215,7 @@ def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page
     assert {item["name"] for item in unknown} == {"latency p99", "board's clock", "u(time)"}
     assert all(item["why"] for item in unknown)
     assert not status["stage"]["there"]
-    give(page, page_rows(500, first=3_000))
+    page.outlet.send(page_rows(500, first=3_000))
     for told in watch_the_end(page, 2):  # they came later, and are told all that was
         assert sum(row[0] for row in told.bins[0].values()) == 3_500
         assert told.news["sample"]["seq"] == 3_499
@@ -217,7 +228,7 @@ def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page
 def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
     """It holds 4 MB that it was sent, in bins, and does not read them."""
     for first in range(0, 12_000, 1_000):
-        give(page, page_rows(1_000, first, rate_hz=100.0))
+        page.outlet.send(page_rows(1_000, first, rate_hz=100.0))
     path = page.url.removeprefix(page.address)
     with socket.socket() as hung:
         hung.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
@@ -228,12 +239,12 @@ def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
             "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n".encode()
         )
         assert hung.recv(12) == b"HTTP/1.1 101"
-        await_true(lambda: page.receivers == 1, "the hung page is there")
+        await_pages(page, 1)
         for first in range(12_000, 15_000, 100):
-            give(page, page_rows(100, first, rate_hz=100.0))
+            page.outlet.send(page_rows(100, first, rate_hz=100.0))
         told = watched(page, lambda told: told.has_sample(14_999))
         assert sum(row[0] for row in told.bins[1].values()) == 15_000
-        page.close()
+        page.outlet.close()
     assert page.dropped_count == 0
     assert not page.trouble
 
@@ -250,12 +261,12 @@ def test_a_page_is_told_messages_as_events_unsolved_samples_and_a_run_that_break
     """A message is an event when it begins and when it ends, whatever its numbers."""
     behind, light = "the loop is {} s behind", "light is lost"
     for texts in ([], [behind.format(0.3)], [behind.format(1.7), light], [light]):
-        page.tell({"messages": texts})
-    page.tell({"messages": [light], "events": {"samples lost": 7}})
+        page.outlet.tell({"messages": texts})
+    page.outlet.tell({"messages": [light], "events": {"samples lost": 7}})
     rows = page_rows(10)  # samples without times or poses break nothing
     rows["host_s"] = rows["utc_s"] = rows["tx_mm"] = np.nan
     rows["status"] = 66
-    give(page, rows)
+    page.outlet.send(rows)
     told = watched(page, lambda told: told.has_sample(9) and len(told.events) == 4)
     assert [(event["what"], event["text"][:9]) for event in told.events] == [
         ("begins", "the loop "), ("begins", "light is "), ("ends", "the loop "), ("", "samples l"),
@@ -263,9 +274,11 @@ def test_a_page_is_told_messages_as_events_unsolved_samples_and_a_run_that_break
     newest = told.news["sample"]
     assert newest["state"][0] is newest["t"] is newest["utc"] is None
     assert newest["status"] == "saturated"
-    page.status = None  # nothing is said of an end, as where the program is killed
-    (told,) = watch_the_end(page, 1)
+    page.outlet.context.destroy(0)  # nothing is said of an end, as where the program is killed
+    page.outlet.folder.cleanup()
+    told = watched(page, lambda told: told.end)
     assert not told.end["good"]
+    page.process.wait(GUARD)
 
 
 def test_the_stage_is_told_with_its_target_and_what_is_left():
@@ -294,7 +307,9 @@ def test_the_pages_button_resumes_and_nothing_else_that_a_page_says_does(still):
         ):
             for text in texts:
                 await line.send_str(text)
-            await asyncio.to_thread(await_true, lambda: pressed, "the button's word")
+            await asyncio.to_thread(
+                await_true, lambda: still.outlet.hear() or pressed, "the button's word"
+            )
 
     asyncio.run(asyncio.wait_for(say("go", '{"resume": true}', "Resume", "resume"), GUARD))
     assert pressed == [True]

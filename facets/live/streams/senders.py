@@ -1,19 +1,14 @@
-"""The other end of a publication: a process that gives samples to those who want them.
+"""Processes of a run that pass its samples on: `python -m facets.live.streams.senders ADDRESS`.
 
-`python -m facets.live.streams.senders ADDRESS` reads rows from its standard input, each lot after
-its length, and tells on its standard output, in lines of JSON, what became of them. It is a process
-of its own, so that neither making text nor a slow receiver takes time from the loop.
+They subscribe to the run that has started them, and tell it what became of the samples.
 """
 
 from __future__ import annotations
 
-import json
 import socket
 import sys
-import threading
 import time
-from collections.abc import Callable
-from typing import Any, BinaryIO, Protocol
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -21,15 +16,12 @@ from numpy.typing import NDArray
 
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
-from .addresses import check_address, options_of
+from .addresses import options_of
+from .feed import POLL_MS, RunFeed
 from .json_rows import json_of
-from .lots import lots
 from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import SAMPLE, sample_dtype, unit_of
-from .zeromq import ZmqSender
+from .sample_rows import unit_of
 
-#: The parent is told what became of the samples this often, s.
-REPORT_INTERVAL_S = 0.25
 #: Bytes of one datagram: what every network takes whole, and what one machine does.
 NETWORK_BYTES, LOCAL_BYTES = 1_400, 8_192
 
@@ -42,11 +34,6 @@ class Sender(Protocol):
     @property
     def receivers(self) -> int | None:
         """Number of receivers now; None where that cannot be known."""
-        ...
-
-    @property
-    def missed_count(self) -> int:
-        """Number of rows that receivers have told that they missed."""
         ...
 
     def send(self, rows: Rows) -> int:
@@ -62,8 +49,6 @@ class Udp:
     A datagram is an array of samples, each with its `timestamp`, as the UDP server of PlotJuggler
     takes it; with `?single` an object each, as its older versions do.
     """
-
-    missed_count = 0
 
     def __init__(self, host: str, port: int, options: dict[str, str]) -> None:
         kind = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -104,11 +89,9 @@ class Udp:
 class Lsl:
     """An outlet of the Lab Streaming Layer, with names and units of its channels."""
 
-    missed_count = 0
-
-    def __init__(self, name: str, about: dict[str, Any], wait: float) -> None:
+    def __init__(self, name: str, about: dict[str, Any]) -> None:
         pylsl = require_extra("pylsl", f"lsl:{name}")
-        names = tuple(name for name, _ in about.get("dtype", ())) or SAMPLE.names or ()
+        names = [name for name, _ in about["dtype"]]
         self.channels = ("seq", "status", "flags", *names[len(HEAD_COLUMNS) :])
         auxiliary = about.get("channels", ())
         own = {channel["column"] for channel in auxiliary}
@@ -129,16 +112,12 @@ class Lsl:
         self.outlet = pylsl.StreamOutlet(info, chunk_size=100, max_buffered=60)
         # both count from the start of this machine where it can be; else the offset is known here
         self.offset = pylsl.local_clock() - time.monotonic()
-        self.until = time.monotonic() + wait
 
     @property
     def receivers(self) -> int:
         return int(self.outlet.have_consumers())
 
     def send(self, rows: Rows) -> int:
-        if self.until > time.monotonic() and not self.outlet.have_consumers():
-            self.outlet.wait_for_consumers(self.until - time.monotonic())
-            self.until = 0.0
         heard = self.outlet.have_consumers()
         values = np.column_stack([rows[name].astype(float) for name in self.channels])
         self.outlet.push_chunk(values.tolist(), (rows["host_s"] + self.offset).tolist())
@@ -151,15 +130,12 @@ class Lsl:
             time.sleep(0.05)
 
 
-def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
-    """The sender of an address. wait: s, for a first receiver, where there can be none yet."""
-    check_address(address)
+def open_sender(address: str, about: dict[str, Any]) -> Sender:
+    """The sender of an address. Raises `InputError` where it cannot be used."""
     parts = urlsplit(address)
     try:
         if parts.scheme == "lsl":
-            return Lsl(parts.path, about, wait)
-        if parts.scheme == "zmq":
-            return ZmqSender(address, about, wait)
+            return Lsl(parts.path, about)
         assert parts.hostname is not None
         assert parts.port is not None
         return Udp(parts.hostname, parts.port, options_of(address))
@@ -167,59 +143,25 @@ def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
         raise InputError(f"--publish {address}: {error.strerror or error}") from None
 
 
-def serve(
-    sender: Sender,
-    stream: BinaryIO,
-    dtype: np.dtype[np.void],
-    tell: Callable[[dict[str, Any]], None],
-) -> None:
-    """Gives away what comes on the stream until it ends; tells every now and then how it goes.
-
-    dtype: of the rows.
-    """
-    sent = dropped = 0
-    ended = threading.Event()
-
-    def report() -> None:
-        words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
-        words["lost"] = sender.missed_count
-        tell(words)
-
-    def report_often() -> None:
-        while not ended.wait(REPORT_INTERVAL_S):
-            report()
-
-    reporter = threading.Thread(target=report_often)
-    reporter.start()
-    try:
-        for data in lots(stream):
-            rows = np.frombuffer(data, dtype)
-            count = sender.send(rows)
-            sent, dropped = sent + count, dropped + len(rows) - count
-    finally:
-        ended.set()
-        reporter.join()
+def pass_on(feed: RunFeed, sender: Sender) -> None:
+    """Give away what comes, until the run ends."""
+    sent = 0
+    feed.tell(ready=True, receivers=sender.receivers)
+    while not feed.ended:
+        rows, _ = feed.take(1, POLL_MS)
+        sent += sum(map(sender.send, rows))
+        feed.report(sent, sender.receivers)
     sender.close()
-    report()
 
 
 def main() -> None:
-    def tell(words: dict[str, Any]) -> None:
-        sys.stdout.write(json.dumps(words) + "\n")
-        sys.stdout.flush()
-
-    address, wait = sys.argv[1], float(sys.argv[2])
-    stream = sys.stdin.buffer
-    incoming = lots(stream)
-    about = json.loads(next(incoming))
-    try:
-        sender = open_sender(address, about, wait)
-    except FacetsError as error:
-        tell({"error": str(error)})
-        return
-    port = sender.port if isinstance(sender, ZmqSender) else None
-    tell({"ready": True, "port": port})
-    serve(sender, stream, sample_dtype(about), tell)
+    with RunFeed() as feed:
+        try:
+            sender = open_sender(sys.argv[1], feed.about)
+        except FacetsError as error:
+            feed.tell(error=str(error))
+        else:
+            pass_on(feed, sender)
 
 
 if __name__ == "__main__":

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from contextlib import suppress
-from typing import Any
 
-import numpy as np
 import zmq
-from numpy.typing import NDArray
 
-from ...core.closing import ClosedAtExit
-from ...core.errors import InputError
 from .addresses import zmq_endpoint
-from .zeromq import ABOUT, LOST, SAMPLES, new_socket
+from .feed import POLL_MS, Feed, Rows
+from .zeromq import HIGH_WATER_MARK, SAMPLES, new_socket
 
-#: The end of a publication, or of the iteration, is looked for this often, ms.
-POLL_MS = 100
+#: A publisher that does not answer within three of these times is gone, ms.
+HEARTBEAT_MS = 2_000
 
 
-class Subscription(ClosedAtExit):
+class Subscription(Feed):
     """Samples of a publication as arrays, from now on, until it ends.
 
     Any number of programs may subscribe, on this machine or, where the publication's host is not
@@ -58,55 +52,19 @@ class Subscription(ClosedAtExit):
 
     def __init__(self, address: str, timeout: float = 10.0) -> None:
         endpoint = zmq_endpoint(address)
-        self.context = zmq.Context()
-        self.socket = new_socket(self.context, zmq.XSUB, endpoint, 0)
-        self.monitor = self.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
-        self.lost, self.next, self.stopped = 0, -1, False
-        try:
-            self.socket.connect(endpoint)
-            self.socket.send(b"\1" + SAMPLES)
-            greeting = self.socket.recv() if self.socket.poll(1e3 * timeout) else b""
-            if not greeting.startswith(ABOUT):
-                raise InputError(f"{address}: no program publishes samples there")
-            self.about: dict[str, Any] = json.loads(greeting[len(ABOUT) :])
-        except BaseException:
-            self.close()
-            raise
-        self.dtype = np.dtype([(name, kind) for name, kind in self.about["dtype"]])
+        socket = new_socket(zmq.Context(), zmq.XSUB, HIGH_WATER_MARK, 0)
+        socket.setsockopt(zmq.IPV6, int("[" in endpoint))
+        socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+        socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 3 * HEARTBEAT_MS)
+        super().__init__(socket, endpoint, (SAMPLES,), timeout)
 
-    def __iter__(self) -> Iterator[NDArray[np.void]]:
+    def __iter__(self) -> Iterator[Rows]:
         """Yield arrays of samples, as they come."""
-        poller = zmq.Poller()
-        poller.register(self.socket, zmq.POLLIN)
-        poller.register(self.monitor, zmq.POLLIN)
-        while not self.stopped:
-            ready = dict(poller.poll(POLL_MS))
-            # the last samples may come a moment after the news that the publisher has gone
-            if self.socket in ready or (ready and self.socket.poll(POLL_MS)):
-                topic, *parts = self.socket.recv_multipart()
-                if topic == SAMPLES:
-                    yield self.read_message(*parts)
-            elif ready:
-                return
-
-    def read_message(self, header: bytes, data: bytes) -> NDArray[np.void]:
-        """The rows of a message; counts those before it that were missed."""
-        words = json.loads(header)
-        missed = words["first"] - self.next if self.next >= 0 else 0
-        if missed > 0:
-            self.lost += missed
-            with suppress(zmq.ZMQError):  # the publisher may have gone
-                self.socket.send(LOST + b"%d" % missed, zmq.NOBLOCK)
-        self.next = words["first"] + words["count"]
-        return np.frombuffer(data, self.dtype)
+        while not self.ended:
+            topic, *parts = self.receive(POLL_MS) or [b""]
+            if topic == SAMPLES:
+                yield self.read_rows(*parts)
 
     def stop(self) -> None:
         """End the iteration of another thread."""
-        self.stopped = True
-
-    def close(self) -> None:
-        """Leave the publication; a second call does nothing."""
-        self.socket.disable_monitor()
-        self.monitor.close()
-        self.socket.close()
-        self.context.term()
+        self.ended = True

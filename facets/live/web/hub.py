@@ -145,8 +145,6 @@ class Hub:
         for moment, text in status.pop("happened", ()):
             self.tell(None if self.origin is None else moment - self.origin, text, "")
         self.status = status
-        if status.get("ended"):
-            self.end(status["ended"], True)
 
     def tell(self, at: float | None, text: str, what: str) -> None:
         self.happened += 1

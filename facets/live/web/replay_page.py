@@ -8,20 +8,21 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
+from ...core.closing import ClosedAtExit
 from ..recording.index import CLOSED
 from ..recording.reader import utc_offset
 from ..run.interruption import deferring
-from ..streams.sample_rows import row_content, rows_of
+from ..streams.publication import Publications
 from .page import WebPage
 from .status import status_of_replay
 
 if TYPE_CHECKING:
     from ..run.pipeline import Pipeline, RunPoses
 
-#: Time between two checks whether the page is to end, s.
-END_CHECK_INTERVAL_S = 0.1
+#: Time between two checks whether the page is to end, ms.
+END_CHECK_INTERVAL_MS = 100
 #: Of what happened so much is told.
 EVENTS = 150
 
@@ -66,7 +67,7 @@ def phrase(name: str, value: Any) -> str:
     return f"{name} {value}"
 
 
-class ReplayPage:
+class ReplayPage(ClosedAtExit):
     """Shows poses as they are solved, and then all of them for as long as a person wants.
 
     In a `with` statement the page is closed at its end.
@@ -77,10 +78,15 @@ class ReplayPage:
     ) -> None:
         self.pipeline, self.begin, self.ended = pipeline, time.monotonic(), 0.0
         offset = utc_offset(recording)
-        self.offset, self.recording = offset or 0.0, recording
+        self.recording, config = recording, pipeline.config
+        self.publications = Publications([], config, True, offset or 0.0, pipeline.measurement)
         more = {"kind": "replay", "recording": str(recording), "utc_known": offset is not None}
-        more |= row_content(pipeline.config, pipeline.measurement)
-        self.page = WebPage(pipeline.config, web, self.status, more, True, drawn=drawn)
+        outlet = self.publications.outlet
+        try:
+            self.page = WebPage(outlet, config, web, self.status, more, drawn=drawn)
+        except BaseException:
+            outlet.close()
+            raise
 
     def status(self) -> dict[str, Any]:
         passed = (self.ended or time.monotonic()) - self.begin
@@ -90,23 +96,21 @@ class ReplayPage:
     def following(self, replayed: Iterable[RunPoses]) -> Iterator[RunPoses]:
         """The same poses; each is shown on its way."""
         for poses in replayed:
-            self.page.send(rows_of(poses, self.offset).tobytes())
-            self.page.show()
+            self.publications.add_poses(poses)
+            self.publications.outlet.refresh()
             yield poses
         self.ended = time.monotonic()
-        self.page.tell(self.status() | {"happened": events_of(self.recording)})
+        self.publications.outlet.tell(self.status() | {"happened": events_of(self.recording)})
 
     def stay(self, say: Callable[[str], None]) -> None:
         """Waits until ^C, SIGTERM or the end of the page's process."""
         say(f"the page stays at {self.page.url} until ^C")
         with deferring() as signals:
-            while not signals and self.page.process.poll() is None and not self.page.trouble:
-                time.sleep(END_CHECK_INTERVAL_S)
+            while not (signals or self.page.trouble):
+                self.publications.outlet.hear(END_CHECK_INTERVAL_MS)
         if self.page.trouble:
             say(f"the page is gone: {self.page.trouble}")
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.page.close()
+    def close(self) -> None:
+        """End the page's process."""
+        self.publications.close()

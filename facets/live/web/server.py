@@ -1,31 +1,24 @@
 """The process that serves the page: `python -m facets.live.web.server`.
 
-Its standard input has lots after their lengths, as those of a publication: first a description, in
-JSON, then S and rows of SAMPLE, or J and the state of the run in JSON. On its standard output it
-says how many samples it has taken. It is a process of its own, less urgent than the run, and never
-waits for a page: each is sent what it has not been told, as soon as it has taken what it was sent
-before.
+It subscribes to the run that has started it. It is a process of its own, less urgent than the run,
+and never waits for a page: each is sent what it has not been told, as soon as it has taken what it
+was sent before.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import socket
-import sys
-import threading
-from collections import deque
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.errors import InputError
 from ...core.extras import require_extra
-from ..streams.lots import lots
-from ..streams.sample_rows import sample_dtype
+from ..streams.feed import RunFeed
 from .guard import Guard, place
 from .hub import Hub, Page
 
@@ -40,8 +33,6 @@ STUCK_TIMEOUT_S = 15.0
 CLOSE_TIMEOUT_S = 2.5
 #: Maximum number of samples that are condensed at once, so that pages are served in between.
 MAX_ROWS_AT_ONCE = 20_000
-#: Maximum size of the samples that wait to be condensed; then the run's process waits.
-MAX_WAITING_BYTES = 8_000_000
 #: How much less urgent than the run this process is.
 NICE = 10
 TYPES = {
@@ -51,43 +42,6 @@ TYPES = {
     ".svg": "image/svg+xml",
     ".json": "application/json",
 }
-
-
-class Inbox:
-    """What came and is not looked at yet; a thread fills it and waits where it is full."""
-
-    def __init__(self, stream: BinaryIO, dtype: np.dtype[np.void]) -> None:
-        """dtype: of the rows."""
-        self.stream, self.dtype = stream, dtype
-        self.lots: deque[bytes] = deque()
-        self.waiting = self.samples = 0
-        self.ended = False
-        self.news = threading.Condition()
-
-    def run(self) -> None:
-        for data in lots(self.stream):
-            with self.news:
-                while self.waiting > MAX_WAITING_BYTES:
-                    self.news.wait()
-                self.lots.append(data)
-                self.waiting += len(data)
-        self.ended = True
-
-    def take(self) -> tuple[np.ndarray[Any, Any], list[dict[str, Any]]]:
-        """Return at most MAX_ROWS_AT_ONCE rows or one lot, and the reports that came in between."""
-        parts, count, told = [], 0, []
-        while self.lots and count < MAX_ROWS_AT_ONCE:
-            with self.news:
-                data = self.lots.popleft()
-                self.waiting -= len(data)
-                self.news.notify_all()
-            if data[:1] == b"S":
-                parts.append(data[1:])
-                count += (len(data) - 1) // self.dtype.itemsize
-            else:
-                told.append(json.loads(data[1:]))
-        self.samples += count
-        return np.frombuffer(b"".join(parts), self.dtype), told
 
 
 def assets() -> dict[str, Path]:
@@ -105,9 +59,9 @@ def assets() -> dict[str, Path]:
 class Server:
     """Serves the page of a hub to those whom the guard lets in."""
 
-    def __init__(self, hub: Hub, guard: Guard, drawn: dict[str, str]) -> None:
+    def __init__(self, hub: Hub, guard: Guard, drawn: dict[str, str], feed: RunFeed) -> None:
         """drawn: texts of scripts that the run gives along, by their path on the page."""
-        self.hub, self.guard = hub, guard
+        self.hub, self.guard, self.feed = hub, guard, feed
         self.files, self.drawn = assets(), drawn
         self.tasks: set[asyncio.Task[Any]] = set()
 
@@ -190,7 +144,7 @@ class Server:
         try:
             async for message in line:  # also hears the end of the page
                 if message.data == "resume":
-                    say({"resume": True})
+                    self.feed.tell(resume=True)
         finally:
             self.hub.pages.discard(page)
             telling.cancel()
@@ -217,40 +171,24 @@ class Server:
                 request.transport.abort()
 
 
-async def condense(hub: Hub, inbox: Inbox) -> None:
-    """Takes in what comes, and lets pages know, until nothing more comes."""
+async def condense(hub: Hub, feed: RunFeed) -> None:
+    """Take in what comes, and let pages know, until nothing more comes."""
     last_rate = -1.0
-    while True:
-        ended = inbox.ended  # before the last look: what came until then is taken
-        rows, told = inbox.take()
-        hub.take(rows)
-        for status in told:
+    while not feed.ended:
+        rows, statuses = feed.take(MAX_ROWS_AT_ONCE)
+        hub.take(np.concatenate([np.empty(0, feed.dtype), *rows]))
+        for status in statuses:
             hub.hear(status)
         rate = hub.rate()
-        if len(rows) or told or rate != last_rate:
+        if rows or statuses or rate != last_rate:
             hub.share()
         last_rate = rate
-        if ended and not inbox.lots:
-            break
-        await asyncio.sleep(
-            0.0 if inbox.lots and len(rows) >= MAX_ROWS_AT_ONCE else 1 / UPDATES_PER_S
-        )
-    hub.end("The program that acquires has ended without a message; see its terminal.", False)
+        feed.report(feed.count, len(hub.pages))
+        await asyncio.sleep(0.0 if sum(map(len, rows)) >= MAX_ROWS_AT_ONCE else 1 / UPDATES_PER_S)
+    good = "The run has ended."
+    bad = "The program that acquires has ended without a message; see its terminal."
+    hub.end(good if feed.has_end else bad, feed.has_end)
     hub.share()
-
-
-async def report(inbox: Inbox, hub: Hub, every: float = 0.25) -> None:
-    """Says on the standard output what has become of the samples."""
-    while True:
-        say({"sent": inbox.samples, "dropped": 0, "receivers": len(hub.pages)})
-        await asyncio.sleep(every)
-
-
-def say(words: dict[str, Any]) -> None:
-    """To the run, which may be gone."""
-    with suppress(OSError):
-        sys.stdout.write(json.dumps(words) + "\n")
-        sys.stdout.flush()
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -272,39 +210,35 @@ def listening(host: str, port: int) -> socket.socket:
     return line
 
 
-async def serve(hub: Hub, own: dict[str, Any], line: socket.socket, inbox: Inbox) -> None:
+async def serve(feed: RunFeed, line: socket.socket) -> None:
     from aiohttp import web
 
-    guard = Guard(own["token"], own["host"], line.getsockname()[1])
-    server = Server(hub, guard, own["drawn"])
+    page = feed.setup["page"]
+    hub = Hub({**feed.about, **feed.setup["about"]})
+    port = line.getsockname()[1]
+    server = Server(hub, Guard(page["token"], page["host"], port), page["drawn"], feed)
     runner = web.AppRunner(server.app(), access_log=None, handle_signals=False)
     await runner.setup()
     await web.SockSite(runner, line, shutdown_timeout=0.1).start()
-    threading.Thread(target=inbox.run, name="inbox", daemon=True).start()
-    reporting = asyncio.create_task(report(inbox, hub))
-    say({"ready": True, "port": line.getsockname()[1]})
-    await condense(hub, inbox)
+    feed.tell(ready=True, port=port)
+    await condense(hub, feed)
     if server.tasks:
         await asyncio.wait(set(server.tasks), timeout=CLOSE_TIMEOUT_S)
-    reporting.cancel()
-    say({"sent": inbox.samples, "dropped": 0, "receivers": len(hub.pages)})
     await asyncio.wait_for(runner.cleanup(), CLOSE_TIMEOUT_S)
 
 
 def main() -> None:
     with suppress(OSError, AttributeError):
         os.nice(NICE)
-    stream = sys.stdin.buffer
-    about = json.loads(next(iter(lots(stream))))
-    own = about.pop("page")
-    try:
-        require_extra("aiohttp", "--web")
-        line = listening(own["host"], own["port"])
-    except InputError as error:
-        say({"error": str(error)})
-        return
-    with suppress(TimeoutError):
-        asyncio.run(serve(Hub(about), own, line, Inbox(stream, sample_dtype(about))))
+    with RunFeed() as feed:
+        try:
+            require_extra("aiohttp", "--web")
+            line = listening(feed.setup["page"]["host"], feed.setup["page"]["port"])
+        except InputError as error:
+            feed.tell(error=str(error))
+            return
+        with suppress(TimeoutError):
+            asyncio.run(serve(feed, line))
 
 
 if __name__ == "__main__":

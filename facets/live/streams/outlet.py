@@ -1,0 +1,305 @@
+"""The one socket at which a run publishes its samples, and the processes that it starts there.
+
+ZeroMQ's own thread sends what the loop has given it, and drops what finds no place, so that no
+subscriber holds the run back. The page, JSON by UDP and the Lab Streaming Layer are processes of
+their own (`Relay`), which subscribe as other programs do: neither making text nor a slow receiver
+takes time from the loop.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from hmac import compare_digest
+from tempfile import TemporaryDirectory, TemporaryFile
+from typing import Any
+
+import numpy as np
+import zmq
+from numpy.typing import NDArray
+
+from ...core.closing import ClosedAtExit
+from ...core.errors import InputError
+from .addresses import zmq_endpoint
+from .sample_rows import description
+from .zeromq import (
+    ABOUT,
+    END,
+    FROM,
+    HIGH_WATER_MARK,
+    LINGER_MS,
+    LOST,
+    SAMPLES,
+    STATUS,
+    new_socket,
+)
+
+#: Maximum number of messages that wait for one subscriber of a replay, which waits in turn.
+PATIENT_HIGH_WATER_MARK = 20
+#: Maximum numbers of messages of subscribers that are heard at once, and that wait here for each:
+#: one that talks without end neither keeps the loop nor fills the memory.
+MAX_HEARD, MAX_UNHEARD = 100, 10
+#: Maximum size of what a subscriber says; it is disconnected where it says more.
+MAX_SAID_BYTES = 4_096
+#: A subscriber whose machine acknowledges nothing for this long, ms, is gone.
+LINE_TIMEOUT_MS = 30_000
+#: A subscriber that takes nothing for this long, s, is not waited for any more, by a replay.
+STUCK_S = 5.0
+#: A full queue is tried again, and news are looked for, after this time, ms, by who waits for them.
+RETRY_MS = 2
+#: Time between two reports of the run's status, s.
+STATUS_INTERVAL_S = 0.25
+#: A process that has not begun within this time is ended, s.
+START_TIMEOUT_S = 60.0
+#: Processes may take this time at the end to pass on what still waits, s.
+END_TIMEOUT_S = 10.0
+#: The words of a process that has ended may come this much later, ms.
+LAST_WORDS_MS = 1_000
+GONE = "its process has ended"
+
+
+class Outlet(ClosedAtExit):
+    """Publishes rows at any number of endpoints. A live run waits for nobody; a replay, for all.
+
+    count: number of rows.  sent: number of rows for which somebody subscribed at a `zmq://`
+    address.  missed_count: number of rows that those subscribers say they have missed.  status:
+    gives what the run says of itself, in JSON's types.
+    """
+
+    trouble = ""
+
+    def __init__(self, about: dict[str, Any], patient: bool = False) -> None:
+        """about: what subscribers are told of the samples.  patient: wait for subscribers; for
+        replays, which lose nothing by it."""
+        about = description(about)
+        self.patient, self.relays, self.is_ending = patient, list[Relay](), False
+        self.count = self.sent = self.missed_count = self.subscribers = 0
+        self.places: list[str] = []
+        self.status: Callable[[], dict[str, Any]] = dict
+        self.status_due = 0.0
+        self.columns = json.dumps({name: about[name] for name in ("dtype", "units")})[1:].encode()
+        self.context: zmq.Context[Any] = zmq.Context()
+        waiting = PATIENT_HIGH_WATER_MARK if patient else HIGH_WATER_MARK
+        self.socket = new_socket(self.context, zmq.XPUB, waiting, LINGER_MS)
+        self.socket.setsockopt(zmq.RCVHWM, MAX_UNHEARD)
+        self.socket.setsockopt(zmq.MAXMSGSIZE, MAX_SAID_BYTES)
+        # no heartbeats: libzmq ends the program where one is due on a broken line that is not read
+        self.socket.setsockopt(zmq.TCP_MAXRT, LINE_TIMEOUT_MS)
+        self.socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # each subscriber comes and goes by itself
+        self.socket.setsockopt(zmq.XPUB_WELCOME_MSG, ABOUT + json.dumps(about).encode())
+        self.socket.setsockopt(zmq.XPUB_NODROP, int(patient))
+        self.folder = TemporaryDirectory(prefix="facets-", ignore_cleanup_errors=True)
+        self.endpoint = self.bind_locally()
+
+    def bind_locally(self) -> str:
+        """Bind an endpoint for processes of the run; where there is such, one that other users of
+        this machine cannot reach."""
+        if os.name == "posix":
+            with suppress(zmq.ZMQError):  # of a folder whose name is too long
+                return self.bind(f"ipc://{self.folder.name}/run")
+        return self.bind("tcp://127.0.0.1:*")
+
+    def bind(self, endpoint: str) -> str:
+        """Also publish at an endpoint; return it with what the system has chosen of it."""
+        self.socket.bind(endpoint)
+        place: bytes = self.socket.getsockopt(zmq.LAST_ENDPOINT)
+        return place.strip(b"\0").decode()
+
+    def open(self, address: str) -> None:
+        """Also publish at `zmq://HOST:PORT`. Raises `InputError` where that cannot be had."""
+        endpoint = zmq_endpoint(address)
+        self.socket.setsockopt(zmq.IPV6, int("[" in endpoint))
+        try:
+            port = self.bind(endpoint).rpartition(":")[2]
+        except zmq.ZMQError as error:
+            raise InputError(f"--publish {address}: {error.strerror}") from None
+        self.places.append(f"{address.rpartition(':')[0]}:{port}")
+
+    # what goes
+
+    def send(self, rows: NDArray[np.void]) -> None:
+        """Publish rows of the description's dtype. Waits only where it is patient."""
+        self.hear()
+        header = b'{"first": %d, "count": %d, ' % (self.count, len(rows)) + self.columns
+        self.put([SAMPLES, header, rows.tobytes()])
+        self.count += len(rows)
+        self.sent += len(rows) if self.receivers else 0
+
+    def refresh(self) -> None:
+        """Hear what is said, and publish the status of the run where it is time for that."""
+        self.hear()
+        if time.monotonic() >= self.status_due:
+            self.status_due = time.monotonic() + STATUS_INTERVAL_S
+            self.tell(self.status())
+
+    def tell(self, words: dict[str, Any]) -> None:
+        """Publish what the run says of itself, if anything, for its page."""
+        if words:
+            self.put([STATUS, json.dumps(words).encode()])
+
+    def put(self, parts: list[bytes]) -> None:
+        """Send a message; a replay first waits while it would miss a subscriber."""
+        last = time.monotonic() + STUCK_S
+        while True:
+            try:
+                self.socket.send_multipart(parts, zmq.NOBLOCK)
+                return
+            except zmq.Again:
+                time.sleep(1e-3 * RETRY_MS)
+            if time.monotonic() > last:
+                self.socket.setsockopt(zmq.XPUB_NODROP, 0)
+                self.socket.send_multipart(parts, zmq.NOBLOCK)
+                self.socket.setsockopt(zmq.XPUB_NODROP, 1)
+                return
+
+    # what comes
+
+    @property
+    def address(self) -> str:
+        """All addresses at which others subscribe, with the ports that the system has chosen."""
+        return ", ".join(self.places)
+
+    @property
+    def receivers(self) -> int:
+        """Number of other programs that subscribe."""
+        return max(0, self.subscribers - sum(relay.is_connected for relay in self.relays))
+
+    @property
+    def dropped_count(self) -> int:
+        """Number of rows without a subscriber, and of those that subscribers have missed."""
+        return self.count - self.sent + self.missed_count
+
+    def hear(self, wait_ms: int = 0) -> None:
+        """Take in what subscribers say; wait up to this time for the first of it."""
+        if self.socket.closed or (wait_ms and not self.socket.poll(wait_ms)):
+            return
+        with suppress(zmq.Again):
+            for _ in range(MAX_HEARD):
+                self.take(self.socket.recv(zmq.NOBLOCK))
+
+    def take(self, said: bytes) -> None:
+        """That a subscriber comes or goes, has missed rows, or what a process of the run says."""
+        if said[:1] in (b"\0", b"\1"):
+            comes, topic = said[:1] == b"\1", said[1:]
+            if SAMPLES.startswith(topic):
+                self.subscribers += 1 if comes else -1
+            for relay in self.relays:
+                if compare_digest(topic, relay.token):
+                    relay.come_or_go(comes)
+        elif said.startswith(LOST) and said[len(LOST) :].isdigit() and len(said) < 20:
+            self.missed_count += int(said[len(LOST) :])
+        elif said.startswith(FROM):
+            token, _, words = said[len(FROM) :].partition(b" ")
+            for relay in self.relays:
+                if compare_digest(token, relay.token):
+                    relay.hear(json.loads(words))
+
+    def close(self) -> None:
+        """Send what waits, and end the processes, both with a limit of time. Never raises."""
+        if self.socket.closed:
+            return
+        self.socket.setsockopt(zmq.XPUB_NODROP, 0)
+        with suppress(Exception):
+            self.tell(self.status())
+        self.is_ending, begin = True, time.monotonic()
+        while any(relay.has_time(begin) for relay in self.relays):
+            self.socket.send(END, zmq.NOBLOCK)  # again, as it may have found no place
+            self.hear(10 * RETRY_MS)
+        for relay in self.relays:
+            relay.end()
+        self.context.destroy()
+        self.folder.cleanup()
+
+
+class Relay:
+    """A process that subscribes to the run which has started it, and passes samples on.
+
+    said: the newest of all that it says of itself: `sent`, the number of rows that it has given
+    away, which, where nobody answers, says nothing of their arrival; `dropped`, the number of those
+    that it has not, or has missed; `receivers`, the number of those that take them now, None where
+    it cannot be known; `port`.  trouble: why nothing is published any more, or nothing.
+    """
+
+    def __init__(self, address: str, outlet: Outlet, module: str, setup: dict[str, Any]) -> None:
+        """module: the program, as `python -m` has it.  setup: what only it is told.
+
+        Raises `InputError` where it cannot begin.
+        """
+        self.address, self.outlet, self.trouble = address, outlet, ""
+        self.token, self.is_connected = secrets.token_hex(16).encode(), False
+        self.said: dict[str, Any] = {"sent": 0, "dropped": 0, "receivers": 0}
+        self.progress = time.monotonic()
+        setup = {**setup, "endpoint": outlet.endpoint, "token": self.token.decode()}
+        with TemporaryFile("w+") as file:  # other users can read what stands in a command
+            json.dump(setup, file)
+            file.seek(0)
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", module, address],
+                stdin=file, stdout=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+        outlet.relays.append(self)
+        self.await_begin()
+
+    def await_begin(self) -> None:
+        """Wait until the process says that it is ready. Raises `InputError` where it cannot be."""
+        while not {"ready", "error"} & self.said.keys():
+            is_late = time.monotonic() > self.progress + START_TIMEOUT_S
+            is_over = is_late or self.process.poll() is not None
+            self.outlet.hear(LAST_WORDS_MS if is_over else RETRY_MS)
+            if is_over:
+                self.said.setdefault("error", GONE)
+        if "error" in self.said:
+            self.process.kill()
+            self.process.wait()
+            raise InputError(self.said["error"])
+
+    def come_or_go(self, comes: bool) -> None:
+        """Take note that the process has subscribed, or is no longer there."""
+        self.is_connected = comes
+        if not comes and not self.outlet.is_ending:
+            self.trouble = GONE
+
+    def hear(self, words: dict[str, Any]) -> None:
+        """Take in what the process says of itself."""
+        if words.get("sent", 0) > self.sent:
+            self.progress = time.monotonic()
+        self.said |= words
+
+    @property
+    def sent(self) -> int:
+        """Number of rows that were given away."""
+        return int(self.said["sent"])
+
+    @property
+    def receivers(self) -> int | None:
+        """Number of those that take them now; None where it cannot be known."""
+        count: int | None = self.said["receivers"]
+        return count
+
+    @property
+    def dropped_count(self) -> int:
+        """Number of rows that are known not to be given away; those that wait are not."""
+        if self.trouble or self.outlet.socket.closed:
+            return self.outlet.count - self.sent
+        return int(self.said["dropped"])
+
+    def has_time(self, begin: float) -> bool:
+        """Whether the process may still take time for an end that began at this time, s."""
+        since = max(begin, self.progress) if self.outlet.patient else begin
+        return self.is_connected and time.monotonic() < since + END_TIMEOUT_S
+
+    def end(self) -> None:
+        """Wait for the end of a process that has said its last, and end any other."""
+        try:
+            status = self.process.wait(0 if self.is_connected else END_TIMEOUT_S)
+            self.trouble = self.trouble or (GONE if status else "")
+        except subprocess.TimeoutExpired:
+            self.trouble = self.trouble or "its receiver accepts no more data"
+            self.process.kill()
+            self.process.wait()
