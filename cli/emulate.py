@@ -85,17 +85,17 @@ def emulate(
     settings = facets.load(config)
     code = library_of(firmware, settings) if firmware else None
     warm_up(settings)  # before the ports exist, because programs that open them wait for answers
-    bench = live.virtual.Bench(
+    setup = live.virtual.BenchSetup(
         settings,
         motion,
         rate,
         live.virtual.Faults.from_text(faults),
         seed,
-        folder,
-        code,
-        with_reference,
-        truth,
+        firmware=code,
+        reference=with_reference,
+        truth=truth,
     )
+    bench = live.virtual.Bench(setup, folder)
     announce(bench, settings)
     commands = write_commands(folder / "commands.csv", settings, motion, seed)
     try:

@@ -104,7 +104,7 @@ def prove_other_box(
         return factor
     beside = reach_file(file)
     proof.certificate.write_certificate(beside, settings.sensor, other, about, settings.resolved)
-    is_farthest = factor >= proof.reach.FARTHEST
+    is_farthest = factor >= proof.reach.LARGEST_SCALING
     end = ", the largest that is tried" if is_farthest else "; a larger one may be too"
     typer.echo(
         f"proved{' too' * larger}: a box of poses {round_down(factor)} times as large about "

@@ -108,8 +108,39 @@ class RayBeam(NamedTuple):
 
 def edges_of(normals: Floats) -> Floats:
     """Unit vectors (3, 3) down the edges; edge k is where facet k begins."""
-    found = normalise(np.cross(normals[[2, 0, 1]], normals))
-    return found * -np.sign(found[:, 2:])
+    edges = normalise(np.cross(normals[[2, 0, 1]], normals))
+    return edges * -np.sign(edges[:, 2:])
+
+
+class RayFacet(NamedTuple):
+    """One facet of a sensor on a bench, at states (n, 8).
+
+    turn: rotations of the mirror (n, 3, 3).  normal: of the facet (3,), and edges: where it begins
+    and where it ends (2, 3), in the mirror's frame.  k: number of the facet and of its detector.
+    """
+
+    sensor: Sensor
+    bench: RayBench
+    beam: RayBeam
+    states: Floats
+    turn: Floats
+    normal: Floats
+    edges: Floats
+    k: int
+
+    @property
+    def psd(self) -> Psd:
+        return self.sensor.psds[self.k]
+
+    @property
+    def world_normal(self) -> Floats:
+        return self.turn @ self.normal
+
+    @property
+    def inward(self) -> Floats:
+        """Unit vectors (2, 3) from each edge into the facet, in the mirror's frame."""
+        first, second = self.edges
+        return np.array([np.cross(self.normal, first), np.cross(second, self.normal)])
 
 
 def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:
@@ -117,55 +148,44 @@ def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:
     normals = np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
                          np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
                         for f in sensor.facets])  # fmt: skip
-    edges = edges_of(normals)
+    edges, beam = edges_of(normals), RayBeam.from_sensor(sensor)
     parts = [rotation_about(2 - i, state[:, 5 - i]) for i in range(3)]
     turn = parts[0] @ parts[1] @ parts[2]
     out = np.empty((len(state), 9))
     for k in range(3):
-        out[:, 3 * k : 3 * k + 3] = facet(sensor, bench, state, turn, normals[k], edges, k)
+        both = edges[[k, (k + 1) % 3]]
+        facet = RayFacet(sensor, bench, beam, state, turn, normals[k], both, k)
+        out[:, 3 * k : 3 * k + 3] = spot(facet)
     return out
 
 
-def facet(
-    sensor: Sensor,
-    bench: RayBench,
-    state: Floats,
-    turn: Floats,
-    normal: Floats,
-    edges: Floats,
-    k: int,
-) -> Floats:
+def spot(facet: RayFacet) -> Floats:
     """Place and power (n, 3) of the light of one facet."""
-    beam, psd = RayBeam.from_sensor(sensor), sensor.psds[k]
-    points, area, distances = sample_facet(bench, normal, edges[k], edges[(k + 1) % 3], k)
-    world = state[:, None, :3] + points @ np.swapaxes(turn, 1, 2)
-    density, cosine, along = incident_light(bench, beam, world, state, turn, normal)
-    reflected = reflected_share(bench, beam, cosine, turn @ normal)
-    weight = sensor.beam.power * density * area * reflected
-    if bench.chip and k < 2:
+    bench, turn = facet.bench, np.swapaxes(facet.turn, 1, 2)
+    points, area, distances = sample_facet(facet)
+    world = facet.states[:, None, :3] + points @ turn
+    density, cosine, along = incident_light(facet, world)
+    reflected = reflected_share(facet, cosine)
+    weight = facet.sensor.beam.power * density * area * reflected
+    if bench.chip and facet.k < 2:
         weight = weight * (np.linalg.norm(points, axis=-1) > bench.chip)
-    tilted = normal - surface_slope(bench, distances, normal, edges[k], edges[(k + 1) % 3], k)
-    surface = normalise(tilted) @ np.swapaxes(turn, 1, 2)
+    surface = normalise(facet.normal - surface_slope(facet, distances)) @ turn
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
-    place, _ = landing_point(world, leaving, psd)
+    place, _ = landing_point(world, leaving, facet.psd)
     power = weight.sum(axis=1)
     centre = (weight[..., None] * place).sum(axis=1) / power[:, None]
     if bench.wavelength:
-        for edge in (edges[k], edges[(k + 1) % 3]):
-            power, centre = add_diffraction(
-                sensor, bench, beam, state, turn, normal, edge, reflected.mean(axis=1), power,
-                centre, k,
-            )  # fmt: skip
-    extra, at = bench.background[k, 0], bench.background[k, 1:]
+        for edge in facet.edges:
+            power, centre = add_diffraction(facet, edge, reflected.mean(axis=1), power, centre)
+    extra, at = bench.background[facet.k, 0], bench.background[facet.k, 1:]
     whole = power + extra
     return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
 
 
-def sample_facet(
-    bench: RayBench, normal: Floats, first: Floats, second: Floats, k: int
-) -> tuple[Floats, Floats, Floats]:
+def sample_facet(facet: RayFacet) -> tuple[Floats, Floats, Floats]:
     """Points of a facet (m, 3) in the mirror's frame, their areas, their distances from edges."""
-    inward = np.cross(normal, first), np.cross(second, normal)
+    bench, k, inward = facet.bench, facet.k, facet.inward
+    first, second = facet.edges
     angle = np.arccos(first @ second)
     gaps = np.array([bench.strips[k], bench.strips[(k + 1) % 3]]) / 2
     basis = np.array([first, inward[0]])
@@ -181,18 +201,17 @@ def sample_facet(
         [points @ v for v in inward])  # fmt: skip
 
 
-def incident_light(
-    bench: RayBench, beam: RayBeam, world: Floats, state: Floats, turn: Floats, normal: Floats
-) -> tuple[Floats, Floats, Floats]:
+def incident_light(facet: RayFacet, world: Floats) -> tuple[Floats, Floats, Floats]:
     """Flux on the facet, cosine and direction of the rays through points."""
-    beside = world - np.pad(state[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
+    bench, beam = facet.bench, facet.beam
+    beside = world - np.pad(facet.states[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
     depth = beside @ beam.along
     matrix = np.eye(2) + depth[..., None, None] * bench.curvature
     seen = np.stack([beside @ beam.x, beside @ beam.y], axis=-1)
     across = np.linalg.solve(matrix, seen[..., None])[..., 0]
     fan = across @ bench.curvature
     along = beam.along + fan[..., :1] * beam.x + fan[..., 1:] * beam.y
-    facing = -np.einsum("nmi,ni->nm", along, turn @ normal)
+    facing = -np.einsum("nmi,ni->nm", along, facet.world_normal)
     inverse = np.linalg.inv(bench.covariance)
     bell = np.exp(-np.einsum("nmi,ij,nmj->nm", across, inverse, across) / 2)
     bell /= 2 * np.pi * np.sqrt(np.linalg.det(bench.covariance))
@@ -202,47 +221,44 @@ def incident_light(
     return bell * facing / np.linalg.det(matrix), cosine, along
 
 
-def reflected_share(bench: RayBench, beam: RayBeam, cosine: Floats, normal: Floats) -> Floats:
+def reflected_share(facet: RayFacet, cosine: Floats) -> Floats:
     """Reflected share of the light (n, m)."""
+    bench, beam = facet.bench, facet.beam
     if bench.metal is None:
         return np.ones_like(cosine)
     field = np.cos(bench.polarisation) * beam.x + np.sin(bench.polarisation) * beam.y
-    upright = (normalise(np.cross(beam.along, normal)) @ field) ** 2
+    upright = (normalise(np.cross(beam.along, facet.world_normal)) @ field) ** 2
     s, p = reflectance(cosine, bench.metal)
     mixed: Floats = upright[:, None] * s + (1 - upright[:, None]) * p
     return mixed
 
 
-def surface_slope(
-    bench: RayBench, distances: Floats, normal: Floats, first: Floats, second: Floats, k: int
-) -> Floats:
+def surface_slope(facet: RayFacet, distances: Floats) -> Floats:
     """Slope (m, 3) of the surface towards its edges."""
-    inward = np.array([np.cross(normal, first), np.cross(second, normal)])
-    fall = bench.depth[k] / bench.width * np.exp(-np.maximum(distances, 0) / bench.width)
-    found: Floats = fall @ inward
-    return found
+    depth, width = facet.bench.depth[facet.k], facet.bench.width
+    fall: Floats = depth / width * np.exp(-np.maximum(distances, 0) / width)
+    return fall @ facet.inward
 
 
 def add_diffraction(
-    sensor: Sensor, bench: RayBench, beam: RayBeam, state: Floats, turn: Floats, normal: Floats,
-    edge: Floats, reflected: Floats, power: Floats, centre: Floats, k: int,
-) -> tuple[Floats, Floats]:  # fmt: skip
+    facet: RayFacet, edge: Floats, reflected: Floats, power: Floats, centre: Floats
+) -> tuple[Floats, Floats]:
     """Power and position after one edge has spread its light past the detector's window."""
-    psd, world = sensor.psds[k], turn @ edge
+    bench, beam, psd, states = facet.bench, facet.beam, facet.psd, facet.states
+    world, surface = facet.turn @ edge, facet.world_normal
     nodes, weights = np.polynomial.legendre.leggauss(64)
     far = 4 * REACH * np.sqrt(np.trace(bench.covariance))
     along = far * (nodes + 1) / 2
-    points = state[:, None, :3] + along[:, None] * world[:, None]
-    bell, _, fan = incident_light(bench, beam, points, state, turn, normal)
-    facing = -np.einsum("nmi,ni->nm", fan, turn @ normal)
-    bell *= sensor.beam.power * reflected[:, None] / facing
+    points = states[:, None, :3] + along[:, None] * world[:, None]
+    bell, _, fan = incident_light(facet, points)
+    facing = -np.einsum("nmi,ni->nm", fan, surface)
+    bell *= facet.sensor.beam.power * reflected[:, None] / facing
     flat = np.stack([world @ beam.x, world @ beam.y], axis=-1)
     stretch = np.linalg.norm(flat, axis=-1)
     weight = bell * weights * far / 2
     per_mm = weight.sum(axis=1) * stretch
     middle = (weight * along).sum(axis=1) / weight.sum(axis=1)
-    surface = turn @ normal
-    on_edge = state[:, :3] + middle[:, None] * world
+    on_edge = states[:, :3] + middle[:, None] * world
     sideways = np.stack([-flat[:, 1], flat[:, 0]], axis=-1) / stretch[:, None]
     step = sideways[:, :1] * beam.x + sideways[:, 1:] * beam.y
     step -= ((step * surface).sum(-1) / (surface @ beam.along))[:, None] * beam.along
@@ -254,9 +270,9 @@ def add_diffraction(
     ahead, behind = steps_to_window(here, across, psd), steps_to_window(here, -across, psd)
     strength = bench.wavelength * length * per_mm / (4 * np.pi**2)
     sums = 1 / ahead + 1 / behind
-    left = power - strength * sums
+    rest = power - strength * sums
     moved = (here - centre) * sums[:, None] + across * np.log(behind / ahead)[:, None]
-    return left, centre - strength[:, None] * moved / left[:, None]
+    return rest, centre - strength[:, None] * moved / rest[:, None]
 
 
 def landing_points(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:

@@ -29,7 +29,7 @@ from facets.live.run.live import Live
 from facets.live.run.loop import Ending, acquire
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.reader import Reader
-from facets.live.sources.frames import SIZE, Samples, pack
+from facets.live.sources.frames import SIZE, RawSamples, pack
 
 BLOCK, RATE = 50, 400.0
 
@@ -44,7 +44,7 @@ def stream(count: int) -> bytes:
     )
     number = np.arange(count, dtype=np.uint32)
     kind = np.ones(count, np.uint8)
-    return pack(Samples(kind, 0 * kind, number, 100 * number, counts))
+    return pack(RawSamples(kind, 0 * kind, number, 100 * number, counts))
 
 
 class StreamSource:

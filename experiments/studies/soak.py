@@ -44,7 +44,7 @@ from facets.live.run.loop import Ending, acquire
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.reader import Reader
 from facets.live.streams.publication import Publications
-from facets.live.virtual import SENT, Bench, Faults, truth_of
+from facets.live.virtual import SENT, Bench, BenchSetup, Faults, truth_of
 
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
 #: An error of more than this many standard uncertainties is wrong: once in 1e10 numbers, by chance.
@@ -77,7 +77,8 @@ def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
             raise KeyboardInterrupt
 
     config = facets.load("bench")
-    bench = Bench(config, "wobble", rate, Faults.from_text(faults), 3, folder, truth=True)
+    setup = BenchSetup(config, "wobble", rate, Faults.from_text(faults), 3, truth=True)
+    bench = Bench(setup, folder)
     bench.run(float("inf"), go_on)
 
 

@@ -101,13 +101,13 @@ def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
     def cold(rows: Floats) -> Floats:
         return solve(SENSOR, rows[:, :9]).state
 
-    def on_threads(rows: Floats) -> Floats:
+    def use_threads(rows: Floats) -> Floats:
         return solve(SENSOR, rows[:, :9], covariance=False, threads=0).state
 
     contenders = [
         Contender("facets: batch from zero", cold, poses),
         Contender("facets: batch warm without covariance", warm, poses),
-        Contender(f"facets: from zero on {cores()} threads", on_threads, poses),
+        Contender(f"facets: from zero on {cores()} threads", use_threads, poses),
         Contender(
             "facets: one warm call each",
             one_by_one(lambda r: solve(SENSOR, r[:9], start=r[9:] + 1e-6).state),

@@ -90,7 +90,7 @@ def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]
     """Covariances (p, p) of the unknowns by source, and the unknowns' names: the unknowns of the
     fit, and the laser's mean power where each sample has its own."""
     at = task.guess(result.all_values, result.own_values)
-    _, _, normal = task.linearise(at, task.limit(at))
+    _, _, normal = task.linearise(at, task.outlier_limit(at))
     names, size = list(result.choice.names), len(result.covariance)
     back, total = normal.back[:, :, :size], result.covariance
     by_common, by_own = np.eye(size), np.zeros((len(back), 1, OWN_COUNT))

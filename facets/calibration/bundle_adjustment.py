@@ -175,13 +175,13 @@ def add_power_polynomials(data: Data) -> Data:
 
 
 #: A step that counts as one, over the reference's standard uncertainty.
-LEAST_STEP = 4.0
+LEAST_STEP_SIGMAS = 4.0
 
 
 def add_approach(data: Data) -> Data:
     """Add each axis's last step and its direction; the rows are in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
-    sign = np.where(np.abs(step) > LEAST_STEP * data.sigma, np.sign(step), 0.0)
+    sign = np.where(np.abs(step) > LEAST_STEP_SIGMAS * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
     return data._replace(approach=np.take_along_axis(sign, latest, axis=0), step=step)

@@ -30,7 +30,7 @@ from .linear_prediction import (
     values_for,
 )
 from .outliers import exclude_outliers
-from .scatter import NOTHING, Scatter, fit_with_scatter
+from .scatter import NO_SCATTER, Scatter, fit_with_scatter
 from .unknowns import PLACE
 
 if TYPE_CHECKING:
@@ -161,7 +161,9 @@ def first_state(
         for candidate in every
         if candidate.sigma and set(candidate.sigma) <= set(plain.choice.names)
     }
-    return SearchState(sensor, data, settings, every, plain, rows, frozenset(), outliers, NOTHING)
+    return SearchState(
+        sensor, data, settings, every, plain, rows, frozenset(), outliers, NO_SCATTER
+    )
 
 
 def add_requested_effects(state: SearchState) -> SearchState:

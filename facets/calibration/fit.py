@@ -59,9 +59,9 @@ from .unknowns import (
 )
 
 #: Damping beyond which no step leads anywhere.
-STUCK = 1e10
+MAX_DAMPING = 1e10
 #: Residuals over the noise, as a root mean square, from which on a fit misses something.
-MISFIT = 1.3
+MISFIT_SIGMAS = 1.3
 #: Unknowns that cannot be negative, and where a fit holds them, mm: a roll-off without a width has
 #: no derivative.
 LOWER_BOUNDS_MM = {"rolloff.width": 1e-3, "light.wavelength": 0.0}
@@ -183,7 +183,7 @@ class Task:
             raise InputError("a laser of no power")
         return Guess(sensor, values, own_values, residuals(sensor, self.data, own_values, values))
 
-    def limit(self, at: Guess) -> float:
+    def outlier_limit(self, at: Guess) -> float:
         """The residual beyond which a reading has less weight, relative to most residuals."""
         if self.robust is None:
             return np.inf
@@ -243,14 +243,14 @@ class Task:
         damping, growth = 0.0, 10.0
         scale = np.diag(1 / self.choice.sigma**2)
         for steps in range(1, rule.steps + 1):
-            limit = self.limit(at)
+            limit = self.outlier_limit(at)
             _, _, normal = self.linearise(at, limit)
             matrix, side = self.hold_at_bounds(at, *self.add_prior(at, normal))
             worth = float(side @ np.linalg.solve(matrix, side))
             if worth < rule.fall and normal.fall < rule.fall * len(self.data.raw):
                 return at, steps - 1, ""
             level, better = self.cost(at, limit), None
-            while damping < STUCK:
+            while damping < MAX_DAMPING:
                 heavy = matrix + damping * scale
                 step: Floats = np.linalg.solve(heavy, side).astype(float)
                 tried = self.take_step(at, normal, step)
@@ -291,7 +291,7 @@ class Task:
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
         names = ", ".join(self.choice.names[n] for n in large)
         known, whole = step @ self.prior @ step, step @ matrix @ step
-        if known > whole / 2 and size < MISFIT:
+        if known > whole / 2 and size < MISFIT_SIGMAS:
             remedy = (
                 "the samples hardly tell these; take samples that move more, or hold them as they "
                 "are (null in calibrate.before)"
@@ -305,12 +305,12 @@ class Task:
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
-        limit = self.limit(at)
+        limit = self.outlier_limit(at)
         model, weights, normal = self.linearise(at, limit)
         matrix, _ = self.add_prior(at, normal)
         covariance: Floats = np.linalg.inv(matrix).astype(float)
         redundancy = redundancies(model, weights, normal, covariance)
-        chi_square, freedom = self.misfit(at, limit, redundancy)
+        chi_square, freedom = self.chi_square(at, limit, redundancy)
         try:
             sensor = calibrated_sensor(self, at, normal, covariance, freedom)
         except InputError as error:  # the mirror's turn, put into its facets, may leave no pyramid
@@ -334,7 +334,7 @@ class Task:
             cause=cause,
         )
 
-    def misfit(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
+    def chi_square(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
         """Chi-square without the outliers, corrected for the truncation, and its expectation."""
         there = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
         kept = cut_variance(self.robust) if limit == self.robust else 1.0
@@ -367,7 +367,7 @@ def fit(
 
 
 #: How well the detectors' common gain keeps to what it is by convention.
-CONVENTION = 1e-5
+GAIN_CONVENTION_SIGMA = 1e-5
 
 
 def prior_information(choice: Choice) -> Floats:
@@ -385,7 +385,7 @@ def prior_information(choice: Choice) -> Floats:
         matrix[np.ix_(inside, inside)] = whole[np.ix_(places, places)]
     gains = [n for n, name in enumerate(choice.names) if name in GAINS]
     if len(gains) == len(GAINS) and (np.isinf(choice.power) or "beam.power" in choice.names):
-        matrix[np.ix_(gains, gains)] += 1 / (len(gains) * CONVENTION) ** 2
+        matrix[np.ix_(gains, gains)] += 1 / (len(gains) * GAIN_CONVENTION_SIGMA) ** 2
     return matrix
 
 

@@ -7,12 +7,12 @@ look like nothing in particular, and some of them hide in an unknown: a swapped 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations, permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import POSE
@@ -27,25 +27,26 @@ from .fit import NORMAL_MEDIAN, Fit, Guess, StoppingRule, Task, solve_open_axes
 from .misfit import KINDS, Finding
 from .outliers import row_numbers
 from .unknowns import Choice
-from .unmodelled import Remainder, Trace, find_steps, undo_step
+from .unmodelled import Remainder, find_steps, undo_step
 from .unmodelled_findings import step_size
 
 Change = Callable[[Data], Data]
+ColumnChange = Callable[[Floats], Floats]
 
 #: Samples and steps of a first trial and of a last, for so many of the hypotheses.
-SAMPLES, STEPS, FINAL = (30, 120), (4, 12), 4
+SAMPLES, STEPS, LAST_TRIALS = (30, 120), (4, 12), 4
 #: How many of the best may be one of two faults.
 PARTNERS = 6
 #: How many moves of something loose are tried, and the limit of residuals that shows them.
-STEPS_TRIED, ROBUST = 3, 3.0
+STEPS_TRIED, ROBUST_SIGMAS = 3, 3.0
 #: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
 #: many times the noise at most; or more, which real light leaves, but chi-square lower by a factor
 #: than the next best.
-FACTOR, GOOD, GAP = 0.4, 5.0, 3.0
+LEAST_REDUCTION, GOOD_SIGMAS, CLEAR_GAP = 0.4, 5.0, 3.0
 #: A fault that leaves chi-square within this factor of the best one's cannot be told from it.
-ALIKE = 1.5
+ALIKE_FACTOR = 1.5
 #: Residuals over the noise that no light of a bench leaves.
-WORST = 17.0
+WORST_LIGHT_SIGMAS = 17.0
 
 
 class Hypothesis(NamedTuple):
@@ -66,20 +67,35 @@ def hypotheses(sensor: Sensor) -> Iterator[Hypothesis]:
     yield from detector_kinds(sensor)
 
 
-def change_readings(change: Callable[[Floats], None]) -> Change:
-    def apply(data: Data) -> Data:
-        raw = data.raw.copy()
-        change(raw)
-        return data._replace(raw=raw)
-
-    return apply
+def change_readings(change: ColumnChange) -> Change:
+    return lambda data: data._replace(raw=change(data.raw))
 
 
-def change_pose(change: Callable[[Floats], Floats]) -> Change:
-    def apply(data: Data) -> Data:
-        return data._replace(pose=change(data.pose.copy()), velocity=None)
+def change_pose(change: ColumnChange) -> Change:
+    return lambda data: data._replace(pose=change(data.pose), velocity=None)
 
-    return apply
+
+def scale(columns: Any, factor: float) -> ColumnChange:
+    """Multiply some columns by a factor."""
+
+    def change(values: Floats) -> Floats:
+        changed = values.copy()
+        changed[:, columns] *= factor
+        return changed
+
+    return change
+
+
+def permute(order: Sequence[int]) -> ColumnChange:
+    """Take the columns in another order."""
+    return lambda values: values[:, order]
+
+
+def exchange(a: int, b: int, count: int) -> ColumnChange:
+    """Exchange two of a number of columns."""
+    order = list(range(count))
+    order[a], order[b] = b, a
+    return permute(order)
 
 
 def swapped_signs() -> Iterator[Hypothesis]:
@@ -88,22 +104,16 @@ def swapped_signs() -> Iterator[Hypothesis]:
     for n, kind in enumerate(("psi", "zeta")):
         for k in (0, 1, 2, slice(None)):
             of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
-            columns = np.atleast_1d(np.arange(n, 9, 3)[k])
-
-            def flip(raw: Floats, columns: NDArray[np.int64] = columns) -> None:
-                raw[:, columns] *= -1
-
             yield Hypothesis(
-                f"the sign of {kind} of {of} is swapped", "swap it back", change_readings(flip)
+                f"the sign of {kind} of {of} is swapped",
+                "swap it back",
+                change_readings(scale(np.arange(n, 9, 3)[k], -1)),
             )
     for n, name in enumerate(POSE):
-
-        def turn(pose: Floats, n: int = n) -> Floats:
-            pose[:, n] *= -1
-            return pose
-
         yield Hypothesis(
-            f"the sign of the reference's {name} is swapped", "swap it back", change_pose(turn)
+            f"the sign of the reference's {name} is swapped",
+            "swap it back",
+            change_pose(scale(n, -1)),
         )
 
 
@@ -115,26 +125,18 @@ def exchanged_readings() -> Iterator[Hypothesis]:
         letters = "".join("ABC"[k] for k in order)
         moved = [k for k in range(3) if order[k] != k]
         of = " and ".join("ABC"[k] for k in moved) if len(moved) == 2 else "A, B and C"
-        columns = np.concatenate([3 * k + np.arange(3) for k in order])
-
-        def permute(raw: Floats, columns: NDArray[np.int64] = columns) -> None:
-            raw[:] = raw[:, columns]
-
         yield Hypothesis(
             f"detectors {of} are exchanged",
             f"name the columns of the readings in the order {letters}",
-            change_readings(permute),
+            change_readings(permute([3 * k + n for k in order for n in range(3)])),
         )
     for a, b in combinations(range(9), 2):
-        if (a % 3 == 2) != (b % 3 == 2):  # a place and a power are never taken for each other
-            continue
-
-        def cross(raw: Floats, a: int = a, b: int = b) -> None:
-            raw[:, [a, b]] = raw[:, [b, a]]
-
-        yield Hypothesis(
-            f"{name_pair(a, b)} are exchanged", "exchange them", change_readings(cross)
-        )
+        if (a % 3 == 2) == (b % 3 == 2):  # a place and a power are never taken for each other
+            yield Hypothesis(
+                f"{name_pair(a, b)} are exchanged",
+                "exchange them",
+                change_readings(exchange(a, b, 9)),
+            )
 
 
 def name_pair(a: int, b: int) -> str:
@@ -163,150 +165,120 @@ def rotations(pose: Floats, order: str) -> Floats:
 def angle_orders() -> Iterator[Hypothesis]:
     """Hypotheses that the reference's angles are taken in another order, or that it gives the
     inverse rotation."""
+
+    def replace_angles(matrices: Callable[[Floats], Floats]) -> Change:
+        return change_pose(lambda pose: np.hstack([pose[:, :3], rotation_angles(matrices(pose))]))
+
     for order in ("".join(axes) for axes in permutations("xyz")):
         if order != "xyz":
-
-            def again(pose: Floats, order: str = order) -> Floats:
-                pose[:, 3:] = rotation_angles(rotations(pose, order))
-                return pose
-
             axes = ", then ".join(order)
             yield Hypothesis(
                 f"the reference's angles are taken in another order (about the fixed axes {axes}; "
                 "here x, then y, then z)",
                 "convert them",
-                change_pose(again),
+                replace_angles(partial(rotations, order=order)),
             )
-
-    def inverse(pose: Floats) -> Floats:
-        pose[:, 3:] = rotation_angles(np.swapaxes(rotation_matrix(pose[:, 3:]), 1, 2))
-        return pose
-
-    yield Hypothesis("the reference gives the inverse rotation", "invert it", change_pose(inverse))
+    yield Hypothesis(
+        "the reference gives the inverse rotation",
+        "invert it",
+        replace_angles(lambda pose: np.swapaxes(rotation_matrix(pose[:, 3:]), 1, 2)),
+    )
 
 
 def reference_axes() -> Iterator[Hypothesis]:
     """Hypotheses that axes of the reference are exchanged, or turned by quarters of a turn."""
     for a, b in ((0, 1), (3, 4)):
-
-        def cross(pose: Floats, a: int = a, b: int = b) -> Floats:
-            pose[:, [a, b]] = pose[:, [b, a]]
-            return pose
-
         yield Hypothesis(
-            f"the reference's {POSE[a]} and {POSE[b]} are exchanged", "exchange them",
-            change_pose(cross),
-        )  # fmt: skip
+            f"the reference's {POSE[a]} and {POSE[b]} are exchanged",
+            "exchange them",
+            change_pose(exchange(a, b, 6)),
+        )
     for quarters in (1, 2, 3):
-        c, s = round(np.cos(quarters * np.pi / 2)), round(np.sin(quarters * np.pi / 2))
-
-        def swing(pose: Floats, c: int = c, s: int = s) -> Floats:
-            turn = np.array([[c, -s], [s, c]])
-            pose[:, :2] = pose[:, :2] @ turn.T
-            pose[:, 3:5] = pose[:, 3:5] @ turn.T
-            return pose
-
         yield Hypothesis(
             f"the reference's x and y axes are turned by {90 * quarters} degrees about z",
             "turn them back",
-            change_pose(swing),
+            change_pose(partial(turn_axes, quarters=quarters)),
         )
+
+
+def turn_axes(pose: Floats, quarters: int) -> Floats:
+    """Poses (n, 6) whose x and y axes are turned by quarters of a turn about z."""
+    turned = pose.copy()
+    for _ in range(quarters):
+        for x in (0, 3):
+            turned[:, x], turned[:, x + 1] = -turned[:, x + 1], turned[:, x].copy()
+    return turned
 
 
 def wrong_units() -> Iterator[Hypothesis]:
     """Hypotheses that lengths, angles or powers are given in another unit."""
     degree = np.pi / 180 * 1000
+    lengths, angles, powers, places = slice(3), slice(3, 6), slice(2, 9, 3), [0, 1, 3, 4, 6, 7]
     for words, factor in (
         ("degrees where mrad is asked for", degree),
         ("rad where mrad is asked for", 1e3),
         ("urad where mrad is asked for", 1e-3),
         ("arc seconds where mrad is asked for", degree / 3600),
     ):
-
-        def angle(pose: Floats, factor: float = factor) -> Floats:
-            pose[:, 3:] *= factor
-            return pose
-
-        yield Hypothesis(
-            f"the reference's angles are in {words}", "convert them", change_pose(angle)
-        )
+        change = change_pose(scale(angles, factor))
+        yield Hypothesis(f"the reference's angles are in {words}", "convert them", change)
     for words, factor in (
         ("um where mm is asked for", 1e-3),
         ("m where mm is asked for", 1e3),
     ):
-
-        def length(pose: Floats, factor: float = factor) -> Floats:
-            pose[:, :3] *= factor
-            return pose
-
-        def place(raw: Floats, factor: float = factor) -> None:
-            raw[:, [0, 1, 3, 4, 6, 7]] *= factor
-
-        yield Hypothesis(
-            f"the reference's lengths are in {words}", "convert them", change_pose(length)
-        )
-        yield Hypothesis(
-            f"the spots' places are in {words}", "convert them", change_readings(place)
-        )
+        change = change_pose(scale(lengths, factor))
+        yield Hypothesis(f"the reference's lengths are in {words}", "convert them", change)
+        change = change_readings(scale(places, factor))
+        yield Hypothesis(f"the spots' places are in {words}", "convert them", change)
     for words, factor in (("uW", 1e-3), ("W", 1e3)):
-
-        def power(raw: Floats, factor: float = factor) -> None:
-            raw[:, 2::3] *= factor
-
-        yield Hypothesis(
-            f"the powers are in {words} where mW is asked for",
-            "convert them",
-            change_readings(power),
-        )
+        change = change_readings(scale(powers, factor))
+        yield Hypothesis(f"the powers are in {words} where mW is asked for", "convert them", change)
 
 
 def detector_kinds(sensor: Sensor) -> Iterator[Hypothesis]:
     """Hypotheses that currents were converted for another kind of detector: straightened or not."""
-
-    def straighten(raw: Floats) -> None:
-        convert_places(sensor, raw, tetra_lateral_places)
-
-    def bend(raw: Floats) -> None:
-        convert_places(sensor, raw, tetra_lateral_ratios)
-
-    for words, change, kind in (
-        ("a tetra-lateral's and were not straightened", straighten, "tetra-lateral"),
-        ("straightened as a tetra-lateral's and are none", bend, "duo-lateral or pincushion"),
+    for words, convert, kind in (
+        ("a tetra-lateral's and were not straightened", tetra_lateral_places, "tetra-lateral"),
+        (
+            "straightened as a tetra-lateral's and are none",
+            tetra_lateral_ratios,
+            "duo-lateral or pincushion",
+        ),
     ):
         yield Hypothesis(
             f"the places on the detectors are {words}",
             f"set sensor.electronics.kind to {kind} and convert the recorded currents again",
-            change_readings(change),
+            change_readings(partial(convert_places, sensor, convert)),
         )
 
 
-def convert_places(sensor: Sensor, raw: Floats, convert: Callable[[Floats, float], Floats]) -> None:
-    """Places (mm) in readings (n, 9) by a function of places in half sizes and of the aspect; as
-    they were on a detector with a place beyond its edge, where the unit is another."""
+def convert_places(
+    sensor: Sensor, convert: Callable[[Floats, float], Floats], raw: Floats
+) -> Floats:
+    """Readings (n, 9) with places (mm) converted by a function of places in half sizes and of the
+    aspect; those on a detector with a place beyond its edge, where the unit is another, stay."""
+    converted = raw.copy()
     for k, psd in enumerate(sensor.psds):
         half = np.array([psd.size_y, psd.size_z]) / 2
         columns = slice(3 * k, 3 * k + 2)
         places = raw[:, columns] / half
         if not (np.abs(places) >= 1).any():
-            raw[:, columns] = convert(places, psd.size_z / psd.size_y) * half
+            converted[:, columns] = convert(places, psd.size_z / psd.size_y) * half
+    return converted
 
 
 def jumps(sensor: Sensor, data: Data, result: Fit) -> Iterator[Hypothesis]:
     """Hypotheses that something jumped at a time that nobody knows, by the residuals of a fit."""
     try:
-        steps = find_steps(Remainder(sensor, data, result, ROBUST))
+        steps = find_steps(Remainder(sensor, data, result, ROBUST_SIGMAS))
     except (InputError, np.linalg.LinAlgError):
         return
     for step in steps[:STEPS_TRIED]:
         row = int(row_numbers(data)[int(step.at)])
-
-        def undo_it(changed: Data, step: Trace = step, row: int = row) -> Data:
-            return undo_step(changed, step, row)
-
         yield Hypothesis(
             f"{step.cause} jumped at row {row}, by {step_size(step)}",
             "fasten it, or take the rows behind it alone",
-            undo_it,
+            partial(undo_step, step=step, first=row),
         )
 
 
@@ -390,7 +362,7 @@ def find_fault(sensor: Sensor, data: Data, chosen: Choice, result: Fit) -> Expla
     every = [*hypotheses(sensor), *jumps(sensor, data, result)]
     single = trials.rank([(hypothesis,) for hypothesis in every])
     explains = single.explains(before)
-    small = before <= GOOD**2 or (explains and single.levels[0] <= GOOD**2)
+    small = before <= GOOD_SIGMAS**2 or (explains and single.levels[0] <= GOOD_SIGMAS**2)
     if not small:
         double = trials.rank(pairs_of(single.partners, every))
         if double.explains(min(before, single.levels[0])):
@@ -431,7 +403,7 @@ class Trials(NamedTuple):
     def rank(self, several: list[tuple[Hypothesis, ...]]) -> Ranking:
         """Give each of several faults a first trial, and the best of them a last one."""
         first = sorted((self.first_trial(faults), n) for n, faults in enumerate(several))
-        last = sorted((self.last_trial(several[n]), n) for _, n in first[:FINAL])
+        last = sorted((self.last_trial(several[n]), n) for _, n in first[:LAST_TRIALS])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],
@@ -458,11 +430,13 @@ class Ranking(NamedTuple):
 
     def explains(self, before: float) -> bool:
         best, runner_up = self.levels[0], self.levels[1]
-        clear = best <= GOOD**2 or (best <= WORST**2 and GAP * best < runner_up)
-        return best < FACTOR * before and clear
+        clear = best <= GOOD_SIGMAS**2 or (
+            best <= WORST_LIGHT_SIGMAS**2 and CLEAR_GAP * best < runner_up
+        )
+        return best < LEAST_REDUCTION * before and clear
 
     def explanation(self, before: float) -> Explanation:
         alike = [faults for level, faults in zip(self.levels[1:], self.faults[1:], strict=True)
-                 if level < ALIKE * self.levels[0]]  # fmt: skip
+                 if level < ALIKE_FACTOR * self.levels[0]]  # fmt: skip
         best = float(self.levels[0] ** 0.5)
         return Explanation(self.faults[0], float(before**0.5), best, tuple(alike))

@@ -29,7 +29,7 @@ from .unknowns import ALL, PLACE, Choice, values_of
 
 #: How much of a pattern is not told, at least, for it to be named; and how large a part of another
 #: direction is, at least, to be named.
-ALIKE, LARGE = 0.98, 0.25
+NAMED_SHARE, NAMED_PART = 0.98, 0.25
 
 
 class Direction(NamedTuple):
@@ -64,14 +64,14 @@ def weak_directions(
     for pattern in conventions(sensor, choice):
         scaled = pattern[choice.places] / choice.sigma
         scaled /= np.linalg.norm(scaled) or 1.0
-        if np.linalg.norm(space.T @ scaled) > ALIKE:
+        if np.linalg.norm(space.T @ scaled) > NAMED_SHARE:
             space = remove_direction(space, scaled)
     weak = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
         whole, inside = np.linalg.norm(scaled), np.linalg.norm(space.T @ scaled)
         told = float(scaled @ matrix @ scaled / whole**2) if whole > 0 else np.inf
-        if told < limit and inside > ALIKE * whole:
+        if told < limit and inside > NAMED_SHARE * whole:
             weak.append(Direction(max(told, 0.0), words))
             space = remove_direction(space, scaled / whole)
     small = space.T @ matrix @ space
@@ -123,7 +123,7 @@ def remove_direction(space: Floats, direction: Floats) -> Floats:
 def describe_direction(direction: Floats, choice: Choice) -> str:
     """Describe a direction by its largest parts."""
     order = np.argsort(-np.abs(direction))
-    large = [n for n in order if abs(direction[n]) > LARGE][:4]
+    large = [n for n in order if abs(direction[n]) > NAMED_PART][:4]
     parts = [f"{choice.names[n]} {'up' if direction[n] > 0 else 'down'}" for n in large]
     return ", ".join(parts) or "a little of everything"
 

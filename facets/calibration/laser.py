@@ -25,11 +25,11 @@ from .unknowns import PLACE, POWER_DRIFT, block
 JITTERS = np.geomspace(5e-5, 0.02, 14)
 #: How much less likely a jitter may be than the likeliest, in -2 log L: one standard deviation. The
 #: largest such is taken, since a laser that is thought too steady makes poses look better known.
-LIKELY = 1.0
+ONE_SIGMA_FALL = 1.0
 #: A jitter that changes by less than this factor changes no fit.
-SAME = 1.25
+SAME_JITTER_FACTOR = 1.25
 #: What the slow drift may be, a share, 1 sigma.
-DRIFT = 0.3
+DRIFT_SIGMA = 0.3
 
 
 @one_thread
@@ -43,7 +43,7 @@ def fit_steady_laser(sensor: Sensor, data: Data, result: Fit, robust: float | No
     start = result if np.isfinite(result.choice.power) else add_slow_drift(data, result)
     jitter = estimate_jitter(sensor, data, start, robust)
     before = result.choice.power
-    if jitter is None or max(jitter, before) < SAME * min(jitter, before):
+    if jitter is None or max(jitter, before) < SAME_JITTER_FACTOR * min(jitter, before):
         return result
     again = fit(sensor, data, replace(start.choice, power=jitter), robust, start)
     return again if again.ended else result
@@ -67,7 +67,7 @@ def add_slow_drift(data: Data, result: Fit) -> Fit:
             f"{len(rows)} samples do not determine it; take more samples, over a wider range of "
             "poses, and see what the motion does not determine"
         )
-    known = {"beam.power": DRIFT * level} | dict.fromkeys(POWER_DRIFT, DRIFT)
+    known = {"beam.power": DRIFT_SIGMA * level} | dict.fromkeys(POWER_DRIFT, DRIFT_SIGMA)
     every, own_values = result.all_values.copy(), result.own_values.copy()
     every[PLACE["beam.power"]] *= 1 + ways[0]
     every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
@@ -80,7 +80,7 @@ def estimate_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None
     """The largest jitter that is about as likely as the likeliest; None beyond all of `JITTERS`."""
     task = Task(sensor, data, start.choice, robust)
     unlikely = jitter_likelihoods(task, start)
-    good = np.flatnonzero(unlikely < unlikely.min() + LIKELY)
+    good = np.flatnonzero(unlikely < unlikely.min() + ONE_SIGMA_FALL)
     return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
 
 

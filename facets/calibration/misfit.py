@@ -20,9 +20,9 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, relative_power
 from .fit import Fit
-from .outliers import MOST_SHARE, PLACE_SIGMA_MM, model_accuracy
+from .outliers import MOST_OUTLIER_SHARE, PLACE_SIGMA_MM, model_accuracy
 from .scatter import (
-    FAR,
+    FAR_SIGMAS,
     PLACES,
     POWERS,
     Scatter,
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 KINDS = ("psi", "zeta", "power")
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
-WORST = 3.0
+WORST_SIGMAS = 3.0
 #: The chance of a pattern, below which it is told; bins that it is looked for in.
-PATTERN, BINS = 1e-6, 8
+PATTERN_CHANCE, PATTERN_BINS = 1e-6, 8
 
 
 class Finding(NamedTuple):
@@ -102,18 +102,18 @@ def patterns(result: Fit, data: Data) -> list[Pattern]:
 
     over = np.where(result.weights < 1, np.nan, standardised_residuals(result))
     over[~np.isfinite(data.raw)] = np.nan
-    limit = float(chdtri(BINS, PATTERN))
+    limit = float(chdtri(PATTERN_BINS, PATTERN_CHANCE))
     best: dict[tuple[str, str], Pattern] = {}
     for n in range(9):
         letter, kind = DETECTORS[n // 3].upper(), KINDS[n % 3]
         for along, values in pattern_variables(data, n // 3).items():
             strength, size = bin_residuals(over[:, n], values)
-            if strength > limit and strength > best.get((letter, kind), NONE).strength:
+            if strength > limit and strength > best.get((letter, kind), NO_PATTERN).strength:
                 best[letter, kind] = Pattern(strength, letter, kind, along, size)
     return sorted(best.values(), reverse=True)
 
 
-NONE = Pattern(0.0, "", "", "", 0.0)
+NO_PATTERN = Pattern(0.0, "", "", "", 0.0)
 
 
 def pattern_variables(data: Data, k: int) -> dict[str, Floats]:
@@ -139,11 +139,11 @@ def pattern_variables(data: Data, k: int) -> dict[str, Floats]:
 def bin_residuals(over: Floats, along: Floats) -> tuple[float, float]:
     """Chi-square of the means in bins of equal counts, and the largest mean, in noise's units."""
     there = np.isfinite(over) & np.isfinite(along)
-    if there.sum() < 4 * BINS or np.ptp(along[there]) == 0:
+    if there.sum() < 4 * PATTERN_BINS or np.ptp(along[there]) == 0:
         return 0.0, 0.0
     order = np.argsort(along[there], kind="stable")
     spread = float(np.std(over[there])) or 1.0
-    means = [(part.mean(), len(part)) for part in np.array_split(over[there][order], BINS)]
+    means = [(part.mean(), len(part)) for part in np.array_split(over[there][order], PATTERN_BINS)]
     strength = sum(count * (mean / max(spread, 1.0)) ** 2 for mean, count in means)
     return float(strength), float(max(abs(mean) for mean, _ in means))
 
@@ -197,7 +197,7 @@ def chi_square_finding(result: Fit, data: Data) -> Finding | None:
     worst = int(np.argmax(sizes))
     where = f"{KINDS[worst % 3]} of detector {DETECTORS[worst // 3].upper()}"
     root = float(np.sqrt(result.reduced_chi_square))
-    if root > WORST:
+    if root > WORST_SIGMAS:
         return Finding(True, (
             f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "
             "times): the model does not describe these readings. See which of the faults below "
@@ -217,7 +217,7 @@ def spike_finding(result: Fit) -> Finding | None:
         return None
     share = beyond / total
     words = f"{count} of {total} samples hold an outlier ({chance:.0f} would by chance)"
-    if share > MOST_SHARE:
+    if share > MOST_OUTLIER_SHARE:
         return Finding(True, (
             f"{words}: these are no spikes but a misfit of the model or a noise that is larger "
             "than the configuration says; find its cause before you use the result."
@@ -227,7 +227,7 @@ def spike_finding(result: Fit) -> Finding | None:
     ))  # fmt: skip
 
 
-def pull_findings(sensor: Sensor, result: Fit, far: float = FAR) -> list[Finding]:
+def pull_findings(sensor: Sensor, result: Fit, far: float = FAR_SIGMAS) -> list[Finding]:
     """A finding on unknowns that the fit moves by more than `far` times their prior uncertainty."""
     off = far_unknowns(sensor, result, far)
     if not off:
@@ -320,10 +320,12 @@ def heat_lag_finding(result: Fit) -> Finding | None:
 
 
 #: Standard uncertainties from which on a backlash, or a profile, is told.
-CLEAR = 4.0
+CLEAR_SIGMAS = 4.0
 
 
-def clear_values(result: Fit, group: tuple[str, ...], clear: float = CLEAR) -> dict[str, float]:
+def clear_values(
+    result: Fit, group: tuple[str, ...], clear: float = CLEAR_SIGMAS
+) -> dict[str, float]:
     """The magnitudes of those unknowns of a group that are larger than `clear` uncertainties."""
     fitted = zip(result.choice.names, np.abs(result.values), result.uncertainty, strict=True)
     return {name: float(x) for name, x, u in fitted if name in group and x > clear * u}
@@ -349,7 +351,7 @@ def profile_finding(result: Fit) -> Finding | None:
     series = ("profile.", "asymmetry.")
     places = [n for n, name in enumerate(result.choice.names) if name.startswith(series)]
     values, sigmas = result.values[places], result.uncertainty[places]
-    if not (np.abs(values) > CLEAR * sigmas).any():
+    if not (np.abs(values) > CLEAR_SIGMAS * sigmas).any():
         return None
     listed = ", ".join(
         f"{result.choice.names[n].partition('.')[2]} {value:.2g} +- {sigma:.1g}"
@@ -370,7 +372,7 @@ def profile_finding(result: Fit) -> Finding | None:
 
 
 #: The names of `CAUSES` in a sentence.
-SHORT = {
+CAUSE_WORDS = {
     "reference": "the reference, or a mirror that vibrates against it",
     "beam": "a beam that moves",
     "detectors": "the detectors",
@@ -387,7 +389,7 @@ def scatter_finding(scatter: Scatter) -> Finding | None:
         "detectors": describe_detectors,
     }
     words = "; and ".join(causes[key](scatter) for key in scatter.causes)
-    others = " or ".join(SHORT[key] for key in scatter.others)
+    others = " or ".join(CAUSE_WORDS[key] for key in scatter.others)
     rest = f" It could be {others} as well: these samples cannot tell." if others else ""
     return Finding(False, (
         "The samples scatter by more than the stated noise. The likeliest cause: "
@@ -433,8 +435,8 @@ def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
     """A finding on samples that were excluded.  kind: what their numbers count."""
     if not rows:
         return []
-    listed = ", ".join(str(row) for row in rows[:LISTED])
-    more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
+    listed = ", ".join(str(row) for row in rows[:MOST_ROWS_LISTED])
+    more = f" and {len(rows) - MOST_ROWS_LISTED} more" if len(rows) > MOST_ROWS_LISTED else ""
     return [Finding(False, (
         f"{len(rows)} of {total} samples hold an outlier that no noise makes and were excluded "
         f"({kind} {listed}{more}): look at cables, dust, shutters and the reference there."
@@ -442,7 +444,7 @@ def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
 
 
 #: How many rows a sentence lists.
-LISTED = 12
+MOST_ROWS_LISTED = 12
 
 
 # ---- what the model misses becomes part of the uncertainty
@@ -506,7 +508,7 @@ def covariance_factor(result: Fit) -> float:
 
 
 #: Standard deviations of chance from which on readings are taken to scatter together.
-TOGETHER = 4.0
+TOGETHER_SIGMAS = 4.0
 
 
 def common_scatter(remainder: Remainder) -> dict[str, float]:
@@ -524,7 +526,7 @@ def common_scatter(remainder: Remainder) -> dict[str, float]:
         due = np.einsum("ni,nij,nj->n", column, at.inverse[:, m::3, m::3], column)
         due -= ((across @ remainder.covariance) * across).sum(axis=1)
         excess, size = float((seen - due).sum()), float((due**2).sum())
-        if excess > TOGETHER * np.sqrt(2 * size):
+        if excess > TOGETHER_SIGMAS * np.sqrt(2 * size):
             sigma = float(np.nanmedian(remainder.noise[:, m::3]))
             sigmas[kind] = sigma * float(np.sqrt(excess / size))
     return sigmas

@@ -30,9 +30,9 @@ POWER_ACCURACY = 5e-5
 #: The robust weight below which a reading is none: at 12 standard deviations, with the limit at 3.
 LEAST_WEIGHT = 0.25
 #: The share of samples with an outlier beyond which they are no outliers.
-MOST_SHARE = 0.1
+MOST_OUTLIER_SHARE = 0.1
 #: How often samples are taken out: large ones hide others.
-TIMES = 2
+EXCLUSION_ROUNDS = 2
 
 
 def find_outliers(
@@ -75,9 +75,11 @@ def exclude_outliers(
     spent: number of rows that were removed before.
     """
     gone = list[int]()
-    for _ in range(TIMES):
+    for _ in range(EXCLUSION_ROUNDS):
         off = find_outliers(sensor, result, data, robust)
-        if not off.any() or off.sum() + len(gone) + spent > MOST_SHARE * (len(off) + len(gone)):
+        if not off.any() or off.sum() + len(gone) + spent > MOST_OUTLIER_SHARE * (
+            len(off) + len(gone)
+        ):
             break
         gone += row_numbers(data)[off].tolist()
         data, start = data.part(~off), replace(result, own_values=result.own_values[~off])

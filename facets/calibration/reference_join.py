@@ -36,9 +36,9 @@ OFFSET_SHARE, OFFSET_COUNT = 0.25, 401
 #: Largest offset that is tried, s.
 LARGEST_OFFSET_S = 2.0
 #: Of a likeness below this nothing is concluded.
-ALIKE = 0.5
+LEAST_LIKENESS = 0.5
 #: Samples of the fit that finds what is left of the offset.
-FEW = 150
+OFFSET_SAMPLES = 150
 
 
 class JoinedTables(NamedTuple):
@@ -96,15 +96,17 @@ def join_tables(
     time = columns["time_s"]
     check_overlap(readings, time, reference, track)
     offset, likeness = find_offset(sensor, columns, track)
-    if likeness > ALIKE:
+    if likeness > LEAST_LIKENESS:
         moving = replace(settings, dwells=False)
         offset += remaining_offset(
-            sensor, samples(readings, columns, track, offset, moving), settings
+            sensor, samples_at_offset(readings, columns, track, offset, moving), settings
         )
-    return JoinedTables(samples(readings, columns, track, offset, settings), offset, likeness)
+    return JoinedTables(
+        samples_at_offset(readings, columns, track, offset, settings), offset, likeness
+    )
 
 
-def samples(
+def samples_at_offset(
     readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
 ) -> Data:
     """The samples with the reference's poses and velocities at an offset."""
@@ -118,7 +120,9 @@ def samples(
 
 def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
     """The rest of the offset by a plain fit of some samples, s; 0 if the fit fails."""
-    rows = np.unique(np.linspace(0, len(data.raw) - 1, min(len(data.raw), FEW)).astype(np.int64))
+    rows = np.unique(
+        np.linspace(0, len(data.raw) - 1, min(len(data.raw), OFFSET_SAMPLES)).astype(np.int64)
+    )
     wanted = choice(sensor, settings).add_unknowns({DELAY: 0.01})
     result = fit(sensor, data.part(rows), wanted, settings.outliers)
     return float(result.all_values[PLACE[DELAY]]) if result.ended else 0.0
@@ -164,7 +168,7 @@ def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tup
         best = float(tried[int(np.argmax(marks))])
         tried = best + np.linspace(-2, 2, 41) * (tried[1] - tried[0])
     mark = float(marks.max())
-    return (best, mark) if mark > ALIKE else (0.0, mark)
+    return (best, mark) if mark > LEAST_LIKENESS else (0.0, mark)
 
 
 def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:

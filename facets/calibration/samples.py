@@ -19,19 +19,19 @@ from .unknowns import values_of
 
 #: A channel is stuck where it moves by less than this share of what the motion asks of it, and that
 #: is many times its noise.
-STUCK, MOVED = 0.02, 20.0
+STUCK_SHARE, MOVED_SIGMAS = 0.02, 20.0
 #: Two places are the same where they differ by less than this share of how far they move.
-SAME_PLACE = 0.01
+SAME_PLACE_SHARE = 0.01
 #: An axis counts as moved where its range is so many times the reference's own uncertainty.
-RANGE = 30.0
+LEAST_RANGE_SIGMAS = 30.0
 #: How far a motion goes in x and y, in diameters of the beam: less is told, more is advised.
-NARROW, WIDE = 0.2, 0.3
+NARROW_DIAMETERS, ADVISED_DIAMETERS = 0.2, 0.3
 #: The least distance from an edge that is advised, mm.
 CLEAR_DISTANCE_MM = 1.2
 #: The share of readings at the edge beyond which their places are not what they are said to be.
-MOST = 0.7
+MOST_EDGE_SHARE = 0.7
 #: So few different poses tell nothing that could be trusted.
-FEW = 20
+MIN_POSES = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
@@ -73,7 +73,7 @@ def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
         asked = np.nanstd(remove_jumps(readings(sensor, state)), axis=0)
         moved = np.nanstd(remove_jumps(correct(sensor, data.raw)), axis=0)
         noise = np.nanmedian(deviations(sensor, data), axis=0)
-    still = np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist()
+    still = np.flatnonzero((moved < STUCK_SHARE * asked) & (asked > MOVED_SIGMAS * noise)).tolist()
     if len({n // 3 for n in still}) > 1:  # not all at once: then the motion is in wrong units
         return []
     return [
@@ -94,8 +94,8 @@ def mixed_kinds(data: Data) -> list[Finding]:
         simplefilter("ignore")
         size, other, apart = (np.nanstd(values, axis=0) for values in (psi, zeta, zeta - psi))
     for words, kind, is_so in (
-        ("psi and zeta are the same", "pincushion", apart < SAME_PLACE * size),
-        ("zeta does not move", "duo-lateral", other < SAME_PLACE * size),
+        ("psi and zeta are the same", "pincushion", apart < SAME_PLACE_SHARE * size),
+        ("zeta does not move", "duo-lateral", other < SAME_PLACE_SHARE * size),
     ):
         if is_so.all():
             return [Finding(True, (
@@ -116,7 +116,7 @@ def repeats(data: Data) -> list[Finding]:
             f"{len(data.raw) - rows} of {len(data.raw)} rows repeat another one in every number; "
             "each counts once."
         )))  # fmt: skip
-    if poses < FEW and poses < len(data.raw):
+    if poses < MIN_POSES and poses < len(data.raw):
         findings.append(Finding(True, (
             f"The {len(data.raw)} samples hold {poses} different poses only: too few to part the "
             "sensor's parameters from each other. Take 50 or more, all over the range "
@@ -129,7 +129,7 @@ def still_axes(data: Data) -> list[Finding]:
     """A finding on axes along which the motion hardly moves."""
     known = np.isfinite(data.sigma)
     span = spans(data.pose)
-    names = [POSE[n] for n in range(6) if known[n] and span[n] < RANGE * data.sigma[n]]
+    names = [POSE[n] for n in range(6) if known[n] and span[n] < LEAST_RANGE_SIGMAS * data.sigma[n]]
     if not names:
         return []
     return [Finding(False, (
@@ -143,13 +143,13 @@ def narrow_motion(sensor: Sensor, data: Data) -> list[Finding]:
     diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     beside = data.pose[:, :2] - data.beam
     span = spans(beside)[np.isfinite(data.sigma[:2])] / 2
-    if not span.size or span.min() >= NARROW * diameter:
+    if not span.size or span.min() >= NARROW_DIAMETERS * diameter:
         return []
     return [Finding(False, (
         f"The motion reaches {span.min():.2g} mm to each side in x or y. Gains, strips lost at the "
         "edges and the beam's size part from the mirror's place by powers that bend, from "
-        f"{WIDE * diameter:.2g} mm on; until then all poses may be off in x and y together, by "
-        "what is stated."
+        f"{ADVISED_DIAMETERS * diameter:.2g} mm on; until then all poses may be off in x and y "
+        "together, by what is stated."
     ))]  # fmt: skip
 
 
@@ -175,7 +175,7 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
     distance = edge_distance(sensor)
     raw, findings = data.raw.copy(), list[Finding]()
     for k, near in enumerate(is_near_edge(sensor, raw).T):
-        if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
+        if near.mean() > MOST_EDGE_SHARE:  # then these are no places in mm, which is told elsewhere
             return data, []
         if not near.any():
             continue

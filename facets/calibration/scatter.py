@@ -42,18 +42,18 @@ CAUSES = {"reference": POSE, "beam": ("beam",), "detectors": (PLACES, POWERS)}
 #: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
-STEPS, ENOUGH = 40, 0.3
+MAX_SIZE_STEPS, LEAST_FALL = 40, 0.3
 #: How much less likely than the likeliest, in -2 log L, a cause is that can still not be excluded:
 #: odds of 1 to 20.
-APART = 6.0
+NOT_EXCLUDED = 6.0
 #: By how much -2 log L falls, for one scatter beside another to be told: odds of 1 to 150.
-BESIDE = 10.0
+LEAST_FALL_BESIDE = 10.0
 #: Standard deviations of chi-square from which on it is asked what scatters.
-DOUBT = 2.0
+DOUBT_SIGMAS = 2.0
 #: Chi-square for each degree of freedom beyond which nothing that scatters is to blame; and how far
 #: from where it was thought to be, in standard uncertainties, no honest tolerance lets an unknown
 #: be: then the model is another one, and a larger scatter would only hide that.
-WORST, FAR = 9.0, 8.0
+WORST_CHI_SQUARE, FAR_SIGMAS = 9.0, 8.0
 
 
 class Likelihood:
@@ -62,12 +62,12 @@ class Likelihood:
 
     def __init__(self, task: Task, result: Fit) -> None:
         at = task.guess(result.all_values, result.own_values)
-        part, roots, _ = task.linearise(at, task.limit(at))
+        part, roots, _ = task.linearise(at, task.outlier_limit(at))
         weights = roots**2
         good = np.isfinite(task.data.raw) & (weights >= LEAST_WEIGHT)
         by_own = part.own * good[:, :, None]
         self.common = part.common * good[:, :, None]
-        self.left = (part.residual * good) + (by_own @ (at.own_values / OWN_UNITS)[:, :, None])[
+        self.residual = (part.residual * good) + (by_own @ (at.own_values / OWN_UNITS)[:, :, None])[
             :, :, 0
         ]
         self.noise = np.where(good, 1 / np.maximum(weights, LEAST_WEIGHT), 1.0)
@@ -95,10 +95,10 @@ class Likelihood:
         weighted = inverse @ self.common
         size = self.common.shape[2]
         matrix = self.common.reshape(-1, size).T @ weighted.reshape(-1, size) + self.prior
-        aim = (inverse @ self.left[:, :, None])[:, :, 0]
+        aim = (inverse @ self.residual[:, :, None])[:, :, 0]
         side = self.common.reshape(-1, size).T @ aim.ravel() - self.prior @ self.before
         step = np.linalg.solve(matrix, side)
-        level = float((self.left * aim).sum() + self.before @ self.prior @ self.before)
+        level = float((self.residual * aim).sum() + self.before @ self.prior @ self.before)
         unlikely = (
             np.linalg.slogdet(variance)[1].sum() + np.linalg.slogdet(matrix)[1]
             + level - side @ step
@@ -131,7 +131,7 @@ class Likelihood:
         """
         free = np.array([name in names for name in NAMES])
         sizes, at = start.copy(), self.restrict(known, start)
-        for _ in range(STEPS):
+        for _ in range(MAX_SIZE_STEPS):
             square, due = self.shares(at, free)
             factor = np.sqrt(square / due)
             far = sizes * factor**3
@@ -140,7 +140,7 @@ class Likelihood:
                 far = sizes * factor
                 there = self.restrict(known, far)
             sizes, at, fall = far, there, at.unlikely - there.unlikely
-            if fall < ENOUGH:
+            if fall < LEAST_FALL:
                 break
         return Sizes(at.unlikely, sizes)
 
@@ -190,15 +190,17 @@ class Scatter(NamedTuple):
 
 #: The units of `NAMES`: mm, rad and shares.
 UNITS = np.array([*OWN_UNITS[:8], 1.0, 1.0])
-NOTHING = Scatter((), (), np.zeros(len(NAMES)))
+NO_SCATTER = Scatter((), (), np.zeros(len(NAMES)))
 
 
 def is_doubtful(result: Fit) -> bool:
     """Whether chi-square is above what chance allows."""
-    return bool(result.reduced_chi_square - 1 > DOUBT * np.sqrt(2 / max(result.freedom, 1.0)))
+    return bool(
+        result.reduced_chi_square - 1 > DOUBT_SIGMAS * np.sqrt(2 / max(result.freedom, 1.0))
+    )
 
 
-def far_unknowns(sensor: Sensor, result: Fit, far: float = FAR) -> list[tuple[str, float]]:
+def far_unknowns(sensor: Sensor, result: Fit, far: float = FAR_SIGMAS) -> list[tuple[str, float]]:
     """Unknowns that end more than `far` prior standard uncertainties from their prior, with that
     number; the farthest first."""
     over = np.abs(result.values - values_of(sensor)[result.choice.places]) / result.choice.sigma
@@ -239,7 +241,7 @@ class SizeProblem(NamedTuple):
         for name in names:
             n = NAMES.index(name)
             square = (self.like.columns[:, :, n == OF_COLUMN] ** 2).sum()
-            start[n] = SHARE * len(self.like.left) / max(square, 1e-300)
+            start[n] = FIRST_NOISE_SHARE * len(self.like.residual) / max(square, 1e-300)
         return self.like.likeliest(self.known, (*self.always, *names), start)
 
 
@@ -266,11 +268,11 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     for count in range(1, len(every)):
         tried = {keys: problem.sizes(keys) for keys in combinations(every, count)}
         best = min(tried, key=lambda keys: tried[keys].unlikely)
-        if tried[best].unlikely < whole.unlikely + BESIDE:
+        if tried[best].unlikely < whole.unlikely + LEAST_FALL_BESIDE:
             singles = {
                 keys[0]: sizes for keys, sizes in tried.items() if count == 1 and keys != best
             }
-            likely = tried[best].unlikely + APART
+            likely = tried[best].unlikely + NOT_EXCLUDED
             others = tuple(key for key, sizes in singles.items() if sizes.unlikely < likely)
             return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS)
     return Scatter(every, (), np.sqrt(whole.variances) * UNITS)
@@ -296,11 +298,11 @@ def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Cho
 
 
 #: Where a size begins: the share of a reading's noise that it adds then.
-SHARE = 0.3
+FIRST_NOISE_SHARE = 0.3
 #: A laser is not steadier than this from sample to sample.
 LEAST_POWER = 5e-5
 #: The fit changes what weighs less, and with it the sizes: how often they are taken.
-TIMES = 2
+SIZE_ROUNDS = 2
 
 
 @one_thread
@@ -312,20 +314,20 @@ def fit_with_scatter(
     All stay unchanged if chi-square is within chance, or scatter cannot be the cause.
     """
     if not is_doubtful(result) and not result.choice.beam:
-        return data, result, NOTHING
-    if result.reduced_chi_square > WORST or far_unknowns(sensor, result):
-        return data, result, NOTHING
-    bare, scatter = data._replace(noise=deviations(sensor, data)), NOTHING
-    for n in range(TIMES):
+        return data, result, NO_SCATTER
+    if result.reduced_chi_square > WORST_CHI_SQUARE or far_unknowns(sensor, result):
+        return data, result, NO_SCATTER
+    bare, scatter = data._replace(noise=deviations(sensor, data)), NO_SCATTER
+    for n in range(SIZE_ROUNDS):
         problem = size_problem(Task(sensor, bare, result.choice, robust), result, beam)
         scatter = update_sizes(problem, scatter) if n else estimate_scatter(problem)
         data, chosen = add_scatter(bare, result.choice, scatter)
         result = fit(sensor, data, chosen, robust, result)
     walk = mean_inflation(result) if "beam" in scatter.causes else 1.0
-    if walk > LONG:
+    if walk > LONG_WALK:
         sizes = scatter.sizes.copy()
         place = NAMES.index("beam")
-        sizes[place] *= WALK
+        sizes[place] *= WALK_FACTOR
         data, chosen = add_scatter(bare, result.choice, scatter._replace(sizes=sizes))
         result = fit(sensor, data, chosen, robust, result)
     return data, result, scatter
@@ -334,7 +336,7 @@ def fit_with_scatter(
 #: A beam that walks keeps its place from sample to sample, so that a mean over many is no better
 #: known than one of few: from which factor on that counts, and how much larger its scatter is then
 #: taken. Larger yet, the powers would tell nothing of x and y.
-LONG, WALK = 2.0, 2.0
+LONG_WALK, WALK_FACTOR = 2.0, 2.0
 
 
 def mean_inflation(result: Fit) -> float:

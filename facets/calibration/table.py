@@ -225,7 +225,7 @@ def measure_past(time: Floats, temperature: Floats) -> Floats:
 
 #: How much of a motion a straight line between neighbours misses, at most, for it to be one that
 #: was followed in time.
-FOLLOWED = 0.3
+MOST_BEND = 0.3
 
 
 def velocities(time: Floats, pose: Floats) -> Floats | None:
@@ -239,9 +239,9 @@ def velocities(time: Floats, pose: Floats) -> Floats | None:
     broken = np.append(gap, False) | np.append(False, gap)
     bend = np.abs(pose[2:] - 2 * pose[1:-1] + pose[:-2]).mean(axis=0)
     span = np.abs(pose[2:] - pose[:-2]).mean(axis=0)
-    if not (bend[span > 0] < FOLLOWED * span[span > 0]).any():
+    if not (bend[span > 0] < MOST_BEND * span[span > 0]).any():
         return None
-    velocity[:, bend > FOLLOWED * span] = 0.0
+    velocity[:, bend > MOST_BEND * span] = 0.0
     velocity[broken] = 0.0
     return velocity
 

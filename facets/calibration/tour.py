@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..core.units import Floats
 
 #: A change that shortens the way by less than this share of it is none.
-LEAST = 1e-9
+LEAST_SAVING = 1e-9
 #: Poses that are moved together, at most.
-TOGETHER = 3
+MOST_MOVED = 3
 
 
 def travel(points: Floats) -> float:
@@ -31,7 +31,7 @@ def short_order(points: Floats, start: Floats) -> NDArray[np.int64]:
     whole = np.concatenate([start[None], points])
     apart: Floats = np.abs(whole[:, None] - whole[None]).max(axis=-1)
     order = nearest_neighbours(apart)
-    least = LEAST * max(float(apart.max()), 1e-300)
+    least = LEAST_SAVING * max(float(apart.max()), 1e-300)
     while True:
         shorter = reverse_part(apart, order, least)
         if shorter is None:
@@ -73,7 +73,7 @@ def reverse_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArr
 def move_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
     """Move the first few neighbours that are better elsewhere; None if there are none."""
     count = len(order)
-    for size in range(1, min(TOGETHER, count - 2) + 1):
+    for size in range(1, min(MOST_MOVED, count - 2) + 1):
         for i in range(1, count - size + 1):
             part, rest = order[i : i + size], np.delete(order, slice(i, i + size))
             before = order[i - 1]

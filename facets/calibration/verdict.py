@@ -52,18 +52,18 @@ if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
 
 #: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
-WIDER, WRONG = 1.5, 4.0
+WIDER_FACTOR, WRONG_FACTOR = 1.5, 4.0
 #: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
 #: before these effects: real light is explained by them nearly whole, a fault is not.
-PROMISING = 2.0
+PROMISING_CHI_SQUARE = 2.0
 #: Chi-square for each degree of freedom that no light of a bench makes.
-LIGHT = 300.0
+WORST_LIGHT_CHI_SQUARE = 300.0
 #: How far a fit without the effects of light that has not settled goes from the configuration, in
 #: standard uncertainties, where it is of no use to look for these effects beside it. On twenty rigs
 #: that had them all it went up to 17.
-ASTRAY = 50.0
+ASTRAY_SIGMAS = 50.0
 #: Samples that a fit needs.
-LEAST = 10
+MIN_SAMPLES = 10
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
         sensor, remove_duplicates(add_approach(data._replace(number=row_numbers(data))))
     )
     early += lost
-    if len(whole.raw) < LEAST:
+    if len(whole.raw) < MIN_SAMPLES:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
         return Screened(whole, whole.part(slice(0)), early, kind)
     averages = add_converter_steps(
@@ -197,8 +197,8 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     promising = (
         hopeless
         and result.ended
-        and result.reduced_chi_square < LIGHT
-        and reachable_chi_square(sensor, data, settings, result) < PROMISING
+        and result.reduced_chi_square < WORST_LIGHT_CHI_SQUARE
+        and reachable_chi_square(sensor, data, settings, result) < PROMISING_CHI_SQUARE
     )
     return Plain(screened, data, result, gone, hopeless, promising)
 
@@ -213,7 +213,7 @@ def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -
         return []
     if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen, plain.fit)):
         return [reasons.finding]
-    astray = [] if plain.fit.ended else pull_findings(sensor, plain.fit, ASTRAY)
+    astray = [] if plain.fit.ended else pull_findings(sensor, plain.fit, ASTRAY_SIGMAS)
     return [unsettled_finding(plain.fit), *astray] if astray else []
 
 
@@ -283,13 +283,13 @@ def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
     if not np.isfinite(over).any():
         return []
     worst = int(np.nanargmax(over))
-    if over[worst] < WIDER:
+    if over[worst] < WIDER_FACTOR:
         return []
     axis, unit = errors["axis"][worst], errors["unit"][worst]
     words = (
         f"On samples held back the poses err by {errors['robust'][worst]:.3g} {unit} in {axis}, "
         f"where {errors['stated'][worst]:.3g} {unit} is stated: "
     )
-    if over[worst] > WRONG:
+    if over[worst] > WRONG_FACTOR:
         return [Finding(True, words + "the calibration does not hold beyond its own samples.")]
     return [Finding(False, words + "take the larger for the truth.")]

@@ -116,7 +116,7 @@ def find_faults(
     ]
     sentences = [*steady.power_faults(), *(sentence for _, sentence in slow)]
     # Slow changes also move detectors together and scatter unevenly: one sentence is enough.
-    sentences += [steady.cause()] if slow else [*steady.common_motion(), *steady.bursts()]
+    sentences += [steady.describe_cause()] if slow else [*steady.common_motion(), *steady.bursts()]
     return [*sentences, *steady.mains_pickup()]
 
 
@@ -225,7 +225,7 @@ class Steady:
                 if before.any() and curve.low[k] > curve.high[before].min():
                     size[n] = max(size[n], curve.deviation[k])
         return [
-            (n, f"{subject(n)} {self.manner(n)} {amount(n, self.swing(n))}, "
+            (n, f"{subject(n)} {self.describe_change(n)} {amount(n, self.swing(n))}, "
                 f"{digits(self.swing(n) / self.noise[n])} times {self.scatter}: slower "
                 "than noise of electronics.")
             for n in worst_channels(size / self.noise, ADDED_DEVIATION)
@@ -239,7 +239,7 @@ class Steady:
     def swing(self, channel: int) -> float:
         return float(np.ptp(self.segment_means()[:, channel]))
 
-    def manner(self, channel: int) -> str:
+    def describe_change(self, channel: int) -> str:
         """Describe a slow change: a step, if one explains nearly all of it, or wandering."""
         means = self.segment_means()[:, channel]
         remaining = [
@@ -324,7 +324,7 @@ class Steady:
         slopes[2::3] /= self.mean[2::3].sum()
         return slopes
 
-    def cause(self) -> str:
+    def describe_cause(self) -> str:
         """Describe the cause of a slow change, or say that it is unknown."""
         slow = self.segment_means()
         slow = (slow - slow.mean(axis=0)) / self.noise
@@ -334,7 +334,7 @@ class Steady:
             states = slow @ np.linalg.pinv(jacobian[:, columns]).T
             remaining = slow - states @ jacobian[:, columns].T
             if (remaining**2).sum() <= UNEXPLAINED_SHARE * energy.sum():
-                return self.motion(words, states, jacobian[:, columns])
+                return self.describe_motion(words, states, jacobian[:, columns])
         places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change if one power does
         k = int(np.argmax(places))
         if places.sum() - places[k] <= ELSEWHERE_SHARE * places.sum():
@@ -348,7 +348,7 @@ class Steady:
         )
 
     @staticmethod
-    def motion(words: str, states: Floats, jacobian: Floats) -> str:
+    def describe_motion(words: str, states: Floats, jacobian: Floats) -> str:
         """The sentence for a motion that explains a slow change."""
         if words == "beam":
             size = float(np.ptp(states, axis=0).max())

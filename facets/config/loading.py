@@ -165,7 +165,7 @@ def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, 
     files = []
     for block, (places, total) in MEASURED.items():
         keys, name = _block(resolved["sensor"], block), places[0][-1]
-        if keys.get(name) is not None:
+        if keys[name] is not None:
             files.append((keys, name, keys[total]))
     return files
 
@@ -180,9 +180,9 @@ def source_files(config: Config) -> list[Path]:
 
 
 def _block(keys: dict[str, Any], dotted: str) -> dict[str, Any]:
-    """A block, empty if an older version did not have it."""
+    """The block of a dotted path."""
     for part in dotted.split("."):
-        keys = keys.get(part, {})
+        keys = keys[part]
     return keys
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 #: The motion's amplitude in x and y over the beam's diameter, since only powers that change
 #: nonlinearly separate the gains and the beam's size from the apex's place; its clearance from a
 #: detector's edge over half a detector; and its seed.
-REACH, EDGE, SEED = 0.3, 0.2, 1
+REACH_DIAMETERS, EDGE_CLEARANCE, SEED = 0.3, 0.2, 1
 #: When the calibration of a head ends.
 ENDING = StoppingRule(steps=25, fall=0.1)
 
@@ -91,12 +91,12 @@ def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Float
     """Draw poses (count, 6) within half the ranges, with spots clear of the edges, mm and rad."""
     reach = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
     beam = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
-    reach[:2] = np.maximum(reach[:2], REACH * beam)
+    reach[:2] = np.maximum(reach[:2], REACH_DIAMETERS * beam)
     shares = np.random.default_rng(SEED).uniform(-1, 1, (200 * count, 6))
     poses = np.where(np.isfinite(reference), shares, 0.0) * reach
     centred = replace(rules, whole_spot=False)
     room = clearances(sensor, poses, centred)
-    room[:, 0] -= EDGE
+    room[:, 0] -= EDGE_CLEARANCE
     possible: Floats = poses[room.min(axis=1) > 0][:count]
     if len(possible) < count:
         raise InputError(

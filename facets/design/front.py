@@ -25,9 +25,9 @@ from .search import active_constraints, active_rows, solve
 from .trade import Trade, trade_of
 
 #: Starts for the least of each objective; and every how many points a random start is tried, too.
-STARTS, ELSEWHERE_EVERY = 6, 10
+STARTS, RANDOM_START_EVERY = 6, 10
 #: By how much of an objective's scale one end must be better than another to replace it.
-BETTER = 1e-7
+LEAST_GAIN = 1e-7
 #: Largest number of sweeps; and of IPOPT's steps, since a longer search mostly finds no design.
 SWEEPS, STEPS = 6, 60
 #: Tolerance of a measured range, over `ranges.FARTHEST_MM_RAD`; and the difference between a
@@ -89,7 +89,7 @@ class Walk:
         )
         costs = trade.costs(unknowns)
         kept = problem.values(unknowns).min() > -1e-7
-        if not result.success or not kept or not (costs <= most + BETTER).all():
+        if not result.success or not kept or not (costs <= most + LEAST_GAIN).all():
             return None
         multipliers = np.abs(result.bounds[len(problem.names) :])
         return End(unknowns, costs, multipliers, active_rows(problem, rows, result),
@@ -112,7 +112,7 @@ class Walk:
         for other in range(count):
             if other != objective:
                 most = free.copy()
-                most[objective] = best.costs[objective] + BETTER
+                most[objective] = best.costs[objective] + LEAST_GAIN
                 best = self.least(other, most, best) or best
         return best
 
@@ -147,7 +147,7 @@ class Walk:
             tell(min(count + done, 2 * count), 2 * count)
             near = ends[n + step] if 0 <= n + step < count else None
             starts: list[Floats | End] = [] if near is None else [near]
-            if number == 0 and n % ELSEWHERE_EVERY == ELSEWHERE_EVERY // 2:
+            if number == 0 and n % RANDOM_START_EVERY == RANDOM_START_EVERY // 2:
                 starts.append(self.anywhere())
             end = self.improve(ends[n], n, bounds[n], starts)
             better, ends[n] = better or end is not ends[n], end
@@ -171,7 +171,7 @@ def best_of(ends: list[End | None], objective: int) -> End | None:
     best = None
     for end in ends:
         if end is not None and (
-            best is None or end.costs[objective] < best.costs[objective] - BETTER
+            best is None or end.costs[objective] < best.costs[objective] - LEAST_GAIN
         ):
             best = end
     return best
@@ -255,8 +255,8 @@ def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
     keep = np.ones(len(costs), dtype=bool)
     for n in range(len(costs)):
         others = np.delete(np.arange(len(costs)), n)
-        worse = (costs[others] <= costs[n] + 10 * BETTER).all(axis=1)
-        clear = (costs[others] < costs[n] - 10 * BETTER).any(axis=1)
+        worse = (costs[others] <= costs[n] + 10 * LEAST_GAIN).all(axis=1)
+        clear = (costs[others] < costs[n] - 10 * LEAST_GAIN).any(axis=1)
         same = worse & ~clear & (others < n) & keep[others]
         keep[n] = not (same | (worse & clear)).any()
     return keep
@@ -290,7 +290,7 @@ class FrontComparison:
 
 
 #: Number of compared designs of a cloud; and the tolerance of their ranges as a share.
-COMPARED, CLOUD_TOLERANCE = 40, 1e-3
+COMPARED_DESIGNS, CLOUD_TOLERANCE = 40, 1e-3
 
 
 def compare_with_designs(pareto: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
@@ -304,7 +304,7 @@ def compare_with_designs(pareto: Front, table: dict[str, NDArray[Any]]) -> Front
     best = costs[
         front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))
     ]
-    some = best[np.linspace(0, len(best) - 1, min(COMPARED, len(best))).astype(int)]
+    some = best[np.linspace(0, len(best) - 1, min(COMPARED_DESIGNS, len(best))).astype(int)]
     gains = []
     for cost in some:
         most = cost.copy()
@@ -344,7 +344,7 @@ def is_objective(group: str) -> bool:
 
 
 #: Points of a front that a short table shows, from one end to the other.
-SHOWN = 11
+SHOWN_POINTS = 11
 
 
 def some_rows(pareto: Front) -> tuple[list[str], list[list[str]]]:
@@ -355,7 +355,7 @@ def some_rows(pareto: Front) -> tuple[list[str], list[list[str]]]:
     headings = [*pareto.walk.trade.problem.names, first, *others,
                 *(f"{first} per {name}" for name in others), "held back most by"]  # fmt: skip
     rows, last = [], len(pareto.designs) - 1
-    for n in sorted({round(k * last / (SHOWN - 1)) for k in range(SHOWN)}):
+    for n in sorted({round(k * last / (SHOWN_POINTS - 1)) for k in range(SHOWN_POINTS)}):
         measures = [pareto.measures[n][MEASURES.index(name)] for name in (first, *others)]
         prices = [pareto.prices[n][pareto.objectives.index(name)] for name in others]
         holds = next((group for group in pareto.active[n] if not is_objective(group)), "")

@@ -19,7 +19,7 @@ from ..core.units import Floats
 from .assembly import Assembly, assembly_of
 from .problem import LayoutProblem, StartResult, refuse_unknown_effects
 from .search import shortfalls_of, solve_from
-from .tolerancing import SAFE, Draws, Expansion, draw_heads, expand_margins, least_margins
+from .tolerancing import SAFE_SPREADS, Draws, Expansion, draw_heads, expand_margins, least_margins
 from .variables import sensor_of
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 #: Largest number of rounds, and the tolerance of the predicted yield.
-ROUNDS, NEAR = 8, 0.002
+MAX_ROUNDS, YIELD_TOLERANCE = 8, 0.002
 #: The least spread in whose units a margin is counted.
 LEAST_SPREAD = 1e-12
 
@@ -71,14 +71,14 @@ def robust_layout(
 
     target, factor, result = layout.production, float(ndtri(layout.production)), best
     robust: Robust | None = None
-    for rounds in range(1, ROUNDS + 1):
+    for rounds in range(1, MAX_ROUNDS + 1):
         made = sensor_of(problem.sensor, problem.names, result.x)
         built = assembly_of(made, replace(layout, accuracy=(np.inf,) * 6), rules, known)
         expansion = expand_margins(built)
         draws = draw_heads(built)
         kept = float((least_margins(expansion, draws.heads) >= 0).mean())
         robust = Robust(problem, result, factor, kept, rounds)
-        if rounds > 1 and abs(kept - target) < NEAR:
+        if rounds > 1 and abs(kept - target) < YIELD_TOLERANCE:
             return robust
         if rounds > 1:
             factor += missing_factor(expansion, draws, target)
@@ -97,7 +97,7 @@ def missing_factor(expansion: Expansion, draws: Draws, target: float) -> float:
     A head keeps all if its worst margin, in spreads, is no more below zero than that.
     """
     spread = np.maximum(expansion.spread, LEAST_SPREAD)
-    near = np.flatnonzero(expansion.margins < SAFE * spread)
+    near = np.flatnonzero(expansion.margins < SAFE_SPREADS * spread)
     worst = np.full(len(draws.heads), np.inf)
     for part in np.array_split(near, max(1, len(near) // 100)):
         if len(part):

@@ -16,9 +16,9 @@ from .search import SLACK, objective_at, settle, solve
 
 #: Steps that are easy to set or make, by the ending of a variable's name or by the whole name.
 STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
-OWN = {"diameter_mm": 0.01}
+STEP_OF_NAME = {"diameter_mm": 0.01}
 #: How many times a step is made ten times finer before a variable stays unrounded.
-FINER = 3
+MAX_REFINEMENTS = 3
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Rounded:
 
 
 def step_of(name: str) -> float:
-    return OWN.get(name, STEPS[name.rpartition("_")[2]])
+    return STEP_OF_NAME.get(name, STEPS[name.rpartition("_")[2]])
 
 
 def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
@@ -47,7 +47,7 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
     here, steps = x.copy(), np.zeros(len(x))
     guess = problem.first_guess(x)
     for n, name in enumerate(problem.names):
-        for finer in range(FINER):
+        for finer in range(MAX_REFINEMENTS):
             step = step_of(name) / 10**finer
             solved = None
             below, above = np.floor(here[n] / step) * step, np.ceil(here[n] / step) * step

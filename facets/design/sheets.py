@@ -16,7 +16,7 @@ from ..files.tables import Whole
 Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 KINDS = (".tex", ".xlsx")
 #: The largest length of a sheet's name in a workbook, and the characters that it excludes.
-LONGEST, FORBIDDEN = 31, re.compile(r"[\[\]:*?/\\]")
+MAX_SHEET_NAME, NOT_IN_SHEET_NAME = 31, re.compile(r"[\[\]:*?/\\]")
 
 
 def require_writable(path: Path) -> None:
@@ -76,7 +76,7 @@ def number(cell: str) -> float | None:
 
 
 #: Characters with a special meaning in LaTeX.
-SPECIAL = {
+LATEX_ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
     "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     "µ": r"\textmu{}", "²": r"\textsuperscript{2}",
@@ -84,7 +84,7 @@ SPECIAL = {
 
 
 def escape_text(text: str) -> str:
-    return "".join(SPECIAL.get(character, character) for character in text)
+    return "".join(LATEX_ESCAPES.get(character, character) for character in text)
 
 
 def write_workbook(path: Path, tables: dict[str, Rows], origin: str) -> None:
@@ -94,7 +94,7 @@ def write_workbook(path: Path, tables: dict[str, Rows], origin: str) -> None:
     book = Workbook()
     book.remove(book.active)
     for title, (headings, rows) in tables.items():
-        sheet: Any = book.create_sheet(FORBIDDEN.sub(" ", title)[:LONGEST])
+        sheet: Any = book.create_sheet(NOT_IN_SHEET_NAME.sub(" ", title)[:MAX_SHEET_NAME])
         sheet.append(list(headings))
         for row in rows:
             sheet.append([cell if (n := number(cell)) is None else n for cell in row])

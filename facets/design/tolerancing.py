@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 HEADS, SEED = 20_000, 7
 #: Step of the errors' slopes, in tolerances: the residual errors after a calibration are
 #: differences of two slopes, which must be derivatives and not secants.
-SMALL = 1e-3
+SLOPE_STEP = 1e-3
 #: Margins more spreads than this above zero are ignored.
-SAFE = 6.0
+SAFE_SPREADS = 6.0
 #: Keys of `calibrate.before` by parameter; the other parameters are detectors' distortions.
-KEYS = {
+KEY_OF_PARAMETER = {
     "radius": "psd_place_mm", "height": "psd_place_mm", "roll": "psd_turn_mrad",
     "pitch": "psd_turn_mrad", "yaw": "psd_turn_mrad", "inclination": "facet_mrad",
     "tilt_x": "beam_tilt_mrad", "tilt_y": "beam_tilt_mrad", "sigma_xx": "beam_diameter_percent",
@@ -53,7 +53,7 @@ def key_of(name: str) -> str:
         return "facet_mrad" if head.startswith("facet") else "psd_place_mm"
     if part == "power":
         return "laser_percent" if head == "beam" else "power_percent"
-    return KEYS.get(part, "bend_um")
+    return KEY_OF_PARAMETER.get(part, "bend_um")
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,12 @@ def expand_margins(built: Assembly) -> Expansion:
     by_head, by_solver = np.zeros((2, rows, count))
     if axes:
         for n in range(count):
-            heads = [head_at(built, n, step) for step in (SMALL, -SMALL)]
+            heads = [head_at(built, n, step) for step in (SLOPE_STEP, -SLOPE_STEP)]
             up, down = (errors_of(built.asked, built.sensor, head) for head in heads)
-            by_solver[:, n] = ((up - down)[:, axes] / (2 * SMALL)).ravel()
+            by_solver[:, n] = ((up - down)[:, axes] / (2 * SLOPE_STEP)).ravel()
             if built.loose[n]:
                 up, down = (errors_of(built.asked, head, built.sensor) for head in heads)
-                by_head[:, n] = ((up - down)[:, axes] / (2 * SMALL)).ravel()
+                by_head[:, n] = ((up - down)[:, axes] / (2 * SLOPE_STEP)).ravel()
     limits = np.tile(np.array(built.asked.layout.accuracy)[axes], len(built.asked.states))
     return Expansion(
         built, middle.ravel(), slopes, bends, by_head, by_solver, limits, *calibration_of(built)
@@ -163,7 +163,7 @@ class YieldShares:
 def least_margins(expansion: Expansion, heads: Floats) -> Floats:
     """The least margin (n,) of each head."""
     bend = np.abs(expansion.bends).sum(axis=1)
-    near = np.flatnonzero(expansion.margins < SAFE * (expansion.spread + bend))
+    near = np.flatnonzero(expansion.margins < SAFE_SPREADS * (expansion.spread + bend))
     least = np.full(len(heads), np.inf)
     for part in np.array_split(near, max(1, len(near) // 100)):
         if len(part):

@@ -45,7 +45,7 @@ from .volume import mirror_states, span_of
 #: The measures that can be objectives here, since they have slopes.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
 #: Shares of the way from rest to the end of a range at which its limits are constraints.
-SHARES = (0.25, 0.5, 0.75, 1.0)
+RANGE_SHARES = (0.25, 0.5, 0.75, 1.0)
 #: The scale of an objective, in its own unit, if the present sensor has no value.
 USUAL_SCALE = 10.0
 
@@ -160,7 +160,7 @@ def states_of(space: Space, ranges: list[str]) -> Floats:
     rows = [np.zeros(16)]
     for name in ranges:
         axis = RANGE_COLUMNS.index(name)
-        for share in (*SHARES, *(-share for share in SHARES)):
+        for share in (*RANGE_SHARES, *(-share for share in RANGE_SHARES)):
             row = np.zeros(16)
             row[8 + axis] = share
             if space.rules.tracking and axis < 2:

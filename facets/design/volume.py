@@ -34,9 +34,9 @@ FIRST_STEP, LAST_STEP = 0.5, 1e-3
 STARTS = 2
 #: A value whose minimum is further from zero than this share of its change over the states is not
 #: searched: it changes far less between the corners.
-NEAR = 0.2
+NEAR_SHARE = 0.2
 #: A value between the corners counts as worse if it is less by this share of that change.
-WORSE = 1e-9
+WORSE_SHARE = 1e-9
 
 
 def shares_of_volume(wide: Booleans | None = None) -> Floats:
@@ -80,13 +80,13 @@ def mirror_states(states: Floats, body: MeasuredObject | None, following: Any) -
 
 
 def worst_places(
-    values: Callable[[Floats], Floats], shares: Floats, wide: Booleans, near: float = NEAR
+    values: Callable[[Floats], Floats], shares: Floats, wide: Booleans, near: float = NEAR_SHARE
 ) -> tuple[Floats, Any]:
     """Find shares (k, 8) of the volume at which a value is less than at all known places, and the
     numbers (k,) of these values.
 
     values: of shares (n, 8), their margins (n, m), each of which should be large.  shares: the
-    known places.  near: see `NEAR`; infinite to search all values.
+    known places.  near: see `NEAR_SHARE`; infinite to search all values.
     """
     known = values(shares)
     sound = np.isfinite(known).all(axis=0)
@@ -100,7 +100,7 @@ def worst_places(
     lowest = known[order.T.ravel(), which]
     ends, lowest = descend(values, ends, which, lowest, wide)
     best = np.array([np.flatnonzero(which == n)[lowest[which == n].argmin()] for n in numbers])
-    worse = lowest[best] < least[numbers] - WORSE * change[numbers]
+    worse = lowest[best] < least[numbers] - WORSE_SHARE * change[numbers]
     return ends[best[worse]], numbers[worse]
 
 

@@ -6,15 +6,19 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 from functools import cached_property
 from math import isinf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge, Prior
+from ..core.sensor import Sensor
+from ..core.settings import Config
 from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
+from .differences import ZeroPose
 from .object_pose import ObjectPose, transform
 from .samples import (
     Poses,
@@ -28,16 +32,11 @@ from .solver import solve_question
 from .tally import PLACES, Tally
 from .zero import PoseColumns, ZeroRequest, ZeroSearch, zero_findings, zero_text
 
-if TYPE_CHECKING:
-    from ..core.sensor import Sensor
-    from ..core.settings import Config
-    from .differences import ZeroPose
-
-
 #: Ends of an estimate that another start may spare.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
 
 
+@check_arguments
 class Measurement:
     """Solves samples as a configuration says it, and keeps what its user must be told.
 

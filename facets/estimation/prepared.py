@@ -63,7 +63,7 @@ class Solver:
         self._begin(sensor, question, start)
 
     @classmethod
-    def of_question(
+    def solver_of(
         cls, sensor: Sensor, question: Question, start: Literal["zero", "previous"] = "zero"
     ) -> Solver:
         """The solver of a question."""
@@ -80,7 +80,7 @@ class Solver:
 
     def __reduce__(self) -> Any:
         """A copy is a solver of its own, which begins anew: its memory has other addresses."""
-        return Solver.of_question, self._asked
+        return Solver.solver_of, self._asked
 
     def _prepare(self) -> PreparedEstimate:
         sensor, question, _ = self._asked
@@ -291,5 +291,5 @@ def find_solver(sensor: Sensor, question: Question) -> Solver:
     if solver is None:
         if len(_kept) >= MAX_SOLVERS:
             _kept.clear()
-        solver = _kept[key] = Solver.of_question(sensor, question)
+        solver = _kept[key] = Solver.solver_of(sensor, question)
     return solver

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.arguments import check_arguments
 from ..core.names import DETECTORS, POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats, Integers, unit_of
 from .solution import LABELS, Solution, UncertainResult
@@ -19,6 +20,7 @@ UNPARSABLE = "unparsable"
 DETECTOR_BITS = np.array([1, 2, 4])
 
 
+@check_arguments
 @dataclass(frozen=True)
 class Samples:
     """Readings that are solved together, and what was measured beside each of them.
@@ -88,7 +90,7 @@ def solution_columns(solution: Solution) -> dict[str, Any]:
     return columns | {"misfit": solution.misfit.astype(np.uint8)}
 
 
-def in_words(columns: dict[str, Any]) -> dict[str, Any]:
+def worded_columns(columns: dict[str, Any]) -> dict[str, Any]:
     """Columns with the status in words, and the letters of the detectors used."""
     letters = np.array(DETECTORS)
     words = {

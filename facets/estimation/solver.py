@@ -123,7 +123,7 @@ def solve(
 
 def solve_question(
     sensor: Sensor,
-    given: Floats,
+    checked: Floats,
     question: Question,
     start: Literal["zero", "previous"] | ArrayLike = "zero",
     threads: int = 1,
@@ -133,13 +133,13 @@ def solve_question(
 
     warmer: (n,) of readings (n, 9), than the reference temperature of the calibration, K.
     """
-    if is_short(question) and threads >= 0 and are_few(given, start):
+    if is_short(question) and threads >= 0 and are_few(checked, start):
         solver = find_solver(sensor, question)
-        if given.ndim == 1:
-            return solver.solve_from(given, solver.start_state(start, given))
-        if (kept := solver.solve_some(given, warmer)) is not None:
+        if checked.ndim == 1:
+            return solver.solve_from(checked, solver.start_state(start, checked))
+        if (kept := solver.solve_some(checked, warmer)) is not None:
             return kept
-    values, shape = as_rows(given, 9, "readings")
+    values, shape = as_rows(checked, 9, "readings")
     todo = find_plan(sensor, question.knowledge, question.method, shape)
     starts = start_states(sensor, start, todo, values, shape)
     asked = make_problem(todo, starts, question, is_previous(start))

@@ -51,8 +51,8 @@ HUGE = 1e300
 Linearise = Callable[[Sequence[Any]], Sequence[tuple[Sequence[Any], Sequence[Sequence[Any]]]]]
 
 
-class Question(NamedTuple):
-    """What is asked of a reading.
+class WeightedReading(NamedTuple):
+    """A reading, and what is asked of it.
 
     values, weights: (9,) mm, mW and 1/sigma; weights of a detector that is
     left out are 0.  means: (3,) of bx, by and the power.  scales: what all readings share.  small:
@@ -112,7 +112,7 @@ def ask(
     weights: Sequence[Any],
     means: Sequence[Any],
     scales: Scales,
-) -> tuple[Question, Any, list[Any]]:
+) -> tuple[WeightedReading, Any, list[Any]]:
     """The question of a reading, the status with which it begins, and for each detector 1 where it
     takes part.
 
@@ -142,7 +142,7 @@ def ask(
     status = select((fault > AMBIGUOUS) | (checks > -0.5), GOING, fault)
     bare = (checks < 0.5) & (checks > -0.5) & (scales.accepts < 0.5)
     status = select(bare, UNCHECKED, status)
-    return Question(form, values, kept, means, scales, small), status, used
+    return WeightedReading(form, values, kept, means, scales, small), status, used
 
 
 def begin(start: Sequence[Any], form: Form, status: Any) -> State:
@@ -174,7 +174,9 @@ def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> An
     return found
 
 
-def equations(x: Sequence[Any], question: Question, linearise: Linearise) -> tuple[Any, Any, Any]:
+def equations(
+    x: Sequence[Any], question: WeightedReading, linearise: Linearise
+) -> tuple[Any, Any, Any]:
     """J'J with J'r, the sum of squares, and 1 where a detector that
     reads light would have none."""
     rows: list[Any] = []
@@ -201,7 +203,7 @@ def equations(x: Sequence[Any], question: Question, linearise: Linearise) -> tup
     return (tuple(tuple(row) for row in matrix), tuple(right)), cost, dark
 
 
-def step(state: State, question: Question, linearise: Linearise) -> State:
+def step(state: State, question: WeightedReading, linearise: Linearise) -> State:
     """Judges what was tried, and finds what to try next.
 
     A step that is refused is made again from the best so far, with more damping; where equations
@@ -220,7 +222,7 @@ def step(state: State, question: Question, linearise: Linearise) -> State:
 
 
 def compare_end(
-    state: State, at: Any, cost: Any, dark: Any, question: Question
+    state: State, at: Any, cost: Any, dark: Any, question: WeightedReading
 ) -> tuple[State, Any]:
     """The best state so far, whether what was tried is better, and how much to damp the next step.
 
@@ -249,7 +251,7 @@ def compare_end(
     return judged, better
 
 
-def count_step(state: State, ready: Any, question: Question) -> State:
+def count_step(state: State, ready: Any, question: WeightedReading) -> State:
     """Stalled where the sum of squares has hardly fallen in PROGRESS_INTERVAL_STEPS steps."""
     going = ready & (state.status < CONVERGED)
     since = state.since + select(going, 1.0, 0.0)
@@ -264,7 +266,7 @@ def count_step(state: State, ready: Any, question: Question) -> State:
     )
 
 
-def move(state: State, ready: Any, normal: Any, question: Question) -> State:
+def move(state: State, ready: Any, normal: Any, question: WeightedReading) -> State:
     """The next step, unless the estimate ends.
 
     It is the last one where it changes less than rounding can, unless the damping alone has made it
@@ -294,7 +296,7 @@ def move(state: State, ready: Any, normal: Any, question: Question) -> State:
 
 
 def estimate(
-    start: Sequence[float], question: Question, status: int, linearise: Linearise
+    start: Sequence[float], question: WeightedReading, status: int, linearise: Linearise
 ) -> State:
     """The loop for floats.  question, status: of `ask`."""
     state = begin(start, question.form, status)

@@ -18,7 +18,7 @@ from ..detectors.skew import align
 from ..files import tables
 from .estimates import Task, compile_for
 from .measurement import Measurement, beam_place
-from .samples import UNPARSABLE, Samples, in_words
+from .samples import UNPARSABLE, Samples, worded_columns
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -76,7 +76,7 @@ def solve_table(
     with tables.open_writer(poses, about) as writer:
         for part in chain([first], solved):
             chunk = chunks.popleft()
-            columns = in_words(part.columns())
+            columns = worded_columns(part.columns())
             columns["status"] = np.where(chunk.unparsable, UNPARSABLE, columns["status"])
             measurement.tally.rename(part.solution.status[chunk.unparsable], UNPARSABLE)
             time = {k: v for k, v in chunk.columns.items() if k == "time_s"}

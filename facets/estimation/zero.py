@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import DETECTORS, POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats, Integers
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 MOVED, BY_CHANCE = 1.5, 3.0
 
 
+@check_arguments
 @dataclass(frozen=True)
 class ZeroRequest:
     """What the zero is: the samples of the first `seconds`, the sample `row` (from 1), or the mean
@@ -69,6 +71,7 @@ class ZeroRequest:
         return f"row {self.row}" if self.row else f"the first {self.seconds:g} s"
 
 
+@check_arguments
 @dataclass(frozen=True)
 class PoseColumns:
     """What poses have beside the mirror's pose and the object's.
@@ -98,9 +101,9 @@ class ZeroSearch:
         self.zero: ZeroPose | None = None
         if request.file is not None:
             self.zero = zero_of_table(request.file, config)
-        self.begin_anew()
+        self.forget()
 
-    def begin_anew(self) -> None:
+    def forget(self) -> None:
         """Forget the samples so far."""
         self.is_begun = self.is_over = False
         self.first = 0, np.nan
@@ -151,7 +154,7 @@ class ZeroSearch:
         """Make the zero of the samples so far."""
         members = self.members or [(np.empty((0, 8)), np.empty(0), np.empty((0, 3), bool))]
         states, temperature, used = map(np.concatenate, zip(*members, strict=True))
-        self.begin_anew()
+        self.forget()
         self.zero = zero_of_samples(self.config, states, temperature, used)
 
     def finish(self, what: str, rows: int) -> None:

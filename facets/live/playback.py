@@ -18,7 +18,7 @@ from .recording.index import Damage
 from .recording.pose_table import join_columns, recorded_poses
 from .recording.reader import meta_of, seal_of, utc_offset
 from .recording.replay import label, recorded_config, replay
-from .run.pipeline import Pipeline, Poses, join_poses
+from .run.pipeline import Pipeline, RunPoses, join_poses
 from .run.pulses import PulseClock, pulse_columns
 from .run.smoothing import require_model, smoothed_columns
 from .streams.mcap_file import McapFile
@@ -76,7 +76,7 @@ class Playback:
         real_time: bool = False,
         recover: bool = False,
         tell: Callable[[int, int], None] = lambda done, of: None,
-    ) -> Iterator[Poses]:
+    ) -> Iterator[RunPoses]:
         """Yield the poses, in the blocks of the recorded bytes.
 
         real_time: at the speed of the recording.  recover: also read bytes without an index, or
@@ -87,7 +87,7 @@ class Playback:
 
     def finish(
         self,
-        poses: Iterable[Poses],
+        poses: Iterable[RunPoses],
         path: Path | None,
         smooth: str | None,
         compare: bool,
@@ -107,11 +107,11 @@ class Playback:
 
     def publish_poses(
         self,
-        poses: Iterable[Poses],
+        poses: Iterable[RunPoses],
         addresses: Sequence[str],
         tell: Callable[[str], None],
         say: Callable[[str], None],
-    ) -> Iterator[Poses]:
+    ) -> Iterator[RunPoses]:
         """Yield the same poses, and publish each of them.
 
         tell: receives the addresses.  say: receives, at the end, the number of published samples.
@@ -146,7 +146,7 @@ class Playback:
             if text:
                 yield f"  {text}"
 
-    def write(self, path: Path, poses: Iterable[Poses], smooth: str | None) -> Iterator[str]:
+    def write(self, path: Path, poses: Iterable[RunPoses], smooth: str | None) -> Iterator[str]:
         """Write poses to a table or an MCAP file; yield the sentences for the user.
 
         smooth: the model of a motion by which poses are smoothed, in columns beside the raw ones.
@@ -171,7 +171,7 @@ class Playback:
         else:
             yield from self.write_table(path, poses, about)
 
-    def await_zero(self, poses: Iterable[Poses]) -> Iterator[Poses]:
+    def await_zero(self, poses: Iterable[RunPoses]) -> Iterator[RunPoses]:
         """The same poses, taken in up to the end of the zero's samples.  Raises `InputError` if
         there is no sample after them."""
         held, rest = [], iter(poses)
@@ -183,7 +183,7 @@ class Playback:
         return chain(held, rest)
 
     def write_with_smoothing(
-        self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
+        self, path: Path, poses: list[RunPoses], model: str, about: dict[str, str]
     ) -> str:
         """Write the table of poses, with the likeliest poses given all samples beside them."""
         refuse_nothing(path, poses)
@@ -201,7 +201,7 @@ class Playback:
         return f"  smoothed by constant {model}; {result.sentence}"
 
     def write_table(
-        self, path: Path, poses: Iterable[Poses], about: dict[str, str]
+        self, path: Path, poses: Iterable[RunPoses], about: dict[str, str]
     ) -> Iterator[str]:
         """Write the table of poses, with the times by a pulse per second if there is one."""
         pulses = PulseClock() if self.config.acquire.mark == "pps" else None
@@ -216,7 +216,7 @@ class Playback:
         if pulses is not None:
             yield f"  {pulses.sentence}"
 
-    def compare(self, poses: Iterable[Poses], config_name: str | None) -> tuple[list[str], bool]:
+    def compare(self, poses: Iterable[RunPoses], config_name: str | None) -> tuple[list[str], bool]:
         """Compare poses with the recorded ones, bit by bit.
 
         config_name: of the configuration for solving, unless it is the recording's own. Returns the
@@ -246,7 +246,7 @@ def refuse_output(
 ) -> None:
     """Raise `InputError` for an output that cannot be written, or options that contradict."""
     if smooth:
-        require_model("--smooth", smooth)
+        require_model(smooth)
         if path is None or is_mcap(path):
             raise InputError("--smooth needs -o, a table for the smoothed poses")
     if path is None:

@@ -240,7 +240,7 @@ def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:
     )
 
 
-class Facet(NamedTuple):
+class MirrorFacet(NamedTuple):
     """One facet of a mirror at a state, its light, and the detector to which it reflects.
 
     geometry, at: the sensor and its scene.  k: number of the facet and of its detector.
@@ -261,7 +261,7 @@ class Facet(NamedTuple):
     axes: Matrix
 
 
-def mirror_facets(geometry: Geometry, at: Scene) -> tuple[Facet, Facet, Facet]:
+def mirror_facets(geometry: Geometry, at: Scene) -> tuple[MirrorFacet, MirrorFacet, MirrorFacet]:
     return (
         mirror_facet(geometry, at, 0),
         mirror_facet(geometry, at, 1),
@@ -269,9 +269,9 @@ def mirror_facets(geometry: Geometry, at: Scene) -> tuple[Facet, Facet, Facet]:
     )
 
 
-def mirror_facet(geometry: Geometry, at: Scene, k: int) -> Facet:
+def mirror_facet(geometry: Geometry, at: Scene, k: int) -> MirrorFacet:
     following = (k + 1) % 3
-    return Facet(
+    return MirrorFacet(
         geometry=geometry,
         at=at,
         k=k,
@@ -297,7 +297,7 @@ class Path(NamedTuple):
     length: Number
 
 
-def path(facet: Facet) -> Path:
+def path(facet: MirrorFacet) -> Path:
     """The path of the ray that carries the centroid of the light on a facet to its detector."""
     geometry, at, normal = facet.geometry, facet.at, facet.normal
     centroid = facet.moments[1]
@@ -315,7 +315,7 @@ def path(facet: Facet) -> Path:
     )
 
 
-def reading(facet: Facet, ray: Path) -> Three:
+def reading(facet: MirrorFacet, ray: Path) -> Three:
     """The reading (psi, zeta, power) of a facet's detector, mm and mW; Eq. (9).
 
     NaN where the facet does not face the beam or its sub-beam does not get to the detector's plane.

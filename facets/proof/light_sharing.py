@@ -37,12 +37,12 @@ Plane = tuple[Interval, Interval]
 
 #: Number of slices of each facet's angle, and the further slices for each square sigma of the
 #: apex's offset, since the light on the slices then differs more.
-SLICES, MORE = 6, 5
+SLICES, SLICES_PER_SQUARE_SIGMA = 6, 5
 #: A box of offsets is quartered until the lower bounds of its shares are this part of the upper
 #: ones, but at most this many times.
-SHARP, DEPTH = 0.25, 6
+SHARP_SHARE, MAX_QUARTERINGS = 0.25, 6
 #: The largest distance of the apex that is searched, sigmas: beyond, one facet has almost no light.
-FARTHEST = 8.0
+FARTHEST_SIGMAS = 8.0
 
 
 class LightNotShared(Exception):
@@ -142,8 +142,8 @@ def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
         lights = light_if_enough(edges, q, least)
         if lights is None:
             continue
-        sharp = all(light.mass.lower() > SHARP * light.mass.upper() for light in lights)
-        if sharp or depth == DEPTH:
+        sharp = all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights)
+        if sharp or depth == MAX_QUARTERINGS:
             pieces.append(bounds_near(edges, [limit_light(light, least) for light in lights], q))
         else:
             todo += [(part, depth + 1) for part in product(halve(q[0]), halve(q[1]))]
@@ -170,11 +170,11 @@ def limit_light(light: FacetLight, least: float) -> FacetLight:
 def farthest_offset(edges: FacetEdges, least: float) -> float:
     """A distance of the apex from the beam's centre beyond which a facet has less than its share.
 
-    Raises `LightNotShared` if that distance exceeds `FARTHEST`.
+    Raises `LightNotShared` if that distance exceeds `FARTHEST_SIGMAS`.
     """
-    if not share_beyond(edges, FARTHEST) < least:
+    if not share_beyond(edges, FARTHEST_SIGMAS) < least:
         raise LightNotShared
-    near, far = 0.0, FARTHEST
+    near, far = 0.0, FARTHEST_SIGMAS
     while far - near > 0.01:
         middle = (near + far) / 2
         near, far = (near, middle) if share_beyond(edges, middle) < least else (middle, far)
@@ -202,9 +202,9 @@ def least_sine(opening: Interval) -> Interval:
 def least_share_over(edges: FacetEdges, q: Plane, depth: int = 0) -> float:
     """A lower bound of the three shares over a box of offsets."""
     lights = light_on_facets(edges, q)
-    if all(light.mass.lower() > SHARP * light.mass.upper() for light in lights):
+    if all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights):
         return min(ends(light.mass)[0] for light in lights)
-    if depth == DEPTH:
+    if depth == MAX_QUARTERINGS:
         return 0.0
     parts = product(halve(q[0]), halve(q[1]))
     return min(least_share_over(edges, part, depth + 1) for part in parts)
@@ -280,7 +280,7 @@ def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> Sharin
 def light_between(q: Plane, start: Interval, opening: Interval) -> FacetLight:
     """The light of a facet, by slices of its angle: light per angle is K, mean distance J / K."""
     mass, x, y = arb(0), arb(0), arb(0)
-    slices = SLICES + int(MORE * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
+    slices = SLICES + int(SLICES_PER_SQUARE_SIGMA * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
     for n in range(slices):
         u = direction_at(start + opening * interval(arb(n) / slices, arb(n + 1) / slices))
         ray = half_line(q, u)

@@ -46,15 +46,15 @@ from .spot_jacobian import (
 #: have. The float 0.3 is less than 0.3, so that the stated limits are rounded down.
 FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.3 + 1e-12, 0.3 + 1e-12, 0.5)
 #: The target box is larger by this factor than the box for a straight sensor.
-SLACK = 1.06
+TARGET_FACTOR = 1.06
 #: A box is not cut further if it lies within the target box times this factor.
-NEAR = 1.25
+NEAR_FACTOR = 1.25
 #: Largest number of boxes, and the share of its width above which a contracted box is cut.
-MOST_BOXES, KEPT = 10_000, 0.8
+MOST_BOXES, KEPT_SHARE = 10_000, 0.8
 #: The beam's 1/e^2 ellipse, in sigmas.
-ELLIPSE = 2.0
+ELLIPSE_SIGMAS = 2.0
 #: Levers with which a box is cut in its angles alone.
-TURNS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+ANGLE_LEVERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 
 
 class RangeCover(NamedTuple):
@@ -104,7 +104,7 @@ def cover_range(
     share: the least of the light, by the rules.  tolerances: as for `certify`.
     """
     halves = tuple((psd.size_y / 2, psd.size_z / 2) for psd in sensor.psds)
-    levers = np.where(TURNS > 0, max(psd.radius for psd in sensor.psds), 1.0)
+    levers = np.where(ANGLE_LEVERS > 0, max(psd.radius for psd in sensor.psds), 1.0)
     geometry = interval_geometry(sensor, tolerances)
     problem = RangeProblem(geometry, halves, share, rules.whole_spot, levers)
     far = np.array(FARTHEST_MM_RAD)
@@ -133,7 +133,7 @@ def target_box(problem: RangeProblem) -> StateBox:
     middle = -inverse @ np.array([float(place.mid()) for place in places])
     off = np.array([float(place.rad()) for place in places])
     straight = np.abs(inverse) @ (np.array(problem.halves).ravel() + off)
-    half = SLACK * np.linalg.solve(np.eye(6) - apart, straight)
+    half = TARGET_FACTOR * np.linalg.solve(np.eye(6) - apart, straight)
     return box_of_poses(middle - half, middle + half)
 
 
@@ -155,12 +155,12 @@ def narrow_down(
         except NoPose:
             continue
         except (NotFacing, LightNotShared):
-            todo += cut_in_two(low, high, TURNS)
+            todo += cut_in_two(low, high, ANGLE_LEVERS)
             continue
         width = np.where(high > low, high - low, 1.0)
-        if ((smaller[1] - smaller[0]) / width).min() < KEPT:
+        if ((smaller[1] - smaller[0]) / width).min() < KEPT_SHARE:
             todo.append(smaller)
-        elif is_within(smaller, aim, NEAR):
+        elif is_within(smaller, aim, NEAR_FACTOR):
             remaining.append(smaller)
         else:
             todo += cut_in_two(*smaller, problem.levers)
@@ -186,19 +186,19 @@ def points_near_apex(problem: RangeProblem, pose: Sequence[Interval]) -> list[li
     at = dark_scene_over(problem.geometry, [zero, zero, zero, *pose[3:]])
     edges = facet_edges(problem.geometry, at, rotation_axes(pose[4], pose[5]))
     offset = farthest_offset(edges, problem.share)
-    if problem.whole and offset <= ELLIPSE:
+    if problem.whole and offset <= ELLIPSE_SIGMAS:
         return [[zero, zero]] * 3
-    reach = offset + max(farthest_centroid(problem.share), ELLIPSE if problem.whole else 0.0)
+    reach = offset + max(farthest_centroid(problem.share), ELLIPSE_SIGMAS if problem.whole else 0.0)
     return [points_in_facet(edges.angles[k], edges.openings[k], reach) for k in range(3)]
 
 
 #: Number of parts of a facet's angle for bounding its points.
-PARTS = 4
+PARTS_OF_FACET = 4
 
 
 def points_in_facet(start: Interval, opening: Interval, reach: float) -> list[Interval]:
     """The points of a facet within `reach` of the apex, seen along the beam: (2,) sigmas."""
-    parts = [start + opening * (interval(0, 1) + n) / PARTS for n in range(PARTS)]
+    parts = [start + opening * (interval(0, 1) + n) / PARTS_OF_FACET for n in range(PARTS_OF_FACET)]
     far = interval(0, reach)
     return [hull(far * part.cos() for part in parts), hull(far * part.sin() for part in parts)]
 

@@ -12,9 +12,9 @@ from ..core.sensor import Sensor
 from .uniqueness import Certificate, Effort, certify
 
 #: Largest scaling that is tried.
-FARTHEST = 20.0
+LARGEST_SCALING = 20.0
 #: The factor grows by this, and then by its roots, until it is known this accurately.
-STEP, PRECISE = 1.5, 0.03
+FIRST_STEP, LAST_STEP = 1.5, 0.03
 #: Largest number of pieces for a proof: no proof that succeeded near the limit took more.
 MOST_PIECES = 2000
 
@@ -24,7 +24,7 @@ def find_reach(
     box: StateBox,
     share: float,
     tolerances: Sequence[float] | None = None,
-    farthest: float = FARTHEST,
+    farthest: float = LARGEST_SCALING,
     work: int = MOST_PIECES,
 ) -> tuple[float, Certificate | None]:
     """Find the largest tried factor at which the box is proved unique, and its certificate.
@@ -33,8 +33,8 @@ def find_reach(
     proved; `farthest` if every one is. A larger box may still be one-to-one: this is a lower bound.
     """
     proved: tuple[float, Certificate | None] = (1.0, None)
-    factor, step = 1.0, STEP
-    while step > 1 + PRECISE:
+    factor, step = 1.0, FIRST_STEP
+    while step > 1 + LAST_STEP:
         grown = min(factor * step, farthest)
         if grown > factor:
             larger = StateBox(grown * box.low, grown * box.high)
@@ -47,7 +47,7 @@ def find_reach(
 
 
 #: The factor by which the box shrinks until it is proved, the most times, and the work for each.
-SHRINK, SHRINKS, SHRUNK_WORK = 0.7, 7, 300
+SHRINK_FACTOR, MAX_SHRINKS, SHRUNK_WORK = 0.7, 7, 300
 
 
 def find_core(
@@ -60,8 +60,8 @@ def find_core(
     """Find the largest tried factor below 1 at which the box of poses is proved unique, and its
     certificate; 0.0 and None if there is none. The box shrinks about its middle."""
     middle = (box.low + box.high) / 2
-    for step in range(1, SHRINKS + 1):
-        factor = SHRINK**step
+    for step in range(1, MAX_SHRINKS + 1):
+        factor = SHRINK_FACTOR**step
         low, high = (middle + factor * (end - middle) for end in (box.low, box.high))
         certificate = certify(sensor, StateBox(low, high), share, tolerances, Effort(work))
         if certificate.unique:

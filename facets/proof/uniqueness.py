@@ -53,9 +53,9 @@ MOST_CUTS = 12
 #: The search ends after this many pieces without a proof, since there would be more.
 MOST_DOUBTFUL = 20
 #: Least margin of a hull: another grid of pieces might not reproduce a smaller one.
-SMALL = 0.15
+LEAST_HULL_MARGIN = 0.15
 #: Number of parts of each angle for the bounds of the light: roll pitch yaw.
-TURNS = (1, 1, 3)
+PARTS_OF_ANGLES = (1, 1, 3)
 
 
 class Effort(NamedTuple):
@@ -219,7 +219,7 @@ def conclude(
     bound = determinant_bound(whole, slope, certificate.margin)
     certificate.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in certificate.pieces]
     certificate.at_least = min(piece.at_least for piece in certificate.pieces)
-    if not (certificate.margin > SMALL and certificate.at_least > 0):
+    if not (certificate.margin > LEAST_HULL_MARGIN and certificate.at_least > 0):
         by_middles = prove_by_middles(geometry, shares, certificate.box, jacobians, slope)
         if by_middles.margin > max(certificate.margin, 0):
             least = min(piece.at_least for piece in by_middles.pieces)
@@ -289,7 +289,7 @@ def examine_piece(
 def edges_over_rotations(geometry: Geometry, box: StateBox) -> list[FacetEdges]:
     """The edges over the box's rotations, in a few parts."""
     zero = arb(0)
-    rotations = [divide_side(box, 3 + j, n) for j, n in enumerate(TURNS)]
+    rotations = [divide_side(box, 3 + j, n) for j, n in enumerate(PARTS_OF_ANGLES)]
     return [
         facet_edges(
             geometry,

@@ -29,7 +29,7 @@ from ..core.sensor import Imperfections, Sensor
 from ..core.units import Floats
 from ..detectors.skew import delay_states
 from ..model.arrays import geometry_of, half_sizes, readings
-from ..optics.forward import Geometry, Scene, beam_axes, dark_scene
+from ..optics.forward import Geometry, MirrorFacet, beam_axes, dark_scene, mirror_facets
 
 #: Numbers of nodes over a wedge's angle, its radius and a strip; end of the light, in sigmas.
 ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0
@@ -37,11 +37,11 @@ ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0
 
 @dataclass(frozen=True)
 class Flaws:
-    """All imperfections for the rays, of `sensor.light` and `sensor.imperfections` together.
+    """All imperfections that rays meet: those of `sensor.light` and of `sensor.imperfections`.
 
     curvature: (2, 2) of the wavefront along `axes` (2, 3), 1/mm.  rolloff: (3, 2) mm, of the first
     and second edge of each facet.  background: (3, 3) power, y, z.  series: (5, 5) Hermite
-    coefficients of the beam's profile.  The others as in `Imperfections`.
+    coefficients of the beam's profile.  The other fields as in `Imperfections`.
     """
 
     axes: Floats
@@ -60,32 +60,32 @@ class Flaws:
 
 
 def flaws_of(sensor: Sensor) -> Flaws:
-    light, own, beam = sensor.light, sensor.imperfections, sensor.beam
+    light, extra, beam = sensor.light, sensor.imperfections, sensor.beam
     level: Floats = np.array(beam_axes(0.0, beam.tilt_x, beam.tilt_y)[:2])
     turned: Floats = np.array(beam_axes(beam.rotation, beam.tilt_x, beam.tilt_y)[:2])
     xx, xy, yy = light.curvature_xx, light.curvature_xy, light.curvature_yy
     field = None
-    if own.polarization is not None:
-        field = np.array([np.cos(own.polarization), np.sin(own.polarization)]) @ turned
+    if extra.polarization is not None:
+        field = np.array([np.cos(extra.polarization), np.sin(extra.polarization)]) @ turned
     elif light.polarization is not None:
         field = np.array([np.cos(light.polarization), np.sin(light.polarization)]) @ level
-    both = np.array(light.background) + 0.0, np.array(own.background) + 0.0
+    both = np.array(light.background) + 0.0, np.array(extra.background) + 0.0
     powers = both[0][:, 0] + both[1][:, 0]
     moments = sum(part[:, :1] * part[:, 1:] for part in both)
     places = moments / np.where(powers == 0, 1, powers)[:, None]
     return Flaws(
         axes=level,
-        curvature=np.array([[xx, xy], [xy, yy]]) + np.eye(2) / own.wavefront_radius,
-        wavelength=own.wavelength or light.wavelength,
-        rolloff=(np.array(light.rolloff) + np.array(own.rolloff)).reshape(3, 2),
-        rolloff_width=own.rolloff_width or light.rolloff_width or 1e-4,
-        strips=np.array(light.strips) + np.array(own.strips),
-        tip=light.tip + own.tip,
+        curvature=np.array([[xx, xy], [xy, yy]]) + np.eye(2) / extra.wavefront_radius,
+        wavelength=extra.wavelength or light.wavelength,
+        rolloff=(np.array(light.rolloff) + np.array(extra.rolloff)).reshape(3, 2),
+        rolloff_width=extra.rolloff_width or light.rolloff_width or 1e-4,
+        strips=np.array(light.strips) + np.array(extra.strips),
+        tip=light.tip + extra.tip,
         background=np.column_stack([powers, places]),
-        index=own.index or light.index,
+        index=extra.index or light.index,
         field=field,
-        sag=own.sag,
-        sag_over=own.sag_over,
+        sag=extra.sag,
+        sag_over=extra.sag_over,
         series=hermite_series(sensor) if light.has_profile else None,
     )
 
@@ -122,19 +122,19 @@ def delayed_readings(sensor: Sensor, time: Floats, motion: Floats, states: Float
 
 def ray_readings(sensor: Sensor, states: Floats) -> Floats:
     """Readings (n, 9) at states (n, 8) by rays, even without `sensor.imperfections`."""
-    fixed, halves, flaws = geometry_of(sensor), half_sizes(sensor), flaws_of(sensor)
-    return np.array([ray_reading(fixed, flaws, state, halves) for state in states])
+    geometry, halves, flaws = geometry_of(sensor), half_sizes(sensor), flaws_of(sensor)
+    return np.array([ray_reading(geometry, flaws, state, halves) for state in states])
 
 
-def ray_reading(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
+def ray_reading(geometry: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
     """One reading (9,).  halves: (3, 2) half sizes of the detectors, mm."""
-    at = dark_scene(fixed, tuple(state.tolist()))
+    at = dark_scene(geometry, tuple(state.tolist()))
     out = np.empty(9)
-    for k in range(3):
-        edges = [FacetEdge.from_scene(fixed, at, flaws, k, which) for which in (0, 1)]
-        spot = spot_reading(fixed, at, k, flaws, edges)
+    for k, facet in enumerate(mirror_facets(geometry, at)):
+        edges = [FacetEdge.from_facet(facet, flaws, which) for which in (0, 1)]
+        spot = spot_reading(facet, flaws, edges)
         if flaws.wavelength:
-            spot = diffract(fixed, at, k, flaws, edges, spot, halves[k])
+            spot = diffract(facet, flaws, edges, spot, halves[k])
         power, *place = flaws.background[k]
         whole = spot[2] + power
         out[3 * k : 3 * k + 2] = (spot[2] * spot[:2] + power * np.array(place)) / whole
@@ -145,18 +145,17 @@ def ray_reading(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) ->
 @cache
 def gauss(count: int) -> tuple[Floats, Floats]:
     """Gauss-Legendre nodes and weights from -1 to 1."""
-    found: tuple[Floats, Floats] = np.polynomial.legendre.leggauss(count)
-    return found
+    return np.polynomial.legendre.leggauss(count)
 
 
-def origin(fixed: Geometry, at: Scene, flaws: Flaws, points: Floats) -> Floats:
+def origin(facet: MirrorFacet, flaws: Flaws, points: Floats) -> Floats:
     """Starting points (..., 2), mm across the beam, of the rays to points (..., 3) in space."""
-    away = points - np.array(at.place)
-    height = (away @ np.array(fixed.direction))[..., None, None]
-    found: Floats = np.linalg.solve(
+    away = points - np.array(facet.at.place)
+    height = (away @ np.array(facet.geometry.direction))[..., None, None]
+    starts: Floats = np.linalg.solve(
         np.eye(2) + height * flaws.curvature, (away @ flaws.axes.T)[..., None]
     )[..., 0]
-    return found
+    return starts
 
 
 @dataclass(frozen=True)
@@ -174,13 +173,14 @@ class FacetEdge:
     across: float
 
     @classmethod
-    def from_scene(cls, fixed: Geometry, at: Scene, flaws: Flaws, k: int, which: int) -> FacetEdge:
-        along = np.array(at.edges[(k + which) % 3])
+    def from_facet(cls, facet: MirrorFacet, flaws: Flaws, which: int) -> FacetEdge:
+        """which: 0 for the edge where the facet begins, 1 for the edge where it ends."""
+        along = np.array(facet.edges[which])
         along /= np.linalg.norm(along)
-        inward = np.cross(at.normals[k], along) * (1 if which == 0 else -1)
-        apex, small = np.array(at.apex), 1e-4
+        inward = np.cross(facet.normal, along) * (1 if which == 0 else -1)
+        apex, small = np.array(facet.at.apex), 1e-4
         ends = apex + small * np.array([along, -along, inward, -inward])
-        ahead, behind, inside, outside = origin(fixed, at, flaws, ends)
+        ahead, behind, inside, outside = origin(facet, flaws, ends)
         direction, step = ahead - behind, (inside - outside) / (2 * small)
         direction /= np.linalg.norm(direction)
         square = step - (step @ direction) * direction
@@ -188,11 +188,11 @@ class FacetEdge:
         return cls(along, inward, direction, square / size, size)
 
 
-def shares(fixed: Geometry, flaws: Flaws, places: Floats) -> Floats:
+def shares(geometry: Geometry, flaws: Flaws, places: Floats) -> Floats:
     """Shares of the beam for each mm^2 at places (n, 2), mm across the beam."""
-    whitening = flaws.axes @ np.array(fixed.whitening).T
+    whitening = flaws.axes @ np.array(geometry.whitening).T
     x = places @ whitening
-    area = np.linalg.norm(np.cross(*np.array(fixed.spread)))
+    area = np.linalg.norm(np.cross(*np.array(geometry.spread)))
     density: Floats = np.exp(-(x**2).sum(axis=-1) / 2) / (2 * np.pi) / area
     if flaws.series is not None:
         u, v = whitening / np.linalg.norm(whitening, axis=0) @ x.T  # along the world's x and y
@@ -200,29 +200,34 @@ def shares(fixed: Geometry, flaws: Flaws, places: Floats) -> Floats:
     return density
 
 
-def size_of(fixed: Geometry) -> float:
+def size_of(geometry: Geometry) -> float:
     """The beam's larger sigma, mm."""
-    return float(np.linalg.norm(np.array(fixed.spread), axis=1).max())
+    return float(np.linalg.norm(np.array(geometry.spread), axis=1).max())
 
 
-def nodes(
-    fixed: Geometry, at: Scene, flaws: Flaws, k: int, edges: list[FacetEdge]
-) -> tuple[Floats, Floats]:
-    """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of facet k
+def wedge_point(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
+    """The point (2,) of a facet without its lost strips, mm across the beam."""
+    apex = origin(facet, flaws, np.array(facet.at.apex))
+    lost = [flaws.strips[(facet.k + n) % 3] / 2 * edges[n].across for n in (0, 1)]
+    shift: Floats = np.linalg.solve(np.array([edge.seen_inward for edge in edges]), lost)
+    return apex + shift
+
+
+def nodes(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
+    """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of a facet
     without the lost strips."""
-    apex = origin(fixed, at, flaws, np.array(at.apex))
-    lost = [flaws.strips[(k + which) % 3] / 2 * edges[which].across for which in (0, 1)]
-    apex = apex + np.linalg.solve(np.array([edge.seen_inward for edge in edges]), lost)
+    apex = wedge_point(facet, flaws, edges)
     first, last = (float(np.arctan2(*edge.seen_along[::-1])) for edge in edges)
     last = first + (last - first) % (2 * np.pi)
-    far = float(np.hypot(*apex)) + FAR * size_of(fixed)
-    return polar(fixed, flaws, apex, first, last, far)
+    far = float(np.hypot(*apex)) + FAR * size_of(facet.geometry)
+    return polar(facet.geometry, flaws, apex, first, last, far)
 
 
 def polar(
-    fixed: Geometry, flaws: Flaws, apex: Floats, first: float, last: float, far: float
+    geometry: Geometry, flaws: Flaws, apex: Floats, first: float, last: float, far: float
 ) -> tuple[Floats, Floats]:
-    """Nodes over a sector about the apex: shares (n,) and places (n, 2)."""
+    """Nodes over a sector about the apex, from the angle `first` to `last`, out to `far` mm: shares
+    (n,) and places (n, 2)."""
     x, wx = gauss(ANGLES)
     r, wr = gauss(RADII)
     angle = first + (x + 1) / 2 * (last - first)
@@ -230,51 +235,45 @@ def polar(
     unit = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     places = (apex + radius[None, :, None] * unit[:, None, :]).reshape(-1, 2)
     area = wx[:, None] * wr[None, :] * radius * (last - first) / 2 * far / 2
-    return shares(fixed, flaws, places) * area.ravel(), places
+    return shares(geometry, flaws, places) * area.ravel(), places
 
 
-def spot_reading(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge]
-) -> Floats:
-    """psi, zeta and power of detector k, without diffraction and background."""
-    parts = [spots(fixed, at, k, flaws, *nodes(fixed, at, flaws, k, edges))]
+def spot_reading(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
+    """psi, zeta and power of a facet's detector, without diffraction and background."""
+    parts = [spots(facet, flaws, *nodes(facet, flaws, edges))]
     for which in (0, 1):
-        if flaws.rolloff[k, which]:
-            weights, places = strip(fixed, at, k, flaws, edges, which)
-            slope = flaws.rolloff[k, which] / flaws.rolloff_width
+        if flaws.rolloff[facet.k, which]:
+            weights, places = strip(facet, flaws, edges, which)
+            slope = flaws.rolloff[facet.k, which] / flaws.rolloff_width
             tilt = -slope * edges[which].inward
-            parts.append(spots(fixed, at, k, flaws, weights, places, tilt))
-            parts.append(spots(fixed, at, k, flaws, -weights, places))
+            parts.append(spots(facet, flaws, weights, places, tilt))
+            parts.append(spots(facet, flaws, -weights, places))
     if flaws.tip:
-        parts.append(spots(fixed, at, k, flaws, *tip_nodes(fixed, at, flaws, edges)))
+        parts.append(spots(facet, flaws, *tip_nodes(facet, flaws, edges)))
     moments = np.sum(parts, axis=0)
-    return np.array([*(moments[:2] / moments[2]), fixed.power * moments[2]])
+    return np.array([*(moments[:2] / moments[2]), facet.geometry.power * moments[2]])
 
 
 def strip(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge], which: int
+    facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge], which: int
 ) -> tuple[Floats, Floats]:
-    """Nodes over the strip along one edge of facet k that rolls off, without its lost part."""
-    apex = origin(fixed, at, flaws, np.array(at.apex))
-    own, other = edges[which].seen_along, edges[1 - which].seen_along
+    """Nodes over the strip along one edge of a facet that rolls off, without its lost part."""
+    apex = wedge_point(facet, flaws, edges)
+    along, other = edges[which].seen_along, edges[1 - which].seen_along
     rise = float(other @ edges[which].seen_inward)
-    lost = [flaws.strips[(k + n) % 3] / 2 * edges[n].across for n in (0, 1)]
-    apex = apex + np.linalg.solve(np.array([edge.seen_inward for edge in edges]), lost)
     wide = flaws.rolloff_width * edges[which].across / rise
-    far = float(np.hypot(*apex)) + FAR * size_of(fixed)
+    far = float(np.hypot(*apex)) + FAR * size_of(facet.geometry)
     x, wx = gauss(RADII)
     y, wy = gauss(ACROSS)
     s, t = (x + 1) / 2 * far, (y + 1) / 2 * wide
-    places = (apex + s[:, None, None] * own + t[None, :, None] * other).reshape(-1, 2)
+    places = (apex + s[:, None, None] * along + t[None, :, None] * other).reshape(-1, 2)
     area = np.outer(wx * far / 2, wy * wide / 2).ravel() * rise
-    return shares(fixed, flaws, places) * area, places
+    return shares(facet.geometry, flaws, places) * area, places
 
 
-def tip_nodes(
-    fixed: Geometry, at: Scene, flaws: Flaws, edges: list[FacetEdge]
-) -> tuple[Floats, Floats]:
+def tip_nodes(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
     """Nodes over a facet's part of the flat disc at the apex, subtracted from the facet's light."""
-    axis = np.array([row[2] for row in at.turn])
+    axis = np.array([row[2] for row in facet.at.turn])
     level = [edge.along - (edge.along @ axis) * axis for edge in edges]
     first, last = (v / np.linalg.norm(v) for v in level)
     beside = np.cross(axis, first)
@@ -283,42 +282,43 @@ def tip_nodes(
     x, wx = gauss(ACROSS)
     angle, r = (x + 1) / 2 * opening, (x + 1) / 2 * radius
     unit = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * beside
-    points = (np.array(at.apex) + r[:, None, None] * unit).reshape(-1, 3)
+    points = (np.array(facet.at.apex) + r[:, None, None] * unit).reshape(-1, 3)
     area = np.outer(wx * radius / 2 * r, wx * opening / 2).ravel()
-    area = -np.sign(flaws.tip) * area * abs(axis @ np.array(fixed.direction))
-    places = origin(fixed, at, flaws, points)
-    return shares(fixed, flaws, places) * area, places
+    area = -np.sign(flaws.tip) * area * abs(axis @ np.array(facet.geometry.direction))
+    places = origin(facet, flaws, points)
+    return shares(facet.geometry, flaws, places) * area, places
 
 
 def spots(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, weights: Floats, places: Floats,
-    tilt: Floats | None = None,
-) -> Floats:  # fmt: skip
+    facet: MirrorFacet, flaws: Flaws, weights: Floats, places: Floats, tilt: Floats | None = None
+) -> Floats:
     """Sums of rays' reflected shares, times psi, zeta and 1.  tilt: added to the facet's normal."""
-    spot, light = follow(fixed, at, k, flaws, places, tilt)
+    spot, light = follow(facet, flaws, places, tilt)
     light = light * weights
     return np.array([*(light @ spot), light.sum()])
 
 
 def follow(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, places: Floats, tilt: Floats | None = None
+    facet: MirrorFacet, flaws: Flaws, places: Floats, tilt: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Landing places (n, 2) of rays through places (n, 2), and the reflected share of each (n,)."""
-    normal, apex, direction = (np.array(v) for v in (at.normals[k], at.apex, fixed.direction))
+    at, direction = facet.at, np.array(facet.geometry.direction)
+    normal, apex = np.array(facet.normal), np.array(at.apex)
     start = np.array(at.place) + places @ flaws.axes
     aim = direction + places @ flaws.curvature @ flaws.axes
     aim /= np.linalg.norm(aim, axis=1, keepdims=True)
     along = ((apex - start) @ normal) / (aim @ normal)
     foot = start + along[:, None] * aim
     beside = foot - apex
-    lean = 8 * flaws.sag[k] / flaws.sag_over**2  # a dome's outward slope for each mm
+    lean = 8 * flaws.sag[facet.k] / flaws.sag_over**2  # a dome's outward slope for each mm
     face = normal + lean * (beside - np.outer(beside @ normal, normal))
     if tilt is not None:
         face = face + tilt
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     cosine = -(aim * face).sum(axis=1)
     leaving = aim + 2 * cosine[:, None] * face
-    axes, centre = np.array(fixed.axes[k]), np.array(fixed.centres[k])
+    axes: Floats = np.array(facet.axes)
+    centre = np.array(facet.centre)
     length = ((centre - foot) @ axes[0]) / (leaving @ axes[0])
     spot = foot + length[:, None] * leaving - centre
     return spot @ axes[1:].T, reflected_share(flaws, aim, face, cosine)
@@ -340,102 +340,100 @@ class EdgeScatter:
     width: float
 
 
-def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: FacetEdge) -> EdgeScatter:
-    direction, apex = np.array(fixed.direction), np.array(at.apex)
-    start = origin(fixed, at, flaws, apex)
-    far = float(np.hypot(*start)) + FAR * size_of(fixed)
+def streak(facet: MirrorFacet, flaws: Flaws, edge: FacetEdge) -> EdgeScatter:
+    """The light that an edge of a facet spreads over the detector."""
+    geometry, apex = facet.geometry, np.array(facet.at.apex)
+    direction = np.array(geometry.direction)
+    start = origin(facet, flaws, apex)
+    far = float(np.hypot(*start)) + FAR * size_of(geometry)
     x, weights = gauss(RADII)
     places = start + np.outer((x + 1) / 2 * far, edge.seen_along)
-    light = weights * far / 2 * shares(fixed, flaws, places)
-    landing, reflecting = follow(fixed, at, k, flaws, places)
-    blur = (
-        scatter(fixed, at, k, flaws) * np.pi * wave_spread(fixed, flaws, start, places, light, edge)
-    )
+    light = weights * far / 2 * shares(geometry, flaws, places)
+    landing, reflecting = follow(facet, flaws, places)
+    spread = scatter(facet, flaws)
+    blur = spread * np.pi * wave_spread(geometry, flaws, start, places, light, edge)
     light = light * reflecting
     step = np.cross(direction, edge.along)
     step /= np.linalg.norm(step)  # one mm across the edge, perpendicular to the light
-    sweeps = origin(fixed, at, flaws, apex + step) - start
+    sweeps = origin(facet, flaws, apex + step) - start
     swept = abs(sweeps @ edge.seen_inward)
-    side = project_on_detector(fixed, at, k, np.cross(step, direction))
+    side = project_on_detector(facet, np.cross(step, direction))
     spots = np.concatenate([landing + blur * side, landing - blur * side])
-    amount = scatter(fixed, at, k, flaws) * fixed.power * swept * np.concatenate([light, light]) / 2
+    amount = spread * geometry.power * swept * np.concatenate([light, light]) / 2
     middle = amount @ spots / amount.sum()
     width = float(np.sqrt(amount @ ((spots - middle) ** 2).sum(axis=1) / amount.sum()))
-    return EdgeScatter(amount, spots, project_on_detector(fixed, at, k, step), step, width)
+    return EdgeScatter(amount, spots, project_on_detector(facet, step), step, width)
 
 
-def scatter(fixed: Geometry, at: Scene, k: int, flaws: Flaws) -> float:
+def scatter(facet: MirrorFacet, flaws: Flaws) -> float:
     """Wavelength x path / 4 pi^2, mm^2."""
-    path = float(np.linalg.norm(np.array(fixed.centres[k]) - np.array(at.apex)))
+    path = float(np.linalg.norm(np.array(facet.centre) - np.array(facet.at.apex)))
     return flaws.wavelength * path / (4 * np.pi**2)
 
 
-def project_on_detector(fixed: Geometry, at: Scene, k: int, step: Floats) -> Floats:
-    """The projection of a step across the beam, in the world, on detector k: (2,)."""
-    axes, normal, direction = (np.array(v) for v in (fixed.axes[k], at.normals[k], fixed.direction))
+def project_on_detector(facet: MirrorFacet, step: Floats) -> Floats:
+    """The projection of a step across the beam, in the world, on a facet's detector: (2,)."""
+    axes: Floats = np.array(facet.axes)
+    normal, direction = np.array(facet.normal), np.array(facet.geometry.direction)
     step = step - 2 * (step @ normal) * normal
     ray = direction - 2 * (direction @ normal) * normal
     step = step - (step @ axes[0]) / (ray @ axes[0]) * ray
-    found: Floats = axes[1:] @ step
-    return found
+    projection: Floats = axes[1:] @ step
+    return projection
 
 
 def wave_spread(
-    fixed: Geometry, flaws: Flaws, start: Floats, places: Floats, light: Floats, edge: FacetEdge
+    geometry: Geometry, flaws: Flaws, start: Floats, places: Floats, light: Floats, edge: FacetEdge
 ) -> float:
     """Spread of the light's waves along an edge, over wavelength x path / 4 pi: the root mean
     square of twice the amplitude's relative slope, corrected for the edge's end; 1/mm.
 
-    light: of the places along the edge, with their sum as its integral.
+    light: at the places along the edge, whose sum is the light's integral.
     """
-    inverse = flaws.axes @ np.array(fixed.whitening).T
+    inverse = flaws.axes @ np.array(geometry.whitening).T
     inverse = inverse @ inverse.T
     slopes = places @ inverse @ edge.seen_along
-    end = shares(fixed, flaws, start[None])[0] * (start @ inverse @ edge.seen_along)
+    end = shares(geometry, flaws, start[None])[0] * (start @ inverse @ edge.seen_along)
     square = (light @ slopes**2 - 2 * end) / light.sum()
     return float(np.sqrt(max(square, 0.0)))
 
 
 def diffract(
-    fixed: Geometry,
-    at: Scene,
-    k: int,
-    flaws: Flaws,
-    edges: list[FacetEdge],
-    spot: Floats,
-    half: Floats,
+    facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge], spot: Floats, half: Floats
 ) -> Floats:
-    """The reading (3,) of detector k: a spot (3,) without the diffracted light that misses it."""
+    """The reading (3,) of a spot (3,) without the diffracted light that misses the detector.
+
+    half: half sizes (2,) of the detector, mm.
+    """
     lost, moment = 0.0, np.zeros(2)
-    streaks = [streak(fixed, at, k, flaws, edge) for edge in edges]
+    streaks = [streak(facet, flaws, edge) for edge in edges]
     for light in streaks:
         ahead, behind = (reaches(light, sign, half) for sign in (1, -1))
         both = light.amount * (1 / ahead + 1 / behind)
         lost += both.sum()
         moment += both @ (light.spots - spot[:2])
         moment += light.way * (light.amount @ np.log(behind / ahead))
-    start = origin(fixed, at, flaws, np.array(at.apex))
-    (own,), (reflecting,) = follow(fixed, at, k, flaws, start[None])
+    geometry, apex = facet.geometry, np.array(facet.at.apex)
+    start = origin(facet, flaws, apex)
+    (point,), (reflecting,) = follow(facet, flaws, start[None])
     steps = np.array([light.step for light in streaks])
-    away = origin(fixed, at, flaws, np.array(at.apex) + steps) - start
-    sine = abs(np.cross(*steps) @ np.array(fixed.direction))
-    density = fixed.power * shares(fixed, flaws, start[None])[0] * reflecting
+    away = origin(facet, flaws, apex + steps) - start
+    sine = abs(np.cross(*steps) @ np.array(geometry.direction))
+    density = geometry.power * shares(geometry, flaws, start[None])[0] * reflecting
     density *= abs(np.linalg.det(away)) / sine
-    mass, first = point_light(streaks, own, half)
-    mass, first = (
-        part * scatter(fixed, at, k, flaws) ** 2 * density / sine for part in (mass, first)
-    )
+    mass, first = point_light(streaks, point, half)
+    mass, first = (part * scatter(facet, flaws) ** 2 * density / sine for part in (mass, first))
     rest = spot[2] - lost - mass
-    return np.array([*(spot[:2] - (moment + first + (own - spot[:2]) * mass) / rest), rest])
+    return np.array([*(spot[:2] - (moment + first + (point - spot[:2]) * mass) / rest), rest])
 
 
-def point_light(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[float, Floats]:
+def point_light(streaks: list[EdgeScatter], point: Floats, half: Floats) -> tuple[float, Floats]:
     """Integral of 1 / s^2 t^2 over ds dt beyond a detector and its first moments, mm, with s and t
-    steps of two streaks from `own`: Hadamard's finite part, by Green's theorem around the detector,
-    where the integral is the negative of that over the detector."""
+    steps of two streaks from `point`: Hadamard's finite part, by Green's theorem around the
+    detector, where the integral is the negative of the integral over the detector."""
     basis = np.column_stack([light.way for light in streaks])
     turn = 1 if np.linalg.det(basis) > 0 else -1
-    corners = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) * half - own
+    corners = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) * half - point
     steps = np.linalg.solve(basis, corners.T).T
     soft = np.array([light.width for light in streaks]) / abs(np.linalg.det(basis))
     logs = np.log((steps[:, 1] ** 2 + soft[0] ** 2) / (steps[:, 0] ** 2 + soft[1] ** 2)) / 2
@@ -444,7 +442,7 @@ def point_light(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[
     for n, normal in enumerate(sides):
         a, b = normal @ basis
         c, d = sides[(n + 1) % 4] @ basis
-        gap, after = ((half - m * own)[np.abs(m) > 0][0] for m in (normal, sides[(n + 1) % 4]))
+        gap, after = ((half - m * point)[np.abs(m) > 0][0] for m in (normal, sides[(n + 1) % 4]))
         rise = logs[(n + 1) % 4] - logs[n]
         mass += (a * d - b * c) / (gap * after) - a * b / gap**2 * rise
         first -= basis @ [b, a] / gap * rise

@@ -21,7 +21,7 @@ from ..detectors.noise import add_noise, fullness
 from ..detectors.skew import align
 from ..estimation.measurement import Measurement
 from ..estimation.object_pose import transform
-from ..estimation.samples import Poses, Samples, in_words
+from ..estimation.samples import Poses, Samples, worded_columns
 from ..estimation.solution import LABELS, Solution
 from ..estimation.table import compile_for_poses
 from ..estimation.tally import Tally
@@ -261,7 +261,7 @@ def reference_table(
 
 def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
     """True states, estimates and their uncertainties of all segments as columns."""
-    parts = [true_columns(part) | in_words(part.poses.columns()) for part in segments]
+    parts = [true_columns(part) | worded_columns(part.poses.columns()) for part in segments]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return time_columns(segments) | joined
 

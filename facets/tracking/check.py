@@ -35,15 +35,15 @@ WAIT_S = 2.0
 #: Longest time of a check, s.
 LONGEST_S = 60.0
 #: A check ends after more than this number of stalls of the loop.
-STALLS = 10
+MAX_STALLS = 10
 #: Largest error of an axis's scale, and largest share of a move across its axis.
-SCALE, ACROSS = 0.05, 0.1
+MAX_SCALE_ERROR, MAX_ACROSS = 0.05, 0.1
 #: A beam that moves by less than this share of the command counts as not moved.
-HARDLY = 0.1
+HARDLY_MOVED_SHARE = 0.1
 #: A mirror that moves by more than this during the check is not at rest, mm.
-MIRROR_MM = 0.01
+MAX_MIRROR_MM = 0.01
 #: The part of the way back over which the delay is taken: a stage has then reached its speed.
-RAMP = (0.1, 0.7)
+RAMP_SHARES = (0.1, 0.7)
 
 
 class Axis(NamedTuple):
@@ -68,15 +68,15 @@ class Axis(NamedTuple):
     @property
     def fault(self) -> str:
         """The fault of the axis; empty if there is none."""
-        if max(abs(self.scale), abs(self.across)) < HARDLY:
+        if max(abs(self.scale), abs(self.across)) < HARDLY_MOVED_SHARE:
             what = f"hardly moves the beam: check that {self.name} is connected, and stage.step_um"
         elif abs(self.across) > abs(self.scale):
             what = "moves the beam along the other axis: exchange the cables of x and y"
         elif self.scale < 0:
             what = "moves the beam the wrong way: turn the axis round in its controller"
-        elif abs(self.scale - 1) > SCALE:
+        elif abs(self.scale - 1) > MAX_SCALE_ERROR:
             what = f"moves the beam {self.scale:.3g} times as far: correct stage.step_um"
-        elif abs(self.across) > ACROSS:
+        elif abs(self.across) > MAX_ACROSS:
             angle = np.degrees(np.arctan2(abs(self.across), self.scale))
             what = f"is rotated by {angle:.0f} degrees relative to the sensor: turn the stage"
         else:
@@ -149,7 +149,7 @@ class StageCheck(Tracker):
     @property
     def has_stalled(self) -> bool:
         """Whether the stage waits for the end of a stall of the loop, after which it goes on."""
-        return self.envelope.latched == STALLED and self.envelope.stops <= STALLS
+        return self.envelope.latched == STALLED and self.envelope.stops <= MAX_STALLS
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
         """Look at the light, and continue the current move by a small part."""
@@ -227,7 +227,7 @@ class StageCheck(Tracker):
         beam = np.array([place[axis] for _, place in self.beams[leg]]) - self.mean(leg)[axis]
         half = 0.5 / self.settings.rate  # a command lasts for one period
         here = np.interp(taken - half, times, commanded, left=STEP_MM)
-        midst = (here > RAMP[0] * STEP_MM) & (here < RAMP[1] * STEP_MM)
+        midst = (here > RAMP_SHARES[0] * STEP_MM) & (here < RAMP_SHARES[1] * STEP_MM)
         if not midst.any() or not scale:
             return float("nan")
         return float((beam / scale - here)[midst].mean() / self.narrow.speed)
@@ -238,12 +238,12 @@ class StageCheck(Tracker):
             why = self.error or self.envelope.latched or "the samples ended too soon"
             moved = " xy"[int(np.searchsorted(self.ends[::2], self.leg))]
             at = f" while the stage was to move along {moved}" if self.leg else ""
-            return [f"the check was not completed{at}: {why}", *self.surprise(moved)]
-        if np.ptp(np.array(self.apexes), axis=0).max() > MIRROR_MM:
+            return [f"the check was not completed{at}: {why}", *self.unexpected_response(moved)]
+        if np.ptp(np.array(self.apexes), axis=0).max() > MAX_MIRROR_MM:
             return ["the mirror moved during the check: it must stand still"]
         return [axis.fault for axis in self.axes() if axis.fault]
 
-    def surprise(self, name: str) -> list[str]:
+    def unexpected_response(self, name: str) -> list[str]:
         """The fault, in a list of one sentence or none, that the beam's unexpected place shows of
         the axis that was to move."""
         axis = "xy".find(name)

@@ -12,11 +12,11 @@ from ..core.units import Floats
 from .stage import StageError
 
 #: Largest excess of a limit that is read back, as a share: controllers round to whole units.
-ROUNDED = 0.01
+MAX_EXCESS_SHARE = 0.01
 #: A stage that moves by no more than these steps between two readings of its place stands.
-STEPS = 2
+STANDING_STEPS = 2
 #: A stage that does not stand after these readings keeps the lower limits.
-MOST_LOOKS = 1000
+MAX_READINGS = 1000
 
 
 class NativeLimits:
@@ -47,13 +47,13 @@ class NativeLimits:
         most = np.empty_like(before)
         native = self.settings.native_limits or (np.inf, np.inf)
         most[0], most[1:] = np.minimum(speed, native[0]), np.minimum(acceleration, native[1])
-        if np.abs(before / most - 1).max() <= ROUNDED:
+        if np.abs(before / most - 1).max() <= MAX_EXCESS_SHARE:
             return
         if self.original is None:
             self.original = before
         self.write_limits(most)
         kept = self.read_limits()
-        if ((kept <= 0) | (kept > most * (1 + ROUNDED))).any():
+        if ((kept <= 0) | (kept > most * (1 + MAX_EXCESS_SHARE))).any():
             raise StageError(
                 f"the stage keeps the limits {kept.tolist()} of its axes' speed and acceleration, "
                 f"in its own units, where it was told {most.tolist()}"
@@ -64,9 +64,9 @@ class NativeLimits:
         if self.original is None:
             return
         before = self.place()
-        for _ in range(MOST_LOOKS):
+        for _ in range(MAX_READINGS):
             place = self.place()
-            if np.abs(place - before).max() <= STEPS * self.settings.step:
+            if np.abs(place - before).max() <= STANDING_STEPS * self.settings.step:
                 self.write_limits(self.original)
                 break
             before = place

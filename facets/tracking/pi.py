@@ -28,7 +28,7 @@ class Pi(NativeLimits):
         self.zero = np.array(settings.zero)
         self.cries = self.forgiven = 0  # a cry leaves an error code that is no refusal
 
-    def answers(self, patience: float = PATIENCE_S) -> list[str]:
+    def read_answers(self, patience: float = PATIENCE_S) -> list[str]:
         lines: list[str] = []
         while len(lines) < 10:
             lines.append(self.line.read_line(patience))
@@ -39,7 +39,7 @@ class Pi(NativeLimits):
     def tell(self, command: str, *allowed: str, patience: float = PATIENCE_S) -> str:
         """Send a command, and require the error code 0 or one of `allowed`."""
         self.line.write(f"{command}\nERR?\n".encode())
-        lines = self.answers(patience)
+        lines = self.read_answers(patience)
         code = lines[-1].strip()
         if len(lines) != 1 or not code.lstrip("-").isdigit():
             raise StageError(f"the stage's answer cannot be understood: {lines}")
@@ -59,15 +59,15 @@ class Pi(NativeLimits):
 
     def read_limits(self) -> Floats:
         """Speed, acceleration and deceleration of each axis (3, 2)."""
-        return np.array([self.limit(name) for name in LIMITS])
+        return np.array([self.read_limit(name) for name in LIMITS])
 
-    def limit(self, name: str) -> Floats:
+    def read_limit(self, name: str) -> Floats:
         """A limit of both axes (2,) by its name; NaN where the controller does not have it."""
         self.line.write(f"{name}? 1 2\nERR?\n".encode())
-        lines = self.answers()
+        lines = self.read_answers()
         if "=" in lines[0]:
-            self.answers()  # the error code
-            return self.numbers(lines)
+            self.read_answers()  # the error code
+            return self.parse_numbers(lines)
         unknown = lines[0].strip() == UNKNOWN_COMMAND and name != "VEL"
         if not unknown or self.settings.native_limits:
             raise StageError(f"the stage does not say its {name}, so that it cannot be limited")
@@ -78,7 +78,7 @@ class Pi(NativeLimits):
         for name, (x, y) in zip(LIMITS, limits, strict=True):
             self.tell(f"{name} 1 {x:.6f} 2 {y:.6f}", UNKNOWN_COMMAND)
 
-    def numbers(self, lines: list[str]) -> Floats:
+    def parse_numbers(self, lines: list[str]) -> Floats:
         """The numbers of both axes in an answer."""
         try:
             by_axis = dict(line.strip().split("=") for line in lines)
@@ -92,7 +92,7 @@ class Pi(NativeLimits):
     def place(self) -> Floats:
         """The beam's place by the encoders."""
         self.line.write(b"POS? 1 2\n")
-        there: Floats = self.zero + self.numbers(self.answers())
+        there: Floats = self.zero + self.parse_numbers(self.read_answers())
         return there
 
     def move(self, place: Floats) -> None:

@@ -66,12 +66,16 @@ class Search:
             self.outcome = self.outcome or f"the mirror was not found {self.scope}"
         if self.outcome:
             return None
-        goal = self.spiral(place, home) if towards is None else self.chase(place, towards)
+        goal = (
+            self.place_in_dark(place, home)
+            if towards is None
+            else self.place_by_light(place, towards)
+        )
         away = goal - home
         self.goal = home + away * min(1.0, self.most / max(hypot(*away), 1e-9))
         return self.goal
 
-    def chase(self, place: Floats, towards: Floats) -> Floats:
+    def place_by_light(self, place: Floats, towards: Floats) -> Floats:
         """The place of the mirror by the light."""
         self.limits, self.centre = self.full, None  # the spiral begins where the light goes out
         way, self.angle = towards - place, 0.0
@@ -81,19 +85,19 @@ class Search:
             self.outcome = f"the light led back {self.settings.search_reversals} times"
         return towards
 
-    def spiral(self, place: Floats, home: Floats) -> Floats:
+    def place_in_dark(self, place: Floats, home: Floats) -> Floats:
         self.limits = self.narrow
         if self.centre is None:
             self.centre = (home if self.way is None else place).copy()
             return self.centre
         on_its_way = hypot(*(place - self.goal)) >= 2 * self.step
-        return self.goal if on_its_way else self.turn()
+        return self.goal if on_its_way else self.next_on_spiral()
 
     @property
     def radius(self) -> float:
         return TURN_SPACING_MM * self.angle / (2 * pi)
 
-    def turn(self) -> Floats:
+    def next_on_spiral(self) -> Floats:
         """The next place of the spiral, within the soft limits."""
         assert self.centre is not None
         self.angle += self.step / hypot(self.radius, TURN_SPACING_MM / (2 * pi))

@@ -24,7 +24,7 @@ from .search import Search
 #: Time between two checks whether the loop is stalled, s.
 WATCH_INTERVAL_S = 0.02
 #: Smallest and largest power of light that comes from the beam, as shares of the beam's power.
-LIT, BRIGHT = 0.02, 3.0
+LEAST_LIGHT_SHARE, MOST_LIGHT_SHARE = 0.02, 3.0
 
 
 class Sample(NamedTuple):
@@ -211,7 +211,11 @@ class Tracker:
             doubt = "a detector is saturated"
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
             doubt = "not every detector has light"
-        elif not LIT * self.law.power <= powers.max() <= BRIGHT * self.law.power:
+        elif (
+            not LEAST_LIGHT_SHARE * self.law.power
+            <= powers.max()
+            <= MOST_LIGHT_SHARE * self.law.power
+        ):
             doubt = "light that does not come from the beam"
         elif needs_pose and not np.isfinite(apex).all():
             doubt = "no pose"
@@ -377,7 +381,7 @@ class Tracker:
         """Search for the mirror."""
         assert self.search is not None
         beam = self.encoder.places(np.array([newest.time]))[0]
-        towards = self.law.locate_apex(newest.powers, beam, LIT)
+        towards = self.law.locate_apex(newest.powers, beam, LEAST_LIGHT_SHARE)
         goal = self.search.next(self.clock(), place, towards, self.home)
         if goal is None:
             self.stop(self.search.outcome)

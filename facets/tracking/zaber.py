@@ -23,9 +23,9 @@ ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
 #: The settings of an axis that hold its moves back; a device stores them.
 LIMITS = ("maxspeed", "accel")
 #: The numbers of messages are below this, and repeat.
-NUMBERS = 90
+MESSAGE_NUMBERS = 90
 #: Largest number of other lines before an expected answer.
-MANY = 500
+MAX_OTHER_LINES = 500
 
 
 def checksum(message: str) -> str:
@@ -43,7 +43,7 @@ class Zaber(NativeLimits):
 
     def send(self, command: str, axis: int = 0) -> str:
         """Write a command; return its number."""
-        self.number = (self.number + 1) % NUMBERS
+        self.number = (self.number + 1) % MESSAGE_NUMBERS
         text = f"1 {axis} {self.number:02d} {command}"
         self.line.write(f"/{text}:{checksum(text)}\n".encode())
         return f"{self.number:02d}"
@@ -51,7 +51,7 @@ class Zaber(NativeLimits):
     def receive(self, number: str, command: str, patience: float = PATIENCE_S) -> list[str]:
         """The data of the answer to a command; alerts and late answers are discarded."""
         until = self.line.clock() + patience
-        for _ in range(MANY):
+        for _ in range(MAX_OTHER_LINES):
             reply = self.line.read_line(patience)
             if reply[:1] in ("!", "#"):
                 continue
@@ -61,12 +61,12 @@ class Zaber(NativeLimits):
             if not (sound and reply[:1] == "@" and len(words) >= 7 and words[2].isdigit()):
                 raise StageError(f"the stage's answer cannot be understood: {reply!r}")
             if words[2] == number:
-                return self.data(words, command)
+                return self.data_of(words, command)
             if self.line.clock() > until:
                 break
         raise StageError(f"the stage sends data, but does not answer {command!r}")
 
-    def data(self, words: list[str], command: str) -> list[str]:
+    def data_of(self, words: list[str], command: str) -> list[str]:
         """The data of an answer; raises an error for a refusal."""
         if words[3] != "OK":
             raise StageError(f"the stage refused {command!r}: {' '.join(words[6:])}")
@@ -81,7 +81,7 @@ class Zaber(NativeLimits):
     def ask(self, command: str, patience: float = PATIENCE_S) -> list[str]:
         return self.receive(self.send(command), command, patience)
 
-    def numbers(self, command: str) -> Floats:
+    def query_numbers(self, command: str) -> Floats:
         """Query one number for each of the two axes."""
         data = self.ask(command)
         try:
@@ -105,7 +105,7 @@ class Zaber(NativeLimits):
 
     def read_limits(self) -> Floats:
         """The largest speed and acceleration of each axis (2, 2), native."""
-        return np.array([self.numbers(f"get {name}") for name in LIMITS])
+        return np.array([self.query_numbers(f"get {name}") for name in LIMITS])
 
     def write_limits(self, limits: Floats) -> None:
         """Set the largest speed and acceleration of each axis."""
@@ -116,7 +116,7 @@ class Zaber(NativeLimits):
 
     def place(self) -> Floats:
         """The beam's place by the encoders."""
-        return self.zero + self.settings.step * self.numbers("get pos")
+        return self.zero + self.settings.step * self.query_numbers("get pos")
 
     def move(self, place: Floats) -> None:
         """Start towards a place, and return before the stage arrives."""

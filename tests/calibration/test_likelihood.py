@@ -23,7 +23,9 @@ def test_the_likelihood_of_sizes_is_that_of_all_readings_together():
         for n, block in enumerate(like.variance(known, sizes)):
             cover[9 * n : 9 * n + 9, 9 * n : 9 * n + 9] += block
         start = (fitted.all_values - task.start)[fitted.choice.places]
-        residuals = like.left.ravel() + rows @ start  # from where the unknowns were thought to be
+        residuals = (
+            like.residual.ravel() + rows @ start
+        )  # from where the unknowns were thought to be
         return np.linalg.slogdet(cover)[1] + residuals @ np.linalg.solve(cover, residuals)
 
     first, second = np.random.default_rng(1).uniform(0, 2, (2, len(scatter.NAMES)))

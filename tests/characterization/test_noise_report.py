@@ -8,7 +8,7 @@ import facets
 from facets.characterization import noise_report
 from facets.core import READING_COLUMNS, STATE_COLUMNS
 from facets.detectors import readings_to_counts
-from facets.live import Samples, pack
+from facets.live import RawSamples, pack
 
 RATE, COUNT = 1000, 1 << 13
 CENTROID, POWER, MAINS = 5e-3, 1e-4, 2e-3  # mm, mW, mm
@@ -29,7 +29,7 @@ def stream(yaw=0.0):
     counts = readings_to_counts(BENCH.sensor, BENCH.electronics, readings)
     number = np.arange(COUNT, dtype=np.uint32)
     kind = np.ones(COUNT, np.uint8)
-    whole = Samples(kind, 0 * kind, number, 1000 * number, counts)
+    whole = RawSamples(kind, 0 * kind, number, 1000 * number, counts)
     return pack(whole.where((number < 5000) | (number >= 5003)))
 
 

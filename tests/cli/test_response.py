@@ -10,7 +10,7 @@ import pytest
 
 import facets
 from facets.files import run_record
-from facets.live import Bench, Block, Faults, Pipeline, Recording
+from facets.live import Bench, BenchSetup, Block, Pipeline, Recording
 from facets.simulation import receptance
 
 MINE = """extends: bench
@@ -36,7 +36,7 @@ def run(tmp_path, run_in_process):
 def record(folder):
     """What the virtual bench's board sends of the shaken body, without a port or a clock."""
     config = facets.load("mine.yaml")
-    bench = Bench(config, "shaken", 1000.0, Faults(), 1, folder.parent / "ports")
+    bench = Bench(BenchSetup(config, "shaken", 1000.0), folder.parent / "ports")
     recording = Recording(folder, run_record(config, None, 0.0, {}), config.resolved)
     pipeline = Pipeline(config)
     bench.begin = 0.0

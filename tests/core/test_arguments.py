@@ -151,8 +151,8 @@ def test_an_argument_of_another_kind_is_refused(call, message):
 
 def test_every_public_function_checks_its_arguments():
     """And every class that a user makes objects of; the others are results, and lists of words."""
-    results = {"AxisRange", "Boundary", "Config", "ObjectPose", "Optimum", "Segment", "Solution",
-               "ZeroPose"}  # fmt: skip
+    results = {"AxisRange", "Boundary", "Config", "ObjectPose", "Optimum", "Poses", "Segment",
+               "Solution", "ZeroPose"}  # fmt: skip
     other = {"Estimator", "Status"}  # a NamedTuple, which who takes it looks at, and an Enum
     for name in set(facets.__all__) - results - other:
         thing = getattr(facets, name)

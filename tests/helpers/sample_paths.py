@@ -18,7 +18,7 @@ import facets
 from facets import live
 from facets.core import READING_COLUMNS
 from facets.detectors import TEMPERATURE, counts_to_readings
-from facets.estimation import PoseColumns, ZeroRequest, in_words
+from facets.estimation import PoseColumns, ZeroRequest, worded_columns
 from facets.files import write_table
 
 #: Standard uncertainties of what was calibrated: a height, what the model leaves, and how the
@@ -108,7 +108,7 @@ def acquire(folder: Path) -> PathResult:
     """What a run records of the poses that it solved."""
     words = ("--port", "file:board.bin", "--folder", "rec", "--plain", *ZERO)
     said = run_command(folder, "acquire", "mine.yaml", *words)
-    poses = in_words(live.recorded_poses(folder / "rec"))
+    poses = worded_columns(live.recorded_poses(folder / "rec"))
     return PathResult(pd.DataFrame(poses), said)
 
 
@@ -132,7 +132,7 @@ def iterate(folder: Path) -> PathResult:
     columns = PoseColumns(ZeroRequest(seconds=0.03), covariance=True)
     parts = live.poses(config, f"file:{folder / 'board.bin'}", columns=columns)
     joined = live.join_poses(list(parts))
-    return PathResult(pd.DataFrame(in_words(joined.columns())), "")
+    return PathResult(pd.DataFrame(worded_columns(joined.columns())), "")
 
 
 def simulate(folder: Path) -> PathResult:

@@ -8,7 +8,7 @@ import numpy as np
 
 import facets
 from facets.detectors import readings_to_counts
-from facets.live import ELECTRODES, SAMPLE, Samples
+from facets.live import ELECTRODES, SAMPLE, RawSamples
 
 BENCH = facets.load("bench")
 CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
@@ -25,7 +25,7 @@ def samples_of(readings, rng=None, channels=None, electronics=BENCH.electronics)
     number = np.arange(len(counts), dtype=np.uint32)
     kind = np.full(len(counts), ELECTRODES, np.uint8)
     values = np.zeros((len(counts), 0)) if channels is None else channels
-    return Samples(kind, 0 * kind, number, 100 * number, counts, values.astype(np.float32))
+    return RawSamples(kind, 0 * kind, number, 100 * number, counts, values.astype(np.float32))
 
 
 def yawing(count, samples_per_radian=100):

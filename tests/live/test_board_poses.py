@@ -15,7 +15,7 @@ from facets.live import (
     POSE,
     SIZE,
     Bench,
-    Faults,
+    BenchSetup,
     FixedFrames,
     Pipeline,
     board_solution,
@@ -51,7 +51,9 @@ def board(tmp_path, library):
 
     def make(path=library):
         solver = FirmwareLibrary(path)
-        benches.append(Bench(CONFIG, "wobble", 1e4, Faults(), 1, tmp_path / "bench", solver))
+        benches.append(
+            Bench(BenchSetup(CONFIG, "wobble", 1e4, firmware=solver), tmp_path / "bench")
+        )
         benches[-1].begin = 0.0
         benches[-1].board.switch_on(0.0)
         return benches[-1].board

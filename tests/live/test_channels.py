@@ -18,7 +18,7 @@ from facets.detectors import TEMPERATURE
 from facets.estimation import PoseColumns, ZeroRequest, shift_per_kelvin
 from facets.live import (
     Bench,
-    Faults,
+    BenchSetup,
     Pipeline,
     Playback,
     Run,
@@ -148,7 +148,7 @@ def test_a_zero_is_measured_at_its_temperature():
 
 def make_bench(config, folder, **options):
     """A virtual bench at rest."""
-    return Bench(config, "rest", 2000, Faults(), 1, folder, **options)
+    return Bench(BenchSetup(config, "rest", 2000, **options), folder)
 
 
 def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live import ELECTRODES, WRAP, Pipeline, Samples, Sequence, encode
+from facets.live import ELECTRODES, WRAP, Pipeline, RawSamples, Sequence, encode
 
 PERIOD = 100
 
@@ -19,7 +19,7 @@ def samples(numbers, times=None, seed=1):
     raw = np.array(numbers, dtype=np.int64)
     at = PERIOD * raw if times is None else np.array(times, dtype=np.int64)
     none = np.zeros(len(raw), np.uint8)
-    return Samples(
+    return RawSamples(
         none + np.uint8(ELECTRODES), none, (raw % WRAP).astype(np.uint32),
         (at % WRAP).astype(np.uint32), light_of(raw % WRAP, seed),
     )  # fmt: skip

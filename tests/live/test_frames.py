@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facets.live import ELECTRODES, XY_SUM, Samples, encode, parser
+from facets.live import ELECTRODES, XY_SUM, RawSamples, encode, parser
 
 FORMS = ("frames", "cobs", "text")
-NAMES = [field.name for field in fields(Samples)]
+NAMES = [field.name for field in fields(RawSamples)]
 
 
 def samples(count, channels=0):
@@ -24,14 +24,14 @@ def samples(count, channels=0):
     kind = np.full(count, ELECTRODES, np.uint8)
     values = rng.normal(size=(count, channels)).astype(np.float32)
     values[1::4] = np.nan
-    return Samples(kind, 0 * kind, seq, 100 * seq, counts, values)
+    return RawSamples(kind, 0 * kind, seq, 100 * seq, counts, values)
 
 
 def parsed(form, pieces, channels=0):
     reader = parser(form, "electrodes", channels)
     parts = [reader.feed(piece) for piece in pieces]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in NAMES}
-    return Samples(**joined), reader
+    return RawSamples(**joined), reader
 
 
 def assert_same(samples, expected):

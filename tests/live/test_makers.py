@@ -18,7 +18,7 @@ from facets.live import (
     Pipeline,
     PortError,
     PortInUse,
-    Samples,
+    RawSamples,
     check_missing,
     check_source,
     open_port,
@@ -58,7 +58,7 @@ def test_a_card_is_a_port(installed):
         assert task.ai_channels.limits == (-10, 10)
         task.in_stream.volts = volts.T
 
-    expected = pack(Samples(kind, 0 * kind, number, 50 * number, counts))
+    expected = pack(RawSamples(kind, 0 * kind, number, 50 * number, counts))
     check_source(lambda: open_port(NAME, 0), send, expected)
     assert makers.Task.open == []
 

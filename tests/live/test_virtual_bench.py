@@ -7,7 +7,7 @@ import pytest
 
 import facets
 from facets.core import STATE_UNITS, Random, Sine
-from facets.live import Bench, Faults
+from facets.live import Bench, BenchSetup, Faults
 
 CONFIG = facets.load("bench")
 ZERO = (0.0,) * 8
@@ -22,7 +22,8 @@ def bench(tmp_path):
 
     def make(motion, faults=NO_FAULTS, reference=False):
         config = replace(CONFIG, motions={"it": motion})
-        benches.append(Bench(config, "it", 1000.0, faults, 1, tmp_path, reference=reference))
+        setup = BenchSetup(config, "it", 1000.0, faults, reference=reference)
+        benches.append(Bench(setup, tmp_path))
         benches[0].begin = 100.0  # the host's clock, s
         return benches[0]
 

@@ -31,8 +31,8 @@ from facets.live import (
     XY_SUM,
     Block,
     Pipeline,
+    RawSamples,
     Recording,
-    Samples,
     encode,
 )
 from facets.tracking import Encoder
@@ -96,7 +96,7 @@ def make_tables(states: np.ndarray) -> None:
         Path(name).unlink()
 
 
-def make_samples(states: np.ndarray, channels: int) -> dict[str, Samples]:
+def make_samples(states: np.ndarray, channels: int) -> dict[str, RawSamples]:
     """What a board sends of the poses, by the content of its frames."""
     config = facets.load("config.yaml")
     readings = facets.readings(config.sensor, states)
@@ -112,7 +112,7 @@ def make_samples(states: np.ndarray, channels: int) -> dict[str, Samples]:
         "poses": (POSE, solved.view("<i4").reshape(-1, 12)),
     }
     return {
-        name: Samples(none + np.uint8(kind), none, number, 100 * number, numbers,
+        name: RawSamples(none + np.uint8(kind), none, number, 100 * number, numbers,
                       values[:, :channels] if kind != POSE else np.nan * values[:, :channels])
         for name, (kind, numbers) in contents.items()
     }  # fmt: skip

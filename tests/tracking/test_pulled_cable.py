@@ -11,7 +11,7 @@ import pytest
 from programs import Program
 
 import facets
-from facets.live import Bench, Faults, recorded_poses
+from facets.live import Bench, BenchSetup, recorded_poses
 
 CONFIG = facets.load("bench")
 SAMPLES = 1000
@@ -20,7 +20,7 @@ SAMPLES = 1000
 @pytest.fixture
 def bench(tmp_path):
     """Goes round in a thread, slowly enough for a busy machine, until the test ends."""
-    bench = Bench(CONFIG, "wobble", 500.0, Faults(), 1, tmp_path / "bench")
+    bench = Bench(BenchSetup(CONFIG, "wobble", 500.0), tmp_path / "bench")
     ending = threading.Event()
 
     def turn():

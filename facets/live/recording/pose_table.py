@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..run.pipeline import Poses
+from ..run.pipeline import RunPoses
 
 Columns = dict[str, NDArray[Any]]
 #: The stream's end, as Arrow has it.
@@ -20,7 +20,7 @@ CRC = "crc"
 REPLAYED = ("used", "power_mw", "misfit")
 
 
-def recorded_columns(poses: Poses) -> Columns:
+def recorded_columns(poses: RunPoses) -> Columns:
     """The columns of poses that a recording keeps, and that publications send."""
     return {name: column for name, column in poses.columns().items() if name not in REPLAYED}
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ...core.errors import ConfigError, InputError
 from ...core.version import __version__
-from ...estimation.samples import in_words
-from ..run.pipeline import Pipeline, Poses
+from ...estimation.samples import worded_columns
+from ..run.pipeline import Pipeline, RunPoses
 from .index import Damage, name_of_copy
 from .pose_table import Columns
 from .reader import blocks, meta_of, size_of
@@ -78,7 +78,7 @@ def replay(
     damage: Damage | None = None,
     tell: Callable[[int, int], None] = lambda *_: None,
     salvage: bool = False,
-) -> Iterator[Poses]:
+) -> Iterator[RunPoses]:
     """The poses of a recording, block by block as they came; equal to those of the run.
 
     All samples are solved, also those that the run had no time for. damage: is told what of the
@@ -110,6 +110,6 @@ def replay(
 replayed = replay
 
 
-def label(poses: Poses) -> Columns:
+def label(poses: RunPoses) -> Columns:
     """The columns of a table, the status in words."""
-    return {"time_s": 1e-6 * poses.time, **in_words(poses.columns())}
+    return {"time_s": 1e-6 * poses.time, **worded_columns(poses.columns())}

@@ -24,7 +24,7 @@ import numpy as np
 from ...config.loading import measured_files
 from ...core.closing import ClosedAtExit
 from ...core.errors import FacetsError, InputError
-from ..run.pipeline import Poses, join_poses
+from ..run.pipeline import RunPoses, join_poses
 from ..run.sink import Sink
 from ..sources.source import Block
 from . import pose_table
@@ -88,7 +88,7 @@ class Recording(ClosedAtExit, Sink):
 
         pa.RecordBatch.from_pydict({"": np.zeros(1)})  # loads what it needs before poses come
         self.has_schema = self.closed = False
-        self.waiting: list[Poses] = []
+        self.waiting: list[RunPoses] = []
         self.written = time.monotonic()
         self.syncer = Syncer(self, sync) if sync > 0 else None
         if self.syncer:
@@ -164,7 +164,7 @@ class Recording(ClosedAtExit, Sink):
             if self.put("events.jsonl", line):
                 self.events_crc = zlib.crc32(line, self.events_crc)
 
-    def add_poses(self, poses: Poses) -> None:
+    def add_poses(self, poses: RunPoses) -> None:
         """Poses, which are written a little later, many at once."""
         self.waiting.append(poses)
         if time.monotonic() - self.written > FLUSH_INTERVAL_S:

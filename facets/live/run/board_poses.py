@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...core.units import Floats
 from ...estimation.solution import Solution, Status
 from ..sources.clock import Sequence
-from ..sources.frames import POSE, Samples
+from ..sources.frames import POSE, RawSamples
 
 #: What a frame of the kind POSE holds in the place of the counts.
 SOLVED = np.dtype(
@@ -37,12 +37,12 @@ WAITING = 20_000
 ALIKE = 0.1
 
 
-def is_pose(samples: Samples) -> NDArray[np.bool_]:
+def is_pose(samples: RawSamples) -> NDArray[np.bool_]:
     found: NDArray[np.bool_] = samples.kind == POSE
     return found
 
 
-def board_solution(samples: Samples) -> NDArray[np.void]:
+def board_solution(samples: RawSamples) -> NDArray[np.void]:
     """What frames of the kind POSE hold (n,), of the type SOLVED."""
     return np.ascontiguousarray(samples.counts.astype("<i4")).view(SOLVED)[:, 0]
 
@@ -62,7 +62,7 @@ class BoardPoses:
         self._here: tuple[NDArray[np.int64], Floats]
         self._forget()
 
-    def add(self, samples: Samples, sequence: Sequence, restarted: bool) -> None:
+    def add(self, samples: RawSamples, sequence: Sequence, restarted: bool) -> None:
         """Frames of the kind POSE, of a block whose samples `sequence` has followed.
 
         restarted: whether the board did, in the block; its frames could be of either count then.

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...tracking.tracker import Tracker
 from .beam_loss import BeamLoss
-from .pipeline import Pipeline, Poses
+from .pipeline import Pipeline, RunPoses
 from .sink import Sink
 
 #: Without a sample for this long, s, the board is silent: its last pose is no longer the present.
@@ -41,7 +41,7 @@ class Live:
 
     pipeline: Pipeline
     begin: float = field(default_factory=time.monotonic)
-    newest: Poses | None = None
+    newest: RunPoses | None = None
     latency: list[float] = field(default_factory=list)
     backlog: int = 0
     most: int = 0
@@ -91,7 +91,7 @@ class Live:
         return 0.0 if isnan(self.first) else 1e-6 * self.pipeline.sequence.silent + self.silence
 
     @property
-    def current(self) -> Poses | None:
+    def current(self) -> RunPoses | None:
         """The newest poses, unless the board has fallen silent since."""
         return None if self.silence else self.newest
 

@@ -31,7 +31,7 @@ from ..sources.source import Block
 from .interruption import deferring, resume_by_signal
 from .keys import watch_keys
 from .live import Live
-from .pipeline import PERMITTED, Batch, Poses
+from .pipeline import PERMITTED, Batch, RunPoses
 from .reader import Reader
 
 #: Batches whose oldest has waited this long, s, are solved the newest first.
@@ -149,7 +149,7 @@ class Loop:
     def give_up(self) -> None:
         self.give_to_sinks(self.live.pipeline.skip(self.backlog.pop(newest=False)))
 
-    def pass_on(self, poses: Poses, arrival: float) -> None:
+    def pass_on(self, poses: RunPoses, arrival: float) -> None:
         """Pass poses on to the view, to the stage and to the sinks."""
         live = self.live
         if live.tracker:
@@ -170,7 +170,7 @@ class Loop:
             live.late += len(poses)
         self.give_to_sinks(poses)
 
-    def give_to_sinks(self, poses: Poses) -> None:
+    def give_to_sinks(self, poses: RunPoses) -> None:
         """Give poses to the sinks, and tell them what happened to the zero of displacements."""
         for sink in self.live.sinks:
             sink.add_poses(poses)
@@ -287,14 +287,14 @@ def acquire(
         raise reader.error
 
 
-def powers_of(poses: Poses) -> NDArray[np.float64]:
+def powers_of(poses: RunPoses) -> NDArray[np.float64]:
     """The detectors' powers (n, 3), mW; infinite where a detector is saturated."""
     powers = poses.readings[:, 2::3]
     full = (poses.flags & SATURATED > 0)[:, None] & np.isnan(powers)
     return np.where(full, np.inf, powers)
 
 
-def apexes_of(poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def apexes_of(poses: RunPoses) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Solved places of apex and beam, (n, 2) each, mm; NaN where there is no pose."""
     good = (poses.solution.status == Status.CONVERGED)[:, None]
     state = np.where(good, poses.solution.state, np.nan)

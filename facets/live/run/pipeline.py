@@ -25,14 +25,13 @@ from ...detectors.noise import least_light
 from ...detectors.skew import align
 from ...estimation.estimates import prepare
 from ...estimation.measurement import Measurement
-from ...estimation.samples import Poses as SolvedPoses
-from ...estimation.samples import Samples as MeasuredSamples
+from ...estimation.samples import Poses, Samples
 from ...estimation.solution import Solution
 from ...estimation.tally import Tally
 from ...estimation.zero import PoseColumns
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
-from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
+from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, RawSamples, parser
 from ..sources.host_time import HostTime
 from .board_poses import BoardPoses, is_pose
 from .doubts import Doubts, Trust
@@ -101,16 +100,16 @@ class Batch:
         }
         return replace(later, **columns)
 
-    def with_poses(self, poses: SolvedPoses) -> Poses:
+    def join_solution(self, poses: Poses) -> RunPoses:
         """The samples with their poses."""
-        return Poses(
+        return RunPoses(
             seq=self.seq, time=self.time, host=self.host, readings=self.readings,
             flags=self.flags, channels=self.channels, **vars(poses),
         )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
-class Poses(SolvedPoses):
+class RunPoses(Poses):
     """What became of some samples of a board: its solution, and the columns of `Batch`."""
 
     seq: NDArray[np.int64]
@@ -175,7 +174,7 @@ class Pipeline:
         self.latest = -float("inf")  # host's time of the last sample, s
         self.waiting: Batch | None = None  # the last two samples; see `await_neighbours`
 
-    def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> Poses | None:
+    def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> RunPoses | None:
         """The poses of all samples that a block completes; None where it completes none.
 
         arrival: host's monotonic clock, s; NaN where it is not known.
@@ -293,7 +292,7 @@ class Pipeline:
         warm = Pipeline(self.config)
         warm.measurement.poses(warm.samples_of(nobody))
 
-    def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
+    def convert(self, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
         """Readings (n, 9) and flags (n,) of counts."""
         sensor, electronics = self.config.sensor, self.config.electronics
         xy_sum = samples.kind == XY_SUM
@@ -309,7 +308,7 @@ class Pipeline:
             )
         return out, flags
 
-    def solve(self, batch: Batch) -> Poses:
+    def solve(self, batch: Batch) -> RunPoses:
         """The poses of a batch.
 
         The estimator screens each sample first: one with too few detectors that have enough light,
@@ -328,13 +327,13 @@ class Pipeline:
             if samples.temperature is not None:
                 known, *_ = self.measurement.estimate(replace(samples, temperature=None))
             self.board.compare(batch.seq, known)
-        return batch.with_poses(poses)
+        return batch.join_solution(poses)
 
-    def skip(self, batch: Batch) -> Poses:
+    def skip(self, batch: Batch) -> RunPoses:
         """The batch without poses, for want of time."""
-        return batch.with_poses(self.measurement.skip(self.samples_of(batch)))
+        return batch.join_solution(self.measurement.skip(self.samples_of(batch)))
 
-    def samples_of(self, batch: Batch) -> MeasuredSamples:
+    def samples_of(self, batch: Batch) -> Samples:
         """The samples of a batch, with what the stage said of the beam, and their temperatures."""
         place = sigma = None
         if (encoder := batch.encoder) is not None:
@@ -347,7 +346,7 @@ class Pipeline:
         temperature = None
         if self.config.sensor.thermal.is_on:
             temperature = batch.channels.get(TEMPERATURE_COLUMN)
-        return MeasuredSamples(
+        return Samples(
             batch.aligned, batch.seq, 1e-6 * batch.time.astype(np.float64), temperature, place,
             sigma, batch.flags & SATURATED > 0,
         )  # fmt: skip
@@ -364,7 +363,7 @@ def jitter_of(config: Config) -> float:
     return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
-def join_poses(parts: list[Poses]) -> Poses:
+def join_poses(parts: list[RunPoses]) -> RunPoses:
     """Poses one after the other."""
     return parts[0] if len(parts) == 1 else join(parts)
 

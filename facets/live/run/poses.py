@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...core.errors import InputError
 from ..sources.ports import await_port
-from .pipeline import Pipeline, Poses
+from .pipeline import Pipeline, RunPoses
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -20,12 +20,12 @@ def poses(
     port: str | None = None,
     ended: Callable[[], bool] = lambda: False,
     columns: PoseColumns | None = None,
-) -> Iterator[Poses]:
+) -> Iterator[RunPoses]:
     """Opens a detector board and gives the poses of its samples as they come, some at a time.
 
     config: of the sensor and the stream; its `pipeline` is warm before the port is opened.  port:
     its own if left out.  ended: is asked at each read whether to end, for programs with threads.
-    columns: what poses have beside those of mirror and object, in `Poses.object`.
+    columns: what poses have beside those of mirror and object, in `RunPoses.object`.
     Ends with the stream, of a file, or where the loop is left; the port is then closed. Raises
     `PortError` where the port cannot be opened, or goes away.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from ..sources.source import Block
-from .pipeline import Poses
+from .pipeline import RunPoses
 
 
 class Sink(Protocol):
@@ -19,7 +19,7 @@ class Sink(Protocol):
         """Take bytes as they came, before anything else is done with them."""
         return
 
-    def add_poses(self, poses: Poses) -> None:
+    def add_poses(self, poses: RunPoses) -> None:
         """Take the poses of some samples, as soon as they are solved."""
 
     def add_event(self, name: str, **details: Any) -> None:

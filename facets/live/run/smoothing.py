@@ -46,10 +46,10 @@ PIECE, MARGIN = 20_000, 2_000
 DOUBT = 0.2
 
 
-def require_model(option: str, model: str) -> None:
+def require_model(model: str) -> None:
     """Raise `InputError` for a model of a motion that is none."""
     if model not in MODELS:
-        raise InputError(f"{option} {model}: unknown model; allowed: {', '.join(MODELS)}")
+        raise InputError(f"--smooth {model}: unknown model; allowed: {', '.join(MODELS)}")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from ...estimation.solution import LABELS, Status
 from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live
-from .pipeline import FLAGS, Poses
+from .pipeline import FLAGS, RunPoses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,7 +82,7 @@ def values(live: Live) -> dict[str, Any]:
     return found
 
 
-def sample(poses: Poses) -> dict[str, Any]:
+def sample(poses: RunPoses) -> dict[str, Any]:
     solution, reading = poses.solution, poses.readings[-1]
     state, sizes = solution.state[-1], {"": solution.uncertainty[-1]}
     if solution.calibration_covariance is not None:

@@ -15,7 +15,7 @@ from math import isfinite, isnan, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import Samples
+from .frames import RawSamples
 
 WRAP = 2**32
 #: Time goes on by no more than this between samples of which none is missing, us.
@@ -33,11 +33,11 @@ Frame = tuple[int, bytes]
 class Remembered:
     """The samples that came last, by their number; looked through once one is asked for."""
 
-    def __init__(self, parts: Iterable[Samples]) -> None:
+    def __init__(self, parts: Iterable[RawSamples]) -> None:
         self.parts = list(parts)
         self.frames: dict[int, Frame] = {}
 
-    def add(self, samples: Samples) -> None:
+    def add(self, samples: RawSamples) -> None:
         self.parts.append(samples)
 
     def get(self, number: int) -> Frame | None:
@@ -75,12 +75,12 @@ class Sequence:
         self.raw_seq = self.raw_time = 0
         self.period = 0.0
         self.host = nan
-        self.recent: deque[Samples] = deque()
+        self.recent: deque[RawSamples] = deque()
         self.kept = 0
 
     def follow(
-        self, samples: Samples, arrival: float = nan
-    ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
+        self, samples: RawSamples, arrival: float = nan
+    ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
         """The samples to be used, with seq and time (us) that only grow.
 
         arrival: of the bytes at the host, s, on a clock that is never set; NaN where not known.
@@ -112,7 +112,7 @@ class Sequence:
         self.remember(samples)
         return samples, seq, time
 
-    def remember(self, samples: Samples) -> None:
+    def remember(self, samples: RawSamples) -> None:
         """Keeps the newest samples, at least LATE of them."""
         self.recent.append(samples)
         self.kept += len(samples)
@@ -120,8 +120,8 @@ class Sequence:
             self.kept -= len(self.recent.popleft())
 
     def sort_out(
-        self, samples: Samples, ends: list[int], gap: float
-    ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
+        self, samples: RawSamples, ends: list[int], gap: float
+    ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
         """Run by run, where a counter does not simply go on.
 
         ends: of the runs.  gap: since the last samples, us.
@@ -245,7 +245,7 @@ class Sequence:
         return not (is_behind or is_ahead)
 
 
-def run_ends(samples: Samples) -> list[int]:
+def run_ends(samples: RawSamples) -> list[int]:
     """Where runs end whose samples simply follow each other, in both counters."""
     steps, passed = np.diff(samples.seq), np.diff(samples.time)  # unsigned, and wrap
     breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE_US)) + 1

@@ -51,7 +51,7 @@ OVERRUN, SATURATED, MARK, PERMIT = 1, 2, 4, 8
 
 
 @dataclass(frozen=True)
-class Samples:
+class RawSamples:
     """Samples in the order in which they came.
 
     kind, flags: (n,) uint8.  seq, time: (n,) uint32, as sent.  counts: (n, 12) int32.  channels:
@@ -72,8 +72,8 @@ class Samples:
     def __len__(self) -> int:
         return len(self.seq)
 
-    def where(self, keep: NDArray[np.bool_] | slice) -> Samples:
-        return Samples(
+    def where(self, keep: NDArray[np.bool_] | slice) -> RawSamples:
+        return RawSamples(
             self.kind[keep], self.flags[keep], self.seq[keep], self.time[keep], self.counts[keep],
             self.channels[keep],
         )  # fmt: skip
@@ -88,10 +88,10 @@ class Parser(Protocol):
     skipped: int
     other_channels: int | None
 
-    def feed(self, block: bytes) -> Samples: ...
+    def feed(self, block: bytes) -> RawSamples: ...
 
 
-def pack(samples: Samples) -> bytes:
+def pack(samples: RawSamples) -> bytes:
     """Samples as fixed frames."""
     channels = samples.channels.shape[1]
     frames = np.zeros(len(samples), frame_dtype(channels))
@@ -107,14 +107,14 @@ def pack(samples: Samples) -> bytes:
     return bytes(raw)
 
 
-def samples_from(frames: NDArray[np.void]) -> Samples:
+def samples_from(frames: NDArray[np.void]) -> RawSamples:
     kind, flags, seq, time, counts, channels = (
         np.array(frames[name]) for name in ("kind", "flags", "seq", "time", "counts", "channels")
     )
-    return Samples(kind & np.uint8(0x0F), flags, seq, time, counts, channels)
+    return RawSamples(kind & np.uint8(0x0F), flags, seq, time, counts, channels)
 
 
-def no_samples(channels: int = 0) -> Samples:
+def no_samples(channels: int = 0) -> RawSamples:
     return samples_from(np.zeros(0, frame_dtype(channels)))
 
 
@@ -163,7 +163,7 @@ class FixedFrames:
         self.corrupt = self.skipped = 0
         self.other_channels: int | None = None
 
-    def feed(self, block: bytes) -> Samples:
+    def feed(self, block: bytes) -> RawSamples:
         raw, size = self.rest + block, self.dtype.itemsize
         view = memoryview(raw)
         good: list[bytes | memoryview] = []
@@ -210,7 +210,7 @@ class CobsFrames:
         self.corrupt = self.skipped = 0
         self.other_channels: int | None = None
 
-    def feed(self, block: bytes) -> Samples:
+    def feed(self, block: bytes) -> RawSamples:
         *parts, self.rest = (self.rest + block).split(b"\0")
         whole = [part for part in parts if len(part) == self.coded]
         self.refuse([part for part in parts if part and len(part) != self.coded])
@@ -250,7 +250,7 @@ def cobs_decode(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return raw[:, 1:]
 
 
-def cobs_encode(samples: Samples) -> bytes:
+def cobs_encode(samples: RawSamples) -> bytes:
     """Samples in format "cobs"."""
     raw, out = pack(samples), bytearray()
     size = frame_dtype(samples.channels.shape[1]).itemsize
@@ -278,7 +278,7 @@ class TextLines:
         self.others: list[int] = []
         self.other_channels: int | None = None
 
-    def feed(self, block: bytes) -> Samples:
+    def feed(self, block: bytes) -> RawSamples:
         *lines, self.rest = (self.rest + block).split(b"\n")
         if len(self.rest) > self.LONGEST:
             lines, self.rest = [*lines, self.rest], b""
@@ -289,7 +289,7 @@ class TextLines:
         with np.errstate(over="ignore"):
             channels = np.array([row[14:] for row in rows], dtype=np.float32)
         none = np.zeros(len(table), np.uint8)
-        return Samples(
+        return RawSamples(
             none + np.uint8(self.kind),
             none,
             table[:, 0].astype(np.uint32),
@@ -325,7 +325,7 @@ class TextLines:
             self.other_channels = channels
 
 
-def text_encode(samples: Samples) -> bytes:
+def text_encode(samples: RawSamples) -> bytes:
     """Samples in format "text"."""
     rows = np.column_stack([samples.seq, samples.time, samples.counts]).tolist()
     texts = (
@@ -343,6 +343,6 @@ def parser(form: str, content: str, channels: int = 0) -> Parser:
     return CobsFrames(channels) if form == "cobs" else FixedFrames(channels)
 
 
-def encode(form: str, samples: Samples) -> bytes:
+def encode(form: str, samples: RawSamples) -> bytes:
     """Samples as the bytes of a format: "frames", "cobs" or "text"."""
     return {"frames": pack, "cobs": cobs_encode, "text": text_encode}[form](samples)

@@ -21,7 +21,7 @@ from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.units import Floats
-from .frames import ELECTRODES, MAX_CHANNELS, Samples, pack
+from .frames import ELECTRODES, MAX_CHANNELS, RawSamples, pack
 from .source import POLL_S, PortError, PortInUse
 
 CHANNELS = 12
@@ -139,7 +139,7 @@ def frames_of(
     channels (n, m)."""
     none = np.zeros(len(counts), np.uint8)
     return pack(
-        Samples(
+        RawSamples(
             none + np.uint8(kind),
             none,
             (number % 2**32).astype(np.uint32),

@@ -22,7 +22,7 @@ from .sample_rows import rows_of, unit_of
 
 if TYPE_CHECKING:
     from ...core.units import Floats
-    from ..run.pipeline import Poses
+    from ..run.pipeline import RunPoses
 
 NANO = 1_000_000_000
 
@@ -52,7 +52,7 @@ class McapFile(ClosedAtExit):
         found: int = self.writer.register_channel(topic, "json", known)
         return found
 
-    def write(self, poses: Poses) -> None:
+    def write(self, poses: RunPoses) -> None:
         rows = rows_of(poses, self.offset)
         times = np.round(rows["utc_s"] * NANO).astype(np.int64).tolist()
         numbers, texts = rows["seq"].tolist(), json_of(rows)

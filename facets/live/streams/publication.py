@@ -23,7 +23,7 @@ from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.version import __version__
 from ...estimation.solution import LABELS
-from ..run.pipeline import Poses
+from ..run.pipeline import RunPoses
 from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
 from ..sources.host_time import wall_clock_offset
@@ -259,7 +259,7 @@ class Publications(ClosedAtExit, Sink):
             for one in self.all
         ]
 
-    def add_poses(self, poses: Poses) -> None:
+    def add_poses(self, poses: RunPoses) -> None:
         """Publish poses at every address."""
         if self.all:
             rows = rows_of(poses, self.offset)

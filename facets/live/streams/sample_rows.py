@@ -16,7 +16,7 @@ from ...files.tables import unit_of_column
 
 if TYPE_CHECKING:
     from ...core.settings import Config
-    from ..run.pipeline import Poses
+    from ..run.pipeline import RunPoses
 
 HEAD = [
     ("seq", "<i8"),
@@ -94,7 +94,7 @@ def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
     return known.get(end, "sigma" if name == "residual" else "")
 
 
-def rows_of(poses: Poses, utc_offset: float) -> NDArray[np.void]:
+def rows_of(poses: RunPoses, utc_offset: float) -> NDArray[np.void]:
     """Rows of SAMPLE, or of CALIBRATED_SAMPLE where the poses' uncertainties have parts, with the
     object's poses and the auxiliary channels.
 

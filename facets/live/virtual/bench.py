@@ -1,15 +1,14 @@
-"""The virtual bench as a whole: time goes on, the mirror moves, board and stage do their part."""
+"""A virtual bench: its time, its mirror, its board, its stage and its reference instrument."""
 
 from __future__ import annotations
 
 import json
 import select
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,32 +16,28 @@ from numpy.typing import NDArray
 from ...core.errors import InputError, OutputError
 from ...core.names import TEMPERATURE_COLUMN
 from ...tracking.stage import StageModel
-from .board import TRUTH, Board, Count, Signal
-from .faults import Faults, Schedule
+from .board import TRUTH, BenchSetup, Board, Count, Signal
+from .faults import Schedule
 from .mirror import Mirror
 from .pty import Pty
 from .reference import Reference
 from .stages import PiController, ZaberDevice
 
-if TYPE_CHECKING:
-    from ...core.settings import Config
-    from ...firmware.library import FirmwareLibrary
-
 #: Time between two rounds of the bench's loop, s.
 ROUND_INTERVAL_S = 1e-3
-#: Making samples may keep the stage waiting for no longer than about this, s.
+#: Making samples keeps the stage waiting for about this time at most, s.
 MAX_STAGE_DELAY_S = 0.01
-#: Samples of this time are made and sent together, s, like the packets of a USB board.
+#: Samples of this span are made and sent together, s, like the packets of a USB board.
 PACKET_S = 2e-3
 #: The fewest samples that are made at once, however long they take.
 FEWEST = 10
-#: The bench's time advances by no more than this at once, s, and by no more than its samples can be
-#: made in. A busy machine so makes bench and mirror slower, where it would else let the mirror run
-#: away from samples that come late and from a stage that is not answered: the circle of the shipped
-#: bench goes on by 0.03 mm, a tenth of the range in which there are poses.
+#: The bench's time advances by this at most at once, s, and by no more than its samples can be made
+#: in. So a busy machine makes bench and mirror slower. Otherwise the mirror would run away from
+#: samples that come late and from a stage that is not answered: the circle of the shipped bench
+#: would go on by 0.03 mm, a tenth of the range in which there are poses.
 MAX_ADVANCE_S = 0.005
-#: Both limits are so many times larger until the stage is first moved: until then nothing follows
-#: the mirror, and the bench catches up, so that its samples have no gaps.
+#: Factor of both limits until the stage is first moved: until then nothing follows the mirror, and
+#: the bench catches up, so that its samples have no gaps.
 CATCHING_UP = 40
 #: Column of the auxiliary channel that shows the force of a shaker, N.
 FORCE_COLUMN = "force_n"
@@ -51,32 +46,20 @@ REPORTED_SLIP_S = 0.05
 
 
 class Bench:
-    """Goes round until told to end. folder: holds the ports `board` and `stage`, and the truth.
+    """A virtual bench, which runs until it is told to end.
 
-    The beam stands at the origin, and so does the stage; where the motion leaves a beam there, the
-    beam is set up on the mirror. A motion that leaves that one, too, begins when the stage is first
-    asked to move.  reference: whether a reference beside the sensor reads the poses.
+    folder: holds the ports `board` and `stage`, the counts and the truth.
+
+    Beam and stage stand at the origin. If the motion leaves a beam there, the beam is set up on the
+    mirror. A motion that leaves that beam, too, begins when the stage is first asked to move.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        motion: str,
-        rate: float,
-        faults: Faults,
-        seed: int,
-        folder: Path,
-        firmware: FirmwareLibrary | None = None,
-        reference: bool = False,
-        truth: bool = False,
-        signals: Mapping[str, Signal] | None = None,
-    ) -> None:
-        """truth: whether the true state of each sample is written.  signals: what the auxiliary
-        channels show, by their names; see `Board`."""
+    def __init__(self, setup: BenchSetup, folder: Path) -> None:
+        config, seed = setup.config, setup.seed
         if config.stage.driver == "other":
             raise InputError("the virtual bench has no stage for stage.driver: other; use zaber")
-        self.config, self.rate, self.folder = config, rate, folder
-        self.mirror = Mirror(config, motion, seed)
+        self.config, self.rate, self.folder = config, setup.rate, folder
+        self.mirror = Mirror(config, setup.motion, seed)
         self.model = StageModel(config.stage)
         place = np.zeros(2)
         if self.mirror.leaves(place):
@@ -84,43 +67,41 @@ class Bench:
         self.model.place, self.model.target = place.copy(), place.copy()
         if not self.mirror.leaves(place):
             self.mirror.begin = 0.0
-        self.reference = Reference(config, self.mirror, seed) if reference else None
+        self.reference = Reference(config, self.mirror, seed) if setup.reference else None
         zaber = config.stage.driver == "zaber"
         self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
-        self.schedule = Schedule(faults, np.random.default_rng(seed))
+        self.schedule = Schedule(setup.faults, np.random.default_rng(seed))
         self.count = Count()
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self.truth = (folder / "truth.bin").open("wb", buffering=0) if truth else None
+            self.truth = (folder / "truth.bin").open("wb", buffering=0) if setup.truth else None
         except OSError as error:
             raise OutputError(
                 f"{folder}: is not a folder that can be written in: {error.strerror}"
             ) from None
-        signals = {**self.bench_signals(), **(signals or {})}
-        self.board = Board(
-            config, rate, self.schedule, self.count, folder / "board", firmware, signals
-        )
+        setup = replace(setup, signals={**self.bench_signals(), **setup.signals})
+        self.board = Board(setup, self.schedule, self.count, folder / "board")
         self.stage = Pty(folder / "stage")
         self.is_enabled = False
         self.cost = 1e-5
         self.last = 0.0
 
     def bench_signals(self) -> dict[str, Signal]:
-        """What channels show of the bench, by their names: the force of a shaker, and for a sensor
-        that follows the temperature the one at which nothing is added to its readings."""
+        """Signals of the bench by the names of their channels: the force of a shaker, and for a
+        sensor that follows the temperature its reference temperature."""
         force, thermal = self.mirror.force, self.config.sensor.thermal
-        names = {one.column: one.name for one in self.config.acquire.channels}
-        found: dict[str, Signal] = {}
+        names = {channel.column: channel.name for channel in self.config.acquire.channels}
+        signals: dict[str, Signal] = {}
         if FORCE_COLUMN in names and self.mirror.is_shaken:
-            found[names[FORCE_COLUMN]] = lambda time_, _: force(time_)
+            signals[names[FORCE_COLUMN]] = lambda time_, _: force(time_)
         if TEMPERATURE_COLUMN in names and thermal.is_on:
-            found[names[TEMPERATURE_COLUMN]] = lambda time_, _: np.full(
+            signals[names[TEMPERATURE_COLUMN]] = lambda time_, _: np.full(
                 time_.shape, thermal.reference
             )
-        return found
+        return signals
 
     def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
-        """For so many seconds; ends quietly on ^C. tell: called each round."""
+        """Run the bench for some seconds, or until ^C.  tell: called in each round."""
         self.begin = time.monotonic()
         self.board.switch_on(self.begin)
         try:
@@ -133,7 +114,7 @@ class Bench:
             self.end()
 
     def end(self) -> None:
-        """Sends what is left, and closes everything, whatever fails on the way."""
+        """Send the remaining bytes and close all ports and files, whatever fails on the way."""
         with ExitStack() as closing:
             closing.callback(self.stage.close)
             closing.callback(self.board.close)
@@ -150,7 +131,7 @@ class Bench:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
 
     def summary(self) -> Iterator[str]:
-        """What the bench did, in sentences."""
+        """Sentences that say what the bench did."""
         count = self.count
         yield (
             f"The board made {count.made} samples in {self.last:.1f} s: {count.sent} were sent, "
@@ -185,7 +166,7 @@ class Bench:
         return self.last
 
     def round(self) -> None:
-        """What is due: faults, samples, bytes, and an answer to the stage's commands."""
+        """Draw faults, make and send the samples that are due, and answer the stage's commands."""
         now = self.now()
         self.schedule.draw(now)
         self.board.suffer(now)
@@ -200,7 +181,7 @@ class Bench:
         self.answer()
 
     def enable(self, may_move: bool) -> None:
-        """Stops the stage, as the board's relay does, where no heartbeat comes."""
+        """Stop the stage if it may not move, as the board's relay does without a heartbeat."""
         if self.is_enabled and not may_move:
             self.model.halt()
             self.count.disabled += 1
@@ -208,7 +189,7 @@ class Bench:
         self.device.refuse |= not may_move
 
     def make(self, due: int, now: float) -> None:
-        """Some samples: the truth, and what the board makes of it."""
+        """Make `due` samples: write the truth, and give it to the board."""
         start = time.perf_counter()
         first = self.count.made
         times = (first + np.arange(due)) / self.rate
@@ -228,7 +209,7 @@ class Bench:
         self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
 
     def answer(self) -> None:
-        """Waits a round for the stage's commands, and answers them line by line."""
+        """Wait a round for the stage's commands, and answer them line by line."""
         ready, _, _ = select.select([self.stage.end], [], [], ROUND_INTERVAL_S)
         if not ready:
             return
@@ -251,7 +232,6 @@ def truth_rows(
 
 
 def truth_of(folder: Path) -> NDArray[np.void]:
-    """What the bench wrote down, if it was to: `TRUTH` rows."""
+    """The rows of `TRUTH` that a bench wrote to its folder."""
     raw = (folder / "truth.bin").read_bytes()
-    whole = len(raw) // TRUTH.itemsize * TRUTH.itemsize
-    return np.frombuffer(raw[:whole], TRUTH)
+    return np.frombuffer(raw, TRUTH, len(raw) // TRUTH.itemsize)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +21,9 @@ from ...model.arrays import mask_missed_spots
 from ...simulation.imperfect_optics import delayed_readings
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
-from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, Samples, encode
+from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, RawSamples, encode
 from ..sources.frames import SATURATED as FULL
-from .faults import Schedule
+from .faults import Faults, Schedule
 from .pty import Pty
 
 if TYPE_CHECKING:
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 
 
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
-#: What an auxiliary channel shows, in its unit: (n,) at times (n,), s, and states (n, 8).
+#: The value of an auxiliary channel in its unit: (n,) at times (n,), s, and states (n, 8).
 Signal = Callable[[Floats, Floats], Floats]
-#: What became of a sample.
+#: Fates of a sample.
 SENT, DROPPED, SPOILT = range(3)
 #: Size of what a board holds back while the host does not read; beyond it, it loses samples.
 BUFFER_BYTES = 1 << 16
 #: A board whose line takes nothing for this time has no reader, and keeps nothing for it, s.
 UNREAD_TIMEOUT_S = 1.0
-#: A board that has heard no heartbeat for so long stops the stage, s.
+#: A board that has heard no heartbeat for this time stops the stage, s.
 HEARTBEAT_PATIENCE_S = 0.1
 
 
@@ -49,12 +49,37 @@ def sine_signal(times: Floats, states: Floats) -> Floats:
     return np.sin(2 * np.pi * times)
 
 
+@dataclass(frozen=True)
+class BenchSetup:
+    """The parts of a virtual bench.
+
+    motion: name of the mirror's motion.  rate: samples per second.  firmware: the board solves each
+    sample with it, and sends the pose after the sample; None for a board without a solver.
+    reference: whether a reference instrument reads the mirror's poses, too.  truth: whether the
+    true state of each sample is written.  signals: of the auxiliary channels of the configuration,
+    by their names; the other channels show a sine wave (`sine_signal`).
+    """
+
+    config: Config
+    motion: str
+    rate: float
+    faults: Faults = field(default_factory=Faults)
+    seed: int = 1
+    firmware: FirmwareLibrary | None = None
+    reference: bool = False
+    truth: bool = False
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+
+
 @dataclass
 class Count:
-    """What the bench did. made: samples; sent: whole or spoilt; dropped: never sent.
-    spoilt: sent with a flipped, lost or doubled byte.  restarts: of the board.
-    slipped: s, for which the bench's time stood still, since its machine was busy.  disabled: how
-    often the board stopped the stage, since no heartbeat came."""
+    """Counts of what happened on the bench.
+
+    made, sent, dropped: samples; those sent include the spoilt ones.  spoilt: samples sent with a
+    flipped, lost or doubled byte.  moves: commands that the stage obeyed.  restarts: of the board.
+    slipped: seconds for which the bench's time stood still, because its machine was busy.
+    disabled: how often the board stopped the stage, because no heartbeat came.
+    """
 
     made: int = 0
     sent: int = 0
@@ -66,23 +91,23 @@ class Count:
     disabled: int = 0
 
 
-def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
-    """Samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
+def add_board_poses(samples: RawSamples, firmware: FirmwareLibrary, dark: Floats) -> RawSamples:
+    """The samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
     xy_sum = bool(samples.kind[0] == XY_SUM)
     begin = time.perf_counter()
-    found = firmware.solve(firmware.readings_of_counts(samples.counts, dark, xy_sum))
+    poses = firmware.solve(firmware.readings_of_counts(samples.counts, dark, xy_sum))
     took = 1e6 * (time.perf_counter() - begin) / len(samples)
     solved = np.zeros(len(samples), SOLVED)
-    solved["state"], solved["status"] = found.state, found.status
-    solved["power"], solved["residual"] = found.power, found.residual
-    solved["used"] = found.used @ np.array([1, 2, 4])
+    solved["state"], solved["status"] = poses.state, poses.status
+    solved["power"], solved["residual"] = poses.power, poses.residual
+    solved["used"] = poses.used @ np.array([1, 2, 4])
     solved["microseconds"] = min(took, 65_535)
     payload = solved.view("<i4").reshape(-1, 12).astype(np.int32)
 
     def alternating(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
         return np.stack([first, second], axis=1).reshape(2 * len(first), *first.shape[1:])
 
-    return Samples(
+    return RawSamples(
         alternating(samples.kind, np.full_like(samples.kind, POSE)),
         alternating(samples.flags, np.zeros_like(samples.flags)),
         alternating(samples.seq, samples.seq),
@@ -93,13 +118,13 @@ def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -
 
 
 class HeartbeatWatch:
-    """What a board does with the heartbeats of the program that moves the stage."""
+    """Watches the heartbeats of the program that moves the stage."""
 
     def __init__(self) -> None:
         self.rest, self.count, self.heard, self.may_move = b"", 0, -HEARTBEAT_PATIENCE_S, False
 
     def feed(self, data: bytes, now: float) -> None:
-        """Bytes that the program has sent, by the time `now`, s."""
+        """Take bytes that the program has sent by the time `now`, s."""
         self.rest += data
         while (at := self.rest.find(SIGN)) >= 0 and len(self.rest) - at >= HEARTBEAT.size:
             frame = self.rest[at : at + HEARTBEAT.size]
@@ -118,29 +143,18 @@ class HeartbeatWatch:
 class Board:
     """Samples the light, numbers the samples, and sends them.
 
-    born: number of the bench's sample at which the board was last switched on, and the host's time
-    then, s: it counts samples and microseconds from there. Its clock goes on where a busy machine
-    makes the bench's time stand still, as a quartz does.
+    link: path of the port.  born, born_at: number of the bench's sample at which the board was last
+    switched on, and the host's time then, s, from which the board counts samples and microseconds.
+    Its clock goes on where a busy machine makes the bench's time stand still, as a quartz does.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        rate: float,
-        schedule: Schedule,
-        count: Count,
-        link: Path,
-        firmware: FirmwareLibrary | None = None,
-        signals: Mapping[str, Signal] | None = None,
-    ) -> None:
-        """firmware: with which the board solves each sample itself, and sends the pose after it.
-        signals: what the auxiliary channels of the configuration show, by their names; those that
-        are not among them show a sine wave (`sine_signal`)."""
-        self.config, self.rate, self.schedule, self.count = config, rate, schedule, count
-        self.firmware = firmware
-        signals = dict(signals or {})
+    def __init__(self, setup: BenchSetup, schedule: Schedule, count: Count, link: Path) -> None:
+        self.config, self.rate, self.firmware = setup.config, setup.rate, setup.firmware
+        self.schedule, self.count = schedule, count
+        signals = dict(setup.signals)
         self.signals = [
-            (channel, signals.pop(channel.name, sine_signal)) for channel in config.acquire.channels
+            (channel, signals.pop(channel.name, sine_signal))
+            for channel in setup.config.acquire.channels
         ]
         if signals:
             raise InputError(f"acquire.channels names no channel {', '.join(signals)}")
@@ -151,15 +165,15 @@ class Board:
         self.overrun = self.unplugged = self.booting = False
         self.born = 0
         self.born_at: float | None = None
-        self.released: deque[tuple[float, int]] = deque()  # when so many bytes leave the port
+        self.released: deque[tuple[float, int]] = deque()  # times and numbers of bytes
         self.watch = HeartbeatWatch()
 
     def switch_on(self, host: float) -> None:
-        """At the host's time; it may have been on for a while."""
+        """Switch the board on at the host's time `host`, s, less the uptime of the faults."""
         self.born_at = host - self.schedule.faults.uptime_s
 
     def suffer(self, now: float) -> None:
-        """Pulls the cable, puts it back, restarts, as the schedule has it at the time `now`, s."""
+        """Pull the cable, put it back or restart, as the schedule demands at the time `now`, s."""
         gone = self.schedule.is_on("unplug", now)
         if gone and not self.unplugged:
             self.port.close()
@@ -179,9 +193,10 @@ class Board:
     def take(
         self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float
     ) -> NDArray[np.uint8]:
-        """Samples the light of states (n, 8) with the bench's numbers (n,); returns their fates.
+        """Sample and send the light of states (n, 8) with the bench's numbers `seq` (n,); return
+        the samples' fates (n,).
 
-        host: the host's times (n,) at which they are taken, s.
+        host: the host's times (n,) of the samples, s.
         """
         if self.born_at is None:
             self.born_at = float(host[0])
@@ -194,8 +209,10 @@ class Board:
             fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], host[~lost], now))
         return fate
 
-    def sample(self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float) -> Samples:
-        """What the board makes of the light: counts, with its own numbers and times."""
+    def sample(
+        self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float
+    ) -> RawSamples:
+        """The samples of states (n, 8), as the board counts and times them."""
         sensor, electronics = self.config.sensor, self.config.electronics
         exact = delayed_readings(sensor, seq / self.rate, states, states)
         exact = invert_correction(sensor, mask_missed_spots(sensor, exact, exact))
@@ -215,11 +232,13 @@ class Board:
         kinds = np.full(len(seq), kind, np.uint8)
         number = (seq.astype(np.int64) - self.born) % 2**32
         channels = self.sample_channels(seq / self.rate, states)
-        return Samples(kinds, flags, number.astype(np.uint32), self.clock(host), counts, channels)
+        return RawSamples(
+            kinds, flags, number.astype(np.uint32), self.clock(host), counts, channels
+        )
 
     def sample_channels(self, times: Floats, states: Floats) -> NDArray[np.float32]:
-        """The auxiliary channels' numbers (n, m) at the bench's times (n,), s, each later by its
-        delay."""
+        """The numbers (n, m) of the auxiliary channels at the bench's times (n,), s, each later by
+        its channel's delay."""
         raw = [
             channel.raw(signal(times + channel.delay, delay_states(times, states, channel.delay)))
             for channel, signal in self.signals
@@ -227,30 +246,31 @@ class Board:
         return np.stack(raw, axis=1) if raw else np.zeros((len(times), 0), np.float32)
 
     def clock(self, host: Floats) -> NDArray[np.uint32]:
-        """What the board's clock says at the host's times, us."""
+        """Readings of the board's clock at the host's times (n,), us."""
         assert self.born_at is not None
         passed = (host - self.born_at) / (1 + 1e-6 * self.schedule.faults.drift_ppm)
         return (np.round(1e6 * passed).astype(np.int64) % 2**32).astype(np.uint32)
 
-    def encode(self, samples: Samples) -> bytes:
-        """As bytes, each with the pose that the board's own solver finds where it has one."""
+    def encode(self, samples: RawSamples) -> bytes:
+        """Bytes of the samples, and of their poses where the board has a solver."""
         if self.firmware is not None:
             dark = np.full(12, float(self.config.acquire.dark))
             samples = add_board_poses(samples, self.firmware, dark)
         return encode(self.config.acquire.format, samples)
 
     def clear(self) -> None:
-        """Throws away what waits."""
+        """Throw the waiting bytes away."""
         self.pending.clear()
         self.released.clear()
 
     def lose(self, count: int) -> None:
-        """Counts samples that are never sent; the next one says so."""
+        """Count samples that are never sent; the next sample carries the flag OVERRUN."""
         self.count.dropped += count
         self.overrun |= count > 0
 
-    def send(self, samples: Samples) -> NDArray[np.uint8]:
-        """Into the board's buffer, as far as it takes them, spoilt here and there: their fates."""
+    def send(self, samples: RawSamples) -> NDArray[np.uint8]:
+        """Put samples with their faults into the board's buffer, as far as it takes them, and
+        return their fates."""
         fate = np.full(len(samples), SENT, np.uint8)
         if self.overrun:
             samples.flags[0] |= OVERRUN
@@ -276,14 +296,14 @@ class Board:
         return fate
 
     def ready(self) -> int:
-        """How many of the bytes that wait may leave the port now."""
+        """Number of the waiting bytes that may leave the port now."""
         if not self.schedule.faults.jitter_ms:
             return len(self.pending)
         now = time.monotonic()
         return sum(size for due, size in self.released if due <= now)
 
     def forget(self, count: int) -> None:
-        """Takes so many bytes off those that wait."""
+        """Remove the first `count` waiting bytes."""
         del self.pending[:count]
         while count and self.released:
             due, size = self.released.popleft()
@@ -292,9 +312,9 @@ class Board:
             count -= min(size, count)
 
     def spoil(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
-        """The bytes with their faults, and which samples have one."""
-        f = self.schedule.faults
-        chances = np.array([f.flip, f.lose, f.double])
+        """The bytes with their faults, and the numbers of the samples that have one."""
+        faults = self.schedule.faults
+        chances = np.array([faults.flip, faults.lose, faults.double])
         if count == 0 or not chances.any():
             return data, np.zeros(0, np.int64)
         drawn = self.rng.random((count, 3)) < chances
@@ -312,7 +332,7 @@ class Board:
         return out, bad
 
     def flush(self) -> None:
-        """Sends what the port takes."""
+        """Send as many bytes as the port takes."""
         if self.unplugged:
             return
         while ready := min(65_536, self.ready()):

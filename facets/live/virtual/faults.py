@@ -1,4 +1,4 @@
-"""What goes wrong at a virtual bench, how often, and for how long."""
+"""The faults of a virtual bench: how often they come, and how long they last."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from ...core.plain_numbers import assignments, plain_number
 
 @dataclass(frozen=True)
 class Faults:
-    """Probabilities for each sample, or per second where so said; 0 is never.
+    """Probabilities of faults; 0 is never.
 
-    flip: one bit of its bytes is turned.  lose, double: one byte is lost, or comes twice.
-    drop: the board loses it.  stall: per second, the board sends nothing for 50 ms.
-    block: per second, the beam is blocked for 50 ms.  saturate: per second, a converter for 50 ms.
-    unplug: per second, the port goes away for 300 ms.  restart: per second, the board restarts and
-    counts from zero again after 300 ms.  refuse: per second, the stage refuses for 100 ms.  jam:
-    per second, the stage does not move for 100 ms.  permit: per second, the board's input for the
+    For each sample: flip: one bit of its bytes is turned.  lose, double: one of its bytes is lost,
+    or comes twice.  drop: the board loses the sample.
+
+    For each second: stall: the board sends nothing for 50 ms.  block: the beam is blocked for
+    50 ms.  saturate: a converter is at its end for 50 ms.  unplug: the port goes away for 300 ms.
+    restart: the board restarts and counts from zero again after 300 ms.  refuse: the stage refuses
+    to move for 100 ms.  jam: the stage does not move for 100 ms.  permit: the board's input for the
     stage's permit is off for 100 ms.
 
-    Of the board's time: jitter_ms: by up to which the port keeps each packet; none overtakes
-    another.  drift_ppm: by which its clock is slow.
-    uptime_s: how long it has been on when the bench begins; its clock wraps every 4294.967296 s.
+    Of the board's time: jitter_ms: the port delays each packet by up to this time; none overtakes
+    another.  drift_ppm: by how much the board's clock is slow.  uptime_s: how long the board has
+    been on when the bench begins; its clock wraps every 4294.967296 s.
     """
 
     flip: float = 0.0
@@ -45,7 +46,7 @@ class Faults:
     drift_ppm: float = 0.0
     uptime_s: float = 0.0
 
-    #: How long each fault lasts that comes per second, s.
+    #: Duration of each fault that comes per second, s.
     LASTING: ClassVar[dict[str, float]] = {
         "stall": 0.05,
         "block": 0.05,
@@ -61,23 +62,23 @@ class Faults:
     def from_text(cls, text: str) -> Faults:
         """The faults that a command line names: `flip=1e-4,drop=1e-3`."""
         names = [field.name for field in fields(cls)]
-        found, form = {}, "NAME=NUMBER"
+        chances, form = {}, "NAME=NUMBER"
         given = assignments(text, "--faults", names, form) if text else {}
         for name, value in given.items():
             try:
-                found[name] = plain_number(value)
+                chances[name] = plain_number(value)
             except ValueError:
-                found[name] = -1.0
-            if not 0 <= found[name] < inf:
+                chances[name] = -1.0
+            if not 0 <= chances[name] < inf:
                 raise InputError(
                     f"--faults has '{name}={value}'; allowed: {form} with NAME one of "
                     f"{', '.join(names)}"
                 )
-        return cls(**found)
+        return cls(**chances)
 
 
 class Schedule:
-    """Draws when the lasting faults begin, and knows which are going on."""
+    """Draws when the lasting faults begin, and knows which of them are present."""
 
     def __init__(self, faults: Faults, rng: np.random.Generator) -> None:
         self.faults, self.rng = faults, rng
@@ -85,7 +86,7 @@ class Schedule:
         self.last = 0.0
 
     def draw(self, now: float) -> None:
-        """Begins what chance has begin between the last call and the time `now`, s."""
+        """Draw the faults that begin between the last call and the time `now`, s."""
         passed, self.last = max(0.0, now - self.last), now
         for name, duration in Faults.LASTING.items():
             rate = getattr(self.faults, name)
@@ -93,5 +94,5 @@ class Schedule:
                 self.until[name] = now + duration
 
     def is_on(self, name: str, now: float) -> bool:
-        """Whether a fault is going on at the time `now`, s."""
+        """Whether a fault is present at the time `now`, s."""
         return now < self.until.get(name, -1.0)

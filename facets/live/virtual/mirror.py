@@ -1,4 +1,4 @@
-"""The mirror of a virtual bench: the truth that is to be measured."""
+"""The mirror of a virtual bench, whose true pose is to be measured."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ RAMP_S = 1.0
 
 
 class Mirror:
-    """The truth: where the mirror is at any time, going through a motion again and again.
+    """A mirror that goes through a motion again and again.
 
     It stands at the motion's beginning until `begin` (s), then comes to speed within RAMP_S.
-    forces: (n, 1) of a vibration's shaker at the motion's times, N; 0 without one.
+    forces: (n, 1) of a vibration's shaker at the motion's times, N; 0 without a shaker.
     """
 
     def __init__(self, config: Config, name: str, seed: int) -> None:
@@ -43,7 +43,7 @@ class Mirror:
         self.begin = np.inf
 
     def leaves(self, place: Floats) -> bool:
-        """Whether the motion takes the mirror out of a beam that stands at this place (2,), mm."""
+        """Whether the motion takes the mirror out of a beam that stands at `place` (2,), mm."""
         states = self.states.copy()
         states[:, 6:] = place
         power = readings(self.sensor, states)[:, 2::3]
@@ -55,11 +55,10 @@ class Mirror:
 
     def force(self, time_: Floats) -> Floats:
         """Force (n,) of the shaker at times (n,), s, in N; 0 without a shaker."""
-        found: Floats = self.between(time_, self.forces)[:, 0]
-        return found
+        return self.between(time_, self.forces)[:, 0]
 
     def between(self, time_: Floats, nodes: Floats) -> Floats:
-        """What is `nodes` (m, d) at the times of the motion, at any times (n,), s: (n, d)."""
+        """Interpolate `nodes` (m, d), given at the motion's times, at times (n,), s: (n, d)."""
         passed = np.maximum(time_ - self.begin, 0.0)
         if self.ramp:
             passed = np.where(

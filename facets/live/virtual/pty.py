@@ -11,7 +11,10 @@ from ...core.errors import OutputError
 
 
 class Pty:
-    """One end of a serial line; the other has a name, linked to by a path that stays the same."""
+    """One end of a serial line.
+
+    link: path that always links to the line's other end, whose name changes.
+    """
 
     def __init__(self, link: Path) -> None:
         self.link = link
@@ -34,7 +37,7 @@ class Pty:
         os.close(self.other)
 
     def write(self, data: bytes | bytearray) -> int:
-        """Sends what the line takes now; returns how many bytes that was."""
+        """Send as many bytes as the line takes now, and return their number."""
         try:
             return os.write(self.end, data)
         except OSError:  # full, or the other end is just being opened or closed

@@ -1,4 +1,4 @@
-"""A reference beside the virtual bench: what a hexapod or an autocollimator says of its mirror."""
+"""A reference instrument of the virtual bench, like a hexapod or an autocollimator."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from ...core.settings import Config
     from .mirror import Mirror
 
-#: How often it is read, s.
+#: Time between two readings of the reference, s.
 REFERENCE_INTERVAL_S = 0.01
 
 
 class Reference:
-    """Reads the mirror's pose, as well as `calibrate.reference` says, by the host's clock."""
+    """Reads the mirror's pose by the host's clock, with the errors of `calibrate.reference`."""
 
     def __init__(self, config: Config, mirror: Mirror, seed: int) -> None:
         self.mirror = mirror
@@ -29,7 +29,10 @@ class Reference:
         self.last = -1
 
     def read(self, times: Floats, host: Floats) -> None:
-        """Reads where it is due, of the bench's times (n,), s, which are the host's `host`."""
+        """Read the pose at those of the bench's times (n,), s, at which a reading is due.
+
+        host: the host's times (n,), s, at the same moments.
+        """
         intervals = (host / REFERENCE_INTERVAL_S).astype(np.int64)
         due = np.diff(intervals, prepend=self.last) > 0
         self.last = int(intervals[-1])
@@ -37,7 +40,7 @@ class Reference:
         self.rows.append(self.mirror.between(times[due], self.poses))
 
     def columns(self) -> dict[str, Floats]:
-        """Columns time_s and ref_tx_mm ..., as `facets calibrate --reference` takes them."""
+        """Columns time_s and ref_tx_mm ... of a table for `facets calibrate --reference`."""
         if not self.times:
             return {"time_s": np.zeros(0)}
         return {"time_s": np.concatenate(self.times)} | reference_columns(np.concatenate(self.rows))

@@ -1,4 +1,4 @@
-"""The controllers of a virtual stage: what a Zaber device and a PI controller answer."""
+"""The controllers of a virtual stage, which answer as a Zaber device or a PI controller does."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ PI_UNKNOWN, PI_SERVO_OFF, PI_STOPPED = 2, 5, 10
 
 
 class ZaberDevice:
-    """A device of two axes. refuse: reject every move.  referenced: not restarted since
-    it was homed.  moves: that were obeyed."""
+    """A Zaber device of two axes.
+
+    refuse: whether to reject every move.  referenced: whether the device has been homed since its
+    last restart.  moves: number of moves that were obeyed.  held: bytes of an unfinished line.
+    """
 
     def __init__(self, model: StageModel) -> None:
         self.model = model
@@ -28,24 +31,24 @@ class ZaberDevice:
         self.held = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Takes bytes, gives the answers to the lines that they complete."""
+        """Take bytes, and return the answers to the lines that they complete."""
         *lines, self.held = (self.held + data).split(b"\n")
         return b"".join(self.answer(line.decode("ascii", "replace")).encode() for line in lines)
 
     def restart(self) -> None:
-        """Power goes and comes back: it stands, and no longer knows where."""
+        """Lose power and get it back: the device stands still, and has lost its position."""
         self.model.halt()
         self.held, self.referenced = b"", False
         self.zero = np.array(self.model.place)
         self.target = np.array(self.model.place)
 
     def answer(self, line: str) -> str:
-        """The answer to one line; none to what is no message, or a spoilt one."""
-        slash, message, told = *line.strip().rpartition("/")[1:], ""
+        """The answer to one line; empty if the line is no message or has a wrong checksum."""
+        _, slash, message = line.strip().rpartition("/")
         if not slash:
             return ""
-        message, _, told = message.partition(":")
-        if told and told != checksum(message):
+        message, _, sent_checksum = message.partition(":")
+        if sent_checksum and sent_checksum != checksum(message):
             return ""
         words = message.split()
         numbers = [words.pop(0) for _ in range(3) if words and words[0].isdigit()]
@@ -57,7 +60,7 @@ class ZaberDevice:
         return f"{head} {good} {self.status} {flag} {reply.lstrip('!')}\r\n"
 
     def obey(self, axis: int, words: list[str]) -> str:
-        """The data of the answer; `!` and a reason where the command is rejected."""
+        """The data of the answer; `!` and a reason if the command is rejected."""
         if not words:
             return "0"
         if words[0] == "get" and len(words) == 2:
@@ -107,8 +110,11 @@ class ZaberDevice:
 
 
 class PiController:
-    """A controller of two axes. refuse: its servos are off.  referenced: not restarted since.
-    moves: that were obeyed."""
+    """A PI controller of two axes.
+
+    refuse: whether its servos are off.  referenced: whether the controller has not been restarted.
+    moves: number of moves that were obeyed.  held: bytes of an unfinished line.
+    """
 
     def __init__(self, model: StageModel) -> None:
         self.model = model
@@ -119,14 +125,15 @@ class PiController:
         self.held = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Takes bytes, gives the answers to the lines that they complete."""
+        """Take bytes, and return the answers to the lines that they complete."""
         for _ in range(data.count(STOP_ALL)):  # acts at once, in the middle of a line
             self.stop()
         *lines, self.held = (self.held + data.replace(STOP_ALL, b"")).split(b"\n")
         return b"".join(self.answer(line.decode("ascii", "replace")).encode() for line in lines)
 
     def restart(self) -> None:
-        """Power goes and comes back: it stands, its servos are off, its place is forgotten."""
+        """Lose power and get it back: the controller stands still, its servos are off, and it has
+        lost its position."""
         self.model.halt()
         self.held, self.error, self.referenced = b"", 0, False
         self.zero = np.array(self.model.place)
@@ -158,7 +165,7 @@ class PiController:
         return ""
 
     def values(self, query: str) -> Floats:
-        """What a query asks of both axes."""
+        """The values of both axes that a query asks for."""
         if query == "POS?":
             here: Floats = self.model.place - self.zero
             return here

@@ -18,7 +18,7 @@ from .page import WebPage
 from .status import status_of_replay
 
 if TYPE_CHECKING:
-    from ..run.pipeline import Pipeline, Poses
+    from ..run.pipeline import Pipeline, RunPoses
 
 #: Time between two checks whether the page is to end, s.
 END_CHECK_INTERVAL_S = 0.1
@@ -87,7 +87,7 @@ class ReplayPage:
         words = status_of_replay(self.pipeline, passed)
         return words | ({"finished": "The whole recording is solved."} if self.ended else {})
 
-    def following(self, replayed: Iterable[Poses]) -> Iterator[Poses]:
+    def following(self, replayed: Iterable[RunPoses]) -> Iterator[RunPoses]:
         """The same poses; each is shown on its way."""
         for poses in replayed:
             self.page.send(rows_of(poses, self.offset).tobytes())
