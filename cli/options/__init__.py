@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -46,75 +46,68 @@ def describe_default(default: str) -> str:
     return f"  [default: {default}]" if default else ""
 
 
-def output_option(formats: str, default: str = "") -> typer.models.OptionInfo:
+def output_option(formats: str, default: str = "") -> Any:
     """`-o FILE`, of commands whose result is one file."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "-o",
         "--output",
         metavar="FILE",
         help=f"File for the result: {formats}.{describe_default(default)}",
     )
-    return option
 
 
-def folder_option(default: str) -> typer.models.OptionInfo:
+def folder_option(default: str) -> Any:
     """`-d FOLDER`, of commands whose results are several files."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "-d",
         "--folder",
         metavar="FOLDER",
         help=f"Folder for the results.{describe_default(default)}",
     )
-    return option
 
 
-def report_option(content: str) -> typer.models.OptionInfo:
+def report_option(content: str) -> Any:
     """`--report FILE.html`."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "--report", metavar="FILE.html", help=f"HTML file for a page on the results: {content}."
     )
-    return option
 
 
-def write_option(content: str) -> typer.models.OptionInfo:
+def write_option(content: str) -> Any:
     """`--write FILE.yaml`."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "--write",
         metavar="FILE.yaml",
         help=f"YAML file to write: the configuration with {content}.",
     )
-    return option
 
 
-def motion_option(use: str, default: str = "") -> typer.models.OptionInfo:
+def motion_option(use: str, default: str = "") -> Any:
     """`--motion NAME`."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "--motion",
         metavar="NAME",
         help=f"Name of a motion in the configuration: {use}.{describe_default(default)}",
         autocompletion=completion.motions,
     )
-    return option
 
 
-def heads_option(least: str, default: str = "") -> typer.models.OptionInfo:
+def heads_option(least: str, default: str = "") -> Any:
     """`--heads N`."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "--heads",
         min=0,
         max=10**6,
         help="Number of sensor heads to simulate for the yield, with the tolerances in "
         f"`calibrate.before`: {least}.{describe_default(default)}",
     )
-    return option
 
 
-def seed_option(default: str = "") -> typer.models.OptionInfo:
+def seed_option(default: str = "") -> Any:
     """`--seed N`."""
-    option: typer.models.OptionInfo = typer.Option(
+    return typer.Option(
         "--seed", min=0, help=f"Seed of the random numbers.{describe_default(default)}"
     )
-    return option
 
 
 ConfigName = Annotated[
