@@ -34,7 +34,7 @@ BAD = [
     (("simulate", "paper", "--zero", "row:0"), "a row such as row:1"),
     (("simulate", "paper", "--zero", "none.csv"), "none.csv: no such file"),
     (("simulate", "paper", "--motion", "yaw-sweep", "--zero", "row:402"),
-     "row 402, which motion yaw-sweep does not have"),
+     "row 402, but motion yaw-sweep has 401 rows without it"),
     (("simulate", "paper", "--point", "0,50"), "--point is '0,50'; allowed: three numbers in mm"),
     (("simulate", "paper", "--point", "0,0,1e5"), "up to 10,000"),
     (("range-map", "paper", "--axes", "tx,sideways"), "allowed: two of tx, ty"),

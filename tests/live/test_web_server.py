@@ -221,7 +221,7 @@ def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page
         assert told.news["sample"]["seq"] == 3_499
         assert told.end["good"]
         assert told.end["reason"] == told.events[-1]["text"] == "The run has ended."
-    assert page.sent == 3_500
+    assert page.sent_count == 3_500
 
 
 @pytest.mark.slow

@@ -67,7 +67,7 @@ GONE = "its process has ended"
 class Outlet(ClosedAtExit):
     """Publishes rows at any number of endpoints. A live run waits for nobody; a replay, for all.
 
-    count: number of rows.  sent: number of rows for which somebody subscribed at a `zmq://`
+    count: number of rows.  sent_count: number of rows for which somebody subscribed at a `zmq://`
     address.  missed_count: number of rows that those subscribers say they have missed.  status:
     gives what the run says of itself, in JSON's types.
     """
@@ -79,7 +79,7 @@ class Outlet(ClosedAtExit):
         replays, which lose nothing by it."""
         about = description(about)
         self.patient, self.relays, self.is_ending = patient, list[Relay](), False
-        self.count = self.sent = self.missed_count = self.subscribers = 0
+        self.count = self.sent_count = self.missed_count = self.subscribers = 0
         self.places: list[str] = []
         self.status: Callable[[], dict[str, Any]] = dict
         self.status_due = 0.0
@@ -129,7 +129,7 @@ class Outlet(ClosedAtExit):
         header = b'{"first": %d, "count": %d, ' % (self.count, len(rows)) + self.columns
         self.put([SAMPLES, header, rows.tobytes()])
         self.count += len(rows)
-        self.sent += len(rows) if self.receivers else 0
+        self.sent_count += len(rows) if self.receivers else 0
 
     def refresh(self) -> None:
         """Hear what is said, and publish the status of the run where it is time for that."""
@@ -173,7 +173,7 @@ class Outlet(ClosedAtExit):
     @property
     def dropped_count(self) -> int:
         """Number of rows without a subscriber, and of those that subscribers have missed."""
-        return self.count - self.sent + self.missed_count
+        return self.count - self.sent_count + self.missed_count
 
     def hear(self, wait_ms: int = 0) -> None:
         """Take in what subscribers say; wait up to this time for the first of it."""
@@ -267,12 +267,12 @@ class Relay:
 
     def hear(self, words: dict[str, Any]) -> None:
         """Take in what the process says of itself."""
-        if words.get("sent", 0) > self.sent:
+        if words.get("sent", 0) > self.sent_count:
             self.progress = time.monotonic()
         self.said |= words
 
     @property
-    def sent(self) -> int:
+    def sent_count(self) -> int:
         """Number of rows that were given away."""
         return int(self.said["sent"])
 
@@ -286,7 +286,7 @@ class Relay:
     def dropped_count(self) -> int:
         """Number of rows that are known not to be given away; those that wait are not."""
         if self.trouble or self.outlet.socket.closed:
-            return self.outlet.count - self.sent
+            return self.outlet.count - self.sent_count
         return int(self.said["dropped"])
 
     def has_time(self, begin: float) -> bool:

@@ -124,7 +124,7 @@ class Publications(ClosedAtExit, Sink):
         return [
             {
                 "address": one.address,
-                "sent": one.sent,
+                "sent": one.sent_count,
                 "dropped": one.dropped_count,
                 "receivers": one.receivers,
                 "trouble": one.trouble,
@@ -136,7 +136,7 @@ class Publications(ClosedAtExit, Sink):
         """A line for each address, for the end."""
         found = []
         for one in self.all:
-            text = f"{one.address}: {one.sent} samples published, {one.dropped_count} dropped"
+            text = f"{one.address}: {one.sent_count} samples published, {one.dropped_count} dropped"
             found.append(f"{text} ({one.trouble})" if one.trouble else text)
             if self.pulses is not None:
                 found.append(f"{one.address}: {self.pulses.sentence}")
