@@ -115,7 +115,9 @@ def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
     config = replace(BENCH, acquire=replace(BENCH.acquire, timing=timing))
     halts, ages = [], []
     stage = SimpleNamespace(
-        halt=halts.append, begun=0.0, feed=lambda *fed: ages.append(arrival - (fed[0] - fed[-2]))
+        halt=halts.append,
+        begun=0.0,
+        feed=lambda samples, permit, late, doubt: ages.append(arrival - (samples.times - late)),
     )
     loop = Loop(Live(Pipeline(config), tracker=stage), SimpleNamespace(port=None))
     for data, came in packets(66_000, 100.0):
