@@ -162,8 +162,8 @@ def linearise_nearly(
     values = scene_readings(geometry, at)
     at = apply_profile(geometry, at)
     whitening = apparent_axes(geometry, at, back)
-    seen = parallel_beam(geometry, geometry.direction, geometry.power, geometry.spread, whitening)
-    turns, axes = edge_turns(seen, at), rotation_axes(state[4], state[5])
+    turns = edge_turns(geometry._replace(whitening=whitening), at)
+    axes = rotation_axes(state[4], state[5])
     a, b, c = mirror_facets(geometry, at)
     return (
         (values[0], approximate_rows(a, whitening, turns, axes, values[0])),
@@ -183,27 +183,6 @@ def apparent_axes(
     return combine(back[0], x, back[1], y), combine(back[2], x, back[3], y)
 
 
-def parallel_beam(
-    geometry: Geometry,
-    direction: Vector,
-    power: Number,
-    spread: tuple[Vector, Vector],
-    whitening: tuple[Vector, Vector],
-) -> Geometry:
-    """The sensor under a beam whose rays are all parallel to one ray of the sensor's beam."""
-    return Geometry(
-        direction,
-        power,
-        spread,
-        whitening,
-        geometry.normals,
-        geometry.centres,
-        geometry.axes,
-        geometry.openings,
-        geometry.light,
-    )
-
-
 def approximate_rows(
     facet: MirrorFacet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
 ) -> Three:
@@ -211,8 +190,8 @@ def approximate_rows(
 
     whitening: from `apparent_axes`.  turns, axes: as for `state_row`.  values: the readings.
 
-    Along the ray of the centroid, rays that spread shift as parallel ones would that lie farther
-    apart by what they spread on their way.
+    They are those under a beam whose rays are all parallel to the ray of the centroid. Along that
+    ray, rays that spread shift as parallel rays that lie farther apart by their spread on the way.
     """
     geometry, light = facet.geometry, facet.geometry.light
     background = light.background[facet.k]
@@ -220,16 +199,15 @@ def approximate_rows(
     power = (values[2] - background[0]) / mass
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
     direction = add(geometry.direction, bend)
-    parallel = parallel_beam(geometry, direction, power, geometry.spread, whitening)
+    parallel = geometry._replace(direction=direction, power=power, whitening=whitening)
     ray = path(facet._replace(geometry=parallel))
     reach = dot(subtract(ray.start, ray.origin), direction) + ray.length
     spread = (
         combine(1, geometry.spread[0], reach, light.fan[0]),
         combine(1, geometry.spread[1], reach, light.fan[1]),
     )
-    parallel = parallel_beam(geometry, direction, power, spread, whitening)
-    seen = facet._replace(geometry=parallel)
-    of_psi, of_zeta, of_power = gradients(seen, ray)
+    facet_lit = facet._replace(geometry=parallel._replace(spread=spread))
+    of_psi, of_zeta, of_power = gradients(facet_lit, ray)
     if light.options.profiled:
         decline, slopes = moment_slopes(facet)
         of_psi, of_zeta = apex_gradient(of_psi, slopes), apex_gradient(of_zeta, slopes)
@@ -237,9 +215,9 @@ def approximate_rows(
     return add_background_to_rows(
         values,
         background,
-        state_row(seen, of_psi, turns, axes),
-        state_row(seen, of_zeta, turns, axes),
-        state_row(seen, of_power, turns, axes),
+        state_row(facet_lit, of_psi, turns, axes),
+        state_row(facet_lit, of_zeta, turns, axes),
+        state_row(facet_lit, of_power, turns, axes),
     )
 
 

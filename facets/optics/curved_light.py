@@ -52,9 +52,7 @@ def apparent_scene(geometry: Geometry, at: Scene) -> Scene:
         apparent_edge(geometry, back, bent, at.edges[1]),
         apparent_edge(geometry, back, bent, at.edges[2]),
     )
-    return Scene(
-        at.apex, at.place, at.turn, at.normals, at.edges, q, sides, at.integrals, at.moments
-    )
+    return at._replace(q=q, sides=sides)
 
 
 def apparent_edge(

@@ -140,17 +140,7 @@ def build_geometry(
 
 def replace_power(geometry: Geometry, power: Number) -> Geometry:
     """The vectors of a sensor with another beam power, mW."""
-    return Geometry(
-        geometry.direction,
-        power,
-        geometry.spread,
-        geometry.whitening,
-        geometry.normals,
-        geometry.centres,
-        geometry.axes,
-        geometry.openings,
-        geometry.light,
-    )
+    return geometry._replace(power=power)
 
 
 def power_derivative(geometry: Geometry, values: Three, k: int, i: int) -> Number:
@@ -236,9 +226,7 @@ def illuminate(at: Scene) -> Scene:
 
 
 def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:
-    return Scene(
-        at.apex, at.place, at.turn, at.normals, at.edges, at.q, at.sides, integrals, moments
-    )
+    return at._replace(integrals=integrals, moments=moments)
 
 
 class MirrorFacet(NamedTuple):
