@@ -210,7 +210,6 @@ class Run:
         status = partial(status_of, self.live)
         outlet, more = self.publications.outlet, {"kind": "acquire"}
         self.page = WebPage(outlet, self.config, web, status, more, drawn=page_scripts)
-        self.publications.all.append(self.page)
         for text in self.page.greeting():
             tell(text)
         outlet.refresh()

@@ -123,6 +123,7 @@ class Playback:
         objects = self.pipeline.object_poses
         with Publications(addresses, self.config, True, offset, objects) as publications:
             tell(f"publishing at {', '.join(publications.places())}")
+            publications.await_receivers()
             for part in poses:
                 publications.add_poses(part)
                 yield part
