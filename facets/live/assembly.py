@@ -226,7 +226,6 @@ class Run:
         self.page = WebPage(
             outlet, self.config, options.web, status, more, drawn=options.page_scripts
         )
-        self.publications.all.append(self.page)
         for text in self.page.greeting():
             tell(text)
         outlet.refresh()

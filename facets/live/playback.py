@@ -121,6 +121,7 @@ class Playback:
             addresses, self.config, True, offset, self.pipeline.measurement
         ) as publications:
             tell(f"publishing at {', '.join(publications.places())}")
+            publications.await_receivers()
             for part in poses:
                 publications.add_poses(part)
                 yield part

@@ -247,6 +247,11 @@ def test_a_source_that_is_not_there_ends_the_plan(engine, tmp_path):
         live.PoseSensor(CONFIG)
 
 
+def wait_and_add(publications, poses):
+    publications.await_receivers()
+    publications.add_poses(poses)
+
+
 def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
     """Of a calibrated sensor, whose samples have more columns."""
     publisher = replace(CALIBRATED, acquire=replace(BENCH.acquire, timing="arrival"))
@@ -262,7 +267,7 @@ def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
         # staging waits for a first sample, which waits for it, and the flight for those after it
         first = pipeline.feed(data[:SIZE], time.monotonic())
         with ThreadPoolExecutor() as pool:
-            beginning = pool.submit(publications.add_poses, first)
+            beginning = pool.submit(wait_and_add, publications, first)
             engine(flight(sensor, live.Interval(samples=400), during))
     assert documents.flown("seq") == list(range(1, 401))
     assert set(documents.flown("status")) == {"converged"}

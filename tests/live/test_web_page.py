@@ -219,7 +219,7 @@ def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself(ope
         assert "The run has ended." in browser.ask("document.body.innerText")
         assert not browser.errors
     await_true(lambda: page.process.poll() is not None, "its process ends")
-    assert page.dropped_count == 0
+    assert page.counts()["dropped"] == 0
 
 
 @pytest.mark.slow

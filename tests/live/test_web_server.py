@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.experiments.studies import kills
+from facets.experiments import kills
 from programs import GUARD, await_true
 from streams import BENCH, page_rows
 
@@ -71,7 +71,7 @@ def watched(page, until):
 
 def await_pages(page, count):
     """Wait until so many pages are there."""
-    await_true(lambda: page.outlet.hear() or page.receivers == count, "the pages")
+    await_true(lambda: page.outlet.hear() or page.counts()["receivers"] == count, "the pages")
 
 
 def watch_the_end(page, count):
@@ -221,7 +221,7 @@ def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page
         assert told.news["sample"]["seq"] == 3_499
         assert told.end["good"]
         assert told.end["reason"] == told.events[-1]["text"] == "The run has ended."
-    assert page.sent_count == 3_500
+    assert page.counts()["sent"] == 3_500
 
 
 @pytest.mark.slow
@@ -245,7 +245,7 @@ def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
         told = watched(page, lambda told: told.has_sample(14_999))
         assert sum(row[0] for row in told.bins[1].values()) == 15_000
         page.outlet.close()
-    assert page.dropped_count == 0
+    assert page.counts()["dropped"] == 0
     assert not page.trouble
 
 

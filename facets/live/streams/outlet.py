@@ -24,7 +24,6 @@ import numpy as np
 import zmq
 from numpy.typing import NDArray
 
-from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from .addresses import zmq_endpoint
 from .sample_rows import description
@@ -35,65 +34,59 @@ from .zeromq import (
     HIGH_WATER_MARK,
     LINGER_MS,
     LOST,
+    REPORT_INTERVAL_S,
     SAMPLES,
+    SHORT_HIGH_WATER_MARK,
+    START_TIMEOUT_S,
     STATUS,
-    new_socket,
 )
 
-#: Maximum number of messages that wait for one subscriber of a replay, which waits in turn.
-PATIENT_HIGH_WATER_MARK = 20
-#: Maximum numbers of messages of subscribers that are heard at once, and that wait here for each:
-#: one that talks without end neither keeps the loop nor fills the memory.
-MAX_HEARD, MAX_UNHEARD = 100, 10
-#: Maximum size of what a subscriber says; it is disconnected where it says more.
-MAX_SAID_BYTES = 4_096
-#: A subscriber whose machine acknowledges nothing for this long, ms, is gone.
-LINE_TIMEOUT_MS = 30_000
+#: Maximum number of messages of subscribers that are heard at once: one that talks without end
+#: does not keep the loop.
+MAX_HEARD = 100
 #: A subscriber that takes nothing for this long, s, is not waited for any more, by a replay.
 STUCK_S = 5.0
-#: A full queue is tried again, and news are looked for, after this time, ms, by who waits for them.
-RETRY_MS = 2
-#: Time between two reports of the run's status, s.
-STATUS_INTERVAL_S = 0.25
-#: A process that has not begun within this time is ended, s.
-START_TIMEOUT_S = 60.0
+#: Who waits for news looks for them this often, ms.
+RETRY_MS = 5
 #: Processes may take this time at the end to pass on what still waits, s.
 END_TIMEOUT_S = 10.0
-#: The words of a process that has ended may come this much later, ms.
-LAST_WORDS_MS = 1_000
 GONE = "its process has ended"
 
 
-class Outlet(ClosedAtExit):
+class Outlet:
     """Publishes rows at any number of endpoints. A live run waits for nobody; a replay, for all.
 
-    count: number of rows.  sent_count: number of rows for which somebody subscribed at a `zmq://`
-    address.  missed_count: number of rows that those subscribers say they have missed.  status:
-    gives what the run says of itself, in JSON's types.
+    count: number of rows.  sent: number of rows for which somebody subscribed at a `zmq://`
+    address.  missed: number of rows that those subscribers say they have missed.  status: gives
+    what the run says of itself, in JSON's types.
     """
-
-    trouble = ""
 
     def __init__(self, about: dict[str, Any], patient: bool = False) -> None:
         """about: what subscribers are told of the samples.  patient: wait for subscribers; for
         replays, which lose nothing by it."""
         about = description(about)
-        self.patient, self.relays, self.is_ending = patient, list[Relay](), False
-        self.count = self.sent_count = self.missed_count = self.subscribers = 0
-        self.places: list[str] = []
+        self.columns = json.dumps({name: about[name] for name in ("dtype", "units")})[1:].encode()
+        self.patient, self.is_ending = patient, False
+        self.count = self.sent = self.missed = self.subscribers = 0
+        self.places, self.relays = list[str](), list[Relay]()
         self.status: Callable[[], dict[str, Any]] = dict
         self.status_due = 0.0
-        self.columns = json.dumps({name: about[name] for name in ("dtype", "units")})[1:].encode()
         self.context: zmq.Context[Any] = zmq.Context()
-        waiting = PATIENT_HIGH_WATER_MARK if patient else HIGH_WATER_MARK
-        self.socket = new_socket(self.context, zmq.XPUB, waiting, LINGER_MS)
-        self.socket.setsockopt(zmq.RCVHWM, MAX_UNHEARD)
-        self.socket.setsockopt(zmq.MAXMSGSIZE, MAX_SAID_BYTES)
-        # no heartbeats: libzmq ends the program where one is due on a broken line that is not read
-        self.socket.setsockopt(zmq.TCP_MAXRT, LINE_TIMEOUT_MS)
-        self.socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # each subscriber comes and goes by itself
+        self.socket = self.context.socket(zmq.XPUB)
+        for option, value in {
+            zmq.SNDHWM: SHORT_HIGH_WATER_MARK if patient else HIGH_WATER_MARK,
+            zmq.LINGER: LINGER_MS,
+            zmq.XPUB_NODROP: int(patient),
+            zmq.XPUB_VERBOSER: 1,  # each subscriber comes and goes by itself
+            # one that talks without end waits itself, and fills no memory
+            zmq.RCVHWM: MAX_HEARD // 10,
+            zmq.MAXMSGSIZE: 4_096,
+            # a machine that has gone; libzmq's heartbeats end this program where one is due on a
+            # broken line whose end waits
+            zmq.TCP_MAXRT: 30_000,
+        }.items():
+            self.socket.setsockopt(option, value)
         self.socket.setsockopt(zmq.XPUB_WELCOME_MSG, ABOUT + json.dumps(about).encode())
-        self.socket.setsockopt(zmq.XPUB_NODROP, int(patient))
         self.folder = TemporaryDirectory(prefix="facets-", ignore_cleanup_errors=True)
         self.endpoint = self.bind_locally()
 
@@ -108,8 +101,7 @@ class Outlet(ClosedAtExit):
     def bind(self, endpoint: str) -> str:
         """Also publish at an endpoint; return it with what the system has chosen of it."""
         self.socket.bind(endpoint)
-        place: bytes = self.socket.getsockopt(zmq.LAST_ENDPOINT)
-        return place.strip(b"\0").decode()
+        return bytes(self.socket.getsockopt(zmq.LAST_ENDPOINT)).strip(b"\0").decode()
 
     def open(self, address: str) -> None:
         """Also publish at `zmq://HOST:PORT`. Raises `InputError` where that cannot be had."""
@@ -129,13 +121,13 @@ class Outlet(ClosedAtExit):
         header = b'{"first": %d, "count": %d, ' % (self.count, len(rows)) + self.columns
         self.put([SAMPLES, header, rows.tobytes()])
         self.count += len(rows)
-        self.sent_count += len(rows) if self.receivers else 0
+        self.sent += len(rows) if self.receivers else 0
 
     def refresh(self) -> None:
         """Hear what is said, and publish the status of the run where it is time for that."""
         self.hear()
         if time.monotonic() >= self.status_due:
-            self.status_due = time.monotonic() + STATUS_INTERVAL_S
+            self.status_due = time.monotonic() + REPORT_INTERVAL_S
             self.tell(self.status())
 
     def tell(self, words: dict[str, Any]) -> None:
@@ -161,19 +153,19 @@ class Outlet(ClosedAtExit):
     # what comes
 
     @property
-    def address(self) -> str:
-        """All addresses at which others subscribe, with the ports that the system has chosen."""
-        return ", ".join(self.places)
-
-    @property
     def receivers(self) -> int:
         """Number of other programs that subscribe."""
         return max(0, self.subscribers - sum(relay.is_connected for relay in self.relays))
 
-    @property
-    def dropped_count(self) -> int:
-        """Number of rows without a subscriber, and of those that subscribers have missed."""
-        return self.count - self.sent_count + self.missed_count
+    def counts(self) -> dict[str, Any]:
+        """What became of the samples at the `zmq://` addresses."""
+        return {
+            "address": ", ".join(self.places),
+            "sent": self.sent,
+            "dropped": self.count - self.sent + self.missed,
+            "receivers": self.receivers,
+            "trouble": "",
+        }
 
     def hear(self, wait_ms: int = 0) -> None:
         """Take in what subscribers say; wait up to this time for the first of it."""
@@ -193,7 +185,7 @@ class Outlet(ClosedAtExit):
                 if compare_digest(topic, relay.token):
                     relay.come_or_go(comes)
         elif said.startswith(LOST) and said[len(LOST) :].isdigit() and len(said) < 20:
-            self.missed_count += int(said[len(LOST) :])
+            self.missed += int(said[len(LOST) :])
         elif said.startswith(FROM):
             token, _, words = said[len(FROM) :].partition(b" ")
             for relay in self.relays:
@@ -210,7 +202,7 @@ class Outlet(ClosedAtExit):
         self.is_ending, begin = True, time.monotonic()
         while any(relay.has_time(begin) for relay in self.relays):
             self.socket.send(END, zmq.NOBLOCK)  # again, as it may have found no place
-            self.hear(10 * RETRY_MS)
+            self.hear(RETRY_MS)
         for relay in self.relays:
             relay.end()
         self.context.destroy()
@@ -223,7 +215,7 @@ class Relay:
     said: the newest of all that it says of itself: `sent`, the number of rows that it has given
     away, which, where nobody answers, says nothing of their arrival; `dropped`, the number of those
     that it has not, or has missed; `receivers`, the number of those that take them now, None where
-    it cannot be known; `port`.  trouble: why nothing is published any more, or nothing.
+    it cannot be known.  trouble: why nothing is published any more, or nothing.
     """
 
     def __init__(self, address: str, outlet: Outlet, module: str, setup: dict[str, Any]) -> None:
@@ -234,7 +226,7 @@ class Relay:
         self.address, self.outlet, self.trouble = address, outlet, ""
         self.token, self.is_connected = secrets.token_hex(16).encode(), False
         self.said: dict[str, Any] = {"sent": 0, "dropped": 0, "receivers": 0}
-        self.progress = time.monotonic()
+        self.heard = time.monotonic()
         setup = {**setup, "endpoint": outlet.endpoint, "token": self.token.decode()}
         with TemporaryFile("w+") as file:  # other users can read what stands in a command
             json.dump(setup, file)
@@ -248,15 +240,14 @@ class Relay:
 
     def await_begin(self) -> None:
         """Wait until the process says that it is ready. Raises `InputError` where it cannot be."""
+        last = self.heard + START_TIMEOUT_S
         while not {"ready", "error"} & self.said.keys():
-            is_late = time.monotonic() > self.progress + START_TIMEOUT_S
-            is_over = is_late or self.process.poll() is not None
-            self.outlet.hear(LAST_WORDS_MS if is_over else RETRY_MS)
+            is_over = self.process.poll() is not None or time.monotonic() > last
+            self.outlet.hear(LINGER_MS if is_over else RETRY_MS)
             if is_over:
                 self.said.setdefault("error", GONE)
         if "error" in self.said:
             self.process.kill()
-            self.process.wait()
             raise InputError(self.said["error"])
 
     def come_or_go(self, comes: bool) -> None:
@@ -267,31 +258,19 @@ class Relay:
 
     def hear(self, words: dict[str, Any]) -> None:
         """Take in what the process says of itself."""
-        if words.get("sent", 0) > self.sent_count:
-            self.progress = time.monotonic()
+        self.heard = time.monotonic()
         self.said |= words
 
-    @property
-    def sent_count(self) -> int:
-        """Number of rows that were given away."""
-        return int(self.said["sent"])
-
-    @property
-    def receivers(self) -> int | None:
-        """Number of those that take them now; None where it cannot be known."""
-        count: int | None = self.said["receivers"]
-        return count
-
-    @property
-    def dropped_count(self) -> int:
-        """Number of rows that are known not to be given away; those that wait are not."""
+    def counts(self) -> dict[str, Any]:
+        """What became of the samples; those that wait are not among the dropped ones."""
+        words = {name: self.said[name] for name in ("sent", "dropped", "receivers")}
         if self.trouble or self.outlet.socket.closed:
-            return self.outlet.count - self.sent_count
-        return int(self.said["dropped"])
+            words["dropped"] = self.outlet.count - words["sent"]
+        return {"address": self.address, **words, "trouble": self.trouble}
 
     def has_time(self, begin: float) -> bool:
         """Whether the process may still take time for an end that began at this time, s."""
-        since = max(begin, self.progress) if self.outlet.patient else begin
+        since = max(begin, self.heard) if self.outlet.patient else begin
         return self.is_connected and time.monotonic() < since + END_TIMEOUT_S
 
     def end(self) -> None:

@@ -67,27 +67,25 @@ class Publications(ClosedAtExit, Sink):
         for address in addresses:
             check_address(address)
         self.outlet = Outlet(about, patient)
-        self.receivers_due = time.monotonic() + FIRST_RECEIVER_WAIT_S * patient
-        self.all: list[Outlet | Relay] = []
         try:
             for address in addresses:
-                self.open(address)
+                if address.startswith("zmq:"):
+                    self.outlet.open(address)
+                else:
+                    Relay(address, self.outlet, "facets.live.streams.senders", {})
         except BaseException:
             self.close()
             raise
 
-    def open(self, address: str) -> None:
-        """Also publish at an address."""
-        if not address.startswith("zmq:"):
-            self.all.append(Relay(address, self.outlet, "facets.live.streams.senders", {}))
-            return
-        self.outlet.open(address)
-        if self.outlet not in self.all:
-            self.all.append(self.outlet)
-
     def places(self) -> list[str]:
         """The addresses, with the port where the system has chosen one."""
-        return [one.address for one in self.all]
+        return [one["address"] for one in self.counts()]
+
+    def await_receivers(self) -> None:
+        """Wait until there is a receiver at each address, for up to `FIRST_RECEIVER_WAIT_S`."""
+        last = time.monotonic() + FIRST_RECEIVER_WAIT_S
+        while time.monotonic() < last and any(one["receivers"] == 0 for one in self.counts()):
+            self.outlet.hear(RETRY_MS)
 
     def add_poses(self, poses: RunPoses) -> None:
         """Publish poses at every address."""
@@ -95,24 +93,16 @@ class Publications(ClosedAtExit, Sink):
         if self.pulses is not None:
             utc = pulse_columns(poses, self.offset, self.pulses)["utc_s"]
             rows["utc_s"] = np.where(np.isfinite(utc), utc, rows["utc_s"])
-        self.await_receivers()
         self.outlet.send(rows)
-
-    def await_receivers(self) -> None:
-        """Wait for the first receivers of a replay, for a while and once."""
-        while time.monotonic() < self.receivers_due and any(
-            one.receivers == 0 and not one.trouble for one in self.all
-        ):
-            self.outlet.hear(RETRY_MS)
-        self.receivers_due = 0.0
 
     def close(self) -> None:
         self.outlet.close()
 
     def messages(self) -> list[str]:
-        self.outlet.hear()
         return [
-            f"{one.address}: publishing has ended: {one.trouble}" for one in self.all if one.trouble
+            f"{one['address']}: publishing has ended: {one['trouble']}"
+            for one in self.counts()
+            if one["trouble"]
         ]
 
     def values(self) -> dict[str, Any]:
@@ -121,23 +111,15 @@ class Publications(ClosedAtExit, Sink):
     def counts(self) -> list[dict[str, Any]]:
         """What became of the samples, address by address."""
         self.outlet.hear()
-        return [
-            {
-                "address": one.address,
-                "sent": one.sent_count,
-                "dropped": one.dropped_count,
-                "receivers": one.receivers,
-                "trouble": one.trouble,
-            }
-            for one in self.all
-        ]
+        own = [self.outlet.counts()] if self.outlet.places else []
+        return [*own, *(relay.counts() for relay in self.outlet.relays)]
 
     def sentences(self) -> list[str]:
         """A line for each address, for the end."""
         found = []
-        for one in self.all:
-            text = f"{one.address}: {one.sent_count} samples published, {one.dropped_count} dropped"
-            found.append(f"{text} ({one.trouble})" if one.trouble else text)
+        for one in self.counts():
+            text = f"{one['address']}: {one['sent']} samples published, {one['dropped']} dropped"
+            found.append(f"{text} ({one['trouble']})" if one["trouble"] else text)
             if self.pulses is not None:
-                found.append(f"{one.address}: {self.pulses.sentence}")
+                found.append(f"{one['address']}: {self.pulses.sentence}")
         return found

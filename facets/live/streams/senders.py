@@ -8,39 +8,22 @@ from __future__ import annotations
 import socket
 import sys
 import time
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
 from .addresses import options_of
-from .feed import POLL_MS, RunFeed
 from .json_rows import json_of
+from .run_feed import RunFeed
 from .sample_rows import HEAD as HEAD_COLUMNS
 from .sample_rows import unit_of
+from .subscription import POLL_MS, Rows
 
 #: Bytes of one datagram: what every network takes whole, and what one machine does.
 NETWORK_BYTES, LOCAL_BYTES = 1_400, 8_192
-
-Rows = NDArray[np.void]
-
-
-class Sender(Protocol):
-    """Gives rows away."""
-
-    @property
-    def receivers(self) -> int | None:
-        """Number of receivers now; None where that cannot be known."""
-        ...
-
-    def send(self, rows: Rows) -> int:
-        """Send rows; return how many were given away."""
-        ...
-
-    def close(self) -> None: ...
 
 
 class Udp:
@@ -130,7 +113,7 @@ class Lsl:
             time.sleep(0.05)
 
 
-def open_sender(address: str, about: dict[str, Any]) -> Sender:
+def open_sender(address: str, about: dict[str, Any]) -> Udp | Lsl:
     """The sender of an address. Raises `InputError` where it cannot be used."""
     parts = urlsplit(address)
     try:
@@ -143,7 +126,7 @@ def open_sender(address: str, about: dict[str, Any]) -> Sender:
         raise InputError(f"--publish {address}: {error.strerror or error}") from None
 
 
-def pass_on(feed: RunFeed, sender: Sender) -> None:
+def pass_on(feed: RunFeed, sender: Udp | Lsl) -> None:
     """Give away what comes, until the run ends."""
     sent = 0
     feed.tell(ready=True, receivers=sender.receivers)

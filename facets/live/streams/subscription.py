@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
 
+import numpy as np
 import zmq
+from numpy.typing import NDArray
 
+from ...core.closing import ClosedAtExit
+from ...core.errors import InputError
 from .addresses import zmq_endpoint
-from .feed import POLL_MS, Feed, Rows
-from .zeromq import HIGH_WATER_MARK, SAMPLES, new_socket
+from .zeromq import ABOUT, HIGH_WATER_MARK, LOST, SAMPLES
 
+Rows = NDArray[np.void]
+
+#: The end of a publication, or of the iteration, is looked for this often, ms.
+POLL_MS = 100
 #: A publisher that does not answer within three of these times is gone, ms.
 HEARTBEAT_MS = 2_000
 
 
-class Subscription(Feed):
+class Subscription(ClosedAtExit):
     """Samples of a publication as arrays, from now on, until it ends.
 
     Any number of programs may subscribe, on this machine or, where the publication's host is not
@@ -52,11 +62,48 @@ class Subscription(Feed):
 
     def __init__(self, address: str, timeout: float = 10.0) -> None:
         endpoint = zmq_endpoint(address)
-        socket = new_socket(zmq.Context(), zmq.XSUB, HIGH_WATER_MARK, 0)
-        socket.setsockopt(zmq.IPV6, int("[" in endpoint))
-        socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
-        socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 3 * HEARTBEAT_MS)
-        super().__init__(socket, endpoint, (SAMPLES,), timeout)
+        options = {
+            zmq.RCVHWM: HIGH_WATER_MARK,
+            zmq.LINGER: 0,
+            zmq.IPV6: int("[" in endpoint),
+            zmq.HEARTBEAT_IVL: HEARTBEAT_MS,
+            zmq.HEARTBEAT_TIMEOUT: 3 * HEARTBEAT_MS,
+        }
+        if not self.connect(endpoint, (SAMPLES,), options, timeout):
+            raise InputError(f"{address}: no program publishes samples there")
+
+    def connect(
+        self,
+        endpoint: str,
+        topics: tuple[bytes, ...],
+        options: dict[zmq.SocketOption, int],
+        timeout: float,
+    ) -> bool:
+        """Subscribe to topics; return whether somebody publishes there, within a time, s."""
+        self.context = zmq.Context()
+        self.socket = self.context.socket(zmq.XSUB)
+        for option, value in options.items():
+            self.socket.setsockopt(option, value)
+        self.monitor = self.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        self.lost, self.next, self.ended = 0, -1, False
+        self.poller = zmq.Poller()
+        for socket in (self.socket, self.monitor):
+            self.poller.register(socket, zmq.POLLIN)
+        greeting = b""
+        try:
+            self.socket.connect(endpoint)
+            for topic in topics:
+                self.socket.send(b"\1" + topic)
+            if self.socket.poll(int(1e3 * timeout)):
+                greeting = self.socket.recv()
+        finally:
+            if not greeting.startswith(ABOUT):
+                self.close()
+        if self.socket.closed:
+            return False
+        self.about: dict[str, Any] = json.loads(greeting[len(ABOUT) :])
+        self.dtype = np.dtype([(name, kind) for name, kind in self.about["dtype"]])
+        return True
 
     def __iter__(self) -> Iterator[Rows]:
         """Yield arrays of samples, as they come."""
@@ -65,6 +112,39 @@ class Subscription(Feed):
             if topic == SAMPLES:
                 yield self.read_rows(*parts)
 
+    def receive(self, wait_ms: int) -> list[bytes]:
+        """The parts of the next message; nothing where none comes in this time."""
+        ready = dict(self.poller.poll(wait_ms))
+        # the last samples may come a moment after the news that the publisher has gone
+        if self.socket in ready or (ready and self.socket.poll(POLL_MS)):
+            return self.socket.recv_multipart()
+        if ready:
+            self.ended = True
+        return []
+
+    def read_rows(self, header: bytes, data: bytes) -> Rows:
+        """The rows of a message; counts those before it that were missed."""
+        words = json.loads(header)
+        missed = words["first"] - self.next if self.next >= 0 else 0
+        if missed > 0:
+            self.lost += missed
+            self.tell_loss(missed)
+        self.next = words["first"] + words["count"]
+        return np.frombuffer(data, self.dtype)
+
+    def tell_loss(self, missed: int) -> None:
+        """Tell the publisher how many rows were missed."""
+        with suppress(zmq.ZMQError):  # the publisher may have gone
+            self.socket.send(LOST + b"%d" % missed, zmq.NOBLOCK)
+
     def stop(self) -> None:
         """End the iteration of another thread."""
         self.ended = True
+
+    def close(self) -> None:
+        """Leave the publication; a second call does nothing."""
+        if not self.socket.closed:
+            self.socket.disable_monitor()
+            self.monitor.close()
+            self.socket.close()
+            self.context.term()

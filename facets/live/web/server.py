@@ -18,7 +18,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.extras import require_extra
-from ..streams.feed import RunFeed
+from ..streams.run_feed import RunFeed
 from .guard import Guard, place
 from .hub import Hub, Page
 
@@ -183,7 +183,7 @@ async def condense(hub: Hub, feed: RunFeed) -> None:
         if rows or statuses or rate != last_rate:
             hub.share()
         last_rate = rate
-        feed.report(feed.count, len(hub.pages))
+        feed.report(feed.next - feed.lost, len(hub.pages))
         await asyncio.sleep(0.0 if sum(map(len, rows)) >= MAX_ROWS_AT_ONCE else 1 / UPDATES_PER_S)
     good = "The run has ended."
     bad = "The program that acquires has ended without a message; see its terminal."

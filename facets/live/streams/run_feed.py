@@ -1,0 +1,72 @@
+"""What a run publishes, in a process that it has started, and the way back to the run."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from contextlib import suppress
+from typing import Any
+
+import zmq
+
+from .subscription import Rows, Subscription
+from .zeromq import (
+    END,
+    FROM,
+    LINGER_MS,
+    REPORT_INTERVAL_S,
+    SAMPLES,
+    SHORT_HIGH_WATER_MARK,
+    START_TIMEOUT_S,
+    STATUS,
+)
+
+
+class RunFeed(Subscription):
+    """Samples and status of the run that started this process, until it ends.
+
+    setup: what the run has to say to this process alone.  has_end: whether the run has said that
+    nothing more comes, instead of breaking off.
+    """
+
+    def __init__(self) -> None:
+        self.setup: dict[str, Any] = json.load(sys.stdin)
+        self.token, self.has_end, self.due = self.setup["token"].encode(), False, 0.0
+        options = {zmq.RCVHWM: SHORT_HIGH_WATER_MARK, zmq.LINGER: LINGER_MS}
+        topics = (self.token, SAMPLES, STATUS, END)
+        if not self.connect(self.setup["endpoint"], topics, options, START_TIMEOUT_S):
+            raise SystemExit("the run has gone")
+        self.next = 0
+
+    def take(self, most: int, wait_ms: int = 0) -> tuple[list[Rows], list[dict[str, Any]]]:
+        """Rows and statuses, as they come; no further message once there are `most` rows.
+
+        wait_ms: for the first message.
+        """
+        parts, statuses, room = list[Rows](), list[dict[str, Any]](), most
+        while room > 0 and not self.ended and (message := self.receive(wait_ms)):
+            topic, *content = message
+            wait_ms = 0
+            if topic == SAMPLES:
+                parts.append(self.read_rows(*content))
+                room -= len(parts[-1])
+            elif topic == STATUS:
+                statuses.append(json.loads(content[0]))
+            elif topic == END:
+                self.ended = self.has_end = True
+        return parts, statuses
+
+    def tell_loss(self, missed: int) -> None:
+        """The run is told by `report`."""
+
+    def report(self, sent: int, receivers: int | None) -> None:
+        """Tell the run what became of the samples, every now and then and at the end."""
+        if self.ended or time.monotonic() >= self.due:
+            self.due = time.monotonic() + REPORT_INTERVAL_S
+            self.tell(sent=sent, dropped=self.next - sent, receivers=receivers)
+
+    def tell(self, **words: Any) -> None:
+        """Say something to the run, which may have gone."""
+        with suppress(zmq.ZMQError):
+            self.socket.send(FROM + self.token + b" " + json.dumps(words).encode(), zmq.NOBLOCK)
