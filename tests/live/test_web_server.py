@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.experiments import kills
+from facets.experiments.studies import kills
 from programs import GUARD, await_true
 from streams import BENCH, page_rows
 
