@@ -37,7 +37,7 @@ CONFIG = facets.load("shaker")
 BODY = CONFIG.motions["shaken"]
 assert isinstance(BODY, Vibration)
 RECORD = replace(BODY, rate=1000.0, samples=120_000)
-NOISE = noise_deviation(CONFIG, np.zeros(8), MIRROR)
+NOISE = noise_deviation(CONFIG, np.zeros(8), np.ones(3, dtype=bool), MIRROR)
 #: Distance of the lines, Hz: 12 to 19 lines in the half-power widths of the modes.
 RESOLUTION_HZ = 0.125
 #: Lines in the half-power width at which the bias at the peak is measured.

@@ -23,7 +23,8 @@ from ..core.units import Booleans, Floats, Integers
 from ..estimation.differences import propagate_in_light
 from ..estimation.dwells import mean, per_row, stands_of_axis
 from ..estimation.plan import Plan
-from ..files.tables import read_chunks
+from ..estimation.samples import common_detectors, read_used
+from ..files.tables import read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
 
 #: Columns of a table of commands, with the unit in that of the code.
@@ -55,11 +56,14 @@ class PoseSeries:
         (n, 8) mm and rad; NaN without a pose.
     misfit
         (n,) whether the residual is beyond chance; such a row is left out.
+    used
+        (n, 3) detectors that took part; None: all.
     """
 
     time: Floats
     states: Floats
     misfit: Booleans
+    used: Booleans | None = None
 
     @property
     def has_pose(self) -> Booleans:
@@ -90,7 +94,7 @@ def recorded_series(columns: dict[str, Any]) -> PoseSeries:
     """The poses of a recording from the columns of its table."""
     states = np.column_stack([columns[name] for name in STATE_COLUMNS]) * STATE_UNITS
     time = columns["host_s"] - columns["host_s"][0]
-    return PoseSeries(time, states, columns["misfit"] > 0)
+    return PoseSeries(time, states, columns["misfit"] > 0, read_used(columns["used"]))
 
 
 def read_series(path: Path) -> PoseSeries:
@@ -114,7 +118,9 @@ def read_series(path: Path) -> PoseSeries:
         )
     zero = np.zeros(rows)
     states = np.column_stack([columns.get(key, zero) for key in STATE_COLUMNS]) * STATE_UNITS
-    return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0)
+    words = read_words(path, "used")
+    used = None if words is None else read_used(words)
+    return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0, used)
 
 
 def read_commands(path: Path, axis: str) -> Commands:
@@ -368,6 +374,10 @@ def make_visits(
         run[n] = int(((target[:n] == target[n]) & (direction[:n] == direction[n])).sum())
     states = np.array([[mean(column) for column in series.states[part].T] for part in parts])
     samples = np.array([np.isfinite(series.states[part, 0]).sum() for part in parts], float)
+    used = None
+    if series.used is not None:
+        rows = (series.used[part][np.isfinite(series.states[part, 0])] for part in parts)
+        used = np.stack([common_detectors(some) for some in rows])
     return Visits(
         targets,
         target,
@@ -376,15 +386,14 @@ def make_visits(
         np.array([float(series.time[part].mean()) for part in parts]),
         states,
         samples,
-        excess_scatter(series, parts, states, sensor, plan),
+        excess_scatter(series, parts, propagate_in_light(sensor, states, plan, used).noise),
+        used=used,
     )
 
 
-def excess_scatter(
-    series: PoseSeries, parts: list[slice], states: Floats, sensor: Sensor, plan: Plan
-) -> Floats:
+def excess_scatter(series: PoseSeries, parts: list[slice], noise: Floats) -> Floats:
     """The scatter (6,) of the means of parts of stands, over that of the sensor's noise; 1 or more,
-    and 1 where stands have too few rows to tell."""
+    and 1 where stands have too few rows to tell.  noise: its covariance (k, 8, 8) at the stands."""
     rows = [series.states[part, :6] for part in parts]
     rows = [some[np.isfinite(some[:, 0])] for some in rows]
     long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]
@@ -394,7 +403,6 @@ def excess_scatter(
     ends = np.cumsum([len(rows[n]) for n in long])
     slices = [slice(int(end) - len(rows[n]), int(end)) for n, end in zip(long, ends, strict=True)]
     measured = per_row(joined, slices, np.ones((len(long), 6)))
-    noise = propagate_in_light(sensor, states[long], plan).noise
-    expected = np.median(np.diagonal(noise, axis1=1, axis2=2)[:, :6], axis=0)
+    expected = np.median(np.diagonal(noise[long], axis1=1, axis2=2)[:, :6], axis=0)
     excess: Floats = np.sqrt(np.maximum(1.0, measured / np.maximum(expected, 1e-300)))
     return excess

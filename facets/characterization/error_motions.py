@@ -27,6 +27,7 @@ from ..detectors.calibrated import MISFIT
 from ..detectors.noise import step_variances
 from ..estimation.differences import carry, lasting_covariance, propagate_in_light
 from ..estimation.plan import Plan, make_plan
+from ..estimation.samples import common_detectors
 from ..estimation.solution import root_of_covariance
 from ..estimation.uncertainty import Propagation, propagate
 
@@ -100,6 +101,8 @@ class Visits:
         the standard deviation, 1 or more.
     trend
         (k, 6) drift of the errors that is removed; mm and rad.
+    used
+        (k, 3) detectors that took part in each stand; None: all.
     """
 
     targets: Floats
@@ -111,12 +114,14 @@ class Visits:
     samples: Floats
     excess: Floats
     trend: Floats | float = 0.0
+    used: Booleans | None = None
 
     def select(self, kept: Booleans, trend: Floats) -> Visits:
         """The stands that `kept` selects, without a drift (k, 6)."""
         names = ("target", "direction", "run", "time", "states", "samples")
         some = {name: getattr(self, name)[kept] for name in names}
-        return replace(self, **some, trend=trend[kept])
+        used = None if self.used is None else self.used[kept]
+        return replace(self, **some, trend=trend[kept], used=used)
 
     def grid(self, values: Floats) -> Floats:
         """Values (..., k) of the stands by target, direction and run: (..., m, 2, n)."""
@@ -341,13 +346,15 @@ def draw_pose_errors(
     count, kinds = len(visits.states), len(sides)
     draws = min(MOST_DRAWS, max(400, MOST_NUMBERS // (6 * count)))
     rng = np.random.default_rng(SEED)
-    by_stand = propagate_in_light(sensor, visits.states, plan)
+    used = np.ones((count, 3), dtype=bool) if visits.used is None else visits.used
+    by_stand = propagate_in_light(sensor, visits.states, plan, used)
     noise = by_stand.noise / visits.samples[:, None, None]
     noise[:, :6, :6] *= np.outer(visits.excess, visits.excess)
-    noise += doubtful_covariance(sensor, by_stand, visits.states, plan, is_tracked)
+    noise += doubtful_covariance(sensor, by_stand, (visits.states, used), plan, is_tracked)
     states = np.stack([visits.states[side == n].mean(axis=0) for n in range(kinds)])
-    by_side = propagate_in_light(sensor, states, plan)
-    again = doubtful_covariance(sensor, by_side, states, plan, is_tracked, misfit=False)
+    seen = np.stack([common_detectors(used[side == n]) for n in range(kinds)])
+    by_side = propagate_in_light(sensor, states, plan, seen)
+    again = doubtful_covariance(sensor, by_side, (states, seen), plan, is_tracked, misfit=False)
     if is_tracked:
         by_side.priors[:, :, :2] = 0.0
     lasting = lasting_covariance(sensor, by_side, states)[:, :6, :, :6]
@@ -364,19 +371,21 @@ def draw_pose_errors(
 def doubtful_covariance(
     sensor: Sensor,
     propagation: Propagation,
-    states: Floats,
+    stands: tuple[Floats, Booleans],
     plan: Plan,
     is_tracked: bool,
     misfit: bool = True,
 ) -> Floats:
     """The covariance (k, 8, 8) of errors that may or may not be the same in two visits of a target:
     the converters' steps, the position of a beam that follows, and what a calibration could not
-    explain (with `misfit`)."""
-    places = np.ones((len(states), 3), dtype=bool)
+    explain (with `misfit`).
+
+    stands: their states (k, 8), and the detectors used (k, 3).
+    """
     unit = Calibration(MISFIT, tuple(map(tuple, np.eye(9).tolist())))
-    gain = propagate(sensor, unit, states, places, plan).slopes
+    gain = propagate(sensor, unit, *stands, plan).slopes
     assert gain is not None
-    variances = np.zeros((len(states), 9))
+    variances = np.zeros((len(gain), 9))
     if sensor.electronics is not None:
         variances += np.nan_to_num(step_variances(sensor, propagation.readings))
     if sensor.calibration is not None and misfit:

@@ -15,8 +15,9 @@ from ..core.rigid_body import MeasuredObject, object_displacements
 from ..core.units import Booleans, Floats
 from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
+from ..estimation.samples import common_detectors, read_used
 from ..estimation.uncertainty import propagate
-from ..files.tables import read_chunks
+from ..files.tables import read_chunks, read_words
 from .frequency_response import Stretches, find_stretches
 
 if TYPE_CHECKING:
@@ -60,7 +61,9 @@ def read_signal_table(path: Path, column: str) -> Columns:
         raise InputError(f"{path}: no rows")
     if not any(name in parts[0] for name in TIMES):
         raise InputError(f"{path}: missing columns: {' or '.join(TIMES)}")
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    columns: Columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    words = read_words(path, "used")
+    return columns if words is None else columns | {"used": np.array(words)}
 
 
 def build_signals(
@@ -82,20 +85,22 @@ def build_signals(
     mean = poses[usable].mean(axis=0)
     motion, _, _ = object_displacements(poses, mean, body)
     beam = [columns[key][usable].mean() if key in columns else 0.0 for key in STATE_COLUMNS[6:]]
-    deviation = noise_deviation(config, np.array([*mean, *beam]), body)
+    used = np.ones(3, dtype=bool)
+    if "used" in columns:
+        used = common_detectors(read_used(columns["used"][usable]))
+    deviation = noise_deviation(config, np.array([*mean, *beam]), used, body)
     none = np.zeros(len(time))
     saturated = int((columns.get("flags", none).astype(np.int64) & SATURATED > 0).sum())
     misfits = int((columns.get("misfit", none) > 0).sum())
     return ResponseSignals(stimulus, motion, usable, stretches, deviation, saturated, misfits)
 
 
-def noise_deviation(config: Config, state: Floats, body: MeasuredObject) -> Floats:
-    """Standard deviation (6,) of an object's displacement by the readings' noise in one sample at a
-    state (8,); NaN where the sensor does not determine the pose."""
+def noise_deviation(config: Config, state: Floats, used: Booleans, body: MeasuredObject) -> Floats:
+    """Standard deviation (6,) of an object's displacement by the readings' noise of the detectors
+    used (3,) in one sample at a state (8,); NaN where the sensor does not determine the pose."""
     sensor = config.sensor
     plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
-    used = np.ones((1, 3), bool)
-    propagation = propagate(sensor, None, state[None], used, plan)
+    propagation = propagate(sensor, None, state[None], used[None], plan)
     slopes = object_displacements(state[None, :6], state[:6], body)[1][0]
     variance = np.diagonal(slopes @ propagation.noise[0, :6, :6] @ slopes.T)
     deviation: Floats = np.sqrt(variance)

@@ -191,12 +191,15 @@ def step_uncertainties(
     return out
 
 
-def propagate_in_light(sensor: Sensor, states: Floats, plan: Plan) -> Propagation:
-    """`propagate` of states (n, 8) with light on all three detectors; NaN where one has no
-    reading."""
-    used = np.ones((len(states), 3), dtype=bool)
+def propagate_in_light(
+    sensor: Sensor, states: Floats, plan: Plan, used: Booleans | None = None
+) -> Propagation:
+    """`propagate` of states (n, 8) with light on the detectors that were used (n, 3), or on all;
+    NaN where one of these has no reading."""
+    if used is None:
+        used = np.ones((len(states), 3), dtype=bool)
     found = propagate(sensor, sensor.calibration, states, used, plan)
-    is_dark = np.isnan(found.readings).any(axis=1)
+    is_dark = (np.isnan(found.readings) & np.repeat(used, 3, axis=1)).any(axis=1)
     found.noise[is_dark], found.statistical[is_dark] = np.nan, np.nan
     return found
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core.arguments import check_arguments
 from ..core.names import DETECTORS, POSE, STATE_COLUMNS, STATE_UNITS
@@ -98,6 +99,24 @@ def worded_columns(columns: dict[str, Any]) -> dict[str, Any]:
         "used": np.array(["".join(letters[(n & DETECTOR_BITS) > 0]) for n in range(8)]),
     }
     return columns | {name: words[name][columns[name]] for name in words if name in columns}
+
+
+def read_used(used: ArrayLike) -> Booleans:
+    """Whether each detector took part (n, 3), by a column `used`: bits, or letters."""
+    column = np.asarray(used)
+    if column.dtype.kind in "iu":
+        return np.asarray(column[:, None] & DETECTOR_BITS > 0)
+    words = column.astype(str)
+    return np.stack([np.char.find(words, letter) >= 0 for letter in DETECTORS], axis=1)
+
+
+def common_detectors(used: Booleans) -> Booleans:
+    """The detectors (3,) that took part in all of some samples (n, 3); where these are fewer than
+    two, the two that took part in most of them."""
+    common = np.asarray(used.all(axis=0))
+    if common.sum() < 2:
+        common = np.arange(3) != int(np.argmin(used.sum(axis=0)))
+    return common
 
 
 #: The parts of an uncertainty that a table has beside the whole where a calibration is known.

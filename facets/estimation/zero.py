@@ -10,11 +10,12 @@ import numpy as np
 
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
-from ..core.names import DETECTORS, POSE, STATE_COLUMNS, STATE_UNITS
+from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats, Integers
 from ..files import tables
 from .differences import ZeroPose, make_zero
 from .plan import make_plan
+from .samples import read_used
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -208,8 +209,7 @@ def zero_of_table(path: Path, config: Config) -> ZeroPose:
         fitting.append(fits)
     used, words = None, tables.read_words(path, "used")
     if words is not None:
-        letters = np.array([[letter in word for letter in DETECTORS] for word in words], bool)
-        used = letters.reshape(-1, 3)[np.concatenate(fitting or [np.zeros(0, bool)])]
+        used = read_used(words)[np.concatenate(fitting or [np.zeros(0, bool)])]
     try:
         zero = zero_of_samples(config, np.concatenate(states or [np.empty((0, 8))]), used=used)
     except InputError as error:

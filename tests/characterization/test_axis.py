@@ -137,6 +137,19 @@ def series(commands, seed):
 UP_AND_DOWN = np.array([0, 1, 2, 3, 3, 2, 1, 0.0])
 
 
+def test_stands_that_two_detectors_measured_have_their_uncertainty():
+    """Without a detector the poses are less certain, in every quantity."""
+    poses = series(UP_AND_DOWN, 3)
+    used = np.ones((len(poses.states), 3), dtype=bool)
+    used[100:, 2] = False
+    commands = Commands(UP_AND_DOWN, approach_directions(UP_AND_DOWN))
+    test, sizes = AxisTest("Z", commands, shortest_s=0.1), []
+    for detectors in (None, used):
+        report = evaluate_axis(SENSOR, KNOWN, replace(poses, used=detectors), test)
+        sizes.append([value.expanded for value in report.quantities[2]])
+    assert np.nanmin(np.array(sizes[1]) / np.array(sizes[0])) > 1.7
+
+
 def visit(poses, commands=UP_AND_DOWN, axis="Z"):
     known = None if commands is None else Commands(commands, approach_directions(commands))
     return find_visits(
@@ -211,8 +224,10 @@ def test_a_recording_and_a_table_have_the_same_poses(tmp_path):
     states = np.array([np.arange(8), [np.nan] * 8])
     columns = dict(zip(STATE_COLUMNS, states.T, strict=True))
     columns |= {"host_s": np.array([7.0, 7.5]), "misfit": np.array([0, 3])}
-    write_table(tmp_path / "poses.csv", columns, {})
-    for poses in (recorded_series(columns), read_series(tmp_path / "poses.csv")):
+    bits, words = {"used": np.array([3, 7])}, {"used": np.array(["ab", "abc"])}
+    write_table(tmp_path / "poses.csv", columns | words, {})
+    for poses in (recorded_series(columns | bits), read_series(tmp_path / "poses.csv")):
+        assert poses.used.tolist() == [[True, True, False], [True, True, True]]
         assert poses.time.tolist() == [0, 0.5]
         assert poses.misfit.tolist() == [False, True]
         np.testing.assert_allclose(poses.states, states * STATE_UNITS)
