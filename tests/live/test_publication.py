@@ -274,6 +274,7 @@ def test_a_process_that_dies_is_told_and_the_run_does_not_wait_for_it():
 
 def test_no_process_survives_a_run_that_is_killed():
     """Nor does a subscriber wait for it."""
+    pytest.importorskip("aiohttp")
     with datagram_socket() as (_, port):
         command = [sys.executable, "-c", RUN, f"udp://127.0.0.1:{port}"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
@@ -281,15 +282,18 @@ def test_no_process_survives_a_run_that_is_killed():
             with Subscription(place) as subscription:
                 run.kill()
                 assert list(subscription) == []
+    assert len(processes) == 2
     await_true(lambda: not any(map(is_running, processes)), "the ends of the run's processes")
 
 
 RUN = """
 import sys
 import facets
-from facets.live import Publications
+from facets.live import Publications, WebPage
 
-publications = Publications(["zmq://127.0.0.1:0", *sys.argv[1:]], facets.load("bench"))
+config = facets.load("bench")
+publications = Publications(["zmq://127.0.0.1:0", *sys.argv[1:]], config)
+WebPage(publications.outlet, config, "0", dict, {"kind": "acquire"}, drawn={})
 print(publications.places()[0], *(one.process.pid for one in publications.outlet.relays))
 sys.stdout.flush()
 while True:

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import zmq
 from facets.experiments.studies import kills
 from programs import GUARD, await_true
 from streams import BENCH, page_rows
@@ -314,6 +315,38 @@ def test_the_pages_button_resumes_and_nothing_else_that_a_page_says_does(still):
     asyncio.run(asyncio.wait_for(say("go", '{"resume": true}', "Resume", "resume"), GUARD))
     assert pressed == [True]
     assert still.trouble == ""
+
+
+def test_nothing_that_a_subscriber_says_resumes_the_stage_and_nothing_secret_is_published():
+    pressed, heard = [], []
+    context = zmq.Context()
+    with (
+        Publications(["zmq://127.0.0.1:0"], BENCH) as publications,
+        context.socket(zmq.XSUB) as spy,
+    ):
+        outlet = publications.outlet
+        more = {"kind": "acquire"}
+        page = WebPage(outlet, BENCH, "0", lambda: {"messages": []}, more, drawn={"x.js": "drawn"})
+        page.resume = lambda: pressed.append(True)
+        spy.connect(outlet.places[0].replace("zmq", "tcp"))
+        spy.send(b"\1")  # every topic
+        words = b'{"resume": true}'
+        for token in (b"", b"0" * 32, b"*", page.url.encode()):
+            spy.send(b"from " + token + b" " + words)
+        for said in (b"resume", words, b"status" + words, b"from", b"lost 7"):
+            spy.send(said)
+        await_true(lambda: outlet.hear() or outlet.missed == 7, "the last word")
+        outlet.send(page_rows(10))
+        outlet.refresh()
+        await_pages(page, 0)
+        page.outlet.close()
+        while spy.poll(1_000):
+            heard += spy.recv_multipart()
+    context.term()
+    assert pressed == []
+    assert {b"samples", b"status", b"end"} <= set(heard)
+    for secret in (page.token, page.url.split("/")[-2].encode(), b"drawn"):
+        assert secret not in b"".join(heard)
 
 
 def test_what_happened_in_a_recorded_run_is_told_at_its_time(tmp_path):

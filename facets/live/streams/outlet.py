@@ -202,7 +202,7 @@ class Outlet:
         self.is_ending, begin = True, time.monotonic()
         while any(relay.has_time(begin) for relay in self.relays):
             self.socket.send(END, zmq.NOBLOCK)  # again, as it may have found no place
-            self.hear(RETRY_MS)
+            self.hear(10 * RETRY_MS)
         for relay in self.relays:
             relay.end()
         self.context.destroy()
