@@ -16,7 +16,16 @@ from ..scalars.dual import Dual, value_and_slope
 from .bench_light import scene, scene_readings
 from .central import Side
 from .curved_light import apparent_scene, apply, back_projection
-from .forward import Facet, Geometry, Scene, Three, dark_scene, mirror_facets, path, replace_light
+from .forward import (
+    Geometry,
+    LitFacet,
+    Scene,
+    Three,
+    dark_scene,
+    mirror_facets,
+    path,
+    replace_light,
+)
 from .gradient import Gradient, edge_turns, gradients, state_row
 from .profile import apply_profile, moment_slopes
 from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
@@ -175,7 +184,7 @@ def apparent_axes(
 
 
 def approximate_rows(
-    facet: Facet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
+    facet: LitFacet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
 ) -> Three:
     """The derivatives of a detector's readings by the state, the edges' effects held.
 
