@@ -48,7 +48,7 @@ from .bench_rays import RayBench, spots
 REFERENCE = np.array([1e-4] * 3 + [5e-7] * 3)
 #: Half widths of the motion, mm and rad.
 BOX = np.array([0.12, 0.12, 2.0, 6e-3, 6e-3, 8e-3])
-#: How far a motion to calibrate with goes in x and y, mm: over the beam's sigma of 0.21, so that
+#: Reach of a motion to calibrate with in x and y, mm: over the beam's sigma of 0.21, so that
 #: the powers bend, which alone parts gains, strips and the beam's size from the apex's place.
 REACH_MM = 0.25
 #: Least distance of spots on a bench from a detector's edge, mm; nearer spots lose light that

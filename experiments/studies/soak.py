@@ -49,7 +49,7 @@ from facets.live.virtual import SENT, Bench, BenchSetup, Faults, truth_of
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
 #: An error of more than this many standard uncertainties is wrong: once in 1e10 numbers, by chance.
 WRONG = 6.5
-#: So long a reader may take to begin, and to tell, s.
+#: Longest time that a reader may take to begin, and to report, s.
 PATIENCE_S = 60.0
 
 #: A program that calculates without end, and one that works in bursts and starts others, as a

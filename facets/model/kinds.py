@@ -17,7 +17,8 @@ LIT = {
 }
 
 
-#: The same of light that apertures cut, which knows no other effects; ideal light has none.
+#: The kinds of light that apertures cut, as in LIT: coatings are its only effects; None for ideal
+#: light.
 CUT = {"cut": None, **{f"cut_{kind}": LIT[kind] for kind in LIT if not LIT[kind][2]}}
 
 

@@ -18,7 +18,7 @@ from .central import Side
 from .curved_light import apparent_scene, apply, back_projection
 from .forward import (
     Geometry,
-    MirrorFacet,
+    LitFacet,
     Scene,
     Three,
     dark_scene,
@@ -184,7 +184,7 @@ def apparent_axes(
 
 
 def approximate_rows(
-    facet: MirrorFacet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
+    facet: LitFacet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
 ) -> Three:
     """The derivatives of a detector's readings by the state, the edges' effects held.
 

@@ -21,7 +21,7 @@ from .curved_light import (
 from .edge_light import (
     FAINT,
     EdgeEffects,
-    FacetSpot,
+    ImagedSpot,
     add_apex_loss,
     add_rolloff,
     add_streak_loss,
@@ -30,7 +30,7 @@ from .edge_light import (
     light_after_wear,
 )
 from .effects import reflectances
-from .forward import Geometry, MirrorFacet, Scene, Three, dark_scene, illuminate, mirror_facets
+from .forward import Geometry, LitFacet, Scene, Three, dark_scene, illuminate, mirror_facets
 from .profile import apply_profile
 from .vectors import Plane, Vector, add, combine, cross, dot
 
@@ -61,7 +61,7 @@ def add_background(spot: Plane, power: Number, other: Three) -> Three:
     )
 
 
-def reading(facet: MirrorFacet, back: tuple[Any, Any, Any, Any], steps: Three) -> Three:
+def reading(facet: LitFacet, back: tuple[Any, Any, Any, Any], steps: Three) -> Three:
     """The reading (psi, zeta, power) of a facet's detector, mm and mW.
 
     back: from `back_projection`.  steps: from `edge_step`, for each of the mirror's edges.
@@ -81,7 +81,7 @@ def reading(facet: MirrorFacet, back: tuple[Any, Any, Any, Any], steps: Three) -
     total = EdgeEffects(zero, (zero, zero))
     circle = 2 * pi(mass)
     scatter = light.wavelength * image.path / (circle * circle)
-    spot = FacetSpot(facet, image, centre, scatter)
+    spot = ImagedSpot(facet, image, centre, scatter)
     streaks = edge_streak(spot, both[0]), edge_streak(spot, both[1])
     total = add_rolloff(spot, streaks[0], moved, 0, total)
     total = add_rolloff(spot, streaks[1], moved, 1, total)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
-from .forward import Geometry, MirrorFacet, Scene, project_to_sigmas
+from .forward import Geometry, LitFacet, Scene, project_to_sigmas
 from .rays import reflect
 from .vectors import (
     Matrix,
@@ -82,7 +82,7 @@ class DetectorImage(NamedTuple):
     path: Number
 
 
-def detector_image(facet: MirrorFacet) -> DetectorImage:
+def detector_image(facet: LitFacet) -> DetectorImage:
     geometry, at, normal, (x, y, z) = facet.geometry, facet.at, facet.normal, facet.axes
     axes = reflect(x, normal), reflect(y, normal), reflect(z, normal)
     # Measured from the image's centre.

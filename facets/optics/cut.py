@@ -19,7 +19,7 @@ from .bench_gradient import slopes_of_detector, wedge_slopes
 from .bench_light import add_background, reflectance
 from .forward import (
     Geometry,
-    MirrorFacet,
+    LitFacet,
     Scene,
     Three,
     dark_scene,
@@ -55,7 +55,7 @@ class CutLight(NamedTuple):
     spans: tuple[Three, ...]
 
 
-def outline(facet: MirrorFacet) -> tuple[SideLine, ...]:
+def outline(facet: LitFacet) -> tuple[SideLine, ...]:
     """The sides of a facet's light: its first and second edge, tip, rim, and the detector's edges
     at -y, +y, -z and +z; infinitely far where there is no such limit, except for the tip."""
     geometry, at = facet.geometry, facet.at
@@ -78,7 +78,7 @@ def outline(facet: MirrorFacet) -> tuple[SideLine, ...]:
     )
 
 
-def edge_line(facet: MirrorFacet, which: int) -> SideLine:
+def edge_line(facet: LitFacet, which: int) -> SideLine:
     """One of a facet's two edges, half the gap inside."""
     geometry, q, sense = facet.geometry, facet.at.q, 1.0 - 2.0 * which
     (x, y), along = facet.sides[which], facet.edges[which]
@@ -89,7 +89,7 @@ def edge_line(facet: MirrorFacet, which: int) -> SideLine:
     return SideLine(sense * (q[0] * y - q[1] * x) - away, sense * y, -sense * x)
 
 
-def landing_slope(facet: MirrorFacet, leaving: Vector, axis: int) -> Plane:
+def landing_slope(facet: LitFacet, leaving: Vector, axis: int) -> Plane:
     """The change of a landing coordinate over the beam's cross-section, mm a sigma."""
     geometry, axes = facet.geometry, facet.axes
     along = slant(axes[axis], leaving, axes[0])
@@ -113,7 +113,7 @@ def limited_line(line: SideLine, is_there: Any, depth: Number) -> SideLine:
     return SideLine(select(near, select(abs(d) > 0, d, HAIR), FAR), line.x, line.y)
 
 
-def passing_light(facet: MirrorFacet) -> CutLight:
+def passing_light(facet: LitFacet) -> CutLight:
     """The light of a facet that reaches its detector.  facet: as if nothing were cut."""
     mass, centroid, _, _ = facet.moments
     openings, sides = facet.geometry.openings, outline(facet)
@@ -165,7 +165,7 @@ def scene_readings(geometry: Geometry, scene: tuple[Scene, Three]) -> tuple[Thre
     return read_spot(on_a, a), read_spot(on_b, b), read_spot(on_c, c)
 
 
-def read_spot(facet: MirrorFacet, values: Three) -> Three:
+def read_spot(facet: LitFacet, values: Three) -> Three:
     """The reading of a spot on a coated facet, with background light; values: without them."""
     geometry = facet.geometry
     power = values[2] * reflectance(geometry, facet.normal, geometry.direction)
@@ -191,7 +191,7 @@ def reading_slopes(
     return slopes_of_detector(a), slopes_of_detector(b), slopes_of_detector(c)
 
 
-def light_with_slope(to: MirrorFacet, at: MirrorFacet, light: CutLight) -> CutLight:
+def light_with_slope(to: LitFacet, at: LitFacet, light: CutLight) -> CutLight:
     """The light of a facet with the derivatives that the facet `to` carries.
 
     at: the same facet without derivatives.  light: of `at`.

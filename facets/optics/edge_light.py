@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, log, maximum, pi, sqrt
 from .curved_light import DetectorImage, Ray, apply, trace_ray
-from .forward import Geometry, MirrorFacet, Scene, project_to_sigmas
+from .forward import Geometry, LitFacet, Scene, project_to_sigmas
 from .profile import density_at_point, moment_slopes
 from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
@@ -86,7 +86,7 @@ def edge_step(
 
 
 def light_after_wear(
-    facet: MirrorFacet, back: tuple[Any, Any, Any, Any], steps: tuple[EdgeStep, EdgeStep]
+    facet: LitFacet, back: tuple[Any, Any, Any, Any], steps: tuple[EdgeStep, EdgeStep]
 ) -> tuple[Number, Plane, Plane]:
     """Mass and centroid of the light on a facet without the strips along its edges and the tip, and
     the shift of its point by the strips, in sigmas.
@@ -123,7 +123,7 @@ def light_after_wear(
     return rest, centroid, d
 
 
-def tip_loss(facet: MirrorFacet, back: tuple[Any, Any, Any, Any]) -> tuple[Number, Plane]:
+def tip_loss(facet: LitFacet, back: tuple[Any, Any, Any, Any]) -> tuple[Number, Plane]:
     """The share of the beam that a facet loses at the worn tip, and its centroid in sigmas.
 
     The facet's part of the tip's area lies between its edges, seen along the mirror's axis; its
@@ -147,14 +147,14 @@ class EdgeEffects(NamedTuple):
     moment: Plane
 
 
-class FacetSpot(NamedTuple):
+class ImagedSpot(NamedTuple):
     """The spot of a facet's light before its edges take their effect.
 
     image: of the detector in the facet.  centre: of the spot, mm.  scatter: wavelength x path /
     4 pi^2, mm^2.
     """
 
-    facet: MirrorFacet
+    facet: LitFacet
     image: DetectorImage
     centre: Plane
     scatter: Number
@@ -181,7 +181,7 @@ def step_on_image(ray: Ray, image: DetectorImage, v: Vector) -> Plane:
     return across - level * ray.slopes[0], up - level * ray.slopes[1]
 
 
-def edge_streak(spot: FacetSpot, step: EdgeStep) -> EdgeStreak:
+def edge_streak(spot: ImagedSpot, step: EdgeStep) -> EdgeStreak:
     """The light that an edge spreads.
 
     The variance of the light along an edge is the sum of those of its rays' landing points and of
@@ -205,7 +205,7 @@ def edge_streak(spot: FacetSpot, step: EdgeStep) -> EdgeStreak:
     )
 
 
-def add_streak_loss(spot: FacetSpot, streak: EdgeStreak, total: EdgeEffects) -> EdgeEffects:
+def add_streak_loss(spot: ImagedSpot, streak: EdgeStreak, total: EdgeEffects) -> EdgeEffects:
     """Add the light of a streak beyond the detector's sensitive area to `total`.
 
     The streak counts as two lines, one standard deviation to both sides of its middle.
@@ -228,7 +228,7 @@ def add_streak_loss(spot: FacetSpot, streak: EdgeStreak, total: EdgeEffects) -> 
 
 
 def add_apex_loss(
-    spot: FacetSpot,
+    spot: ImagedSpot,
     streaks: tuple[EdgeStreak, EdgeStreak],
     back: tuple[Any, Any, Any, Any],
     total: EdgeEffects,
@@ -315,7 +315,7 @@ def corner_squares(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> P
 
 
 def add_rolloff(
-    spot: FacetSpot, streak: EdgeStreak, moved: Plane, which: int, total: EdgeEffects
+    spot: ImagedSpot, streak: EdgeStreak, moved: Plane, which: int, total: EdgeEffects
 ) -> EdgeEffects:
     """Add the effect of an edge of a facet that rolls off to `total`.
 
@@ -334,9 +334,7 @@ def add_rolloff(
     )
 
 
-def strip_mean(
-    facet: MirrorFacet, step: EdgeStep, moved: Plane, width: Number, which: int
-) -> Number:
+def strip_mean(facet: LitFacet, step: EdgeStep, moved: Plane, width: Number, which: int) -> Number:
     """The light along a strip of a facet beside its edge, over the light along the edge itself.
 
     moved: start of the strip, from the apex, in sigmas.  width: of the strip, across the beam, mm.

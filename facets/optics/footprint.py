@@ -13,7 +13,7 @@ from typing import Any
 
 from ..scalars.dispatch import Number, select, sqrt
 from .curved_light import apparent_scene, detector_image, trace_ray
-from .forward import Geometry, MirrorFacet, dark_scene, mirror_facets
+from .forward import Geometry, LitFacet, dark_scene, mirror_facets
 from .limits import central_landing, gradient_per_sigma, outward_direction
 from .rays import gradient_of_shift, reflect, slant
 from .vectors import Plane, cross2, dot, dot2, subtract
@@ -47,7 +47,7 @@ def arc_reach(
     return radius * size, cross2(u1, top), cross2(top, u2)
 
 
-def extent(facet: MirrorFacet, slope: Plane, centre: Number) -> tuple[Number, Number]:
+def extent(facet: LitFacet, slope: Plane, centre: Number) -> tuple[Number, Number]:
     """The least and largest of a length over the footprint of a facet's light, mm.
 
     slope: the length's change per sigma across the beam; centre: its value for the beam's central
@@ -69,7 +69,7 @@ def extent(facet: MirrorFacet, slope: Plane, centre: Number) -> tuple[Number, Nu
     return select(empty, nan, centre + least), select(empty, nan, centre + most)
 
 
-def curved_slopes(facet: MirrorFacet) -> tuple[Plane, Plane]:
+def curved_slopes(facet: LitFacet) -> tuple[Plane, Plane]:
     """The changes of psi and zeta per sigma across a beam with a curved wavefront, mm."""
     image = detector_image(facet)
     middle = trace_ray(image, (0.0, 0.0)).spot
@@ -83,7 +83,7 @@ def curved_slopes(facet: MirrorFacet) -> tuple[Plane, Plane]:
     )
 
 
-def collimated_slopes(facet: MirrorFacet) -> tuple[Plane, Plane]:
+def collimated_slopes(facet: LitFacet) -> tuple[Plane, Plane]:
     """The changes of psi and zeta per sigma across a collimated beam, mm."""
     geometry, normal = facet.geometry, facet.normal
     x, y, z = facet.axes
@@ -104,7 +104,7 @@ def footprints(geometry: Geometry, state: tuple[Number, ...]) -> Any:
 
 
 def footprint(
-    facet: MirrorFacet, across: tuple[Plane, Plane]
+    facet: LitFacet, across: tuple[Plane, Plane]
 ) -> tuple[Number, Number, Number, Number, Number]:
     """(least psi, largest psi, least zeta, largest zeta) of a facet's spot on its detector, and the
     largest distance from the mirror's axis at which its light meets the facet; mm. NaN as `extent`

@@ -229,7 +229,7 @@ def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:
     return at._replace(integrals=integrals, moments=moments)
 
 
-class MirrorFacet(NamedTuple):
+class LitFacet(NamedTuple):
     """One facet of a mirror at a state, its light, and the detector to which it reflects.
 
     geometry, at: the sensor and its scene.  k: number of the facet and of its detector.
@@ -250,7 +250,7 @@ class MirrorFacet(NamedTuple):
     axes: Matrix
 
 
-def mirror_facets(geometry: Geometry, at: Scene) -> tuple[MirrorFacet, MirrorFacet, MirrorFacet]:
+def mirror_facets(geometry: Geometry, at: Scene) -> tuple[LitFacet, LitFacet, LitFacet]:
     return (
         mirror_facet(geometry, at, 0),
         mirror_facet(geometry, at, 1),
@@ -258,9 +258,9 @@ def mirror_facets(geometry: Geometry, at: Scene) -> tuple[MirrorFacet, MirrorFac
     )
 
 
-def mirror_facet(geometry: Geometry, at: Scene, k: int) -> MirrorFacet:
+def mirror_facet(geometry: Geometry, at: Scene, k: int) -> LitFacet:
     following = (k + 1) % 3
-    return MirrorFacet(
+    return LitFacet(
         geometry=geometry,
         at=at,
         k=k,
@@ -286,7 +286,7 @@ class Path(NamedTuple):
     length: Number
 
 
-def path(facet: MirrorFacet) -> Path:
+def path(facet: LitFacet) -> Path:
     """The path of the ray that carries the centroid of the light on a facet to its detector."""
     geometry, at, normal = facet.geometry, facet.at, facet.normal
     centroid = facet.moments[1]
@@ -304,7 +304,7 @@ def path(facet: MirrorFacet) -> Path:
     )
 
 
-def reading(facet: MirrorFacet, ray: Path) -> Three:
+def reading(facet: LitFacet, ray: Path) -> Three:
     """The reading (psi, zeta, power) of a facet's detector, mm and mW; Eq. (9).
 
     NaN where the facet does not face the beam or its sub-beam does not get to the detector's plane.

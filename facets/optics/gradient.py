@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ..scalars.dispatch import Number
 from .forward import (
     Geometry,
-    MirrorFacet,
+    LitFacet,
     Path,
     Scene,
     Three,
@@ -51,7 +51,7 @@ class Gradient(NamedTuple):
 
 
 def landing_gradient(
-    facet: MirrorFacet, ray: Path, along: Vector, first: Plane, second: Plane
+    facet: LitFacet, ray: Path, along: Vector, first: Plane, second: Plane
 ) -> Gradient:
     """The gradient of the landing coordinate with the slanted axis `along`.
 
@@ -74,7 +74,7 @@ def landing_gradient(
     )
 
 
-def power_gradient(facet: MirrorFacet, first: Number, second: Number) -> Gradient:
+def power_gradient(facet: LitFacet, first: Number, second: Number) -> Gradient:
     """The gradient of a detector's power.
 
     first, second: the mass's derivatives with respect to the angles of the facet's edges.
@@ -95,7 +95,7 @@ def power_gradient(facet: MirrorFacet, first: Number, second: Number) -> Gradien
     )
 
 
-def gradients(facet: MirrorFacet, ray: Path) -> tuple[Gradient, Gradient, Gradient]:
+def gradients(facet: LitFacet, ray: Path) -> tuple[Gradient, Gradient, Gradient]:
     """The gradients of psi, zeta and power of a facet's detector."""
     mass, _, _, from_point = facet.moments
     mass1, (x1, y1) = turn_derivative(facet.sides[0], facet.integrals[0], mass, from_point)
@@ -124,9 +124,7 @@ def gradient_in_world(geometry: Geometry, gradient: Plane) -> Vector:
     return combine(gradient[0], geometry.whitening[0], gradient[1], geometry.whitening[1])
 
 
-def state_row(
-    facet: MirrorFacet, gradient: Gradient, turns: Three, axes: Matrix
-) -> tuple[Any, ...]:
+def state_row(facet: LitFacet, gradient: Gradient, turns: Three, axes: Matrix) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the eight components of the state.
 
     turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
@@ -159,7 +157,7 @@ def edge_turns(geometry: Geometry, at: Scene) -> Three:
     )
 
 
-def linearise_detector(facet: MirrorFacet, turns: Three, axes: Matrix) -> tuple[Three, Three]:
+def linearise_detector(facet: LitFacet, turns: Three, axes: Matrix) -> tuple[Three, Three]:
     """Return (psi, zeta, power) of a facet's detector and the eight derivatives of each.
 
     turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.

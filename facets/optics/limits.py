@@ -4,7 +4,7 @@ from the mirror's axis it meets a facet."""
 from __future__ import annotations
 
 from ..scalars.dispatch import nan_unless_positive, sqrt
-from .forward import Geometry, MirrorFacet
+from .forward import Geometry, LitFacet
 from .rays import flight, hit, land, reflect
 from .vectors import Plane, Vector, dot, rotate
 
@@ -14,7 +14,7 @@ def gradient_per_sigma(geometry: Geometry, origin: Vector) -> Plane:
     return dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
 
 
-def central_landing(facet: MirrorFacet) -> tuple[Vector, Plane]:
+def central_landing(facet: LitFacet) -> tuple[Vector, Plane]:
     """The direction of the beam's central ray after an unbounded facet, and its landing point on
     the detector, mm; NaN if it never gets there."""
     beam, normal, centre, axes = facet.geometry.direction, facet.normal, facet.centre, facet.axes
@@ -26,7 +26,7 @@ def central_landing(facet: MirrorFacet) -> tuple[Vector, Plane]:
     return leaving, (nan_unless_positive(psi, *clear), nan_unless_positive(zeta, *clear))
 
 
-def outward_direction(facet: MirrorFacet) -> Vector:
+def outward_direction(facet: LitFacet) -> Vector:
     """The direction perpendicular to the mirror's axis in which a facet faces."""
     x, y, z = facet.geometry.normals[facet.k]
     size = sqrt(x * x + y * y)

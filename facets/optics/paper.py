@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.units import Floats
-from .forward import Geometry, MirrorFacet, Path, mirror_facets, path, scene
+from .forward import Geometry, LitFacet, Path, mirror_facets, path, scene
 from .rays import flight, hit, land
 from .vectors import Vector, add, dot
 
@@ -38,12 +38,12 @@ class SubBeamImage(NamedTuple):
     leaving: Floats
 
 
-def landing_point(facet: MirrorFacet, start: Vector, leaving: Vector) -> Floats:
+def landing_point(facet: LitFacet, start: Vector, leaving: Vector) -> Floats:
     axes, centre = facet.axes, facet.centre
     return np.array(land(start, leaving, flight(start, leaving, centre, axes), centre, axes))
 
 
-def sub_beam_image(facet: MirrorFacet, ray: Path) -> SubBeamImage:
+def sub_beam_image(facet: LitFacet, ray: Path) -> SubBeamImage:
     leaving, at = ray.leaving, facet.at
     apex = landing_point(facet, at.apex, leaving)
     under_beam = hit(at.place, facet.geometry.direction, at.apex, facet.normal)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, sin
-from .forward import Geometry, MirrorFacet, Path, Three, mirror_facets, path, reading, scene
+from .forward import Geometry, LitFacet, Path, Three, mirror_facets, path, reading, scene
 from .gradient import Gradient, gradient_in_world, gradient_of_angle, gradients
 from .rays import gradient_of_beam
 from .vectors import (
@@ -70,7 +70,7 @@ def axes_of_psd(psd: tuple[Any, ...]) -> tuple[Vector, Vector, Vector, Vector, V
     return (ca, sa, zero), (-radius * sa, radius * ca, zero), roll_axis, pitch_axis, yaw_axis
 
 
-def beam_turn_gradient(facet: MirrorFacet, ray: Path, gradient: Gradient) -> Vector:
+def beam_turn_gradient(facet: LitFacet, ray: Path, gradient: Gradient) -> Vector:
     """One reading's gradient with respect to a turn of the beam and its cross-section."""
     geometry, at = facet.geometry, facet.at
     reach = dot(subtract(ray.start, ray.origin), geometry.direction)
@@ -82,7 +82,7 @@ def beam_turn_gradient(facet: MirrorFacet, ray: Path, gradient: Gradient) -> Vec
     return subtract(turn, edge_turn_gradient(facet, gradient))
 
 
-def edge_turn_gradient(facet: MirrorFacet, gradient: Gradient) -> Vector:
+def edge_turn_gradient(facet: LitFacet, gradient: Gradient) -> Vector:
     """One reading's gradient with respect to a turn of the mirror's edges about the apex."""
     first, second = facet.edges
     return combine(
@@ -93,7 +93,7 @@ def edge_turn_gradient(facet: MirrorFacet, gradient: Gradient) -> Vector:
     )
 
 
-def sigma_derivatives(facet: MirrorFacet, gradient: Gradient) -> tuple[Number, Number]:
+def sigma_derivatives(facet: LitFacet, gradient: Gradient) -> tuple[Number, Number]:
     """One reading's derivatives with respect to the logarithms of the beam's two sigmas."""
     first, second = facet.sides
     shear = gradient.first * first[0] * first[1] + gradient.second * second[0] * second[1]
@@ -105,7 +105,7 @@ def sigma_derivatives(facet: MirrorFacet, gradient: Gradient) -> tuple[Number, N
 
 
 def beam_derivatives(
-    facet: MirrorFacet, axes: Axes, ray: Path, gradient: Gradient, of_power: Number
+    facet: LitFacet, axes: Axes, ray: Path, gradient: Gradient, of_power: Number
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the beam's six parameters."""
     x, y = sigma_derivatives(facet, gradient)
@@ -120,7 +120,7 @@ def beam_derivatives(
     )
 
 
-def normal_gradients(facet: MirrorFacet, gradient: Gradient) -> tuple[Any, Any, Any]:
+def normal_gradients(facet: LitFacet, gradient: Gradient) -> tuple[Any, Any, Any]:
     """One reading's gradients with respect to the normals of facets A, B and C, in the world."""
     normals, normal, k = facet.at.normals, facet.normal, facet.k
     first = scale(gradient.first, gradient_of_angle(facet.geometry, facet.edges[0]))
@@ -147,7 +147,7 @@ def facet_derivatives(
 
 
 def psd_derivatives(
-    facet: MirrorFacet, along: Vector, landing: tuple[Any, Any], changes: tuple[Any, ...]
+    facet: LitFacet, along: Vector, landing: tuple[Any, Any], changes: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """A landing coordinate's derivatives with respect to its detector's six parameters.
 
@@ -170,7 +170,7 @@ def psd_derivatives(
 
 
 def parameter_row(
-    facet: MirrorFacet,
+    facet: LitFacet,
     axes: Axes,
     ray: Path,
     landing: tuple[Any, Any],
@@ -189,7 +189,7 @@ def parameter_row(
     return (*of_beam, *(each for some in (*of_facets, *of_psds) for each in some))
 
 
-def linearise_detector(facet: MirrorFacet, axes: Axes) -> tuple[Three, Three]:
+def linearise_detector(facet: LitFacet, axes: Axes) -> tuple[Three, Three]:
     """Return (psi, zeta, power) of a facet's detector and the thirty derivatives of each."""
     ray = path(facet)
     psi, zeta, power = reading(facet, ray)

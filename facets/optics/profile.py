@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from ..scalars.dispatch import Number
 from .central import Side
 from .effects import Light, turn_cubic, turn_tensor
-from .forward import Geometry, MirrorFacet, Scene, Three, replace_light
+from .forward import Geometry, LitFacet, Scene, Three, replace_light
 from .vectors import Plane, cross2, dot2
 from .wedge import Moments
 
@@ -116,7 +116,7 @@ def change_moments(q: Plane, moments: Moments, begin: SideChange, end: SideChang
     return whole, (x, y), shift, (x - q[0], y - q[1])
 
 
-def moment_slopes(facet: MirrorFacet) -> tuple[Plane, tuple[Any, Any, Any, Any]]:
+def moment_slopes(facet: LitFacet) -> tuple[Plane, tuple[Any, Any, Any, Any]]:
     """The derivatives by q of the light on a facet: of the logarithm of its mass, with the opposite
     sign, and of its centroid, as xx, xy, yx, yy.
 
@@ -140,7 +140,7 @@ def moment_slopes(facet: MirrorFacet) -> tuple[Plane, tuple[Any, Any, Any, Any]]
     )
 
 
-def density_at_point(facet: MirrorFacet) -> Number:
+def density_at_point(facet: LitFacet) -> Number:
     """The beam's irradiance at the wedges' point, per square sigma."""
     length, first, _, density = facet.integrals[0]
     if facet.geometry.light.options.profiled:

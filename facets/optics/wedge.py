@@ -108,8 +108,8 @@ def wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
     return where_each(faint, bright, tail_wedge, given)
 
 
-#: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
-#: cancellation, and `wedge_by_quadrature` is used.
+#: Below this mass, times 1 + |q|, the closed form has lost two digits to cancellation, and
+#: `tail_wedge` is used.
 FAINT_MASS = 0.01
 #: Above this mass nothing cancels at any distance.
 BRIGHT_MASS = 0.3

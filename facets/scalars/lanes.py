@@ -284,7 +284,7 @@ class LaneWriter(MachineWriter):
         return (wide._fit_lanes(outputs[n], self) for n in range(count))
 
     def _fit_lanes(self, number: Value | float, other: LaneWriter) -> Value:
-        """The same numbers in another writer's lanes, repeated where it has more."""
+        """Convert numbers to another writer's lanes, repeated if it has more lanes."""
         vector, places = self.value(number), [n % self.lanes for n in range(other.lanes)]
         same = other.lanes == self.lanes
         return Value(other, vector if same else shuffle(self.builder, vector, vector, places))

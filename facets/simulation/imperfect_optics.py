@@ -29,7 +29,7 @@ from ..core.sensor import Imperfections, Sensor
 from ..core.units import Floats
 from ..detectors.skew import delay_states
 from ..model.arrays import geometry_of, half_sizes, readings
-from ..optics.forward import Geometry, MirrorFacet, beam_axes, dark_scene, mirror_facets
+from ..optics.forward import Geometry, LitFacet, beam_axes, dark_scene, mirror_facets
 
 #: Numbers of nodes over a wedge's angle, its radius and a strip; end of the light, in sigmas.
 ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0
@@ -148,7 +148,7 @@ def gauss(count: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(count)
 
 
-def origin(facet: MirrorFacet, flaws: Flaws, points: Floats) -> Floats:
+def origin(facet: LitFacet, flaws: Flaws, points: Floats) -> Floats:
     """Starting points (..., 2), mm across the beam, of the rays to points (..., 3) in space."""
     away = points - np.array(facet.at.place)
     height = (away @ np.array(facet.geometry.direction))[..., None, None]
@@ -173,7 +173,7 @@ class FacetEdge:
     across: float
 
     @classmethod
-    def from_facet(cls, facet: MirrorFacet, flaws: Flaws, which: int) -> FacetEdge:
+    def from_facet(cls, facet: LitFacet, flaws: Flaws, which: int) -> FacetEdge:
         """which: 0 for the edge where the facet begins, 1 for the edge where it ends."""
         along = np.array(facet.edges[which])
         along /= np.linalg.norm(along)
@@ -205,7 +205,7 @@ def size_of(geometry: Geometry) -> float:
     return float(np.linalg.norm(np.array(geometry.spread), axis=1).max())
 
 
-def wedge_point(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
+def wedge_point(facet: LitFacet, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
     """The point (2,) of a facet without its lost strips, mm across the beam."""
     apex = origin(facet, flaws, np.array(facet.at.apex))
     lost = [flaws.strips[(facet.k + n) % 3] / 2 * edges[n].across for n in (0, 1)]
@@ -213,7 +213,7 @@ def wedge_point(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> Flo
     return apex + shift
 
 
-def nodes(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
+def nodes(facet: LitFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
     """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of a facet
     without the lost strips."""
     apex = wedge_point(facet, flaws, edges)
@@ -238,7 +238,7 @@ def polar(
     return shares(geometry, flaws, places) * area.ravel(), places
 
 
-def spot_reading(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
+def spot_reading(facet: LitFacet, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
     """psi, zeta and power of a facet's detector, without diffraction and background."""
     parts = [spots(facet, flaws, *nodes(facet, flaws, edges))]
     for which in (0, 1):
@@ -255,7 +255,7 @@ def spot_reading(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> Fl
 
 
 def strip(
-    facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge], which: int
+    facet: LitFacet, flaws: Flaws, edges: list[FacetEdge], which: int
 ) -> tuple[Floats, Floats]:
     """Nodes over the strip along one edge of a facet that rolls off, without its lost part."""
     apex = wedge_point(facet, flaws, edges)
@@ -271,7 +271,7 @@ def strip(
     return shares(facet.geometry, flaws, places) * area, places
 
 
-def tip_nodes(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
+def tip_nodes(facet: LitFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
     """Nodes over a facet's part of the flat disc at the apex, subtracted from the facet's light."""
     axis = np.array([row[2] for row in facet.at.turn])
     level = [edge.along - (edge.along @ axis) * axis for edge in edges]
@@ -290,7 +290,7 @@ def tip_nodes(facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge]) -> tuple
 
 
 def spots(
-    facet: MirrorFacet, flaws: Flaws, weights: Floats, places: Floats, tilt: Floats | None = None
+    facet: LitFacet, flaws: Flaws, weights: Floats, places: Floats, tilt: Floats | None = None
 ) -> Floats:
     """Sums of rays' reflected shares, times psi, zeta and 1.  tilt: added to the facet's normal."""
     spot, light = follow(facet, flaws, places, tilt)
@@ -299,7 +299,7 @@ def spots(
 
 
 def follow(
-    facet: MirrorFacet, flaws: Flaws, places: Floats, tilt: Floats | None = None
+    facet: LitFacet, flaws: Flaws, places: Floats, tilt: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Landing places (n, 2) of rays through places (n, 2), and the reflected share of each (n,)."""
     at, direction = facet.at, np.array(facet.geometry.direction)
@@ -340,7 +340,7 @@ class EdgeScatter:
     width: float
 
 
-def streak(facet: MirrorFacet, flaws: Flaws, edge: FacetEdge) -> EdgeScatter:
+def streak(facet: LitFacet, flaws: Flaws, edge: FacetEdge) -> EdgeScatter:
     """The light that an edge of a facet spreads over the detector."""
     geometry, apex = facet.geometry, np.array(facet.at.apex)
     direction = np.array(geometry.direction)
@@ -365,13 +365,13 @@ def streak(facet: MirrorFacet, flaws: Flaws, edge: FacetEdge) -> EdgeScatter:
     return EdgeScatter(amount, spots, project_on_detector(facet, step), step, width)
 
 
-def scatter(facet: MirrorFacet, flaws: Flaws) -> float:
+def scatter(facet: LitFacet, flaws: Flaws) -> float:
     """Wavelength x path / 4 pi^2, mm^2."""
     path = float(np.linalg.norm(np.array(facet.centre) - np.array(facet.at.apex)))
     return flaws.wavelength * path / (4 * np.pi**2)
 
 
-def project_on_detector(facet: MirrorFacet, step: Floats) -> Floats:
+def project_on_detector(facet: LitFacet, step: Floats) -> Floats:
     """The projection of a step across the beam, in the world, on a facet's detector: (2,)."""
     axes: Floats = np.array(facet.axes)
     normal, direction = np.array(facet.normal), np.array(facet.geometry.direction)
@@ -399,7 +399,7 @@ def wave_spread(
 
 
 def diffract(
-    facet: MirrorFacet, flaws: Flaws, edges: list[FacetEdge], spot: Floats, half: Floats
+    facet: LitFacet, flaws: Flaws, edges: list[FacetEdge], spot: Floats, half: Floats
 ) -> Floats:
     """The reading (3,) of a spot (3,) without the diffracted light that misses the detector.
 
