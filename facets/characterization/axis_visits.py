@@ -23,7 +23,7 @@ from ..core.units import Booleans, Floats, Integers
 from ..estimation.differences import propagate_in_light
 from ..estimation.dwells import mean, per_row, stands_of_axis
 from ..estimation.plan import Plan
-from ..estimation.samples import common_detectors, read_used
+from ..estimation.samples import common_detectors, detectors_of
 from ..files.tables import read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
 
@@ -94,7 +94,7 @@ def recorded_series(columns: dict[str, Any]) -> PoseSeries:
     """The poses of a recording from the columns of its table."""
     states = np.column_stack([columns[name] for name in STATE_COLUMNS]) * STATE_UNITS
     time = columns["host_s"] - columns["host_s"][0]
-    return PoseSeries(time, states, columns["misfit"] > 0, read_used(columns["used"]))
+    return PoseSeries(time, states, columns["misfit"] > 0, detectors_of(columns["used"]))
 
 
 def read_series(path: Path) -> PoseSeries:
@@ -119,7 +119,7 @@ def read_series(path: Path) -> PoseSeries:
     zero = np.zeros(rows)
     states = np.column_stack([columns.get(key, zero) for key in STATE_COLUMNS]) * STATE_UNITS
     words = read_words(path, "used")
-    used = None if words is None else read_used(words)
+    used = None if words is None else detectors_of(words)
     return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0, used)
 
 

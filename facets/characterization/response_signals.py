@@ -15,7 +15,7 @@ from ..core.rigid_body import MeasuredObject, object_displacements
 from ..core.units import Booleans, Floats
 from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
-from ..estimation.samples import common_detectors, read_used
+from ..estimation.samples import common_detectors, detectors_of
 from ..estimation.uncertainty import propagate
 from ..files.tables import read_chunks, read_words
 from .frequency_response import Stretches, find_stretches
@@ -87,7 +87,7 @@ def build_signals(
     beam = [columns[key][usable].mean() if key in columns else 0.0 for key in STATE_COLUMNS[6:]]
     used = np.ones(3, dtype=bool)
     if "used" in columns:
-        used = common_detectors(read_used(columns["used"][usable]))
+        used = common_detectors(detectors_of(columns["used"][usable]))
     deviation = noise_deviation(config, np.array([*mean, *beam]), used, body)
     none = np.zeros(len(time))
     saturated = int((columns.get("flags", none).astype(np.int64) & SATURATED > 0).sum())

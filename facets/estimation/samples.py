@@ -101,7 +101,7 @@ def worded_columns(columns: dict[str, Any]) -> dict[str, Any]:
     return columns | {name: words[name][columns[name]] for name in words if name in columns}
 
 
-def read_used(used: ArrayLike) -> Booleans:
+def detectors_of(used: ArrayLike) -> Booleans:
     """Whether each detector took part (n, 3), by a column `used`: bits, or letters."""
     column = np.asarray(used)
     if column.dtype.kind in "iu":

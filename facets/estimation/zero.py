@@ -15,7 +15,7 @@ from ..core.units import Booleans, Floats, Integers
 from ..files import tables
 from .differences import ZeroPose, make_zero
 from .plan import make_plan
-from .samples import read_used
+from .samples import detectors_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -209,7 +209,7 @@ def zero_of_table(path: Path, config: Config) -> ZeroPose:
         fitting.append(fits)
     used, words = None, tables.read_words(path, "used")
     if words is not None:
-        used = read_used(words)[np.concatenate(fitting or [np.zeros(0, bool)])]
+        used = detectors_of(words)[np.concatenate(fitting or [np.zeros(0, bool)])]
     try:
         zero = zero_of_samples(config, np.concatenate(states or [np.empty((0, 8))]), used=used)
     except InputError as error:
