@@ -91,7 +91,7 @@ StartPose = Annotated[
     Start | None,
     typer.Option(
         help="Pose at which the solver starts in each row: zero, or the previous row's "
-        f"solution, which suits slow motions.{CONFIGURED}"
+        f"solution, which takes longer, for poses far from rest.{CONFIGURED}"
     ),
 ]
 AcceptUnchecked = Annotated[

@@ -239,7 +239,7 @@ def median_size(solution: Solution) -> float:
 
 
 #: `unseen_errors` is asked for at the first so many poses, and at one in so many later ones.
-FIRST_POSES, LATER_POSES = 100, 500
+FIRST_POSES, LATER_POSES = 100, 10_000
 #: Errors of a pose that are reported, and those without a bound; standard uncertainties.
 MUCH, BOUNDLESS = 10.0, 1e4
 #: Which readings are places, in the order of `Thermal.places`.

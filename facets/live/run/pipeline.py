@@ -291,6 +291,7 @@ class Pipeline:
         prepare(self.config.sensor, self.measurement.at_rest)
         warm = Pipeline(self.config)
         warm.measurement.poses(warm.samples_of(nobody))
+        warm.tally.look_for_unseen(self.config, np.zeros((1, 8)))
 
     def convert(self, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
         """Readings (n, 9) and flags (n,) of counts."""
