@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
+#: Columns of times, the first of which counts, with one unit of each, s; a table of a recording has
+#: the board's.
+TIMES = {"time_s": 1.0, "board_us": 1e-6}
 #: The most lines without numbers that are named.
 NAMED_LINES = 5
 #: For a table of poses that is solved with a known beam.
@@ -45,7 +48,7 @@ def solve_table(
 ) -> list[int]:
     """Solve each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
 
-    Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; time_s is carried through, and bx_mm,
+    Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; times are carried through, and bx_mm,
     by_mm say where the beam is, unless it is free; an estimate of that raises `InputError`, see
     `require_known_beam`. progress: called with the number of bytes read. Returns the first lines
     that are not numbers; the measurement's tally has their number.
@@ -53,7 +56,7 @@ def solve_table(
     tables.ending(poses)
     config = measurement.config
     compile_for_poses(config)
-    beside = ("time_s", *((TEMPERATURE_COLUMN,) if config.sensor.thermal.is_on else ()))
+    beside = (*TIMES, *((TEMPERATURE_COLUMN,) if config.sensor.thermal.is_on else ()))
     if config.solve.beam != "free":
         beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
     read = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
@@ -79,8 +82,8 @@ def solve_table(
             columns = worded_columns(part.columns())
             columns["status"] = np.where(chunk.unparsable, UNPARSABLE, columns["status"])
             measurement.tally.rename(part.solution.status[chunk.unparsable], UNPARSABLE)
-            time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-            writer.write({**time, **columns})
+            time = time_in(chunk)
+            writer.write(({} if time is None else {"time_s": time}) | columns)
             lines += chunk.lines[chunk.unparsable][: NAMED_LINES - len(lines)].tolist()
             progress(chunk.bytes_read)
     return lines
@@ -97,10 +100,30 @@ def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:
     return Samples(
         readings_in(chunk),
         before + 1 + np.arange(len(chunk.lines)),
-        chunk.columns.get("time_s"),
+        time_in(chunk),
         chunk.columns.get(TEMPERATURE_COLUMN),
         place_in(config.sensor, config.solve, chunk),
     )
+
+
+def time_in(chunk: tables.Chunk) -> Floats | None:
+    """Times (n,) of a table, s; None if it has none."""
+    for name, unit in TIMES.items():
+        if name in chunk.columns:
+            return unit * chunk.columns[name]
+    return None
+
+
+def require_time(chunk: tables.Chunk) -> Floats:
+    """`time_in` of readings of detectors that are read one after the other.  Raises `InputError`
+    if there are no times."""
+    time = time_in(chunk)
+    if time is None:
+        raise InputError(
+            "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
+            "fast they change; add the column, or set the delays to 0"
+        )
+    return time
 
 
 def readings_in(chunk: tables.Chunk) -> Floats:
@@ -134,13 +157,8 @@ def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tab
         here = near[1]
         if len(near) < 3 or here is None:
             continue
-        if "time_s" not in here.columns:
-            raise InputError(
-                "sensor.light.delays_us are given, but the readings have no column time_s to tell "
-                "how fast they change; add the column, or set the delays to 0"
-            )
         rows = zip(near, (slice(-1, None), slice(None), slice(1)), strict=True)
-        parts = [(one.columns["time_s"][n], readings_in(one)[n]) for one, n in rows if one]
+        parts = [(require_time(one)[n], readings_in(one)[n]) for one, n in rows if one]
         time, raw = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         first = int(near[0] is not None)
         aligned = align(sensor, time, raw)[first : first + len(here.lines)]

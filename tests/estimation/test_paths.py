@@ -31,7 +31,7 @@ STREAM = {"status", "late displacements"}
 KNOWN = {
     # a replay has them
     "run": STREAM | {"no used", "no power_mw", "no time_s", "no misfit"},
-    "replay": STREAM,
+    "replay": STREAM | {"no time_s"},
     # a row without a pose has no place of the beam, either
     "table of a replay": {"used"},
     "loop in Python": STREAM | {"no time_s"} | {f"no {what} told" for what in TOLD},

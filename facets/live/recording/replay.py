@@ -112,4 +112,4 @@ replayed = replay
 
 def label(poses: RunPoses) -> Columns:
     """The columns of a table, the status in words."""
-    return {"time_s": 1e-6 * poses.time, **worded_columns(poses.columns())}
+    return worded_columns(poses.columns())
