@@ -110,9 +110,12 @@ class BlockRows:
         here = self.code.builder.gep(self.pointers.packed, [first])
         return vectors_of(LoadedRows(self.code.load_rows(here, size, size)), None, form.kind)
 
-    def read(self, name: str, width: int, own: Any) -> Numbers:
-        """Rows of `width` numbers.  own: 1 where each lane has its own, 0 where all have one."""
-        apart = self.code.builder.mul(own, ir.Constant(LONG, width))
+    def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
+        """Read rows of `width` numbers.
+
+        has_own_rows: 1 where each lane has a row, 0 where all lanes share one.
+        """
+        apart = self.code.builder.mul(has_own_rows, ir.Constant(LONG, width))
         return self.code.load_rows(self._first_row(name, apart), apart, width)
 
     def write(self, name: str, numbers: Numbers) -> None:

@@ -117,11 +117,11 @@ class Measurement:
             rows += len(samples.readings)
             held.append((samples, *self.begin(samples)))
             if not self.is_measuring:
-                yield from (self.finish(*one) for one in held)
+                yield from (self.finish(*solved) for solved in held)
                 held = []
         if self.search and rows:
             self.search.finish(what, rows)
-        yield from (self.finish(*one) for one in held)
+        yield from (self.finish(*solved) for solved in held)
 
     def begin(self, samples: Samples) -> tuple[Solution, Booleans]:
         """Solve samples, count them, and add them to the zero.

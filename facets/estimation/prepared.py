@@ -79,7 +79,7 @@ class Solver:
         self._pool.put_back(self._prepare())  # refuses now what it would refuse later
 
     def __reduce__(self) -> Any:
-        """A copy is a solver of its own, which begins anew: its memory has other addresses."""
+        """A copy is another solver, which begins anew: its memory has other addresses."""
         return Solver.solver_of, self._asked
 
     def _prepare(self) -> PreparedEstimate:
@@ -98,29 +98,32 @@ class Solver:
         return self.solve_from(values, None)
 
     def solve_from(self, values: Floats, start: Floats | None) -> Solution:
-        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given,
-        unless the solver itself knows where to start."""
+        """Solve a reading (9,) that is checked.
+
+        start: (9,) or (1, 9); not used where the solver starts from the previous end.
+        """
         prepared = self._pool.take()
         previous = self._previous
         if previous is None:
-            found = prepared.solve(values, start, False)
+            solved = prepared.solve(values, start, False)
         else:
-            found = prepared.solve(values, previous.end, True)
+            solved = prepared.solve(values, previous.end, True)
             if prepared.end is not None:
                 previous.end = prepared.end
         self._pool.put_back(prepared)
-        return found
+        return solved
 
     def solve_some(self, values: Floats, warmer: Floats | None = None) -> Solution | None:
-        """The poses of a few readings (n, 9) that are checked, from zero; None where more is to be
-        done than kept memory serves.
+        """Solve a few readings (n, 9) that are checked, from zero.
 
-        warmer: (n,) than the reference temperature of the calibration, K.
+        Returns None where kept memory does not serve, because some need more than one estimate.
+
+        warmer: (n,) how much warmer than the calibration's reference each is, K.
         """
         prepared = self._pool.take()
-        found = prepared.solve_some(values, warmer)
+        solved = prepared.solve_some(values, warmer)
         self._pool.put_back(prepared)
-        return found
+        return solved
 
     def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
         """The start of `facets.solve` for one reading (9,); None for zero."""
@@ -130,7 +133,7 @@ class Solver:
 
 
 class _Previous(threading.local):
-    """Where the last converged reading of this thread ended: (9,), with the power."""
+    """The end (9,) of this thread's last converged reading, with the power."""
 
     end: Floats | None = None
 
@@ -168,10 +171,7 @@ class PreparedEstimate:
         self._rows = self._given
 
     def solve_some(self, values: Floats, warmer: Floats | None) -> Solution | None:
-        """The poses of a few readings (n, 9), from zero; None where blocks alone do not tell.
-
-        warmer: (n,) than the reference temperature of the calibration, K.
-        """
+        """Solve a few readings (n, 9) from zero; see `Solver.solve_some`."""
         if self._doubtful or self._unknown_power:
             return None
         count = len(values)
@@ -213,7 +213,7 @@ class PreparedEstimate:
         return add_calibration(self._sensor, self._plan, results_of(numbers), warmer)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
-        """The pose of a reading (9,), from `start` or else from zero.
+        """Solve a reading (9,) from `start`, or from zero without one.
 
         warm: whether to try zero where the start leads to no pose, and to keep the `end`.
         """
@@ -238,16 +238,16 @@ class PreparedEstimate:
         used = self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]
         return numbers if used else self._put_limits(numbers)
 
-    def _solution_in_doubt(self, found: problem.Results, warm: bool) -> Solution:
+    def _solution_in_doubt(self, results: problem.Results, warm: bool) -> Solution:
         """The solution of a reading whose pose may not be the right one."""
         again, chance = self._estimate_again, self._chance
         if self._seeks:
-            replace_unlikely(self._sensor, self._plan, chance, found, again)
+            replace_unlikely(self._sensor, self._plan, chance, results, again)
         if self._doubtful:
-            withdraw_doubtful(self._sensor, self._plan.free, chance, found, again)
+            withdraw_doubtful(self._sensor, self._plan.free, chance, results, again)
         if warm:
-            self._keep_end(found.states[0], found.status[0])
-        return solution(found, (), chance, add_calibration(self._sensor, self._plan, found))
+            self._keep_end(results.states[0], results.status[0])
+        return solution(results, (), chance, add_calibration(self._sensor, self._plan, results))
 
     def _keep_end(self, state: Floats, status: int) -> None:
         self.end = state.copy() if status == problem.CONVERGED else None
@@ -258,8 +258,8 @@ class PreparedEstimate:
         return self._zero
 
     def _run(self, start: Floats) -> None:
-        """Estimate the reading from a start; stalled under real light, with derivatives that leave
-        nothing out, too."""
+        """Estimate the reading from a start, and again with exact derivatives where it has stalled
+        under real light."""
         self._starts[:] = start
         if self._code is None:
             self._code = block_code(self._sensor, self._problem, width=SINGLE)
@@ -269,11 +269,11 @@ class PreparedEstimate:
             self._block.estimate(exact)
 
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
-        """The reading from another start, in results of its own."""
-        found = problem.empty_results(1, len(self._numbers) > COVARIANCE)
+        """Estimate the reading from another start, into new results."""
+        results = problem.empty_results(1, len(self._numbers) > COVARIANCE)
         asked = self._problem._replace(starts=starts)
-        estimate(self._sensor, self._given, asked, found)
-        return found
+        estimate(self._sensor, self._given, asked, results)
+        return results
 
 
 #: Solvers are kept for so many questions.

@@ -166,22 +166,22 @@ def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, F
     assert result.covariance is not None
     columns = {}
     for i, j in zip(*np.triu_indices(6), strict=True):
-        one, other = (unit_of(POSE[k]).unit for k in (i, j))
-        unit = f"{one}2" if one == other else f"{one}_{other}"
+        unit_i, unit_j = (unit_of(POSE[k]).unit for k in (i, j))
+        unit = f"{unit_i}2" if unit_i == unit_j else f"{unit_i}_{unit_j}"
         scale = STATE_UNITS[i] * STATE_UNITS[j]
         columns[f"cov_{prefix}{POSE[i]}_{POSE[j]}_{unit}"] = result.covariance[:, i, j] / scale
     return columns
 
 
 def result_columns(
-    found: ObjectPose, prefix: str, covariance: bool, coverage: float | None = None
+    result: ObjectPose, prefix: str, covariance: bool, coverage: float | None = None
 ) -> dict[str, Floats]:
     """Poses of an object as columns with their standard uncertainties, and on request their
     covariances and expanded uncertainties."""
     columns = {
-        f"{prefix}{name}": found.pose[:, i] / STATE_UNITS[i]
+        f"{prefix}{name}": result.pose[:, i] / STATE_UNITS[i]
         for i, name in enumerate(STATE_COLUMNS[:6])
     }
-    columns |= uncertainty_columns(found, prefix)
-    columns |= covariance_columns(found, prefix) if covariance else {}
-    return columns | ({} if coverage is None else expanded_columns(found, coverage, prefix))
+    columns |= uncertainty_columns(result, prefix)
+    columns |= covariance_columns(result, prefix) if covariance else {}
+    return columns | ({} if coverage is None else expanded_columns(result, coverage, prefix))

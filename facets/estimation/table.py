@@ -87,7 +87,7 @@ def solve_table(
 
 
 def compile_for_poses(config: Config, *tasks: Task) -> None:
-    """Compile what a measurement and other tasks take, see `compile_for`."""
+    """Compile the code that a measurement and other tasks take, see `compile_for`."""
     knowledge = config.solve.knowledge(config.sensor)
     compile_for(config.sensor, "poses", *tasks, knowledge=knowledge)
 
@@ -104,7 +104,7 @@ def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:
 
 
 def readings_in(chunk: tables.Chunk) -> Floats:
-    """(n, 9) of a table of readings."""
+    """The readings (n, 9) in a piece of a table."""
     return np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
 
 
@@ -140,7 +140,11 @@ def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tab
                 "how fast they change; add the column, or set the delays to 0"
             )
         rows = zip(near, (slice(-1, None), slice(None), slice(1)), strict=True)
-        parts = [(one.columns["time_s"][n], readings_in(one)[n]) for one, n in rows if one]
+        parts = [
+            (neighbour.columns["time_s"][n], readings_in(neighbour)[n])
+            for neighbour, n in rows
+            if neighbour
+        ]
         time, raw = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         first = int(near[0] is not None)
         aligned = align(sensor, time, raw)[first : first + len(here.lines)]

@@ -165,12 +165,12 @@ class Misfit:
                 )
         if knowledge.beam == "free":
             return ""
-        found = place_that_explains(sensor, readings, places, knowledge.power == "unknown", enough)
-        return self.words_of_place(found, places.mean(axis=0)) if found is not None else ""
+        place = place_that_explains(sensor, readings, places, knowledge.power == "unknown", enough)
+        return self.words_of_place(place, places.mean(axis=0)) if place is not None else ""
 
-    def words_of_place(self, found: tuple[Floats, bool], assumed: Floats) -> str:
+    def words_of_place(self, shift: tuple[Floats, bool], assumed: Floats) -> str:
         """The sentences for a beam that stands elsewhere by so much (2,), mm."""
-        away, moved = found
+        away, moved = shift
         if self.carried:
             words = (
                 f"The readings fit a beam {point(away)} mm from where the stage "
@@ -332,14 +332,14 @@ class Tally:
 
     def sentences(self, config: Config) -> list[str]:
         """What a user must be told of the poses."""
-        found = (
+        sentences = (
             self.misfit.words,
             self.unchecked_sentence(),
             self.edge_sentence(),
             self.unseen_sentence(),
             self.temperature_sentence(config),
         )
-        return [sentence for sentence in found if sentence]
+        return [sentence for sentence in sentences if sentence]
 
     def unchecked_sentence(self) -> str:
         """The sentence about samples that have, or could have, a pose which nothing checks."""

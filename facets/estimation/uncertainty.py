@@ -94,16 +94,19 @@ def uncertainty_parts(
     plan: Plan,
     warmer: Floats | None = None,
 ) -> UncertaintyParts:
-    """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
+    """The parts of the covariances of states (n, 8) of a sensor with a calibration.
+
+    The other arguments are those of `propagate`.
+    """
     assert sensor.calibration is not None
     noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
     for part in slices_of(len(states)):
-        found = propagate(
+        propagation = propagate(
             sensor, sensor.calibration, states[part], used[part], plan,
             None if warmer is None else warmer[part],
         )  # fmt: skip
-        noise[part] = found.noise
-        calibration[part] = carry_over(sensor.calibration, found.slopes)
+        noise[part] = propagation.noise
+        calibration[part] = carry_over(sensor.calibration, propagation.slopes)
     known = sensor.calibration.degrees_of_freedom
     return UncertaintyParts(noise, calibration, np.nan if known is None else known)
 
@@ -286,8 +289,8 @@ def unseen_errors(
 
 
 def column_lengths(matrices: Floats) -> Floats:
-    found: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
-    return found
+    lengths: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
+    return lengths
 
 
 def require_probability(probability: float) -> float:
@@ -300,7 +303,7 @@ def require_probability(probability: float) -> float:
 
 
 def describe_coverage(sensor: Sensor, probability: float) -> dict[str, str]:
-    """What the header of a table says of its expanded uncertainties."""
+    """The lines of a table's header on its expanded uncertainties."""
     known = sensor.calibration
     if known is None:
         source = "infinite, as the configuration has no covariance of a calibration"
@@ -326,8 +329,8 @@ def effective_degrees_of_freedom(
         *(np.asarray(numbers, float) for numbers in (variance, part, degrees_of_freedom))
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Floats = np.where(share > 0, known * (whole / share) ** 2, np.inf)
-    return found
+        effective: Floats = np.where(share > 0, known * (whole / share) ** 2, np.inf)
+    return effective
 
 
 def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) -> Floats:
@@ -340,9 +343,9 @@ def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) 
     require_probability(probability)
     freedom, upper = np.asarray(degrees_of_freedom, float), (1 + probability) / 2
     is_finite = np.isfinite(freedom)
-    found: Floats = np.full(freedom.shape, ndtri(upper))
-    found[is_finite] = stdtrit(freedom[is_finite], upper)
-    return found
+    factor: Floats = np.full(freedom.shape, ndtri(upper))
+    factor[is_finite] = stdtrit(freedom[is_finite], upper)
+    return factor
 
 
 def region_factor(probability: float, dimensions: int, degrees_of_freedom: float = np.inf) -> float:

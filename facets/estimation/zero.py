@@ -230,17 +230,17 @@ def zero_text(request: ZeroRequest, zero: ZeroPose) -> str:
 
 def zero_findings(zero: ZeroPose) -> list[str]:
     """What a user of a zero should know, as sentences."""
-    found = []
+    sentences = []
     worst = int(np.nanargmax(zero.scatter)) if np.isfinite(zero.scatter).any() else 0
     if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):
-        found.append(
+        sentences.append(
             f"The mirror moved while the zero was measured: its samples scatter "
             f"{zero.scatter[worst]:.3g} times as much in {POSE[worst]} as their noise. The stated "
             "uncertainties of displacements do not include this motion."
         )
     if not zero.same_calibration and zero.sensor.calibration is not None:
-        found.append(
+        sentences.append(
             "The poses of the zero were not made from this configuration. Therefore the errors of "
             "the calibration are taken as independent at the zero and at the other poses."
         )
-    return found
+    return sentences
