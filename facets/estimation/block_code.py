@@ -119,10 +119,10 @@ class BlockRows:
         return self.code.load_rows(self._first_row(name, apart), apart, width)
 
     def write(self, name: str, numbers: Numbers) -> None:
-        build, asked = self.code.builder, self.task.apart
+        build, row_distance = self.code.builder, self.task.apart
         close = build.mul(self.task.own_rows, ir.Constant(LONG, len(numbers)))
-        is_asked = build.icmp_signed("!=", asked, ir.Constant(LONG, 0))
-        apart = build.select(is_asked, asked, close)
+        has_distance = build.icmp_signed("!=", row_distance, ir.Constant(LONG, 0))
+        apart = build.select(has_distance, row_distance, close)
         self.code.store_rows(numbers, self._first_row(name, apart), apart)
 
     def _first_row(self, name: str, apart: Any) -> Any:

@@ -23,7 +23,7 @@ from .uncertainty import UncertaintyParts, uncertainty_parts
 
 
 def add_calibration(
-    sensor: Sensor, todo: Plan, results: problem.Results, warmer: Floats | None = None
+    sensor: Sensor, plan: Plan, results: problem.Results, warmer: Floats | None = None
 ) -> UncertaintyParts | None:
     """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
     covariances.
@@ -32,7 +32,7 @@ def add_calibration(
     """
     if sensor.calibration is None or not results.covariances.shape[1]:
         return None
-    parts = uncertainty_parts(sensor, results.states[:, :8], results.used, todo, warmer)
+    parts = uncertainty_parts(sensor, results.states[:, :8], results.used, plan, warmer)
     results.covariances[:] += parts.calibration
     return parts
 

@@ -66,13 +66,13 @@ class Solver:
     def solver_of(
         cls, sensor: Sensor, question: Question, start: Literal["zero", "previous"] = "zero"
     ) -> Solver:
-        """The solver of a question."""
+        """Make a solver from a question that is checked."""
         solver = cls.__new__(cls)
         solver._begin(sensor, question, start)
         return solver
 
     def _begin(self, sensor: Sensor, question: Question, start: str) -> None:
-        self._asked = (sensor, question, start)
+        self._arguments = (sensor, question, start)
         self._plan = make_plan(sensor, question.knowledge, question.method)
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
@@ -80,10 +80,10 @@ class Solver:
 
     def __reduce__(self) -> Any:
         """A copy is another solver, which begins anew: its memory has other addresses."""
-        return Solver.solver_of, self._asked
+        return Solver.solver_of, self._arguments
 
     def _prepare(self) -> PreparedEstimate:
-        sensor, question, _ = self._asked
+        sensor, question, _ = self._arguments
         return PreparedEstimate(sensor, self._plan, question)
 
     def solve(self, reading: ArrayLike) -> Solution:
@@ -116,7 +116,8 @@ class Solver:
     def solve_some(self, values: Floats, warmer: Floats | None = None) -> Solution | None:
         """Solve a few readings (n, 9) that are checked, from zero.
 
-        Returns None where kept memory does not serve, because some need more than one estimate.
+        Returns None where one pass of blocks is not enough: the power is unknown, poses may have to
+        be withdrawn, or an estimate under real light wanders or stalls.
 
         warmer: (n,) how much warmer than the calibration's reference each is, K.
         """
@@ -129,7 +130,7 @@ class Solver:
         """The start of `facets.solve` for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
-        return start_states(self._asked[0], start, self._plan, values[None], ())
+        return start_states(self._arguments[0], start, self._plan, values[None], ())
 
 
 class _Previous(threading.local):
@@ -147,28 +148,28 @@ class PreparedEstimate:
 
     end: Floats | None = None
 
-    def __init__(self, sensor: Sensor, todo: Plan, question: Question) -> None:
-        self._sensor, self._plan = sensor, todo
-        self._zero = start_states(sensor, "zero", todo, np.zeros((1, 9)), ())
-        self._unknown_power = bool(todo.weights[2] == 0 and todo.free[-1] == 8)
+    def __init__(self, sensor: Sensor, plan: Plan, question: Question) -> None:
+        self._sensor, self._plan = sensor, plan
+        self._zero = start_states(sensor, "zero", plan, np.zeros((1, 9)), ())
+        self._unknown_power = bool(plan.weights[2] == 0 and plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
-        self._given = problem.Readings(np.empty((1, 9)), self._sigmas)
-        self._problem = make_problem(todo, self._starts, question)
-        self._chance = chance_of(sensor, todo)
-        self._doubtful = is_doubtful(sensor, todo.free)
+        self._readings = problem.Readings(np.empty((1, 9)), self._sigmas)
+        self._problem = make_problem(plan, self._starts, question)
+        self._chance = chance_of(sensor, plan)
+        self._doubtful = is_doubtful(sensor, plan.free)
         self._seeks = sensor.light.on and self._problem.damped
         self._has_exact = needs_exactness(sensor)
         self._code: Any = None  # made when it is asked for
         self._block = KeptBlocks(
-            packed_vectors(sensor), self._given, self._problem, question.covariance
+            packed_vectors(sensor), self._readings, self._problem, question.covariance
         )
         self._numbers = self._block.numbers[0]
         self._ends = self._numbers.data
         self._numbers[CHECKS:COVARIANCE] = self._chance.checks(np.ones(3, bool)), self._chance.limit
         self._some: KeptBlocks | None = None
-        self._rows = self._given
+        self._rows = self._readings
 
     def solve_some(self, values: Floats, warmer: Floats | None) -> Solution | None:
         """Solve a few readings (n, 9) from zero; see `Solver.solve_some`."""
@@ -217,9 +218,9 @@ class PreparedEstimate:
 
         warm: whether to try zero where the start leads to no pose, and to keep the `end`.
         """
-        self._given.values[0] = values
+        self._readings.values[0] = values
         if self._sensor.electronics is not None:
-            self._sigmas[:] = standard_deviations(self._sensor, self._given.values)
+            self._sigmas[:] = standard_deviations(self._sensor, self._readings.values)
         self._run(self._from_zero() if start is None else start)
         if warm and start is not None and self._ends[STATUS] != problem.CONVERGED:
             steps = float(self._ends[ITERATIONS])
@@ -254,7 +255,7 @@ class PreparedEstimate:
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
-            return start_states(self._sensor, "zero", self._plan, self._given.values, ())
+            return start_states(self._sensor, "zero", self._plan, self._readings.values, ())
         return self._zero
 
     def _run(self, start: Floats) -> None:
@@ -271,8 +272,8 @@ class PreparedEstimate:
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
         """Estimate the reading from another start, into new results."""
         results = problem.empty_results(1, len(self._numbers) > COVARIANCE)
-        asked = self._problem._replace(starts=starts)
-        estimate(self._sensor, self._given, asked, results)
+        request = self._problem._replace(starts=starts)
+        estimate(self._sensor, self._readings, request, results)
         return results
 
 

@@ -116,9 +116,9 @@ def solve(
     >>> facets.Status(int(facets.solve(sensor, np.zeros(9)).status)).label
     'no light'
     """
-    given = as_vectors(readings, 9, "readings")
+    values = as_vectors(readings, 9, "readings")
     question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
-    return solve_question(sensor, given, question, start, threads)
+    return solve_question(sensor, values, question, start, threads)
 
 
 def solve_question(
@@ -140,13 +140,13 @@ def solve_question(
         if (kept := solver.solve_some(checked, warmer)) is not None:
             return kept
     values, shape = as_rows(checked, 9, "readings")
-    todo = find_plan(sensor, question.knowledge, question.method, shape)
-    starts = start_states(sensor, start, todo, values, shape)
-    asked = make_problem(todo, starts, question, is_previous(start))
+    plan = find_plan(sensor, question.knowledge, question.method, shape)
+    starts = start_states(sensor, start, plan, values, shape)
+    request = make_problem(plan, starts, question, is_previous(start))
     rows = problem.Readings(values, sigmas_of(sensor, values))
-    results = solve_rows(sensor, rows, todo, asked, question.covariance, threads)
-    parts = add_calibration(sensor, todo, results, warmer)
-    return solution(results, shape, chance_of(sensor, todo), parts)
+    results = solve_rows(sensor, rows, plan, request, question.covariance, threads)
+    parts = add_calibration(sensor, plan, results, warmer)
+    return solution(results, shape, chance_of(sensor, plan), parts)
 
 
 def is_short(question: Question) -> bool:
@@ -171,18 +171,18 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
     question, values = Question(), reading[None].copy()
-    todo = find_plan(sensor, question.knowledge, question.method, ())
-    starts = start_states(sensor, start, todo, values, ())
-    asked = make_problem(todo, starts, question)
+    plan = find_plan(sensor, question.knowledge, question.method, ())
+    starts = start_states(sensor, start, plan, values, ())
+    request = make_problem(plan, starts, question)
     results = problem.empty_results(1, False)
-    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), asked, results)
+    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), request, results)
     return results.states[0, :8], float(results.residuals[0])
 
 
 def solve_rows(
     sensor: Sensor,
     readings: problem.Readings,
-    todo: Plan,
+    plan: Plan,
     request: problem.FitProblem,
     covariance: bool,
     threads: int = 1,
@@ -206,11 +206,11 @@ def solve_rows(
         estimate(sensor, some, questions, results)
         return results
 
-    chance = chance_of(sensor, todo)
+    chance = chance_of(sensor, plan)
     if sensor.light.on and request.damped:
-        replace_unlikely(sensor, todo, chance, all_results, again)
-    if is_doubtful(sensor, todo.free):
-        withdraw_doubtful(sensor, todo.free, chance, all_results, again)
+        replace_unlikely(sensor, plan, chance, all_results, again)
+    if is_doubtful(sensor, plan.free):
+        withdraw_doubtful(sensor, plan.free, chance, all_results, again)
     return all_results
 
 
@@ -297,8 +297,8 @@ def estimate_singly(
     for row in which.tolist():
         start = starts[row if len(starts) > 1 else 0]
         try:
-            asked = question.rows(row)._replace(covariance=False)
-            pose = solve_question(sensors.one(row), values[row], asked, start[:8])
+            row_question = question.rows(row)._replace(covariance=False)
+            pose = solve_question(sensors.one(row), values[row], row_question, start[:8])
         except InputError:
             results.status[row], results.used[row] = problem.NON_FINITE, False
             results.states[row] = results.residuals[row] = np.nan

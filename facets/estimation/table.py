@@ -15,9 +15,10 @@ from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS, TEMPERATURE_COLUMN
 from ..core.units import Floats
 from ..detectors.skew import align
+from ..detectors.temperature import beam_shift, warmer_than_reference
 from ..files import tables
 from .estimates import Task, compile_for
-from .measurement import Measurement, beam_place
+from .measurement import Measurement
 from .samples import UNPARSABLE, Samples, worded_columns
 
 if TYPE_CHECKING:
@@ -116,8 +117,8 @@ def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | No
     place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
     if not all(name in chunk.columns for name in BEAM_UNCERTAINTIES):
         return place
-    shift = beam_place(sensor, None, chunk.columns.get(TEMPERATURE_COLUMN))
-    return place - options.beam_offset - (0.0 if shift is None else shift)
+    warmer = warmer_than_reference(sensor, chunk.columns.get(TEMPERATURE_COLUMN))
+    return place - options.beam_offset - (0.0 if warmer is None else beam_shift(sensor, warmer))
 
 
 def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:

@@ -270,21 +270,21 @@ def unseen_errors(
     [inf, inf, 6.0]
     """
     states, shape = as_rows(state, 8, "state")
-    asked = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
+    plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
     exact = readings(sensor, states)
     slopes = np.zeros((len(states), 9, 9))
     slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS
     slopes[:, 2::3, 8] = exact[:, 2::3]
     slopes /= standard_deviations(sensor, exact)[:, :, None]
-    known = np.diag([*[0.0] * 6, *asked.weights * [*FINE_UNITS[6:], sensor.beam.power]])
-    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, asked.free]
+    known = np.diag([*[0.0] * 6, *plan.weights * [*FINE_UNITS[6:], sensor.beam.power]])
+    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, plan.free]
     out = np.full((len(states), 9), np.nan)
     lit = np.isfinite(rows).all(axis=(1, 2))
     into_pose = (np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0][:, :9] ** 2).sum(axis=2)
-    left = 1 - into_pose
-    limit = chance_of(sensor, asked).limit
+    remainder = 1 - into_pose
+    limit = chance_of(sensor, plan).limit
     with np.errstate(divide="ignore", invalid="ignore"):
-        out[lit] = np.where(left > NOTHING, limit * np.sqrt(into_pose / left), np.inf)
+        out[lit] = np.where(remainder > NOTHING, limit * np.sqrt(into_pose / remainder), np.inf)
     return out.reshape(*shape, 9)
 
 
