@@ -73,8 +73,8 @@ def loop() -> Callable[[int], None]:
 
 def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], None]:
     def each(inputs: Floats) -> None:
-        for one in inputs:
-            function(one)
+        for row in inputs:
+            function(row)
 
     return each
 

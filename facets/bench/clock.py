@@ -29,7 +29,7 @@ class Timing:
 
 
 def alternate(contenders: Sequence[Contender], inputs: Any, rounds: int) -> list[Timing]:
-    """Time each contender in each round; those that take over 2 s only in the first."""
+    """Time each contender in each round; contenders that take over 2 s, only in the first round."""
     taken: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:
         if contender.poses >= 100:

@@ -24,7 +24,7 @@ SIDEWAYS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS), np.zeros(3)], axis=1)
 
 
 def turn(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
-    """Rz(yaw) Ry(pitch) Rx(roll), (..., 3, 3)."""
+    """The rotation Rz(yaw) Ry(pitch) Rx(roll), (..., 3, 3)."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
     rows = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -35,7 +35,7 @@ def turn(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
 
 
 def facet_normals(states: Floats) -> Floats:
-    """(..., 3, 3): the normals of A, B, C in the world."""
+    """The normals of facets A, B, C in the world, (..., 3, 3)."""
     resting = SLOPE * (OUTWARD - DOWN)
     turned = turn(*np.moveaxis(states[..., 3:6], -1, 0))
     normals: Floats = np.einsum("...ij,kj->...ki", turned, resting)
@@ -43,13 +43,13 @@ def facet_normals(states: Floats) -> Floats:
 
 
 def edge_angles(normals: Floats) -> Floats:
-    """(..., 3): the angle, seen from above, of the edge where each facet begins."""
+    """The angle (..., 3), seen from above, of the edge where each facet begins."""
     edges = np.cross(normals, np.roll(normals, 1, axis=-2))
     return np.arctan2(edges[..., 1], edges[..., 0])
 
 
 def land(points: Floats, k: int, normal: Floats, apex: Floats) -> Floats:
-    """Where vertical rays through (x, y) land on detector k after the facet: (..., 2)."""
+    """The points (..., 2) on detector k to which the facet turns vertical rays through (x, y)."""
     start = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
     depth = ((apex - start) * normal).sum(-1) / (DOWN * normal).sum(-1)
     start = start + depth[..., None] * DOWN

@@ -89,11 +89,11 @@ def optimise_with_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[flo
     begin = np.append(np.full(len(names), 0.5), 5.0)
     fine(begin), clearance(begin)  # compiles
     start = time.process_time()
-    found = minimize(
+    optimum = minimize(
         lambda unknown: unknown[-1],
         begin,
         method="SLSQP",
         bounds=[(0, 1)] * len(names) + [(0, None)],
         constraints=[{"type": "ineq", "fun": fine}, {"type": "ineq", "fun": clearance}],
     )
-    return time.process_time() - start, float(found.x[-1])
+    return time.process_time() - start, float(optimum.x[-1])

@@ -39,11 +39,11 @@ def floor() -> Callable[[Array, Array, Array], None]:
     """The functions as a function of arrays: a sensor's vectors, (n, 8) states, (n,) results; n in
     blocks."""
 
-    def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
+    def write(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
         total: Any = 0.0
         for number in special(code, tuple(code.load_rows(states, 8, 8))):
             total = total + number
-        code.store_lanes(total, found, 0)
+        code.store_lanes(total, results, 0)
 
     def make() -> LaneWrite:
         return each_block(write, lambda code, pointer: vectors_of(code, pointer, "plain"), 1)

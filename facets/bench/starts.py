@@ -52,13 +52,13 @@ def starts(quick: bool, seed: int) -> list[Row]:
 
 def row(name: str, arguments: list[str], folder: Path) -> Row:
     first, again = np.nan, np.nan
-    found = {"start": name, "first_cpu_s": first, "first_s": first, "cpu_s": again, "s": again}
+    seconds = {"start": name, "first_cpu_s": first, "first_s": first, "cpu_s": again, "s": again}
     with tempfile.TemporaryDirectory() as empty:
         cache = {"FACETS_CACHE_DIR": empty}
         if name in FIRST_USES:
-            found["first_cpu_s"], found["first_s"] = run(arguments, folder, cache)
-        found["cpu_s"], found["s"] = run(arguments, folder, cache)
-    return found
+            seconds["first_cpu_s"], seconds["first_s"] = run(arguments, folder, cache)
+        seconds["cpu_s"], seconds["s"] = run(arguments, folder, cache)
+    return seconds
 
 
 def run(arguments: list[str], folder: Path, environment: dict[str, str]) -> tuple[float, float]:

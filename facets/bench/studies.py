@@ -51,7 +51,7 @@ def timing_row(row: Row, timing: Timing, ours: float) -> Row:
 
 
 def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
-    return lambda inputs: np.array([function(one) for one in inputs])
+    return lambda inputs: np.array([function(row) for row in inputs])
 
 
 def forward_contenders(quick: bool, poses: int) -> list[Contender]:

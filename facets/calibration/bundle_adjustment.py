@@ -29,6 +29,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, correct, correction_slopes
 from ..detectors.noise import standard_deviations
+from ..detectors.temperature import PLACES
 from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, replace_effects
 from ..model.beam_shape import SHAPE
 from .spline import SPLINE, spline_slopes
@@ -154,10 +155,6 @@ def drift(data: Data, values: Floats) -> Floats:
         return np.zeros((len(data.raw), len(OF_DRIFT)))
     each: Floats = data.clock @ values[block(DRIFTS)].reshape(len(CLOCKS), len(OF_DRIFT))
     return each
-
-
-#: Which readings are places, in the order of `OF_DRIFT` behind the beam's.
-PLACES = np.array([0, 1, 3, 4, 6, 7])
 
 
 def relative_power(data: Data, own_values: Floats, values: Floats) -> Floats:

@@ -31,13 +31,14 @@ from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations
+from ..detectors.temperature import beam_shift, exact_readings, warmer_than_reference
 from ..estimation.dwells import dwell_means, mean
 from ..estimation.solution import Status
 from ..estimation.solver import solve
 from ..estimation.uncertainty import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
-from .bundle_adjustment import PLACES, Data
+from .bundle_adjustment import Data
 from .fit import GAINS
 from .linear_prediction import chance_of
 from .samples import add_converter_steps
@@ -275,8 +276,8 @@ def add_temperature(
         raise InputError(
             f"{name}: {TEMPERATURE_COLUMN} has no value at a stop, which sensor.temperature needs"
         )
-    warmer = np.array([np.nanmean(part) for part in each]) - sensor.thermal.reference
-    return replace(stops, warmer=warmer)
+    mean_temperatures = np.array([np.nanmean(part) for part in each])
+    return replace(stops, warmer=warmer_than_reference(sensor, mean_temperatures))
 
 
 @one_thread
@@ -368,9 +369,8 @@ class StopComparison:
         #: How much warmer the stops are than the calibration's reference, then and now (m,), K.
         self.then_warmer = nothing if then.warmer is None else then.warmer
         self.now_warmer = nothing if now.warmer is None else now.warmer
-        exact = exact_at_reference(sensor, then.mean, self.then_warmer)
-        place = np.array(beam) + np.outer(self.then_warmer, sensor.thermal.beam)
-        known = Prior(place, 0.0)
+        exact = exact_readings(sensor, then.mean, self.then_warmer)
+        known = Prior(np.array(beam) + beam_shift(sensor, self.then_warmer), 0.0)
         solution = solve(sensor, exact, beam=known, power="unknown", covariance=False)
         if not solution.converged.all():
             label = Status(int(solution.status[~solution.converged][0])).label
@@ -405,7 +405,7 @@ class StopComparison:
         """The sensor and the states (m, 8) now, after changes."""
         states = self.states.copy()
         states[:, 6:] += change[:2]
-        states[:, 6:] += np.outer(self.now_warmer - self.then_warmer, self.sensor.thermal.beam)
+        states[:, 6:] += beam_shift(self.sensor, self.now_warmer - self.then_warmer)
         return self.change_sensor(change), states
 
     def predict(self, change: Floats) -> Floats:
@@ -442,7 +442,7 @@ class StopComparison:
 
     def residuals(self, change: Floats) -> Floats:
         """The readings' differences (9 m,) less those that the changes explain."""
-        exact = exact_at_reference(self.change_sensor(change), self.now.mean, self.now_warmer)
+        exact = exact_readings(self.change_sensor(change), self.now.mean, self.now_warmer)
         return (exact - self.predict(change) - self.offset).ravel()
 
     def conclude(self, change: Floats) -> tuple[Floats, Floats, float, Floats]:
@@ -471,13 +471,6 @@ def spread_of(sensor: Sensor) -> Floats:
     shape = shape_of(beam.diameter_x, beam.diameter_y, beam.rotation)
     spread[9:, 9] = 2 * np.array(shape)
     return spread
-
-
-def exact_at_reference(sensor: Sensor, raw: Floats, warmer: Floats) -> Floats:
-    """Readings (m, 9) as perfect detectors would give them at the reference temperature."""
-    exact = correct(sensor, raw).copy()
-    exact[:, PLACES] -= np.outer(warmer, sensor.thermal.places)
-    return exact
 
 
 def derivatives(sensor: Sensor, states: Floats, names: tuple[str, ...], warmer: Floats) -> Floats:

@@ -15,5 +15,6 @@ __getattr__ = load_on_use(
             "sample_readings standard_deviations step_variances variances"
         ),
         "skew": "align delay_states slopes",
+        "temperature": "beam_shift exact_readings warmer_than_reference",
     },
 )

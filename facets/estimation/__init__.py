@@ -26,7 +26,7 @@ else:
             "measurement": "Measurement",
             "plan": "FALSE_ALARM_RATE LIMITS make_plan",
             "problem": "Form Results SCALES some_rows",
-            "samples": "Poses Samples worded_columns",
+            "samples": "Poses Samples common_detectors detectors_of worded_columns",
             "solver": "solve_each",
             "step": "ask estimate",
             "table": "solve_table",

@@ -110,16 +110,19 @@ class BlockRows:
         here = self.code.builder.gep(self.pointers.packed, [first])
         return vectors_of(LoadedRows(self.code.load_rows(here, size, size)), None, form.kind)
 
-    def read(self, name: str, width: int, own: Any) -> Numbers:
-        """Rows of `width` numbers.  own: 1 where each lane has its own, 0 where all have one."""
-        apart = self.code.builder.mul(own, ir.Constant(LONG, width))
+    def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
+        """Read rows of `width` numbers.
+
+        has_own_rows: 1 where each lane has a row, 0 where all lanes share one.
+        """
+        apart = self.code.builder.mul(has_own_rows, ir.Constant(LONG, width))
         return self.code.load_rows(self._first_row(name, apart), apart, width)
 
     def write(self, name: str, numbers: Numbers) -> None:
-        build, asked = self.code.builder, self.task.apart
+        build, row_distance = self.code.builder, self.task.apart
         close = build.mul(self.task.own_rows, ir.Constant(LONG, len(numbers)))
-        is_asked = build.icmp_signed("!=", asked, ir.Constant(LONG, 0))
-        apart = build.select(is_asked, asked, close)
+        has_distance = build.icmp_signed("!=", row_distance, ir.Constant(LONG, 0))
+        apart = build.select(has_distance, row_distance, close)
         self.code.store_rows(numbers, self._first_row(name, apart), apart)
 
     def _first_row(self, name: str, apart: Any) -> Any:

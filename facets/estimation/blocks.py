@@ -94,26 +94,28 @@ def estimate(
     results: Results,
     patient: bool = False,
 ) -> None:
-    """Fills `results`.  Readings that need many steps are estimated anew, side by side.
+    """Estimate readings in blocks, and write them into `results`.
+
+    Readings that need many steps are estimated anew, side by side.
 
     code: from `kernel`.  packed: of the sensor, or a row for each reading.  patient: see
     `BlockTask`.
     """
     n = len(readings.values)
     whole, ends = n // lanes() * lanes(), np.empty((n, 5))
-    given = (readings.values, weights_of(readings), problem.means, problem.starts)
-    found = (results.states, ends, results.residuals, results.covariances)
+    inputs = (readings.values, weights_of(readings), problem.means, problem.starts)
+    outputs = (results.states, ends, results.residuals, results.covariances)
     scales = scales_of(readings, problem)
     if whole:
-        part = [rows[:whole] for rows in found]
-        first = [first_rows(rows, whole, n) for rows in given]
+        part = [rows[:whole] for rows in outputs]
+        first = [first_rows(rows, whole, n) for rows in inputs]
         run_blocks(code, (packed, scales, *first, *part), patient)
     if n > whole:
-        part = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in found]
-        rest = [pad_rows(rows, whole, n) for rows in given]
-        own = pad_rows(packed, whole, n) if packed.ndim > 1 else packed
-        run_blocks(code, (own, scales, *rest, *part), patient)
-        for rows, some in zip(found, part, strict=True):
+        part = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in outputs]
+        rest = [pad_rows(rows, whole, n) for rows in inputs]
+        remaining_packed = pad_rows(packed, whole, n) if packed.ndim > 1 else packed
+        run_blocks(code, (remaining_packed, scales, *rest, *part), patient)
+        for rows, some in zip(outputs, part, strict=True):
             rows[whole:] = some[: len(rows[whole:])]
     put_ends(ends, results)
     if not patient:
@@ -121,7 +123,7 @@ def estimate(
 
 
 def put_ends(ends: Array, results: Results) -> None:
-    """ends: see `BlockTask`."""
+    """Write the `ends` of a `BlockTask` into results."""
     columns = (results.status, results.steps, *results.used.T)
     for column, numbers in zip(columns, ends.T, strict=True):
         column[:] = numbers
@@ -130,13 +132,15 @@ def put_ends(ends: Array, results: Results) -> None:
 def run_blocks(
     code: Code, arrays: Sequence[Array], patient: bool, width: int | None = None
 ) -> None:
-    """arrays: in the order of `BlockTask`, of whole blocks.  width: of a block; `lanes()` unless
-    given."""
+    """Run code on whole blocks.
+
+    arrays: in the order of `BlockTask`.  width: of a block; `lanes()` unless given.
+    """
     _, _, values, _, means, starts, *_ = arrays
     count = len(values)
-    own = (True, len(means) == count, len(starts) == count)
+    has_own_rows = (True, len(means) == count, len(starts) == count)
     blocks = count // (width or lanes())
-    task = task_of(arrays, (*own, 0, patient), blocks)  # kept while the code runs
+    task = task_of(arrays, (*has_own_rows, 0, patient), blocks)  # kept while the code runs
     code(address_of(task))
 
 
@@ -147,7 +151,7 @@ def estimate_late(
     problem: FitProblem,
     results: Results,
 ) -> None:
-    """Estimates readings anew for which no block has waited."""
+    """Estimate the readings anew for which no block has waited."""
     late = np.flatnonzero(results.status == GOING)
     if len(late):
         again = empty_results(len(late), len(results.covariances) > 0)
@@ -158,19 +162,19 @@ def estimate_late(
 
 
 def weights_of(readings: Readings) -> Array:
-    """Weights from standard deviations; those of a spoilt reading can be any number, and those of
-    readings that have none."""
+    """Weights from standard deviations, with any number for a spoilt reading; the sigmas
+    themselves where readings have none."""
     with np.errstate(all="ignore"):
         return 1 / readings.sigmas if len(readings.sigmas) else readings.values
 
 
 def first_rows(rows: Array, count: int, n: int) -> Array:
-    """The first rows; an array that all readings share stays as it is."""
+    """The first rows of an array; the array itself where all readings share it."""
     return rows[:count] if len(rows) == n else rows
 
 
 def pad_rows(rows: Array, first: int, n: int) -> Array:
-    """A block of the rows from the first on; what all readings share as it is."""
+    """A block of the rows from `first` on; the array itself where all readings share it."""
     if len(rows) != n:
         return rows
     return rows[np.minimum(np.arange(first, first + lanes()), n - 1)]
@@ -187,7 +191,7 @@ class KeptBlocks:
 
     It reads what `readings` and `problem` have in their memory when it is asked: a single reading,
     which all lanes have, or as many as fill whole blocks.
-    numbers: what is found, a row of those of `LazySolution` for each; overwritten by the next
+    numbers: the solutions, a row of those of `LazySolution` for each; overwritten by the next
     readings.
     """
 
@@ -211,7 +215,7 @@ class KeptBlocks:
         self._address = address_of(self._task)
 
     def estimate(self, code: Code) -> None:
-        """Fills `numbers`.  code: from `kernel`."""
+        """Estimate the readings, and write `numbers`.  code: from `kernel`."""
         if len(self._readings.sigmas):
             self._weights[:] = weights_of(self._readings)
         code(self._address)
@@ -224,41 +228,44 @@ def estimate_in_turn(
     problem: FitProblem,
     results: Results,
 ) -> None:
-    """Fills `results`: each reading from where the last one that converged has ended, and from its
-    start where that does not lead to a pose.  The arguments are those of `estimate`; code: in
-    blocks of `SINGLE`."""
+    """Estimate readings one after the other, and write them into `results`.
+
+    Each reading starts where the last one that converged has ended, and from its own start where
+    that does not lead to a pose.  The arguments are those of `estimate`; code: in blocks of
+    `SINGLE`.
+    """
     count, near, n, length = len(readings.values), None, 0, FEWEST_IN_A_ROW
     fixed = np.delete(np.arange(UNKNOWNS), problem.free)
     changes = (np.diff(problem.starts[:, fixed], axis=0) != 0).any(axis=1)
     ends = np.append(np.flatnonzero(changes) + 1, count)
 
     def follow_from(free: Array | None, first: int, last: int) -> Results:
-        own, some = some_rows(slice(first, last), readings, problem)
-        begin = some.starts[0].copy()
+        some_readings, some_problem = some_rows(slice(first, last), readings, problem)
+        begin = some_problem.starts[0].copy()
         if free is not None:
             begin[problem.free] = free
         covariance = len(results.covariances) > 0
-        return follow(code, packed, own, some._replace(starts=begin), covariance)
+        return follow(code, packed, some_readings, some_problem._replace(starts=begin), covariance)
 
     while n < count:
         steps = 0
         if near is not None:
             last = min(n + length, ends[np.searchsorted(ends, n, side="right")])
-            found = follow_from(near, n, last)
-            ok = np.append(found.status == CONVERGED, False)
+            chain = follow_from(near, n, last)
+            ok = np.append(chain.status == CONVERGED, False)
             good = int(ok.argmin())
-            put_rows(results, slice(n, n + good), Results(*(part[:good] for part in found)))
-            near = found.states[good - 1, problem.free] if good else near
+            put_rows(results, slice(n, n + good), Results(*(part[:good] for part in chain)))
+            near = chain.states[good - 1, problem.free] if good else near
             n += good
             length = 2 * length if n == last else FEWEST_IN_A_ROW
             if n == last:
                 continue
-            steps = found.steps[good]
-        found = follow_from(None, n, n + 1)
-        found.steps[:] += steps
-        put_rows(results, slice(n, n + 1), found)
-        if found.status[0] == CONVERGED:
-            near = found.states[0, problem.free]
+            steps = chain.steps[good]
+        chain = follow_from(None, n, n + 1)
+        chain.steps[:] += steps
+        put_rows(results, slice(n, n + 1), chain)
+        if chain.status[0] == CONVERGED:
+            near = chain.states[0, problem.free]
         n += 1
 
 
@@ -269,8 +276,11 @@ def follow(
     problem: FitProblem,
     covariance: bool,
 ) -> Results:
-    """Estimates each reading from where the one before has ended, the first from the only start
-    (9,); after one that has no pose none has one.  The starts are the states, a row earlier."""
+    """Estimate each reading from where the one before has ended, the first from the only start
+    (9,).
+
+    After a reading without a pose no reading has one.  The starts are the states, a row earlier.
+    """
     count = len(readings.values)
     states, ends = np.empty((SINGLE * (count + 1), UNKNOWNS)), np.empty((SINGLE * count, 5))
     states[:SINGLE] = problem.starts
@@ -278,15 +288,15 @@ def follow(
         np.repeat(rows, SINGLE, axis=0) if len(rows) == count else rows
         for rows in (readings.values, weights_of(readings), problem.means)
     )
-    found = empty_results(SINGLE * count, covariance)
+    results = empty_results(SINGLE * count, covariance)
     run_blocks(
         code,
         (
             packed, scales_of(readings, problem), values, weights, means,
-            states[:-SINGLE], states[SINGLE:], ends, found.residuals, found.covariances,
+            states[:-SINGLE], states[SINGLE:], ends, results.residuals, results.covariances,
         ),
         patient=True,
         width=SINGLE,
     )  # fmt: skip
-    put_ends(ends, found)
-    return Results(states[SINGLE::SINGLE], *(part[::SINGLE] for part in found[1:]))
+    put_ends(ends, results)
+    return Results(states[SINGLE::SINGLE], *(part[::SINGLE] for part in results[1:]))

@@ -105,10 +105,10 @@ def mean_uncertainty(
     plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
     out = np.empty((len(rows), 8))
     for part in slices_of(len(rows)):
-        found = propagate_in_light(sensor, rows[part], plan)
-        whole = covariance_of_mean(found, samples)
+        propagation = propagate_in_light(sensor, rows[part], plan)
+        whole = covariance_of_mean(propagation, samples)
         if sensor.calibration is not None:
-            whole += carry_over(sensor.calibration, found.slopes)
+            whole += carry_over(sensor.calibration, propagation.slopes)
         out[part] = root_of_diagonal(whole)
     return out.reshape(*shape, 8)
 
@@ -183,10 +183,10 @@ def step_uncertainties(
     out = np.empty((len(states[0]), 8))
     for part in slices_of(len(out)):
         some = states[0][part], states[1][part]
-        one, other = (propagate_in_light(sensor, ends, plan) for ends in some)
-        whole = covariance_of_mean(one, samples) + covariance_of_mean(other, samples)
+        first, second = (propagate_in_light(sensor, ends, plan) for ends in some)
+        whole = covariance_of_mean(first, samples) + covariance_of_mean(second, samples)
         if sensor.calibration is not None:
-            whole += covariance_of_difference(sensor.calibration, (one, other), some)
+            whole += covariance_of_difference(sensor.calibration, (first, second), some)
         out[part] = root_of_diagonal(whole)
     return out
 
@@ -198,38 +198,42 @@ def propagate_in_light(
     NaN where one of these has no reading."""
     if used is None:
         used = np.ones((len(states), 3), dtype=bool)
-    found = propagate(sensor, sensor.calibration, states, used, plan)
-    is_dark = (np.isnan(found.readings) & np.repeat(used, 3, axis=1)).any(axis=1)
-    found.noise[is_dark], found.statistical[is_dark] = np.nan, np.nan
-    return found
+    propagation = propagate(sensor, sensor.calibration, states, used, plan)
+    is_dark = (np.isnan(propagation.readings) & np.repeat(used, 3, axis=1)).any(axis=1)
+    propagation.noise[is_dark], propagation.statistical[is_dark] = np.nan, np.nan
+    return propagation
 
 
-def covariance_of_mean(found: Propagation, samples: int) -> Floats:
-    """(n, 8, 8) by noise and priors: the noise of a mean is smaller, the priors stay."""
-    whole: Floats = found.noise / samples + (found.statistical - found.noise)
+def covariance_of_mean(propagation: Propagation, samples: int) -> Floats:
+    """The covariance (n, 8, 8) of a mean by noise and priors: its noise is smaller, the priors
+    stay."""
+    whole: Floats = propagation.noise / samples + (propagation.statistical - propagation.noise)
     return whole
 
 
 def covariance_of_difference(
     known: Calibration, ends: tuple[Propagation, Propagation], states: tuple[Floats, Floats]
 ) -> Floats:
-    """(n, 8, 8) by the calibration, of states (n, 8) less others."""
-    one, other = (end.slopes for end in ends)
-    assert one is not None
-    return covariance_of_sum(known, (-one, other), common_shares(known, ends, states))
+    """The calibration's part (n, 8, 8) of the covariance of states (n, 8) less others."""
+    first, second = (end.slopes for end in ends)
+    assert first is not None
+    return covariance_of_sum(known, (-first, second), common_shares(known, ends, states))
 
 
 def covariance_of_sum(
     known: Calibration, slopes: tuple[Floats, Floats | None], shares: Floats
 ) -> Floats:
-    """(n, m, m) by the calibration, of the sum of two quantities with these derivatives (n, m, p)
-    by the parameters, of whose variances they have `shares` (n, p) in common."""
-    one, other = slopes
-    assert other is not None
-    common, own = np.sqrt(shares)[:, None, :], np.sqrt(1 - shares)[:, None, :]
-    whole = carry_over(known, (other + one) * common)
-    for part in (one, other):
-        whole += carry_over(known, part * own)
+    """The calibration's part (n, m, m) of the covariance of the sum of two quantities.
+
+    slopes: their derivatives (n, m, p) by the parameters.  shares: (n, p) of the parameters'
+    variances that they have in common.
+    """
+    first, second = slopes
+    assert second is not None
+    common, separate = np.sqrt(shares)[:, None, :], np.sqrt(1 - shares)[:, None, :]
+    whole = carry_over(known, (second + first) * common)
+    for part in (first, second):
+        whole += carry_over(known, part * separate)
     return whole
 
 
@@ -251,7 +255,7 @@ def common_shares(
     return shares
 
 
-def lasting_covariance(sensor: Sensor, found: Propagation, states: Floats) -> Floats:
+def lasting_covariance(sensor: Sensor, propagation: Propagation, states: Floats) -> Floats:
     """The covariance (n, 8, n, 8) of what states (n, 8) err by in every sample alike.
 
     It holds the calibration's part, with what two states have in common as in a difference, and
@@ -259,17 +263,17 @@ def lasting_covariance(sensor: Sensor, found: Propagation, states: Floats) -> Fl
     two visits of the same state err by is the same.
     """
     count = len(states)
-    whole: Floats = np.einsum("aip,bjp->aibj", found.priors, found.priors)
+    whole: Floats = np.einsum("aip,bjp->aibj", propagation.priors, propagation.priors)
     known = sensor.calibration
     if known is None:
         return whole
-    assert found.slopes is not None
+    assert propagation.slopes is not None
     for n in range(count):
-        one = found._replace(readings=found.readings[n : n + 1])
-        common = np.sqrt(common_shares(known, (one, found), (states[n : n + 1], states)))
+        single = propagation._replace(readings=propagation.readings[n : n + 1])
+        common = np.sqrt(common_shares(known, (single, propagation), (states[n : n + 1], states)))
         common[n] = 1.0
-        first = (found.slopes[n] * common[:, None, :]) @ np.array(known.covariance)
-        whole[n] += np.einsum("bip,bjp->ibj", first, found.slopes * common[:, None, :])
+        first = (propagation.slopes[n] * common[:, None, :]) @ np.array(known.covariance)
+        whole[n] += np.einsum("bip,bjp->ibj", first, propagation.slopes * common[:, None, :])
     return whole
 
 
@@ -394,16 +398,16 @@ def make_zero(
             "light on the same two, or on all"
         )
     mean = rows.mean(axis=0, keepdims=True)
-    found = propagate(sensor, sensor.calibration, mean, common, plan, np.array([warmer]))
-    if np.isnan(found.readings[np.repeat(common, 3, axis=1)]).any():
+    propagation = propagate(sensor, sensor.calibration, mean, common, plan, np.array([warmer]))
+    if np.isnan(propagation.readings[np.repeat(common, 3, axis=1)]).any():
         raise InputError(
             "at the mean pose of the zero a detector has no light, so that it cannot have been "
             "measured with this sensor; choose another zero"
         )
     scatter = np.full(6, np.nan)
     if len(rows) > 1:
-        scatter = rows[:, :6].std(axis=0, ddof=1) / root_of_diagonal(found.noise)[0, :6]
-    return ZeroPose(mean[0], samples or len(rows), sensor, plan, found, scatter)
+        scatter = rows[:, :6].std(axis=0, ddof=1) / root_of_diagonal(propagation.noise)[0, :6]
+    return ZeroPose(mean[0], samples or len(rows), sensor, plan, propagation, scatter)
 
 
 class CovarianceParts(NamedTuple):
@@ -451,12 +455,12 @@ def displacement_covariance(
     each, count = zero.propagation.noise[0, :6, :6], zero.samples
     priors = zero.propagation.statistical[0, :6, :6] - each
 
-    def combine(own: Floats, prior: Floats) -> Floats:
+    def combine(covariance: Floats, prior: Floats) -> Floats:
         """Carry the noise of poses and zero, and what both know beforehand.
 
         A sample of the zero is a share of its mean, and has the zero's errors of the priors.
         """
-        apart = carry(by_pose, own[POSE_BLOCK]) + carry(by_zero, each / count + prior)
+        apart = carry(by_pose, covariance[POSE_BLOCK]) + carry(by_zero, each / count + prior)
         rest = carry(by_zero, each * (count - 1) / count**2)
         within = carry(by_pose + by_zero / count, each) + rest + carry(by_pose + by_zero, prior)
         return np.where(members[:, None, None], within, apart)
@@ -489,6 +493,7 @@ def transpose(matrices: Floats) -> Floats:
 
 
 def carry(slopes: Floats, covariance: Floats) -> Floats:
-    """The covariance (..., m, m) of what follows (..., k, k) by derivatives (..., m, k)."""
-    found: Floats = slopes @ covariance @ transpose(slopes)
-    return found
+    """The covariance (..., m, m) of quantities with derivatives (..., m, k) by others, whose
+    covariance (..., k, k) is known."""
+    carried: Floats = slopes @ covariance @ transpose(slopes)
+    return carried

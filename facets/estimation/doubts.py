@@ -55,31 +55,31 @@ CLEARLY_LESS = 0.7
 
 
 def are_unlikely(results: Results, limits: Floats) -> NDArray[np.bool_]:
-    """Which poses under real light may be a wrong minimum, though their residual is within its
-    limit."""
+    """Whether each pose under real light may be a wrong minimum, though its residual is within its
+    limit (n,)."""
     residuals = results.residuals
-    found: NDArray[np.bool_] = (
+    unlikely: NDArray[np.bool_] = (
         (results.status == CONVERGED)
         & (results.steps > WANDERED)
         & (residuals > LEAST_RESIDUAL * limits)
         & (residuals <= limits)
     )
-    return found
+    return unlikely
 
 
 def replace_unlikely(
-    sensor: Sensor, plan: Plan, chance: Chance, found: Results, again: Again
+    sensor: Sensor, plan: Plan, chance: Chance, results: Results, again: Again
 ) -> None:
     """Replace unlikely poses by those with a clearly lower residual that estimates find from both
     sides, along the direction that the readings determine least.
 
     Under real light the least squares of a small beam have other minima than the right one.
     """
-    rows = np.flatnonzero(are_unlikely(found, chance.limits(chance.checks(found.used))))
+    rows = np.flatnonzero(are_unlikely(results, chance.limits(chance.checks(results.used))))
     if not len(rows):
         return
-    free, here = plan.free[plan.free < 8], found.states[rows]
-    spread = propagate(sensor, None, here[:, :8].copy(), found.used[rows], plan)
+    free, here = plan.free[plan.free < 8], results.states[rows]
+    spread = propagate(sensor, None, here[:, :8].copy(), results.used[rows], plan)
     covariance = spread.statistical[:, free[:, None], free]
     size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     _, directions = np.linalg.eigh(covariance / size[:, :, None] / size[:, None, :])
@@ -87,9 +87,9 @@ def replace_unlikely(
         start = here.copy()
         start[:, free] += side * size * directions[:, :, -1]
         other = again(rows, start)
-        better = other.residuals < CLEARLY_LESS * found.residuals[rows]
+        better = other.residuals < CLEARLY_LESS * results.residuals[rows]
         put_rows(
-            found, rows[better], Results(*(part[better] if len(part) else part for part in other))
+            results, rows[better], Results(*(part[better] if len(part) else part for part in other))
         )
 
 
@@ -134,49 +134,49 @@ def determinant_signs(sensor: Sensor, states: Floats) -> Floats:
     detector has no light."""
     matrices = derivatives(sensor, states)[:, :8]
     lit = np.isfinite(matrices).all(axis=(1, 2))
-    found = np.zeros(len(states))
-    found[lit] = np.linalg.slogdet(matrices[lit])[0]
-    return found
+    signs = np.zeros(len(states))
+    signs[lit] = np.linalg.slogdet(matrices[lit])[0]
+    return signs
 
 
 def withdraw_doubtful(
-    sensor: Sensor, free: NDArray[np.int64], chance: Chance, found: Results, again: Again
+    sensor: Sensor, free: NDArray[np.int64], chance: Chance, results: Results, again: Again
 ) -> None:
     """Give converged poses that cannot be trusted a status, and NaN."""
     if sensor.apertures.detectors:
-        refuse(found, cut_spots(sensor, found), OUT_OF_RANGE)
+        refuse(results, cut_spots(sensor, results), OUT_OF_RANGE)
     if 6 in free and has_fold(sensor):
-        refuse(found, second_solutions(sensor, chance, found, again), AMBIGUOUS)
+        refuse(results, second_solutions(sensor, chance, results, again), AMBIGUOUS)
 
 
-def refuse(found: Results, rows: Rows, status: int) -> None:
-    found.status[rows] = status
-    found.states[rows] = found.residuals[rows] = np.nan
-    if len(found.covariances):
-        found.covariances[rows] = np.nan
+def refuse(results: Results, rows: Rows, status: int) -> None:
+    results.status[rows] = status
+    results.states[rows] = results.residuals[rows] = np.nan
+    if len(results.covariances):
+        results.covariances[rows] = np.nan
 
 
-def cut_spots(sensor: Sensor, found: Results) -> Rows:
+def cut_spots(sensor: Sensor, results: Results) -> Rows:
     """The poses with a used spot that reaches past its detector's edge."""
-    rows = np.flatnonzero(found.status == CONVERGED)
-    inside = (margins(sensor, found.states[rows, :8].copy())[..., :4] >= 0).all(axis=2)
-    cut: NDArray[np.bool_] = (found.used[rows] & ~inside).any(axis=1)
+    rows = np.flatnonzero(results.status == CONVERGED)
+    inside = (margins(sensor, results.states[rows, :8].copy())[..., :4] >= 0).all(axis=2)
+    cut: NDArray[np.bool_] = (results.used[rows] & ~inside).any(axis=1)
     return rows[cut]
 
 
-def second_solutions(sensor: Sensor, chance: Chance, found: Results, again: Again) -> Rows:
+def second_solutions(sensor: Sensor, chance: Chance, results: Results, again: Again) -> Rows:
     """The poses with a second solution whose residual is within chance."""
-    rows = np.flatnonzero((found.status == CONVERGED) & found.used.all(axis=1))
+    rows = np.flatnonzero((results.status == CONVERGED) & results.used.all(axis=1))
     parts = [rows[first : first + PART] for first in range(0, len(rows), PART)]
-    doubtful = [second_solutions_of(sensor, chance, found, part, again) for part in parts]
+    doubtful = [second_solutions_of(sensor, chance, results, part, again) for part in parts]
     return np.concatenate([rows[:0], *doubtful])
 
 
 def second_solutions_of(
-    sensor: Sensor, chance: Chance, found: Results, rows: Rows, again: Again
+    sensor: Sensor, chance: Chance, results: Results, rows: Rows, again: Again
 ) -> Rows:
-    """Those among some rows."""
-    here = found.states[rows, :8].copy()
+    """The poses among some `rows` with a second solution; see `second_solutions`."""
+    here = results.states[rows, :8].copy()
     sigmas = standard_deviations(sensor, readings(sensor, here))
     matrices = derivatives(sensor, here) * FINE_UNITS / sigmas[:, :, None]
     _, values, directions = np.linalg.svd(np.nan_to_num(matrices))
@@ -192,7 +192,7 @@ def second_solutions_of(
             some = np.flatnonzero(np.isfinite(fold) & ~doubtful)
             if not len(some):
                 break
-            start = found.states[rows[some]].copy()
+            start = results.states[rows[some]].copy()
             start[:, :8] += share * fold[some, None] * step[some]
             other = again(rows[some], start)
             off = (other.states[:, :8] - here[some]) / FINE_UNITS

@@ -44,8 +44,11 @@ MEDIAN_OF_VARIANCE = 2.36597 / 3
 
 
 class Dwells(NamedTuple):
-    """columns: means, (m,) each.  noise: (m, 9) standard deviations of the readings' means.
-    rows: that went into each (m,).  left_out: rows that are of no stand."""
+    """Means of columns over the stands of a reference.
+
+    columns: means, (m,) each.  noise: (m, 9) standard deviations of the readings' means.
+    rows: (m,) numbers of rows in each mean.  left_out: number of rows outside of all stands.
+    """
 
     columns: dict[str, Floats]
     noise: Floats
@@ -63,7 +66,7 @@ def stands(
     """
     bad = np.asarray(~np.isfinite(pose).all(axis=1))
     scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
-    found, start, count = [], 0, len(pose)
+    parts, start, count = [], 0, len(pose)
     while start < count:
         if bad[start]:
             start += 1
@@ -71,11 +74,11 @@ def stands(
         end = start_of_next(scaled, seat, start)
         if end - start >= fewest:
             off = int(ENDS * (end - start))
-            found.append(slice(start + off, end - off))
+            parts.append(slice(start + off, end - off))
             start = end
         else:
             start += 1 if end - start < 2 else (end - start) // 2
-    return found
+    return parts
 
 
 def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
@@ -92,9 +95,9 @@ def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
     noise = float(np.nanmedian(steps)) * QUARTILES_OF_STEP if np.isfinite(steps).any() else 0.0
     way = float(np.nanmax(blocks) - np.nanmin(blocks)) if np.isfinite(blocks).any() else 0.0
     sigma = np.array([max(STEP_SIGMAS * noise, CREEP_SHARE * way, 1e-12) / WITHIN])
-    found = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
+    block_stands = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
     # The axis may begin or end its move within the outermost blocks.
-    return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in found]
+    return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in block_stands]
 
 
 def finite_means(values: Floats) -> Floats:
@@ -149,13 +152,13 @@ def mean(values: Floats) -> float:
 def shares(means: Floats) -> Floats:
     """Relative noise of the readings (m, 9) from stand to stand: proportional to 1 / power for a
     place, constant for a power."""
-    found: Floats = np.ones_like(means)
+    noise_shares: Floats = np.ones_like(means)
     if not len(means):
-        return found
+        return noise_shares
     for k in range(3):
         power = means[:, 3 * k + 2]
-        found[:, 3 * k : 3 * k + 2] = (np.nanmedian(power) / power)[:, None]
-    return found
+        noise_shares[:, 3 * k : 3 * k + 2] = (np.nanmedian(power) / power)[:, None]
+    return noise_shares
 
 
 def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
@@ -164,20 +167,20 @@ def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
     share: (m, d) of the noise. For white noise it is the row's variance; for noise that lasts
     longer than a part, much more.
     """
-    found = []
+    variances = []
     for part, over in zip(parts, share, strict=True):
         rows = readings[part]
         length = len(rows) // PARTS
         means = rows[: PARTS * length].reshape(PARTS, length, -1).mean(axis=1)
-        found.append(length * means.var(axis=0, ddof=1) / over**2)
-    if not found:
+        variances.append(length * means.var(axis=0, ddof=1) / over**2)
+    if not variances:
         return np.full(readings.shape[1], np.nan)
-    return median(np.array(found)) / MEDIAN_OF_VARIANCE
+    return median(np.array(variances)) / MEDIAN_OF_VARIANCE
 
 
 def median(values: Floats) -> Floats:
     """Medians (m,) of columns (n, m) without missing values; 0 for an empty column."""
     there = np.isfinite(values).any(axis=0)
-    found = np.zeros(values.shape[1])
-    found[there] = np.nanmedian(values[:, there], axis=0)
-    return found
+    medians = np.zeros(values.shape[1])
+    medians[there] = np.nanmedian(values[:, there], axis=0)
+    return medians

@@ -23,17 +23,17 @@ from .uncertainty import UncertaintyParts, uncertainty_parts
 
 
 def add_calibration(
-    sensor: Sensor, todo: Plan, found: problem.Results, warmer: Floats | None = None
+    sensor: Sensor, plan: Plan, results: problem.Results, warmer: Floats | None = None
 ) -> UncertaintyParts | None:
     """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
     covariances.
 
     warmer: (n,) than the reference temperature of the calibration, K.
     """
-    if sensor.calibration is None or not found.covariances.shape[1]:
+    if sensor.calibration is None or not results.covariances.shape[1]:
         return None
-    parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo, warmer)
-    found.covariances[:] += parts.calibration
+    parts = uncertainty_parts(sensor, results.states[:, :8], results.used, plan, warmer)
+    results.covariances[:] += parts.calibration
     return parts
 
 
@@ -41,19 +41,19 @@ def estimate(
     sensor: Sensor,
     readings: problem.Readings,
     request: problem.FitProblem,
-    found: problem.Results,
+    results: problem.Results,
 ) -> None:
-    """Fill `found`.
+    """Estimate the states of readings, and write them into `results`.
 
     Under real light, stalled estimates are repeated with exact derivatives.
     """
-    run(sensor, False, readings, request, found)
-    stalled = np.flatnonzero(found.status == problem.STALLED) if needs_exactness(sensor) else ()
+    run(sensor, False, readings, request, results)
+    stalled = np.flatnonzero(results.status == problem.STALLED) if needs_exactness(sensor) else ()
     if len(stalled):
-        again = problem.empty_results(len(stalled), len(found.covariances) > 0)
+        again = problem.empty_results(len(stalled), len(results.covariances) > 0)
         some, questions = problem.some_rows(stalled, readings, request)
         run(sensor, True, some, questions._replace(previous=False), again)
-        problem.put_rows(found, stalled, again)
+        problem.put_rows(results, stalled, again)
 
 
 def run(
@@ -61,18 +61,18 @@ def run(
     exact: bool,
     readings: problem.Readings,
     request: problem.FitProblem,
-    found: problem.Results,
+    results: problem.Results,
 ) -> None:
-    """exact: see `Form`."""
+    """Estimate readings once, with exact derivatives if `exact`, and write them into `results`."""
     code = block_code(sensor, request, exact, SINGLE if request.previous else None)
     way = blocks.estimate_in_turn if request.previous else blocks.estimate
-    way(code, packed_vectors(sensor), readings, request, found)
+    way(code, packed_vectors(sensor), readings, request, results)
 
 
 def block_code(
     sensor: Sensor, request: problem.FitProblem, exact: bool = False, width: int | None = None
 ) -> Callable[[int], None]:
-    """What estimates blocks of readings, compiled now if need be.
+    """Return the code that estimates blocks of readings; compile it if it is not compiled yet.
 
     exact: see `Form`.  width: see `blocks.kernel`.
     """
@@ -104,7 +104,7 @@ def compile_for(
     knowledge: Knowledge | None = None,
     kinds: Sequence[str] = (),
 ) -> None:
-    """Compiles or loads what a sensor's tasks take.
+    """Compile or load the code that some tasks with a sensor take.
 
     tasks: results of `facets.model`, "slopes" being derivatives by parameters; "poses" those of
     `facets.solve`.  knowledge: of the beam, for "poses"; by default its position is free.
@@ -121,16 +121,17 @@ def compile_for(
     run_side_by_side(makers)
 
 
-def slopes(own: str, kinds: Sequence[str]) -> Makers:
-    """own: the kind of light that is on, see `model.kinds.kind_of`."""
-    names = [f"slopes_of_{kind}" for kind in {*kinds, own} & {*LIT, "cut"}]
-    if own == "plain":
+def slopes(kind: str, kinds: Sequence[str]) -> Makers:
+    """Makers of the slopes by parameters, for a `kind` of light that is on (`model.kinds.kind_of`)
+    and further kinds."""
+    names = [f"slopes_of_{each}" for each in {*kinds, kind} & {*LIT, "cut"}]
+    if kind == "plain":
         names.append("slopes_by_parameters")
     return [partial(of_model.slopes_kernel, name) for name in names]
 
 
 def estimators(sensor: Sensor, knowledge: Knowledge) -> Makers:
-    """What makes the blocks that estimate poses, and those by which doubts are told."""
+    """Makers of the blocks that estimate poses, and of those that find doubtful poses."""
     free = tuple(make_plan(sensor, knowledge).free.tolist())
     makers: Makers = [partial(blocks.kernel, Form(free, kind_of(sensor)))]
     if 6 in free:

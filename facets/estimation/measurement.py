@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge, Prior
-from ..core.sensor import Sensor
 from ..core.settings import Config
 from ..core.units import Booleans, Floats
-from ..detectors.correction import correct
+from ..detectors.temperature import beam_shift, exact_readings, warmer_than_reference
 from .differences import ZeroPose
 from .object_pose import ObjectPose, transform
 from .samples import (
     Poses,
+    SampleEstimate,
     Samples,
     covariance_columns,
     expanded_columns,
@@ -29,27 +29,27 @@ from .samples import (
 )
 from .solution import Solution, Status, empty_solution
 from .solver import solve_question
-from .tally import PLACES, Tally
+from .tally import Tally
 from .zero import PoseColumns, ZeroRequest, ZeroSearch, zero_findings, zero_text
 
-#: Ends of an estimate that another start may spare.
+#: The statuses of an estimate that another start may avoid.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
 
 
 @check_arguments
 class Measurement:
-    """Solves samples as a configuration says it, and keeps what its user must be told.
+    """Solves samples as a configuration says, counts them, and keeps the zero of displacements.
 
     Parameters
     ----------
     config : Config
         The sensor, what is known of its beam (`solve`), and the measured object.
     columns : PoseColumns, optional
-        What poses have beside those of mirror and object: displacements from a zero, covariances.
+        Further columns of poses: displacements from a zero, covariances, expanded uncertainties.
     waits : bool
         Whether the zero waits for the first pose that fits its readings, as in a run.
     tally : Tally, optional
-        Where samples are counted; a new one by default.
+        The count of samples to which those are added; a new one by default.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Measurement:
     Raises
     ------
     InputError
-        Where the table of a zero is of no use.
+        Where the table of a zero cannot be read, or its poses are of no use.
 
     Examples
     --------
@@ -103,33 +103,39 @@ class Measurement:
         return self.search is not None and self.search.zero is None
 
     def poses(self, samples: Samples) -> Poses:
-        """Solve samples; displacements are NaN until the zero is known."""
+        """Solve samples, count them, and add them to the zero.
+
+        Displacements are NaN until the zero is known. Raises `InputError` where the samples of the
+        zero are of no use, unless the zero waits: then it begins anew, which `news` says.
+        """
         return self.finish(samples, *self.begin(samples))
 
     def poses_of_all(self, parts: Iterable[Samples], what: str) -> Iterator[Poses]:
-        """Solve the samples of a whole table; all have displacements.
+        """Solve the parts of a whole table, in their order; all poses have displacements.
 
-        What comes before the zero is known is held in memory. Raises `InputError` where the zero
-        is not in the table.  what: the table, for messages.
+        Parts are held in memory until the zero is known. Raises `InputError` where the table does
+        not have the samples of the zero, or where these are of no use.  what: the table, for
+        messages.
         """
         held, rows = [], 0
         for samples in parts:
             rows += len(samples.readings)
             held.append((samples, *self.begin(samples)))
             if not self.is_measuring:
-                yield from (self.finish(*one) for one in held)
+                yield from (self.finish(*solved) for solved in held)
                 held = []
         if self.search and rows:
             self.search.finish(what, rows)
-        yield from (self.finish(*one) for one in held)
+        yield from (self.finish(*solved) for solved in held)
 
     def begin(self, samples: Samples) -> tuple[Solution, Booleans]:
         """Solve samples, count them, and add them to the zero.
 
         Returns the solution, and whether each sample belongs to the zero.
         """
-        solution, knowledge, exact = self.estimate(samples)
-        self.tally.add(self.config, samples, solution, (knowledge, exact))
+        estimate = self.estimate(samples)
+        self.tally.add(self.config, samples, estimate)
+        solution = estimate.solution
         members = np.zeros(len(samples.readings), dtype=bool)
         if self.search and self.is_measuring:
             try:
@@ -148,24 +154,21 @@ class Measurement:
         return Poses(solution, members, columns)
 
     def skip(self, samples: Samples) -> Poses:
-        """The samples without poses, for want of time."""
+        """The poses of samples that are skipped, which are counted and not solved."""
         has_parts = self.config.sensor.calibration is not None
         count = len(samples.readings)
         solution = empty_solution(count, Status.SKIPPED, has_parts)
         self.tally.add_statuses(solution)
         return self.finish(samples, solution, np.zeros(count, dtype=bool))
 
-    def estimate(self, samples: Samples) -> tuple[Solution, Knowledge, Floats]:
-        """Solve samples, without counting them.
-
-        Returns the solution, what was known of the beam, and the exact readings (n, 9).
-        """
+    def estimate(self, samples: Samples) -> SampleEstimate:
+        """Solve samples, without counting them."""
         sensor, options = self.config.sensor, self.config.solve
-        exact = exact_readings(sensor, samples.readings, samples.temperature)
+        warmer = warmer_than_reference(sensor, samples.temperature)
+        exact = exact_readings(sensor, samples.readings, warmer)
         knowledge = self.knowledge(samples)
         if samples.place is not None and knowledge.beam != "free":
             exact = np.where(np.isfinite(samples.place).all(axis=1, keepdims=True), exact, np.nan)
-        warmer = warmer_than_reference(sensor, samples.temperature)
         if warmer is not None:
             warmer = np.nan_to_num(warmer)
         question = options.question(knowledge)
@@ -186,14 +189,17 @@ class Measurement:
             full = samples.saturated & (solution.status == Status.NON_FINITE)
             status = np.where(full, np.int8(Status.SATURATED), solution.status)
             solution = replace(solution, status=status)
-        return solution, knowledge, exact
+        return SampleEstimate(solution, knowledge, exact)
 
     def knowledge(self, samples: Samples) -> Knowledge:
         """What is known of the beam at the samples' times and temperatures."""
         if self.at_rest.beam == "free" or isinf(samples.place_sigma or 0.0):
             return replace(self.at_rest, beam="free")
         sensor, options = self.config.sensor, self.config.solve
-        place = beam_place(sensor, samples.place, samples.temperature)
+        place, warmer = samples.place, warmer_than_reference(sensor, samples.temperature)
+        if warmer is not None:
+            shift = beam_shift(sensor, warmer)
+            place = shift if place is None else place + shift
         if place is None:
             return self.at_rest
         place = np.nan_to_num(place)
@@ -238,7 +244,7 @@ class Measurement:
 
     @property
     def request(self) -> ZeroRequest | None:
-        """The zero of displacements that is asked for."""
+        """The request for a zero of displacements; None for no displacements."""
         return self.columns.zero
 
     @property
@@ -248,16 +254,16 @@ class Measurement:
 
     @property
     def findings(self) -> list[str]:
-        """What a user of the zero should know, as sentences."""
+        """The sentences on a zero that its user should know."""
         return zero_findings(self.zero) if self.zero else []
 
     def take_news(self) -> list[str]:
-        """What happened to the zero since the last call."""
+        """Return the news of the zero since the last call, and forget them."""
         news, self.news = self.news, []
         return news
 
     def messages(self) -> list[str]:
-        """What a person should know of the zero now."""
+        """The sentences on the zero for a person who watches a run."""
         if not self.is_measuring:
             return self.findings
         if self.search and self.search.is_begun:
@@ -265,8 +271,7 @@ class Measurement:
         return ["the zero waits for a pose that fits its readings; there is none yet"]
 
     def description(self) -> dict[str, Any]:
-        """What receivers of the columns are told: the point, the orientation, the zero, the
-        columns."""
+        """The description of the columns for their receivers: the object, the zero, the names."""
         body = self.config.object
         return {
             "object": None if body is None else {
@@ -279,7 +284,7 @@ class Measurement:
         }  # fmt: skip
 
     def zero_sentences(self) -> list[str]:
-        """What is said of the zero at the end."""
+        """The sentences on the zero at the end."""
         if self.request is None:
             return []
         if self.zero is None:
@@ -290,7 +295,7 @@ class Measurement:
         return [f"zero: {self.zero_text}", *self.findings]
 
     def sentences(self) -> list[str]:
-        """What is said of the samples at the end."""
+        """The sentences on the zero and the samples at the end."""
         return [*self.zero_sentences(), *self.tally.sentences(self.config)]
 
 
@@ -300,34 +305,6 @@ def unknown_displacements(solution: Solution) -> ObjectPose:
     part = None if solution.calibration_covariance is None else unknown
     freedom = solution.calibration_degrees_of_freedom
     return ObjectPose(unknown[:, 0], None, unknown, part, part, True, freedom)
-
-
-def warmer_than_reference(sensor: Sensor, temperature: Floats | None) -> Floats | None:
-    """How much warmer than its reference a sensor that follows the temperature is (n,), K."""
-    if temperature is None or not sensor.thermal.is_on:
-        return None
-    return temperature - sensor.thermal.reference
-
-
-def beam_place(sensor: Sensor, place: Floats | None, temperature: Floats | None) -> Floats | None:
-    """Where the beam is (n, 2), mm, at temperatures (n,); the origin at the reference's one, or
-    `place`."""
-    warmer = warmer_than_reference(sensor, temperature)
-    if warmer is None:
-        return place
-    shift: Floats = warmer[:, None] * np.array(sensor.thermal.beam)
-    return shift if place is None else place + shift
-
-
-def exact_readings(sensor: Sensor, readings: Floats, temperature: Floats | None = None) -> Floats:
-    """Convert readings (n, 9) of one instant each to those of the model at the sensor's reference
-    temperature."""
-    exact = correct(sensor, readings)
-    warmer = warmer_than_reference(sensor, temperature)
-    if warmer is not None:
-        exact = exact.copy()
-        exact[:, PLACES] -= warmer[:, None] * np.array(sensor.thermal.places)
-    return exact
 
 
 def retry(solution: Solution, solve: Any) -> None:
@@ -344,7 +321,7 @@ def retry(solution: Solution, solve: Any) -> None:
 
 
 def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The nearest of some ascending numbers to each of others."""
+    """The nearest of the ascending numbers `among` to each of `places`."""
     after = np.clip(np.searchsorted(among, places), 1, len(among) - 1) if len(among) > 1 else 0
     before = np.maximum(after - 1, 0)
     closer = places - among[before] <= among[after] - places

@@ -143,8 +143,8 @@ def transform(
 
 def carry_pose(poses: Floats, covariances: Floats, body: MeasuredObject) -> ObjectPose:
     """Absolute poses of an object at mirror poses (n, 6) with covariances (n, 6, 6)."""
-    found, slopes = object_poses(poses, body)
-    return ObjectPose(found, None, carry(slopes, covariances), None, None, False)
+    carried, slopes = object_poses(poses, body)
+    return ObjectPose(carried, None, carry(slopes, covariances), None, None, False)
 
 
 def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, CovarianceParts]:
@@ -152,8 +152,8 @@ def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, Covariance
     solution or of bare states."""
     if not isinstance(solution, Solution):
         return as_floats(solution, "solution", 6), None, None, CovarianceParts(None, None, None)
-    own = solution.covariance, solution.noise_covariance, solution.calibration_covariance
-    parts = (None if part is None else part.reshape(-1, 8, 8) for part in own)
+    covariances = solution.covariance, solution.noise_covariance, solution.calibration_covariance
+    parts = (None if part is None else part.reshape(-1, 8, 8) for part in covariances)
     return solution.state, solution.used, solution.status, CovarianceParts(*parts)
 
 

@@ -55,8 +55,8 @@ class Chance(NamedTuple):
         """The number of redundant readings of each pose (...), from the detectors used (..., 3)."""
         if used.all():  # counting takes longer than a step of the estimate
             return np.full(used.shape[:-1], max(9 + self.none, 0), np.int8)
-        found = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
-        return np.asarray(found, np.int8)
+        count = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
+        return np.asarray(count, np.int8)
 
     def limits(self, checks: NDArray[np.int8]) -> Floats:
         """The residuals (...) that noise alone hardly exceeds; infinite without redundancy."""
@@ -126,9 +126,9 @@ def find_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
 def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
     floor = power_floor(sensor)
     light = np.stack([least_light(sensor), other_light(sensor) + problem.DARK_SIGMAS * floor])
-    found = limits_under(sensor, floor, light, eight)
-    noise, light, half_sizes = np.array(found.noise), np.array(light), np.array(found.half_sizes)
-    return problem.ScreeningLimits(noise, light, half_sizes, eight, np.array(found.rounding))
+    limits = limits_under(sensor, floor, light, eight)
+    noise, light, half_sizes = np.array(limits.noise), np.array(light), np.array(limits.half_sizes)
+    return problem.ScreeningLimits(noise, light, half_sizes, eight, np.array(limits.rounding))
 
 
 def limits_under(sensor: Sensor, floor: float, light: Any, eight: bool) -> problem.ScreeningLimits:

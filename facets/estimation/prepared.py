@@ -66,24 +66,24 @@ class Solver:
     def solver_of(
         cls, sensor: Sensor, question: Question, start: Literal["zero", "previous"] = "zero"
     ) -> Solver:
-        """The solver of a question."""
+        """Make a solver from a question that is checked."""
         solver = cls.__new__(cls)
         solver._begin(sensor, question, start)
         return solver
 
     def _begin(self, sensor: Sensor, question: Question, start: str) -> None:
-        self._asked = (sensor, question, start)
+        self._arguments = (sensor, question, start)
         self._plan = make_plan(sensor, question.knowledge, question.method)
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
         self._pool.put_back(self._prepare())  # refuses now what it would refuse later
 
     def __reduce__(self) -> Any:
-        """A copy is a solver of its own, which begins anew: its memory has other addresses."""
-        return Solver.solver_of, self._asked
+        """A copy is another solver, which begins anew: its memory has other addresses."""
+        return Solver.solver_of, self._arguments
 
     def _prepare(self) -> PreparedEstimate:
-        sensor, question, _ = self._asked
+        sensor, question, _ = self._arguments
         return PreparedEstimate(sensor, self._plan, question)
 
     def solve(self, reading: ArrayLike) -> Solution:
@@ -98,39 +98,43 @@ class Solver:
         return self.solve_from(values, None)
 
     def solve_from(self, values: Floats, start: Floats | None) -> Solution:
-        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given,
-        unless the solver itself knows where to start."""
+        """Solve a reading (9,) that is checked.
+
+        start: (9,) or (1, 9); not used where the solver starts from the previous end.
+        """
         prepared = self._pool.take()
         previous = self._previous
         if previous is None:
-            found = prepared.solve(values, start, False)
+            solved = prepared.solve(values, start, False)
         else:
-            found = prepared.solve(values, previous.end, True)
+            solved = prepared.solve(values, previous.end, True)
             if prepared.end is not None:
                 previous.end = prepared.end
         self._pool.put_back(prepared)
-        return found
+        return solved
 
     def solve_some(self, values: Floats, warmer: Floats | None = None) -> Solution | None:
-        """The poses of a few readings (n, 9) that are checked, from zero; None where more is to be
-        done than kept memory serves.
+        """Solve a few readings (n, 9) that are checked, from zero.
 
-        warmer: (n,) than the reference temperature of the calibration, K.
+        Returns None where one pass of blocks is not enough: the power is unknown, poses may have to
+        be withdrawn, or an estimate under real light wanders or stalls.
+
+        warmer: (n,) how much warmer than the calibration's reference each is, K.
         """
         prepared = self._pool.take()
-        found = prepared.solve_some(values, warmer)
+        solved = prepared.solve_some(values, warmer)
         self._pool.put_back(prepared)
-        return found
+        return solved
 
     def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
         """The start of `facets.solve` for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
-        return start_states(self._asked[0], start, self._plan, values[None], ())
+        return start_states(self._arguments[0], start, self._plan, values[None], ())
 
 
 class _Previous(threading.local):
-    """Where the last converged reading of this thread ended: (9,), with the power."""
+    """The end (9,) of this thread's last converged reading, with the power."""
 
     end: Floats | None = None
 
@@ -144,34 +148,31 @@ class PreparedEstimate:
 
     end: Floats | None = None
 
-    def __init__(self, sensor: Sensor, todo: Plan, question: Question) -> None:
-        self._sensor, self._plan = sensor, todo
-        self._zero = start_states(sensor, "zero", todo, np.zeros((1, 9)), ())
-        self._unknown_power = bool(todo.weights[2] == 0 and todo.free[-1] == 8)
+    def __init__(self, sensor: Sensor, plan: Plan, question: Question) -> None:
+        self._sensor, self._plan = sensor, plan
+        self._zero = start_states(sensor, "zero", plan, np.zeros((1, 9)), ())
+        self._unknown_power = bool(plan.weights[2] == 0 and plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
-        self._given = problem.Readings(np.empty((1, 9)), self._sigmas)
-        self._problem = make_problem(todo, self._starts, question)
-        self._chance = chance_of(sensor, todo)
-        self._doubtful = is_doubtful(sensor, todo.free)
+        self._readings = problem.Readings(np.empty((1, 9)), self._sigmas)
+        self._problem = make_problem(plan, self._starts, question)
+        self._chance = chance_of(sensor, plan)
+        self._doubtful = is_doubtful(sensor, plan.free)
         self._seeks = sensor.light.on and self._problem.damped
         self._has_exact = needs_exactness(sensor)
         self._code: Any = None  # made when it is asked for
         self._block = KeptBlocks(
-            packed_vectors(sensor), self._given, self._problem, question.covariance
+            packed_vectors(sensor), self._readings, self._problem, question.covariance
         )
         self._numbers = self._block.numbers[0]
         self._ends = self._numbers.data
         self._numbers[CHECKS:COVARIANCE] = self._chance.checks(np.ones(3, bool)), self._chance.limit
         self._some: KeptBlocks | None = None
-        self._rows = self._given
+        self._rows = self._readings
 
     def solve_some(self, values: Floats, warmer: Floats | None) -> Solution | None:
-        """The poses of a few readings (n, 9), from zero; None where blocks alone do not tell.
-
-        warmer: (n,) than the reference temperature of the calibration, K.
-        """
+        """Solve a few readings (n, 9) from zero; see `Solver.solve_some`."""
         if self._doubtful or self._unknown_power:
             return None
         count = len(values)
@@ -213,13 +214,13 @@ class PreparedEstimate:
         return add_calibration(self._sensor, self._plan, results_of(numbers), warmer)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
-        """The pose of a reading (9,), from `start` or else from zero.
+        """Solve a reading (9,) from `start`, or from zero without one.
 
         warm: whether to try zero where the start leads to no pose, and to keep the `end`.
         """
-        self._given.values[0] = values
+        self._readings.values[0] = values
         if self._sensor.electronics is not None:
-            self._sigmas[:] = standard_deviations(self._sensor, self._given.values)
+            self._sigmas[:] = standard_deviations(self._sensor, self._readings.values)
         self._run(self._from_zero() if start is None else start)
         if warm and start is not None and self._ends[STATUS] != problem.CONVERGED:
             steps = float(self._ends[ITERATIONS])
@@ -238,28 +239,28 @@ class PreparedEstimate:
         used = self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]
         return numbers if used else self._put_limits(numbers)
 
-    def _solution_in_doubt(self, found: problem.Results, warm: bool) -> Solution:
+    def _solution_in_doubt(self, results: problem.Results, warm: bool) -> Solution:
         """The solution of a reading whose pose may not be the right one."""
         again, chance = self._estimate_again, self._chance
         if self._seeks:
-            replace_unlikely(self._sensor, self._plan, chance, found, again)
+            replace_unlikely(self._sensor, self._plan, chance, results, again)
         if self._doubtful:
-            withdraw_doubtful(self._sensor, self._plan.free, chance, found, again)
+            withdraw_doubtful(self._sensor, self._plan.free, chance, results, again)
         if warm:
-            self._keep_end(found.states[0], found.status[0])
-        return solution(found, (), chance, add_calibration(self._sensor, self._plan, found))
+            self._keep_end(results.states[0], results.status[0])
+        return solution(results, (), chance, add_calibration(self._sensor, self._plan, results))
 
     def _keep_end(self, state: Floats, status: int) -> None:
         self.end = state.copy() if status == problem.CONVERGED else None
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
-            return start_states(self._sensor, "zero", self._plan, self._given.values, ())
+            return start_states(self._sensor, "zero", self._plan, self._readings.values, ())
         return self._zero
 
     def _run(self, start: Floats) -> None:
-        """Estimate the reading from a start; stalled under real light, with derivatives that leave
-        nothing out, too."""
+        """Estimate the reading from a start, and again with exact derivatives where it has stalled
+        under real light."""
         self._starts[:] = start
         if self._code is None:
             self._code = block_code(self._sensor, self._problem, width=SINGLE)
@@ -269,11 +270,11 @@ class PreparedEstimate:
             self._block.estimate(exact)
 
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
-        """The reading from another start, in results of its own."""
-        found = problem.empty_results(1, len(self._numbers) > COVARIANCE)
-        asked = self._problem._replace(starts=starts)
-        estimate(self._sensor, self._given, asked, found)
-        return found
+        """Estimate the reading from another start, into new results."""
+        results = problem.empty_results(1, len(self._numbers) > COVARIANCE)
+        request = self._problem._replace(starts=starts)
+        estimate(self._sensor, self._readings, request, results)
+        return results
 
 
 #: Solvers are kept for so many questions.

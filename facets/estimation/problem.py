@@ -120,9 +120,9 @@ def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Read
     )
 
 
-def put_rows(found: Results, which: Array, some: Results) -> None:
+def put_rows(results: Results, which: Array, some: Results) -> None:
     """Put the results of some readings in their places."""
-    for whole, part in zip(found, some, strict=True):
+    for whole, part in zip(results, some, strict=True):
         if len(whole):
             whole[which] = part
 
@@ -173,14 +173,14 @@ class Scales(NamedTuple):
     most_steps: Any
 
 
-#: Their arrangement.
+#: The arrangement of these numbers.
 SCALES = Scales(
     (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 6
 )  # fmt: skip
 
 
 class BlockTask(NamedTuple):
-    """What code works on: 64-bit integers, in memory one after the other.
+    """The task of a block's code: 64-bit integers, in memory one after the other.
 
     The address of a sensor's vectors (of a row of `packing.row_size` numbers for each reading, if
     the form is varied), of `Scales`, and of arrays of `Readings`, `FitProblem` and `Results` (0

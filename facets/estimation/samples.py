@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +14,12 @@ from ..core.units import Booleans, Floats, Integers, unit_of
 from .solution import LABELS, Solution, UncertainResult
 
 if TYPE_CHECKING:
+    from ..core.knowledge import Knowledge
     from .object_pose import ObjectPose
 
+#: The status of a row that is not numbers.
 UNPARSABLE = "unparsable"
-#: The bit of each detector in the number of those that were used, as a board has it, too.
+#: The bit of each detector in a column `used`; a detector board has the same bits.
 DETECTOR_BITS = np.array([1, 2, 4])
 
 
@@ -31,17 +33,17 @@ class Samples:
     readings
         (n, 9) of one instant each (`align`), as the detectors gave them; mm and mW.
     numbers
-        (n,) of the samples; by default from 1.
+        (n,) numbers of the samples; by default from 1.
     time
         (n,) s; None where it is not known.
     temperature
         (n,) degrees Celsius, NaN where it is missing; None without a thermometer.
     place
-        (n, 2) where the beam was measured to be, without `solve.beam_offset_um` and what follows
-        the temperature, mm; where it is NaN there is no pose. None: at the origin.
+        (n, 2) the beam's measured place, mm, without `solve.beam_offset_um` and without its shift
+        by the temperature; a sample whose place is NaN gets no pose. None: at the origin.
     place_sigma
-        Standard uncertainty of `place`, mm, infinite where nothing is known of it; None: as the
-        configuration's `solve` says.
+        Standard uncertainty of `place`, mm; infinite: the beam is free. None: what the
+        configuration's `solve` says of the beam.
     saturated
         (n,) whether a converter was at its end; None where that is not known.
     """
@@ -59,13 +61,31 @@ class Samples:
             object.__setattr__(self, "numbers", 1 + np.arange(len(self.readings)))
 
 
+class SampleEstimate(NamedTuple):
+    """Samples that were solved.
+
+    knowledge: what was known of the beam.  exact: the readings (n, 9) that were solved, those of
+    perfect detectors at the reference temperature; NaN where the beam's place is missing.
+    """
+
+    solution: Solution
+    knowledge: Knowledge
+    exact: Floats
+
+
 @dataclass(frozen=True)
 class Poses:
-    """What became of some samples.
+    """The poses of some samples.
 
-    solution: of each sample.  members: (n,) whether it belongs to the zero and fits its readings.
-    object: the columns of the measured object, of displacements from a zero, and of covariances,
-    each (n,); see `Measurement`.
+    Attributes
+    ----------
+    solution
+        The solution of each sample.
+    members
+        (n,) whether a sample belongs to the zero, with a pose that fits its readings.
+    object
+        The columns (n,) of the measured object, of displacements from a zero, and of covariances
+        and expanded uncertainties, by name; see `Measurement`.
     """
 
     solution: Solution
@@ -166,22 +186,22 @@ def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, F
     assert result.covariance is not None
     columns = {}
     for i, j in zip(*np.triu_indices(6), strict=True):
-        one, other = (unit_of(POSE[k]).unit for k in (i, j))
-        unit = f"{one}2" if one == other else f"{one}_{other}"
+        unit_i, unit_j = (unit_of(POSE[k]).unit for k in (i, j))
+        unit = f"{unit_i}2" if unit_i == unit_j else f"{unit_i}_{unit_j}"
         scale = STATE_UNITS[i] * STATE_UNITS[j]
         columns[f"cov_{prefix}{POSE[i]}_{POSE[j]}_{unit}"] = result.covariance[:, i, j] / scale
     return columns
 
 
 def result_columns(
-    found: ObjectPose, prefix: str, covariance: bool, coverage: float | None = None
+    result: ObjectPose, prefix: str, covariance: bool, coverage: float | None = None
 ) -> dict[str, Floats]:
     """Poses of an object as columns with their standard uncertainties, and on request their
     covariances and expanded uncertainties."""
     columns = {
-        f"{prefix}{name}": found.pose[:, i] / STATE_UNITS[i]
+        f"{prefix}{name}": result.pose[:, i] / STATE_UNITS[i]
         for i, name in enumerate(STATE_COLUMNS[:6])
     }
-    columns |= uncertainty_columns(found, prefix)
-    columns |= covariance_columns(found, prefix) if covariance else {}
-    return columns | ({} if coverage is None else expanded_columns(found, coverage, prefix))
+    columns |= uncertainty_columns(result, prefix)
+    columns |= covariance_columns(result, prefix) if covariance else {}
+    return columns | ({} if coverage is None else expanded_columns(result, coverage, prefix))

@@ -95,13 +95,13 @@ class UncertainResult:
         are unknown, as in configurations that hold no `sensor.calibration.degrees_of_freedom`.
         """
         variance = self.uncertainty**2
-        found: Floats = np.full(variance.shape, np.inf)
+        freedom: Floats = np.full(variance.shape, np.inf)
         if self.calibration_covariance is not None:
             part = np.diagonal(self.calibration_covariance, axis1=-2, axis2=-1)
             known = np.asarray(self.calibration_degrees_of_freedom, float)[..., None]
-            found = effective_degrees_of_freedom(variance, part, known)
-        found[np.isnan(variance)] = np.nan
-        return found
+            freedom = effective_degrees_of_freedom(variance, part, known)
+        freedom[np.isnan(variance)] = np.nan
+        return freedom
 
     def coverage_factor(self, probability: float = 0.95) -> Floats:
         """Coverage factor of each component's interval; NaN without a pose.
@@ -124,8 +124,8 @@ class UncertainResult:
         >>> import numpy as np, facets
         >>> known = facets.Calibration(("psd_a.height",), ((1e-4,),), degrees_of_freedom=5)
         >>> sensor = facets.Sensor(calibration=known)  # known to 10 um, from a short calibration
-        >>> found = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
-        >>> k, within = found.coverage_factor()[2], 1e3 * found.expanded_uncertainty()[2]
+        >>> solution = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
+        >>> k, within = solution.coverage_factor()[2], 1e3 * solution.expanded_uncertainty()[2]
         >>> f"k {k:.2f}, z within {within:.1f} um"
         'k 2.35, z within 8.6 um'
         """
@@ -261,28 +261,30 @@ def root_of_covariance(covariance: Floats) -> Floats:
     """A matrix (..., n, n) whose product with its transpose is a covariance."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
     values, vectors = np.linalg.eigh(covariance / scale[..., :, None] / scale[..., None, :])
-    found: Floats = scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
-    return found
+    root: Floats = scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
+    return root
 
 
 def solution(
-    found: problem.Results,
+    results: problem.Results,
     shape: tuple[int, ...],
     chance: Chance,
     parts: UncertaintyParts | None = None,
 ) -> Solution:
-    """What was found, in the leading shape of the readings."""
-    checks = chance.checks(found.used)
+    """The solution of results, in the leading `shape` of the readings."""
+    checks = chance.checks(results.used)
     return Solution(
-        state=found.states[:, :8].reshape(*shape, 8),
-        status=found.status.reshape(shape),
-        power=found.states[:, 8].reshape(shape),
-        used=found.used.reshape(*shape, 3),
-        iterations=found.steps.reshape(shape),
-        residual=found.residuals.reshape(shape),
+        state=results.states[:, :8].reshape(*shape, 8),
+        status=results.status.reshape(shape),
+        power=results.states[:, 8].reshape(shape),
+        used=results.used.reshape(*shape, 3),
+        iterations=results.steps.reshape(shape),
+        residual=results.residuals.reshape(shape),
         checks=checks.reshape(shape),
         limit=chance.limits(checks).reshape(shape),
-        covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.shape[1] else None,
+        covariance=results.covariances.reshape(*shape, 8, 8)
+        if results.covariances.shape[1]
+        else None,
         noise_covariance=None if parts is None else parts.noise.reshape(*shape, 8, 8),
         calibration_covariance=None if parts is None else parts.calibration.reshape(*shape, 8, 8),
         calibration_degrees_of_freedom=(
@@ -315,14 +317,14 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
 def results_of(numbers: Floats) -> problem.Results:
     """The numbers of a `LazySolution` as results, whose floats are parts of them."""
     rows = numbers.reshape(-1, numbers.shape[-1])
-    found = Solution(*(make(rows) for make in FIELDS.values()))
+    fields = Solution(*(make(rows) for make in FIELDS.values()))
     return problem.Results(
         states=rows[:, :9],
-        used=found.used,
-        status=found.status,
-        steps=found.iterations,
-        residuals=found.residual,
-        covariances=np.empty((0, 0, 0)) if found.covariance is None else found.covariance,
+        used=fields.used,
+        status=fields.status,
+        steps=fields.iterations,
+        residuals=fields.residual,
+        covariances=np.empty((0, 0, 0)) if fields.covariance is None else fields.covariance,
     )
 
 
@@ -336,15 +338,15 @@ class LazySolution(Solution):
     @classmethod
     def from_numbers(cls, numbers: Floats, parts: UncertaintyParts | None = None) -> LazySolution:
         """numbers: (..., n).  Numbers and parts are its own."""
-        found = object.__new__(cls)
-        found.__dict__["_numbers"] = numbers
+        lazy = object.__new__(cls)
+        lazy.__dict__["_numbers"] = numbers
         if parts is not None:
             shape = numbers.shape[:-1]
             freedom = np.full(shape, parts.degrees_of_freedom)
-            found.__dict__["noise_covariance"] = parts.noise.reshape(*shape, 8, 8)
-            found.__dict__["calibration_covariance"] = parts.calibration.reshape(*shape, 8, 8)
-            found.__dict__["calibration_degrees_of_freedom"] = freedom
-        return found
+            lazy.__dict__["noise_covariance"] = parts.noise.reshape(*shape, 8, 8)
+            lazy.__dict__["calibration_covariance"] = parts.calibration.reshape(*shape, 8, 8)
+            lazy.__dict__["calibration_degrees_of_freedom"] = freedom
+        return lazy
 
     def __getattr__(self, name: str) -> Any:
         if name not in FIELDS or "_numbers" not in self.__dict__:

@@ -116,9 +116,9 @@ def solve(
     >>> facets.Status(int(facets.solve(sensor, np.zeros(9)).status)).label
     'no light'
     """
-    given = as_vectors(readings, 9, "readings")
+    values = as_vectors(readings, 9, "readings")
     question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
-    return solve_question(sensor, given, question, start, threads)
+    return solve_question(sensor, values, question, start, threads)
 
 
 def solve_question(
@@ -140,13 +140,13 @@ def solve_question(
         if (kept := solver.solve_some(checked, warmer)) is not None:
             return kept
     values, shape = as_rows(checked, 9, "readings")
-    todo = find_plan(sensor, question.knowledge, question.method, shape)
-    starts = start_states(sensor, start, todo, values, shape)
-    asked = make_problem(todo, starts, question, is_previous(start))
+    plan = find_plan(sensor, question.knowledge, question.method, shape)
+    starts = start_states(sensor, start, plan, values, shape)
+    request = make_problem(plan, starts, question, is_previous(start))
     rows = problem.Readings(values, sigmas_of(sensor, values))
-    results = solve_rows(sensor, rows, todo, asked, question.covariance, threads)
-    parts = add_calibration(sensor, todo, results, warmer)
-    return solution(results, shape, chance_of(sensor, todo), parts)
+    results = solve_rows(sensor, rows, plan, request, question.covariance, threads)
+    parts = add_calibration(sensor, plan, results, warmer)
+    return solution(results, shape, chance_of(sensor, plan), parts)
 
 
 def is_short(question: Question) -> bool:
@@ -171,30 +171,30 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
     question, values = Question(), reading[None].copy()
-    todo = find_plan(sensor, question.knowledge, question.method, ())
-    starts = start_states(sensor, start, todo, values, ())
-    asked = make_problem(todo, starts, question)
-    found = problem.empty_results(1, False)
-    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), asked, found)
-    return found.states[0, :8], float(found.residuals[0])
+    plan = find_plan(sensor, question.knowledge, question.method, ())
+    starts = start_states(sensor, start, plan, values, ())
+    request = make_problem(plan, starts, question)
+    results = problem.empty_results(1, False)
+    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), request, results)
+    return results.states[0, :8], float(results.residuals[0])
 
 
 def solve_rows(
     sensor: Sensor,
     readings: problem.Readings,
-    todo: Plan,
+    plan: Plan,
     request: problem.FitProblem,
     covariance: bool,
     threads: int = 1,
 ) -> problem.Results:
     """`solve` of readings that are checked, without what the calibration adds to covariances."""
     n = len(readings.values)
-    found = problem.empty_results(n, covariance)
+    all_results = problem.empty_results(n, covariance)
     block_code(sensor, request)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         some, questions = problem.some_rows(part, readings, request)
-        results = problem.Results(*(part_of(array, part, n) for array in found))
+        results = problem.Results(*(part_of(array, part, n) for array in all_results))
         estimate(sensor, some, questions, results)
 
     share(run, n, threads)
@@ -206,12 +206,12 @@ def solve_rows(
         estimate(sensor, some, questions, results)
         return results
 
-    chance = chance_of(sensor, todo)
+    chance = chance_of(sensor, plan)
     if sensor.light.on and request.damped:
-        replace_unlikely(sensor, todo, chance, found, again)
-    if is_doubtful(sensor, todo.free):
-        withdraw_doubtful(sensor, todo.free, chance, found, again)
-    return found
+        replace_unlikely(sensor, plan, chance, all_results, again)
+    if is_doubtful(sensor, plan.free):
+        withdraw_doubtful(sensor, plan.free, chance, all_results, again)
+    return all_results
 
 
 def solve_each(
@@ -221,8 +221,8 @@ def solve_each(
 ) -> problem.Results:
     """Solve readings (n, 9) as `facets.solve` does, each with its own sensor; no covariances.
 
-    question: priors with means (n, 2), (n) are those of each reading. A reading whose sensor cannot
-    be has the status NON_FINITE.
+    question: priors with means (n, 2), (n) are those of each reading. A reading whose sensor is
+    impossible has the status NON_FINITE.
     """
     sensor, shape = sensors.sensor, (len(values),)
     plan = make_plan(sensor, question.knowledge, shape=shape)
@@ -233,23 +233,26 @@ def solve_each(
     def estimate(
         which: Any, some: problem.Readings, questions: problem.FitProblem
     ) -> problem.Results:
-        found = problem.empty_results(len(some.values), False)
-        own, some_question = sensors.rows(which), question.rows(which)
-        left = np.arange(len(some.values))
-        if own.kind is not None and len(left):
-            left = estimate_in_blocks(own, own.kind, some, questions, found)
-        estimate_singly(own, left, some.values, some_question, questions.starts, found)
-        return found
+        results = problem.empty_results(len(some.values), False)
+        some_sensors, some_question = sensors.rows(which), question.rows(which)
+        remaining = np.arange(len(some.values))
+        if some_sensors.kind is not None and len(remaining):
+            kind = some_sensors.kind
+            remaining = estimate_in_blocks(some_sensors, kind, some, questions, results)
+        estimate_singly(
+            some_sensors, remaining, some.values, some_question, questions.starts, results
+        )
+        return results
 
-    found = estimate(np.arange(len(values)), readings, request)
+    results = estimate(np.arange(len(values)), readings, request)
     if is_doubtful(sensor, plan.free) and sensors.kind is not None:
 
         def again(which: Any, begin: Floats) -> problem.Results:
             some, questions = problem.some_rows(which, readings, request)
             return estimate(which, some, questions._replace(starts=begin))
 
-        withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), found, again)
-    return found
+        withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), results, again)
+    return results
 
 
 def estimate_in_blocks(
@@ -257,12 +260,12 @@ def estimate_in_blocks(
     kind: str,
     readings: problem.Readings,
     request: problem.FitProblem,
-    found: problem.Results,
+    results: problem.Results,
 ) -> Any:
-    """Fill `found`, as `estimates.estimate` does.
+    """Estimate readings in blocks, and write them into `results`.
 
-    Returns the numbers of the rows without light where they begin: their sensors may be none that
-    can be.
+    Returns the numbers of the rows without light at their start: their sensors may be
+    impossible.
     """
 
     def run(which: Any, exact: bool) -> None:
@@ -270,11 +273,13 @@ def estimate_in_blocks(
         some, questions = problem.some_rows(which, readings, request)
         part = problem.empty_results(len(which), False)
         blocks.estimate(code, sensors.rows(which).pack(kind), some, questions, part)
-        problem.put_rows(found, which, part)
+        problem.put_rows(results, which, part)
 
     run(np.arange(len(readings.values)), False)
-    unlit = (found.status == problem.OUT_OF_RANGE) & (found.steps == 0) & found.used.all(axis=1)
-    stalled = np.flatnonzero(found.status == problem.STALLED)
+    unlit = (
+        (results.status == problem.OUT_OF_RANGE) & (results.steps == 0) & results.used.all(axis=1)
+    )
+    stalled = np.flatnonzero(results.status == problem.STALLED)
     if len(stalled) and kind != "plain":
         run(stalled, True)
     return np.flatnonzero(unlit)
@@ -286,18 +291,18 @@ def estimate_singly(
     values: Floats,
     question: Question,
     starts: Floats,
-    found: problem.Results,
+    results: problem.Results,
 ) -> None:
-    """Fill rows of `found`, with a `Sensor` for each."""
+    """Estimate some rows one by one, with a `Sensor` for each, and write them into `results`."""
     for row in which.tolist():
         start = starts[row if len(starts) > 1 else 0]
         try:
-            asked = question.rows(row)._replace(covariance=False)
-            one = solve_question(sensors.one(row), values[row], asked, start[:8])
+            row_question = question.rows(row)._replace(covariance=False)
+            pose = solve_question(sensors.one(row), values[row], row_question, start[:8])
         except InputError:
-            found.status[row], found.used[row] = problem.NON_FINITE, False
-            found.states[row] = found.residuals[row] = np.nan
+            results.status[row], results.used[row] = problem.NON_FINITE, False
+            results.states[row] = results.residuals[row] = np.nan
             continue
-        found.states[row, :8], found.states[row, 8] = one.state, one.power
-        found.status[row], found.used[row] = one.status, one.used
-        found.steps[row], found.residuals[row] = one.iterations, one.residual
+        results.states[row, :8], results.states[row, 8] = pose.state, pose.power
+        results.status[row], results.used[row] = pose.status, pose.used
+        results.steps[row], results.residuals[row] = pose.iterations, pose.residual

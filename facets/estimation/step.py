@@ -68,7 +68,7 @@ class WeightedReading(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a step hands on to the next.
+    """The state of an estimate between two steps.
 
     here: (9,) the best state and power so far.  end, gain, factor: where the last step leads, the
     solution if it has converged; by how much it lessens the sum of squares; and the factor of its
@@ -122,18 +122,18 @@ def ask(
     used: list[Any] = []
     fault: Any = inf
     checks, small = scales.checks, NEGLIGIBLE_GAIN
-    noise, own = scales.noise, scales.weighed > 0
+    noise, has_own_weights = scales.noise, scales.weighed > 0
     for k in range(3):
         numbers = values[3 * k : 3 * k + 3]
-        found = detector_fault(numbers, scales.light[0][k], scales.half_sizes[k])
-        sound = found < 0.5
+        detector_status = detector_fault(numbers, scales.light[0][k], scales.half_sizes[k])
+        sound = detector_status < 0.5
         used.append(select(sound, 1.0, 0.0))
-        found = select(sound, inf, found)
-        fault = select(found < fault, found, fault)
+        detector_status = select(sound, inf, detector_status)
+        fault = select(detector_status < fault, detector_status, fault)
         checks = checks + 3 * used[k]
         place = numbers[2] / (noise[0] * noise[1])
         for i, usual in enumerate((place, place, 1 / noise[2])):
-            weight = select(own, weights[3 * k + i], usual)
+            weight = select(has_own_weights, weights[3 * k + i], usual)
             if i == 2 and k == 2:
                 weight = select(scales.eight > 0, 0.0, weight)
             kept.append(select(sound, weight, 0.0))
@@ -158,11 +158,12 @@ def begin(start: Sequence[Any], form: Form, status: Any) -> State:
 
 
 def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> Any:
-    """What each detector reads with the derivatives by the free unknowns, from those by the state.
+    """The detectors' readings with their derivatives by the free unknowns.
 
-    The beam's place takes the mirror along.
+    detectors: the readings with their derivatives by the state.  The beam's place takes the mirror
+    along.
     """
-    found: list[Any] = []
+    detectors_slopes: list[Any] = []
     for k, (values, derivatives) in enumerate(detectors):
         rows = []
         for i, row in enumerate(derivatives):
@@ -170,8 +171,8 @@ def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> An
             if 8 in free:
                 slopes.append(power_derivative(vectors, values, k, i))
             rows.append(slopes)
-        found.append((values, rows))
-    return found
+        detectors_slopes.append((values, rows))
+    return detectors_slopes
 
 
 def equations(
@@ -312,7 +313,7 @@ def residual_of(end: State) -> Any:
 
 
 def covariance_of(factor: linear_algebra.Triangle, free: Sequence[int]) -> list[list[Any]]:
-    """That of the free unknowns at its places in that of the state, (8, 8)."""
+    """The covariance (8, 8) of the state, from the factor of the equations of the free unknowns."""
     steps = linear_algebra.inverse(factor)
     covariance = [[0.0 for _ in range(8)] for _ in range(8)]
     for i, a in enumerate(free):

@@ -15,9 +15,10 @@ from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS, TEMPERATURE_COLUMN
 from ..core.units import Floats
 from ..detectors.skew import align
+from ..detectors.temperature import beam_shift, warmer_than_reference
 from ..files import tables
 from .estimates import Task, compile_for
-from .measurement import Measurement, beam_place
+from .measurement import Measurement
 from .samples import UNPARSABLE, Samples, worded_columns
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def solve_table(
 
 
 def compile_for_poses(config: Config, *tasks: Task) -> None:
-    """Compile what a measurement and other tasks take, see `compile_for`."""
+    """Compile the code that a measurement and other tasks take, see `compile_for`."""
     knowledge = config.solve.knowledge(config.sensor)
     compile_for(config.sensor, "poses", *tasks, knowledge=knowledge)
 
@@ -127,7 +128,7 @@ def require_time(chunk: tables.Chunk) -> Floats:
 
 
 def readings_in(chunk: tables.Chunk) -> Floats:
-    """(n, 9) of a table of readings."""
+    """The readings (n, 9) in a piece of a table."""
     return np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
 
 
@@ -139,8 +140,8 @@ def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | No
     place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
     if not all(name in chunk.columns for name in BEAM_UNCERTAINTIES):
         return place
-    shift = beam_place(sensor, None, chunk.columns.get(TEMPERATURE_COLUMN))
-    return place - options.beam_offset - (0.0 if shift is None else shift)
+    warmer = warmer_than_reference(sensor, chunk.columns.get(TEMPERATURE_COLUMN))
+    return place - options.beam_offset - (0.0 if warmer is None else beam_shift(sensor, warmer))
 
 
 def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:
@@ -158,7 +159,7 @@ def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tab
         if len(near) < 3 or here is None:
             continue
         rows = zip(near, (slice(-1, None), slice(None), slice(1)), strict=True)
-        parts = [(require_time(one)[n], readings_in(one)[n]) for one, n in rows if one]
+        parts = [(require_time(piece)[n], readings_in(piece)[n]) for piece, n in rows if piece]
         time, raw = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         first = int(near[0] is not None)
         aligned = align(sensor, time, raw)[first : first + len(here.lines)]

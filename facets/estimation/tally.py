@@ -19,6 +19,7 @@ from ..core.arguments import as_floats
 from ..core.knowledge import Knowledge, Prior
 from ..core.names import TEMPERATURE_COLUMN
 from ..core.units import Floats, describe_bounds
+from ..detectors.temperature import PLACES, beam_shift
 from ..model.arrays import is_near_edge, readings
 from .plan import FALSE_ALARM_RATE
 from .solution import LABELS, Solution, Status
@@ -26,19 +27,18 @@ from .solver import solve
 from .uncertainty import unseen_errors
 
 if TYPE_CHECKING:
-    from ..core.knowledge import Knowledge
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
-    from .samples import Samples
+    from .samples import SampleEstimate, Samples
 
 
-#: Flagged readings over those that chance flags, from which on the model is doubted; and the median
-#: residual, over the noise's, from which on it is not the model of this sensor.
+#: The model is doubted from this many flagged readings on, over those that chance flags; from this
+#: median residual on, over the noise's, it is not the model of this sensor.
 DOUBT, WRONG = 10.0, 5.0
-#: Of the newest readings, whose residuals make the median.
+#: Number of the newest readings whose residuals make the median.
 KEPT = 10_000
-#: So many flagged readings of the whole run, at most, are solved again; their median residual, over
-#: the noise's, up to which a cause explains them; and by which factor it has to be smaller.
+#: The most flagged readings of a run that are solved again; the largest median residual, over the
+#: noise's, with which a cause explains them; and the largest with it over that without it.
 MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_SHARE = 60, 2.0, 0.5
 #: A mirror whose poses scatter by less than so many standard uncertainties did not move.
 STILL_SIGMAS = 10.0
@@ -46,12 +46,22 @@ STILL_SIGMAS = 10.0
 
 @dataclass
 class Misfit:
-    """How many readings were judged, and flagged.  sizes: of the newest residuals, at least KEPT
-    where there were so many, over what noise leaves; kept: how many.
+    """Counts poses with a residual beyond chance, and finds the cause where there are many.
 
-    carried: whether a stage carries the beam, whose place is known by its encoder.  examples:
-    flagged readings from all over the run, each with the place of the beam that was assumed, every
-    `stride` of them.
+    Attributes
+    ----------
+    judged, flagged
+        Number of poses that can be checked, and of those with a residual beyond chance.
+    sizes, kept
+        The newest `residual_sizes`, in the pieces in which they came, and their number: at least
+        KEPT once so many have come.
+    carried
+        Whether a stage carries the beam, whose place is known by its encoder.
+    examples, stride
+        Flagged readings from all over the run, one of every `stride`, each with the place of the
+        beam that was assumed.
+    sensor, knowledge, method
+        With which the last flagged readings were solved.
     """
 
     judged: int = 0
@@ -73,7 +83,7 @@ class Misfit:
         method: str,
         readings: Floats,
     ) -> None:
-        """Some solved readings (n, 9), as the model has them.
+        """Count solved readings (n, 9), as perfect detectors would give them.
 
         knowledge, method: with which they were solved.
         """
@@ -82,12 +92,11 @@ class Misfit:
             self.sensor, self.knowledge, self.method = sensor, knowledge, method
             places = as_floats(knowledge.beam_prior.mean, "mean")
             self.keep_examples(flags, readings, np.broadcast_to(places, (len(flags), 2)))
-        there = solution.converged & (solution.checks > 0)
-        self.judged += int(there.sum())
+        sizes = residual_sizes(solution)
+        self.judged += len(sizes)
         self.flagged += int(flags.sum())
-        over = solution.residual[there] / np.sqrt(solution.checks[there])
-        self.sizes.append(over)
-        self.kept += len(over)
+        self.sizes.append(sizes)
+        self.kept += len(sizes)
         while self.kept - len(self.sizes[0]) >= KEPT:
             self.kept -= len(self.sizes.popleft())
 
@@ -106,7 +115,7 @@ class Misfit:
 
     @property
     def sentence(self) -> str:
-        """The message; empty if chance explains all flags."""
+        """The message on the flags; empty if chance explains them all."""
         chance = FALSE_ALARM_RATE * self.judged
         if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
             return ""
@@ -141,15 +150,15 @@ class Misfit:
 
     @property
     def words(self) -> str:
-        """The message; where chance explains all flags, how large the residuals are."""
+        """The message on the flags; where chance explains them all, the size of the residuals."""
         if self.sentence or not self.kept:
             return self.sentence
         size = float(np.sqrt(np.mean(np.concatenate(self.sizes) ** 2)))
         return f"the residuals are {size:.2f} times the noise (RMS; 1 is expected)"
 
     def cause(self, size: float) -> str:
-        """The cause that explains the examples, whose residuals are `size` times the noise; or
-        ""."""
+        """The cause that explains the examples, whose residuals are `size` times the noise, as a
+        sentence; empty where none does."""
         sensor, knowledge = self.sensor, self.knowledge
         if sensor is None or self.method == "paper" or not self.examples:
             return ""
@@ -165,12 +174,15 @@ class Misfit:
                 )
         if knowledge.beam == "free":
             return ""
-        found = place_that_explains(sensor, readings, places, knowledge.power == "unknown", enough)
-        return self.words_of_place(found, places.mean(axis=0)) if found is not None else ""
+        place = place_that_explains(sensor, readings, places, knowledge.power == "unknown", enough)
+        return self.words_of_place(place, places.mean(axis=0)) if place is not None else ""
 
-    def words_of_place(self, found: tuple[Floats, bool], assumed: Floats) -> str:
-        """The sentences for a beam that stands elsewhere by so much (2,), mm."""
-        away, moved = found
+    def words_of_place(self, shift: tuple[Floats, bool], assumed: Floats) -> str:
+        """The sentences for a beam that stands elsewhere.
+
+        shift: from the `assumed` place (2,), mm, and whether the mirror moved meanwhile.
+        """
+        away, moved = shift
         if self.carried:
             words = (
                 f"The readings fit a beam {point(away)} mm from where the stage "
@@ -200,7 +212,10 @@ def point(place: Floats) -> str:
 def power_that_explains(
     sensor: Sensor, readings: Floats, places: Floats, enough: float
 ) -> float | None:
-    """The power of the laser, mW, with which readings (n, 9) fit; None where they do not."""
+    """The power of the laser, mW, with which readings (n, 9) fit; None where they fit with none.
+
+    enough: the largest `median_size` of a fit.
+    """
     solution = solve(sensor, readings, beam=Prior(places, 0.0), power="unknown")
     if median_size(solution) > enough:
         return None
@@ -210,10 +225,10 @@ def power_that_explains(
 def place_that_explains(
     sensor: Sensor, readings: Floats, places: Floats, unknown: bool, enough: float
 ) -> tuple[Floats, bool] | None:
-    """How far the beam stands from `places` (n, 2), mm, for readings (n, 9) to fit, all of them by
-    the same; and whether the mirror moved meanwhile. None where they do not.
+    """The common shift (2,) of the beam from `places` (n, 2), mm, with which readings (n, 9) fit,
+    and whether the mirror moved meanwhile; None where they fit with none.
 
-    unknown: whether the power is.
+    unknown: whether the power is unknown.  enough: the largest `median_size` of a fit.
     """
     power: Literal["known", "unknown"] = "unknown" if unknown else "known"
     free = solve(sensor, readings, beam="free", power=power, accept_unchecked=True)
@@ -229,35 +244,51 @@ def place_that_explains(
     return away, bool((poses.std(axis=0) > STILL_SIGMAS * u).any())
 
 
+def residual_sizes(solution: Solution) -> Floats:
+    """The residuals (k,) of the poses that can be checked, over what noise leaves in them (RMS)."""
+    checked = solution.converged & (solution.checks > 0)
+    sizes: Floats = solution.residual[checked] / np.sqrt(solution.checks[checked])
+    return sizes
+
+
 def median_size(solution: Solution) -> float:
-    """The median residual over what noise leaves; infinite where less than half of the readings
-    have a pose that can be checked."""
-    good = solution.converged & (solution.checks > 0)
-    if 2 * good.sum() < len(good):
-        return np.inf
-    return float(np.median(solution.residual[good] / np.sqrt(solution.checks[good])))
+    """The median of `residual_sizes`; infinite where less than half of the readings have a pose
+    that can be checked."""
+    sizes = residual_sizes(solution)
+    return float(np.median(sizes)) if 2 * len(sizes) >= len(solution.status) else np.inf
 
 
-#: `unseen_errors` is asked for at the first so many poses, and at one in so many later ones.
+#: The bound of unseen errors is computed for the first FIRST_POSES poses, and then for one in
+#: LATER_POSES.
 FIRST_POSES, LATER_POSES = 100, 10_000
 #: Errors of a pose that are reported, and those without a bound; standard uncertainties.
 MUCH, BOUNDLESS = 10.0, 1e4
-#: Which readings are places, in the order of `Thermal.places`.
-PLACES = [0, 1, 3, 4, 6, 7]
 
 
 @dataclass
 class Tally:
-    """What happened so far.
+    """Counts what became of samples, and makes the sentences that a user must read of them.
 
-    what: the word for samples.  cold: the clause that says where the temperature is missing which
-    the sensor follows.  statuses: of samples that are solved or given up, by their words.  misfit:
-    whether the residuals are beyond chance.  checked:
-    poses that something checks.  unchecked: poses that nothing checks, given on request.  edges:
-    poses with a spot near an edge that the model lacks.  unseen: (2,) by how much one spoilt place
-    and one spoilt power can put a pose off unseen, in standard uncertainties, at most; NaN where
-    nothing was solved.  unknown_temperatures: samples without the temperature that the sensor
-    follows, and is_cold whether none has one.
+    Attributes
+    ----------
+    what
+        The word for samples in sentences.
+    cold
+        The clause that says where the temperature is missing that the sensor follows.
+    statuses
+        Number of samples by the words of their status.
+    misfit
+        The poses with a residual beyond chance.
+    checked, unchecked
+        Number of poses that something checks, and that nothing checks, which are given on request.
+    edges
+        Number of poses with a spot near an edge that the model lacks.
+    unseen
+        (2,) the largest errors of a pose, in standard uncertainties, that one spoilt place and one
+        spoilt power can cause without a sign in the residual; NaN where nothing was solved.
+    unknown_temperatures, is_cold
+        Number of samples without the temperature that the sensor follows, and whether there are
+        samples without any thermometer.
     """
 
     what: str = "samples"
@@ -271,11 +302,9 @@ class Tally:
     unknown_temperatures: int = 0
     is_cold: bool = False
 
-    def add(
-        self, config: Config, samples: Samples, solution: Solution, how: tuple[Knowledge, Floats]
-    ) -> None:
-        """Count solved samples.  how: what was known of the beam, and the exact readings (n, 9)."""
-        sensor, (knowledge, exact) = config.sensor, how
+    def add(self, config: Config, samples: Samples, estimate: SampleEstimate) -> None:
+        """Count solved samples."""
+        sensor, (solution, knowledge, exact) = config.sensor, estimate
         self.add_statuses(solution)
         if sensor.thermal.is_on:
             self.is_cold |= samples.temperature is None
@@ -331,15 +360,15 @@ class Tally:
         return self.statuses[Status.SKIPPED.label]
 
     def sentences(self, config: Config) -> list[str]:
-        """What a user must be told of the poses."""
-        found = (
+        """The sentences on the poses for their user."""
+        sentences = (
             self.misfit.words,
             self.unchecked_sentence(),
             self.edge_sentence(),
             self.unseen_sentence(),
             self.temperature_sentence(config),
         )
-        return [sentence for sentence in found if sentence]
+        return [sentence for sentence in sentences if sentence]
 
     def unchecked_sentence(self) -> str:
         """The sentence about samples that have, or could have, a pose which nothing checks."""
@@ -406,7 +435,7 @@ def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:
     """By how much a pose at rest is off (6,), mm and rad, where the sensor is 1 K warmer than its
     reference and the readings are solved without their temperature."""
     state = np.zeros((1, 8))
-    state[0, 6:] = sensor.thermal.beam
+    state[:, 6:] = beam_shift(sensor, np.ones(1))
     seen = readings(sensor, state)
     seen[:, PLACES] += sensor.thermal.places
     known = replace(options, beam_offset=(0.0, 0.0)).knowledge(sensor)

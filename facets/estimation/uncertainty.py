@@ -94,16 +94,19 @@ def uncertainty_parts(
     plan: Plan,
     warmer: Floats | None = None,
 ) -> UncertaintyParts:
-    """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
+    """The parts of the covariances of states (n, 8) of a sensor with a calibration.
+
+    The other arguments are those of `propagate`.
+    """
     assert sensor.calibration is not None
     noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
     for part in slices_of(len(states)):
-        found = propagate(
+        propagation = propagate(
             sensor, sensor.calibration, states[part], used[part], plan,
             None if warmer is None else warmer[part],
         )  # fmt: skip
-        noise[part] = found.noise
-        calibration[part] = carry_over(sensor.calibration, found.slopes)
+        noise[part] = propagation.noise
+        calibration[part] = carry_over(sensor.calibration, propagation.slopes)
     known = sensor.calibration.degrees_of_freedom
     return UncertaintyParts(noise, calibration, np.nan if known is None else known)
 
@@ -267,27 +270,27 @@ def unseen_errors(
     [inf, inf, 6.0]
     """
     states, shape = as_rows(state, 8, "state")
-    asked = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
+    plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
     exact = readings(sensor, states)
     slopes = np.zeros((len(states), 9, 9))
     slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS
     slopes[:, 2::3, 8] = exact[:, 2::3]
     slopes /= standard_deviations(sensor, exact)[:, :, None]
-    known = np.diag([*[0.0] * 6, *asked.weights * [*FINE_UNITS[6:], sensor.beam.power]])
-    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, asked.free]
+    known = np.diag([*[0.0] * 6, *plan.weights * [*FINE_UNITS[6:], sensor.beam.power]])
+    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, plan.free]
     out = np.full((len(states), 9), np.nan)
     lit = np.isfinite(rows).all(axis=(1, 2))
     into_pose = (np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0][:, :9] ** 2).sum(axis=2)
-    left = 1 - into_pose
-    limit = chance_of(sensor, asked).limit
+    remainder = 1 - into_pose
+    limit = chance_of(sensor, plan).limit
     with np.errstate(divide="ignore", invalid="ignore"):
-        out[lit] = np.where(left > NOTHING, limit * np.sqrt(into_pose / left), np.inf)
+        out[lit] = np.where(remainder > NOTHING, limit * np.sqrt(into_pose / remainder), np.inf)
     return out.reshape(*shape, 9)
 
 
 def column_lengths(matrices: Floats) -> Floats:
-    found: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
-    return found
+    lengths: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
+    return lengths
 
 
 def require_probability(probability: float) -> float:
@@ -300,7 +303,7 @@ def require_probability(probability: float) -> float:
 
 
 def describe_coverage(sensor: Sensor, probability: float) -> dict[str, str]:
-    """What the header of a table says of its expanded uncertainties."""
+    """The lines of a table's header on its expanded uncertainties."""
     known = sensor.calibration
     if known is None:
         source = "infinite, as the configuration has no covariance of a calibration"
@@ -326,8 +329,8 @@ def effective_degrees_of_freedom(
         *(np.asarray(numbers, float) for numbers in (variance, part, degrees_of_freedom))
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Floats = np.where(share > 0, known * (whole / share) ** 2, np.inf)
-    return found
+        effective: Floats = np.where(share > 0, known * (whole / share) ** 2, np.inf)
+    return effective
 
 
 def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) -> Floats:
@@ -340,9 +343,9 @@ def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) 
     require_probability(probability)
     freedom, upper = np.asarray(degrees_of_freedom, float), (1 + probability) / 2
     is_finite = np.isfinite(freedom)
-    found: Floats = np.full(freedom.shape, ndtri(upper))
-    found[is_finite] = stdtrit(freedom[is_finite], upper)
-    return found
+    factor: Floats = np.full(freedom.shape, ndtri(upper))
+    factor[is_finite] = stdtrit(freedom[is_finite], upper)
+    return factor
 
 
 def region_factor(probability: float, dimensions: int, degrees_of_freedom: float = np.inf) -> float:

@@ -30,8 +30,8 @@ MOVED, BY_CHANCE = 1.5, 3.0
 @check_arguments
 @dataclass(frozen=True)
 class ZeroRequest:
-    """What the zero is: the samples of the first `seconds`, the sample `row` (from 1), or the mean
-    of the poses in a file."""
+    """The samples that are the zero: those of the first `seconds`, the sample `row` (from 1), or
+    the poses in a file."""
 
     seconds: float = 0.0
     row: int = 0
@@ -56,8 +56,8 @@ class ZeroRequest:
         return members
 
     def require_length(self, lasts: float, samples: int, what: str) -> None:
-        """Raise `InputError` where all samples, of `what`, last for less than the zero, but for the
-        time to the next sample; a live run has no zero then."""
+        """Raise `InputError` where the samples of `what` last for less than the zero, up to the
+        time to the next sample.  lasts: the time from the first to the last sample, s."""
         if lasts + 2 * lasts / max(samples - 1, 1) < self.seconds:
             raise InputError(
                 f"--zero is {self.text}, but {what} lasts {lasts:.4g} s; give a shorter time, or "
@@ -75,7 +75,7 @@ class ZeroRequest:
 @check_arguments
 @dataclass(frozen=True)
 class PoseColumns:
-    """What poses have beside the mirror's pose and the object's.
+    """The columns of poses beside the mirror's pose and the object's.
 
     zero: the samples from whose mean pose displacements are given.  covariance: whether whole
     covariances.  coverage: the probability of expanded uncertainties, or None for none.
@@ -87,14 +87,19 @@ class PoseColumns:
 
 
 class ZeroSearch:
-    """Collects the samples of a zero, in whatever order they come, until it is known.
+    """Collects the samples of a zero from pieces of a table or a run, until it is known.
 
-    zero: the reference pose, None until it is known.  is_begun: whether a sample of it has come.
+    zero: the reference pose, None until it is known.  first: the number and the time of the sample
+    from which samples are counted, once it has come (`is_begun`).  is_over: whether a sample after
+    the zero has come.  count, last: the number of samples in the zero, those without a pose
+    included, and the newest time, s.
     """
 
     def __init__(self, request: ZeroRequest, config: Config, waits: bool) -> None:
-        """waits: whether the samples are counted from the first one that has a pose that fits, as
-        those of a run, which may begin in the dark; else from the first of all.
+        """Begin without samples.
+
+        waits: whether samples are counted from the first one with a pose that fits, as those of a
+        run, which may begin in the dark; else from the first of all.
 
         Raises `InputError` where the table that is requested is of no use.
         """
@@ -109,7 +114,7 @@ class ZeroSearch:
         self.is_begun = self.is_over = False
         self.first = 0, np.nan
         self.count, self.last = 0, np.nan
-        #: Of the zero's samples so far: states, temperatures, and detectors.
+        #: States, temperatures and detectors of the zero's samples so far.
         self.members: list[tuple[Floats, Floats, Booleans]] = []
 
     def add(self, samples: Samples, solution: Solution) -> Booleans:
@@ -138,7 +143,7 @@ class ZeroSearch:
         return members
 
     def begin(self, samples: Samples, solution: Solution) -> bool:
-        """Whether the first sample of all, or the first with a pose, is among these."""
+        """Find the sample from which samples are counted: whether it is among these."""
         starts = solution.ok if self.waits else np.ones(len(samples.readings), dtype=bool)
         time = samples.time
         if time is None:
@@ -152,16 +157,20 @@ class ZeroSearch:
         return self.is_begun
 
     def measure(self) -> None:
-        """Make the zero of the samples so far."""
+        """Make the zero of the samples so far, and forget these.
+
+        Raises `InputError` where they are of no use.
+        """
         members = self.members or [(np.empty((0, 8)), np.empty(0), np.empty((0, 3), bool))]
         states, temperature, used = map(np.concatenate, zip(*members, strict=True))
         self.forget()
         self.zero = zero_of_samples(self.config, states, temperature, used)
 
     def finish(self, what: str, rows: int) -> None:
-        """Make the zero at the end of all samples, those of `what`.
+        """Make the zero, if it is not known yet, at the end of the samples of a table.
 
-        Raises `InputError` where they do not have it.
+        what, rows: the table, for messages, and its number of rows. Raises `InputError` where the
+        table does not have the samples of the zero, or where these are of no use.
         """
         if self.zero is not None:
             return
@@ -180,10 +189,11 @@ def zero_of_samples(
     temperature: Floats | None = None,
     used: Booleans | None = None,
 ) -> ZeroPose:
-    """The zero of states (n, 8) that were solved as a config's `solve` block says.
+    """The zero of states (n, 8) that were solved as a configuration's `solve` says.
 
-    temperature: (n,) degrees Celsius, if the sensor follows it.  used: (n, 3) detectors; None where
-    they are not known, and taken to be all.
+    temperature: (n,) degrees Celsius, if the sensor follows it.  used: (n, 3) detectors; None for
+    all. Raises `InputError` where no state is finite, where fewer than two detectors took part in
+    all of them, or where a detector has no light at their mean.
     """
     sensor = config.sensor
     warmer = 0.0
@@ -194,7 +204,9 @@ def zero_of_samples(
 
 
 def zero_of_table(path: Path, config: Config) -> ZeroPose:
-    """The mean of the poses of a table that fit their readings.
+    """The zero of the poses in a table that fit their readings.
+
+    Raises `InputError` where the table cannot be read, or its poses are of no use.
 
     The errors of the calibration are common to this zero and later poses only if the table says
     that it was made from the same configuration.
@@ -229,18 +241,18 @@ def zero_text(request: ZeroRequest, zero: ZeroPose) -> str:
 
 
 def zero_findings(zero: ZeroPose) -> list[str]:
-    """What a user of a zero should know, as sentences."""
-    found = []
+    """The sentences on a zero that its user should know."""
+    sentences = []
     worst = int(np.nanargmax(zero.scatter)) if np.isfinite(zero.scatter).any() else 0
     if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):
-        found.append(
+        sentences.append(
             f"The mirror moved while the zero was measured: its samples scatter "
             f"{zero.scatter[worst]:.3g} times as much in {POSE[worst]} as their noise. The stated "
             "uncertainties of displacements do not include this motion."
         )
     if not zero.same_calibration and zero.sensor.calibration is not None:
-        found.append(
+        sentences.append(
             "The poses of the zero were not made from this configuration. Therefore the errors of "
             "the calibration are taken as independent at the zero and at the other poses."
         )
-    return found
+    return sentences
