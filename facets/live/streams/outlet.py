@@ -14,8 +14,8 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from hmac import compare_digest
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any
@@ -87,15 +87,23 @@ class Outlet:
         }.items():
             self.socket.setsockopt(option, value)
         self.socket.setsockopt(zmq.XPUB_WELCOME_MSG, ABOUT + json.dumps(about).encode())
-        self.folder = TemporaryDirectory(prefix="facets-", ignore_cleanup_errors=True)
-        self.endpoint = self.bind_locally()
 
-    def bind_locally(self) -> str:
-        """Bind an endpoint for processes of the run; where there is such, one that other users of
-        this machine cannot reach."""
+    @contextmanager
+    def local_endpoint(self) -> Iterator[str]:
+        """Yield an endpoint at which a process of the run connects while the block lasts.
+
+        Where the system has such, it is a file that other users of this machine cannot reach. The
+        file is removed at the block's end, which connections outlast: a run that is killed leaves
+        nothing behind, and nobody else connects later.
+        """
+        with TemporaryDirectory(prefix="facets-", ignore_cleanup_errors=True) as folder:
+            yield self.bind_locally(folder)
+
+    def bind_locally(self, folder: str) -> str:
+        """Bind a file in a folder or, if that is not possible, a port of this machine."""
         if os.name == "posix":
             with suppress(zmq.ZMQError):  # of a folder whose name is too long
-                return self.bind(f"ipc://{self.folder.name}/run")
+                return self.bind(f"ipc://{folder}/run")
         return self.bind("tcp://127.0.0.1:*")
 
     def bind(self, endpoint: str) -> str:
@@ -206,7 +214,6 @@ class Outlet:
         for relay in self.relays:
             relay.end()
         self.context.destroy()
-        self.folder.cleanup()
 
 
 class Relay:
@@ -227,16 +234,17 @@ class Relay:
         self.token, self.is_connected = secrets.token_hex(16).encode(), False
         self.said: dict[str, Any] = {"sent": 0, "dropped": 0, "receivers": 0}
         self.heard = time.monotonic()
-        setup = {**setup, "endpoint": outlet.endpoint, "token": self.token.decode()}
-        with TemporaryFile("w+") as file:  # other users can read what stands in a command
-            json.dump(setup, file)
-            file.seek(0)
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", module, address],
-                stdin=file, stdout=subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
-        outlet.relays.append(self)
-        self.await_begin()
+        with outlet.local_endpoint() as endpoint:
+            setup = {**setup, "endpoint": endpoint, "token": self.token.decode()}
+            with TemporaryFile("w+") as file:  # other users can read what stands in a command
+                json.dump(setup, file)
+                file.seek(0)
+                self.process = subprocess.Popen(
+                    [sys.executable, "-m", module, address],
+                    stdin=file, stdout=subprocess.DEVNULL, start_new_session=True,
+                )  # fmt: skip
+            outlet.relays.append(self)
+            self.await_begin()
 
     def await_begin(self) -> None:
         """Wait until the process says that it is ready. Raises `InputError` where it cannot be."""
