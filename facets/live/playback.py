@@ -46,7 +46,7 @@ class Playback:
     change : callable, optional
         Returns the configuration with changes, such as another point of the object.
     columns : PoseColumns, optional
-        What poses have beside those of mirror and object, such as displacements from a zero.
+        Further columns of the poses, such as displacements from a zero.
 
     Raises
     ------
@@ -58,7 +58,7 @@ class Playback:
     >>> from pathlib import Path
     >>> from facets.live import Playback
     >>> playback = Playback(Path("recordings/today"))  # doctest: +SKIP
-    >>> found = list(playback.poses())  # doctest: +SKIP
+    >>> poses = list(playback.poses())  # doctest: +SKIP
     >>> print(*playback.sentences(), sep="\\n")  # doctest: +SKIP
     recordings/today: 24534 samples, 0 lost, 0 frames refused, 0 bytes passed over
     """
@@ -178,8 +178,10 @@ class Playback:
             yield from self.write_table(path, poses, about)
 
     def await_zero(self, poses: Iterable[RunPoses]) -> Iterator[RunPoses]:
-        """The same poses, taken in up to the end of the zero's samples.  Raises `InputError` if
-        there is no sample after them."""
+        """Return the same poses after taking in all samples of the zero of displacements.
+
+        Raises `InputError` if there is no sample after them.
+        """
         held, rest = [], iter(poses)
         while self.pipeline.measurement.is_measuring:
             part = next(rest, None)
