@@ -70,8 +70,8 @@ def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor,
     variables, names, merged = layout.variables, ["", "", ""], layout
     if branch.psds[0]:
         psds = [layout.psds[name] for name in branch.psds]
-        own = sensor.noise.position
-        noise = min(own if part.position is None else part.position for part in psds)
+        known_noise = sensor.noise.position
+        noise = min(known_noise if part.position is None else part.position for part in psds)
         size, names[0] = max(part.size for part in psds), MERGED
         merged = replace(merged, psds={MERGED: replace(psds[0], size=size, position=noise)})
     if branch.lasers[0]:

@@ -188,8 +188,8 @@ def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, see
         power = int(np.ceil(np.log2(max(count, 2))))
         shares = qmc.Sobol(dimension, rng=rng).random_base2(power)[:count]
     low, high = np.array(bounds).T
-    found: Floats = low + shares * (high - low)
-    return found
+    values: Floats = low + shares * (high - low)
+    return values
 
 
 def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
@@ -251,8 +251,8 @@ def measure_design(
         return OUTSIDE[int(clear.argmin())], values
     if len(rivals) and is_beaten(space, sensor, rules, values, rivals):
         return 5, values
-    found = axis_ranges(sensor, rules, np.zeros(6), tolerance)
-    values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in found])
+    ranges = axis_ranges(sensor, rules, np.zeros(6), tolerance)
+    values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in ranges])
     return 0, values
 
 
@@ -292,12 +292,12 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
     values, seconds = [], []
     for x in some:
         begin = time.perf_counter()
-        why, found = measure_design(space, x, NO_RIVALS if full else rivals)
+        why, measured = measure_design(space, x, NO_RIVALS if full else rivals)
         seconds.append(time.perf_counter() - begin)
         reasons.append(why)
-        values.append(found)
+        values.append(measured)
         if not why and not full:
-            rivals = np.concatenate([rivals, found[None]])
+            rivals = np.concatenate([rivals, measured[None]])
     return part_table(space, first, some, np.array(reasons), np.array(values), np.array(seconds))
 
 
@@ -324,8 +324,9 @@ def measure_designs(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, F
     for first in range(0, len(numbers), CHUNK):
         rows = slice(first, first + CHUNK)
         part, which = designs.subset(rows), numbers[rows]
-        found = measure(part, space.mirror_volume, space.layout.least_power, FINE_ENOUGH)
-        why[which], values[which, 1:] = found
+        why[which], values[which, 1:] = measure(
+            part, space.mirror_volume, space.layout.least_power, FINE_ENOUGH
+        )
     values[:, AT_RANGES] *= FAR
     values[possible, 0] = heads[possible]
     seconds = np.full(len(some), (time.perf_counter() - begin) / max(1, len(some)))
@@ -581,7 +582,7 @@ def summary(
         told = f"{1e3 * np.median(each):.2f} ms each{saved}"
         lines.append(f"  {len(each):7} {reason or 'looked at'} ({told})")
     lines.append(f"{int(best.sum())} are beaten by none in {', '.join(objectives)}")
-    for name, found in indices.items():
-        shown = ", ".join(f"{key} {s.value:.2f} +- {s.half:.2f}" for key, s in found.items())
+    for name, effects in indices.items():
+        shown = ", ".join(f"{key} {s.value:.2f} +- {s.half:.2f}" for key, s in effects.items())
         lines.append(f"  {name} follows: {shown}")
     return lines

@@ -65,7 +65,7 @@ class RunOptions:
         Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
         `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
     columns
-        What poses have beside those of mirror and object, such as displacements from a zero.
+        Further columns of the poses, such as displacements from a zero.
 
     Raises
     ------
@@ -264,34 +264,34 @@ class Run:
 
     def complaints(self) -> list[str]:
         """The faults of a finished run, in sentences; empty for a good run."""
-        live, found = self.live, self.sample_complaints()
+        live, sentences = self.live, self.sample_complaints()
         if live.pipeline.tally.misfit.is_mostly_flagged:
-            found.append(live.pipeline.tally.misfit.sentence)
+            sentences.append(live.pipeline.tally.misfit.sentence)
         if live.pipeline.measurement.is_measuring:
-            found.append(f"{live.pipeline.measurement.zero_sentences()[0]}.")
+            sentences.append(f"{live.pipeline.measurement.zero_sentences()[0]}.")
         if self.options.compare:
-            found += live.pipeline.board.complaints()
+            sentences += live.pipeline.board.complaints()
         if self.check:
-            return found + self.check.faults()
+            return sentences + self.check.faults()
         if live.tracker and live.tracker.searching:
-            found.append("the run ended in a search for the mirror, which was not found.")
+            sentences.append("the run ended in a search for the mirror, which was not found.")
         if live.stage_stop:
-            found.append(f"the stage was stopped and not resumed: {live.stage_stop}")
+            sentences.append(f"the stage was stopped and not resumed: {live.stage_stop}")
         if self.recording:
-            found += [f"{text}." for text in self.recording.messages()]
-        return found
+            sentences += [f"{text}." for text in self.recording.messages()]
+        return sentences
 
     def sample_complaints(self) -> list[str]:
         """What is wrong with the samples of a finished run, in sentences."""
         live, without = self.live, self.live.time_without_samples
-        found = [text for text in (live.pipeline.tally.pose_complaint(),) if text]
+        sentences = [text for text in (live.pipeline.tally.pose_complaint(),) if text]
         if live.loss > self.options.max_loss:
             silence = f" and none came for {without:.1f} s" if without else ""
-            found.append(
+            sentences.append(
                 f"{live.pipeline.sequence.lost} samples were lost{silence}, {100 * live.loss:.3g} "
                 f"% of all; --max-loss allows {100 * self.options.max_loss:.3g} %."
             )
-        return found
+        return sentences
 
     def check_sentences(self, path: Path | None) -> Iterator[str]:
         """Yield the results of the stage's check, and write the checked configuration to path."""
@@ -301,8 +301,10 @@ class Run:
 
 
 def resolve_object(config: Config) -> Config:
-    """The configuration whose keys have its object, which may be from --point, so that a recording
-    of it is solved again for the same point."""
+    """Return the configuration with its object in its keys.
+
+    The object may be that of --point; a recording that keeps it is solved again for the same point.
+    """
     keys = block_of(MeasuredObject).write(config.resolved["object"], config.object or MIRROR)
     if keys == config.resolved["object"]:
         return config
@@ -318,7 +320,7 @@ def require_port(port: str | None, option: str, key: str) -> str:
 
 
 def join_outlet(outlet: Outlet, show: Show) -> Show:
-    """A view that also looks after the outlet, even after a terminal was closed."""
+    """Return a view that also refreshes the outlet, even after the terminal was closed."""
     is_open = True
 
     def show_both(live: Live) -> None:

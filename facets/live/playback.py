@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from ..core.extras import require_extra
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
+from ..files.whole import STANDARD_STREAM
 from .recording.comparison import compare, comparison_sentences
 from .recording.index import Damage
 from .recording.pose_table import join_columns, recorded_poses
@@ -28,6 +29,10 @@ from .streams.sample_rows import row_content
 if TYPE_CHECKING:
     from ..core.settings import Config
 
+#: Samples that are written to a file together; a recording's blocks have few, and each write has a
+#: cost beside that of its rows. Standard output gets each block at once.
+ROWS_PER_WRITE = 5_000
+
 
 class Playback:
     """A recording that is solved again from its bytes.
@@ -41,7 +46,7 @@ class Playback:
     change : callable, optional
         Returns the configuration with changes, such as another point of the object.
     columns : PoseColumns, optional
-        What poses have beside those of mirror and object, such as displacements from a zero.
+        Further columns of the poses, such as displacements from a zero.
 
     Raises
     ------
@@ -53,7 +58,7 @@ class Playback:
     >>> from pathlib import Path
     >>> from facets.live import Playback
     >>> playback = Playback(Path("recordings/today"))  # doctest: +SKIP
-    >>> found = list(playback.poses())  # doctest: +SKIP
+    >>> poses = list(playback.poses())  # doctest: +SKIP
     >>> print(*playback.sentences(), sep="\\n")  # doctest: +SKIP
     recordings/today: 24534 samples, 0 lost, 0 frames refused, 0 bytes passed over
     """
@@ -173,8 +178,10 @@ class Playback:
             yield from self.write_table(path, poses, about)
 
     def await_zero(self, poses: Iterable[RunPoses]) -> Iterator[RunPoses]:
-        """The same poses, taken in up to the end of the zero's samples.  Raises `InputError` if
-        there is no sample after them."""
+        """Return the same poses after taking in all samples of the zero of displacements.
+
+        Raises `InputError` if there is no sample after them.
+        """
         held, rest = [], iter(poses)
         while self.pipeline.measurement.is_measuring:
             part = next(rest, None)
@@ -207,8 +214,9 @@ class Playback:
         """Write the table of poses, with the times by a pulse per second if there is one."""
         pulses = PulseClock() if self.config.acquire.mark == "pps" else None
         offset = (utc_offset(self.folder) or 0.0) if pulses else 0.0
+        parts = poses if path == STANDARD_STREAM else gather_poses(poses)
         with tables.open_writer(path, about) as writer:
-            for part in poses:
+            for part in parts:
                 columns = label(part)
                 if pulses is not None:
                     columns |= pulse_columns(part, offset, pulses)
@@ -229,6 +237,19 @@ class Playback:
         return comparison_sentences(
             result, seal_of(self.folder), self.damage, self.folder, version, config_name
         )
+
+
+def gather_poses(parts: Iterable[RunPoses]) -> Iterator[RunPoses]:
+    """Yield the same poses in parts of at least `ROWS_PER_WRITE` samples, but for the last part."""
+    held, count = list[RunPoses](), 0
+    for part in parts:
+        held.append(part)
+        count += len(part)
+        if count >= ROWS_PER_WRITE:
+            yield join_poses(held)
+            held, count = [], 0
+    if held:
+        yield join_poses(held)
 
 
 def refuse_nothing(path: Path, written: object) -> None:

@@ -272,18 +272,20 @@ def test_a_process_that_dies_is_told_and_the_run_does_not_wait_for_it():
     assert [one["dropped"] for one in publications.counts()] == [0, 100]
 
 
-def test_no_process_survives_a_run_that_is_killed():
-    """Nor does a subscriber wait for it."""
+def test_no_process_and_no_file_survive_a_run_that_is_killed(tmp_path):
+    """Nor does a subscriber wait for the run."""
     pytest.importorskip("aiohttp")
     with datagram_socket() as (_, port):
         command = [sys.executable, "-c", RUN, f"udp://127.0.0.1:{port}"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
+        places = os.environ | {"TMPDIR": str(tmp_path)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=places) as run:
             place, *processes = run.stdout.readline().split()
             with Subscription(place) as subscription:
                 run.kill()
                 assert list(subscription) == []
     assert len(processes) == 2
     await_true(lambda: not any(map(is_running, processes)), "the ends of the run's processes")
+    assert list(tmp_path.glob("facets-*")) == []
 
 
 RUN = """

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from facets.experiments.studies import kills
 from programs import await_true
@@ -26,11 +27,13 @@ from facets.live import (
     Ending,
     Live,
     Pipeline,
+    Playback,
     PortError,
     Reader,
     Recording,
     acquire,
     blocks,
+    join_columns,
     recorded_poses,
     replay,
     utc_offset,
@@ -103,6 +106,23 @@ def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
     assert sum(again) == size // SIZE
     old = recorded_poses(tmp_path / "r")
     assert not old or np.isin(old["seq"], range(1_000)).all()
+
+
+def test_a_replay_writes_the_samples_of_many_blocks_together_and_all_of_them(tmp_path):
+    recording = Recording(tmp_path / "r", META, CONFIG.resolved)
+    for block in pieces(500):
+        recording.add_block(block)
+    recording.close()
+    path, playback = tmp_path / "poses.parquet", Playback(tmp_path / "r", CONFIG)
+    poses = list(playback.poses())
+    playback.finish(poses, path, None, False, None)
+    file = pq.ParquetFile(path)
+    rows = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
+    assert rows == [5_000, 5_000, 2_500]
+    table, parts = file.read(), [part.columns() for part in poses]
+    for name, column in join_columns(parts).items():
+        if name not in ("status", "used"):  # which tables have in words
+            np.testing.assert_array_equal(table[name].to_numpy(), column)
 
 
 @pytest.mark.parametrize("only", ["poses.arrows", "index.bin", "events.jsonl"])

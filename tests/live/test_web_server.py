@@ -276,7 +276,6 @@ def test_a_page_is_told_messages_as_events_unsolved_samples_and_a_run_that_break
     assert newest["state"][0] is newest["t"] is newest["utc"] is None
     assert newest["status"] == "saturated"
     page.outlet.context.destroy(0)  # nothing is said of an end, as where the program is killed
-    page.outlet.folder.cleanup()
     told = watched(page, lambda told: told.end)
     assert not told.end["good"]
     page.process.wait(GUARD)

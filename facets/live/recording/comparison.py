@@ -16,7 +16,7 @@ from .index import Damage
 from .pose_table import Columns
 from .reader import Seal
 
-#: What cannot be known of a recording that has no seal.
+#: The sentence on a recording that has no seal.
 UNSEALED = (
     "  how many poses were recorded is unknown, because the end of events.jsonl, which says that, "
     "is missing: the run was killed, the power failed, or it was cut off"
@@ -51,7 +51,7 @@ class PoseComparison:
 
 
 def compare(old: Columns, new: Columns) -> PoseComparison:
-    """Compare what a recording holds with what its replay gives; both as of `Poses.columns`."""
+    """Compare recorded poses with those of a replay; both are columns of `Poses.columns`."""
     none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
     old, new = old or none, new or none
     there = np.isin(old["seq"], new["seq"])
@@ -62,8 +62,8 @@ def compare(old: Columns, new: Columns) -> PoseComparison:
     rows = np.searchsorted(new["seq"], old["seq"][solved])
     apart, columns = np.zeros(len(rows), bool), []
     for name in [name for name in old if name in new] if len(rows) else ():
-        one, other = old[name][solved], new[name][rows]
-        differs = (one != other) & ~(is_nan(one) & is_nan(other))
+        recorded, replayed = old[name][solved], new[name][rows]
+        differs = (recorded != replayed) & ~(is_nan(recorded) & is_nan(replayed))
         if differs.any():
             columns.append(name)
         apart |= differs
@@ -85,10 +85,10 @@ def largest_difference(old: Columns, new: Columns, rows: Any, others: Any) -> fl
     """The largest difference of a pose, in standard uncertainties."""
     worst = 0.0
     for name in (f"u_{name}" for name in STATE_COLUMNS if f"u_{name}" in old):
-        one, other = old[name[2:]][rows], new[name[2:]][others]
-        only_one = np.isnan(one) != np.isnan(other)
+        recorded, replayed = old[name[2:]][rows], new[name[2:]][others]
+        only_one = np.isnan(recorded) != np.isnan(replayed)
         sigma = np.where(old[name][rows] > 0, old[name][rows], 1.0)
-        off = np.where(only_one, np.inf, np.nan_to_num(np.abs(one - other) / sigma))
+        off = np.where(only_one, np.inf, np.nan_to_num(np.abs(recorded - replayed) / sigma))
         worst = max(worst, float(off.max(initial=0.0)))
     return worst
 
@@ -101,10 +101,10 @@ def comparison_sentences(
     version: str | None,
     config_name: str | None,
 ) -> tuple[list[str], bool]:
-    """What a comparison found, in sentences, and whether everything is the same and whole.
+    """Return the sentences on a comparison, and whether everything is the same and whole.
 
-    seal, damage: of the recording in `folder`.  version: of facets, that recorded it.
-    config_name: of the configuration that solved it again, unless the recording's own.
+    seal, damage: those of the recording in `folder`.  version: the version of facets that recorded
+    it.  config_name: name of the configuration that solved it again, unless the recording's own.
     """
     lost = missing_poses(result, seal)
     was_refused = bool(seal and seal.refused_bytes and not damage.words)
@@ -115,11 +115,11 @@ def comparison_sentences(
         unrecorded_sentence(result, seal, lost): result.unrecorded,
         UNSEALED: seal is None,
     }
-    found = [verdict(result, seal, lost), *(text for text, count in losses.items() if count)]
-    found += difference_sentences(result, damage, version, config_name)
+    sentences = [verdict(result, seal, lost), *(text for text, count in losses.items() if count)]
+    sentences += difference_sentences(result, damage, version, config_name)
     is_whole = seal is not None and not lost and not damage.words
     has_all = is_explained(result, seal, was_refused)
-    return found, is_whole and has_all and result.is_same
+    return sentences, is_whole and has_all and result.is_same
 
 
 def missing_poses(result: PoseComparison, seal: Seal | None) -> int:
@@ -134,7 +134,10 @@ def is_explained(result: PoseComparison, seal: Seal | None, was_refused: bool) -
 
 
 def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
-    """How many poses were compared, and whether they are the same.  lost: of those recorded."""
+    """Say how many poses were compared, and whether they are the same.
+
+    lost: number of recorded poses that cannot be read.
+    """
     count = result.recorded - result.skipped - result.absent
     of_all = f" of {seal.poses}" if seal and lost else ""
     text = "identical" if result.is_same else f"NOT equal in {result.different} samples"
@@ -142,7 +145,7 @@ def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
 
 
 def absence_reason(was_refused: bool, damage: Damage) -> str:
-    """Why recorded poses have no sample any more."""
+    """Say why recorded poses have no sample any more."""
     if was_refused:
         return "without their bytes, which the disk refused"
     if damage.words:
@@ -151,7 +154,7 @@ def absence_reason(was_refused: bool, damage: Damage) -> str:
 
 
 def unrecorded_sentence(result: PoseComparison, seal: Seal | None, lost: int) -> str:
-    """Which samples have no recorded pose, and why if that is known."""
+    """Say which samples have no recorded pose, and why if that is known."""
     first, last = result.ends
     text = f"  {result.unrecorded} samples, from {first} to {last}, have no recorded pose"
     reason = "the disk refused them" if seal and seal.refused_poses else "the cause is unknown"
@@ -161,7 +164,7 @@ def unrecorded_sentence(result: PoseComparison, seal: Seal | None, lost: int) ->
 def difference_sentences(
     result: PoseComparison, damage: Damage, version: str | None, config_name: str | None
 ) -> Iterator[str]:
-    """In what recorded and new poses differ, if they do, and the cause if it is known."""
+    """Yield the columns in which recorded and new poses differ, if any, and the likely cause."""
     if result.is_same:
         return
     names = ", ".join(result.columns[:8]) + (", ..." if len(result.columns) > 8 else "")

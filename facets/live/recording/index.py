@@ -33,13 +33,13 @@ SUM = b', "crc": '
 
 @dataclass
 class Damage:
-    """What of a recording is not as it was written.
+    """The parts of a recording that are not as they were written.
 
-    rows: of the index, spoilt.  absent: rows that were there when the recording was closed, and are
-    not any more.  missing: bytes that are known of and the file has not.  unproven: bytes without a
-    row that proves them; those that came last before the end among them.  events: whether lines of
-    events.jsonl are not as they were written.  since: the first sample that any of this can have
-    changed, where it is known.
+    rows: number of spoilt rows of the index.  absent: number of rows that were there when the
+    recording was closed, and are no longer.  missing: number of bytes that the index or the seal
+    knows and the file lacks.  unproven: number of bytes without a row that proves them, such as
+    those that came last before the end.  events: whether lines of events.jsonl are not as they were
+    written.  since: the first sample that this damage can have changed, if it is known.
     """
 
     rows: int = 0
@@ -51,14 +51,14 @@ class Damage:
 
     @property
     def words(self) -> str:
-        """In words, or nothing."""
-        found = (
+        """The damage in words; empty for a recording without damage."""
+        faults = (
             (self.rows, "rows of index.bin are damaged"),
             (self.absent, "rows of index.bin are missing"),
             (self.missing, "bytes of bytes.bin are missing"),
             (self.unproven, "bytes of bytes.bin have no row in index.bin that confirms them"),
         )
-        words = [f"{count} {what}" for count, what in found if count]
+        words = [f"{count} {what}" for count, what in faults if count]
         return ", ".join([*words, *["events.jsonl is changed or missing"] * self.events])
 
 

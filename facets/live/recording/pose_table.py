@@ -21,17 +21,17 @@ REPLAYED = ("used", "power_mw", "misfit")
 
 
 def recorded_columns(poses: RunPoses) -> Columns:
-    """The columns of poses that a recording keeps, and that publications send."""
+    """Return the columns of poses that a recording keeps, and that publications send."""
     return {name: column for name, column in poses.columns().items() if name not in REPLAYED}
 
 
 def join_columns(parts: list[Columns]) -> Columns:
-    """Tables of the same columns, one after the other."""
+    """Join tables of the same columns, one after the other."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def make_batch(columns: Columns) -> Any:
-    """An Arrow batch with the CRC of its columns."""
+    """Make an Arrow batch of columns, with their CRC in each row."""
     import pyarrow as pa
 
     count = len(next(iter(columns.values())))
@@ -47,13 +47,13 @@ def crc_of(columns: Columns) -> int:
 
 
 def schema_of(batch: Any) -> bytes:
-    """The beginning of a stream of batches like this one."""
+    """Return the bytes with which a stream of batches like this one begins."""
     data: bytes = batch.schema.serialize().to_pybytes()
     return data
 
 
 def recorded_poses(folder: Path) -> Columns:
-    """The poses that a recording holds, in the samples' order, as far as they can be proven.
+    """Return the poses that a recording holds and that can be proven, in the samples' order.
 
     A batch that is not as it was written is left out; past a torn end nothing can be read. Status
     is the number of a `facets.Status`.

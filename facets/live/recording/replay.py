@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 def recorded_config(folder: Path) -> Config:
-    """The configuration that a recording was made with, as it keeps it.
+    """Return the configuration with which a recording was made, from its `meta.yaml`.
 
-    Raises `InputError` where `meta.yaml` holds none that this version can use.
+    Raises `InputError` if `meta.yaml` holds no configuration that this version can use.
     """
     import tempfile
 
@@ -61,7 +61,7 @@ def recorded_config(folder: Path) -> Config:
 
 
 def version_hint(meta: dict[str, Any]) -> str:
-    """What a configuration that cannot be used may be due to: another version wrote it."""
+    """Name the version that made a recording, whose configuration this version cannot use."""
     version = str(meta.get("facets", "an unknown version"))
     if version == __version__:
         return ""
@@ -79,11 +79,11 @@ def replay(
     tell: Callable[[int, int], None] = lambda *_: None,
     salvage: bool = False,
 ) -> Iterator[RunPoses]:
-    """The poses of a recording, block by block as they came; equal to those of the run.
+    """Yield the poses of a recording, block by block as they came; they equal those of the run.
 
-    All samples are solved, also those that the run had no time for. damage: is told what of the
-    recording is not as it was written; of a format without checksums, what is not proven is not
-    read, since it could be anything.  tell: is told how many bytes are done, and of how many.
+    All samples are solved, also those that the run had no time for. Bytes that nothing proves are
+    not read in a format without checksums, since they could be anything.  damage: counts
+    differences from what was written.  tell: called with the number of bytes read and their total.
     salvage: see `blocks`.
     """
     begin: tuple[float, float] | None = None
@@ -111,5 +111,5 @@ replayed = replay
 
 
 def label(poses: RunPoses) -> Columns:
-    """The columns of a table, the status in words."""
+    """Return the columns of a table of poses, with the status in words."""
     return worded_columns(poses.columns())

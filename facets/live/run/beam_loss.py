@@ -34,7 +34,7 @@ class BeamLoss:
 
     @property
     def share(self) -> float:
-        """Of the time; NaN where the stage never moved."""
+        """Share of the time for which the beam was lost; NaN if the stage never moved."""
         return self.lost / self.solved if self.solved else float("nan")
 
     @property

@@ -38,12 +38,12 @@ ALIKE = 0.1
 
 
 def is_pose(samples: RawSamples) -> NDArray[np.bool_]:
-    found: NDArray[np.bool_] = samples.kind == POSE
-    return found
+    are_poses: NDArray[np.bool_] = samples.kind == POSE
+    return are_poses
 
 
 def board_solution(samples: RawSamples) -> NDArray[np.void]:
-    """What frames of the kind POSE hold (n,), of the type SOLVED."""
+    """Return the solutions (n,) in frames of the kind POSE, of the type SOLVED."""
     return np.ascontiguousarray(samples.counts.astype("<i4")).view(SOLVED)[:, 0]
 
 
@@ -63,13 +63,13 @@ class BoardPoses:
         self._forget()
 
     def add(self, samples: RawSamples, sequence: Sequence, restarted: bool) -> None:
-        """Frames of the kind POSE, of a block whose samples `sequence` has followed.
+        """Add the frames of the kind POSE of a block whose samples `sequence` has followed.
 
-        restarted: whether the board did, in the block; its frames could be of either count then.
+        restarted: whether the board restarted in the block: frames could then be of either count.
         """
-        found = board_solution(samples)
-        self.came += len(found)
-        self.slowest = max(self.slowest, int(found["microseconds"].max()))
+        solutions = board_solution(samples)
+        self.came += len(solutions)
+        self.slowest = max(self.slowest, int(solutions["microseconds"].max()))
         if restarted:
             self._forget()
             return
@@ -77,40 +77,43 @@ class BoardPoses:
         numbers, waiting = self._board
         self._board = (
             np.concatenate([numbers, seq % 2**32])[-WAITING:],
-            np.concatenate([waiting, found])[-WAITING:],
+            np.concatenate([waiting, solutions])[-WAITING:],
         )
 
     def _forget(self) -> None:
-        """Nothing waits any more."""
+        """Drop all solutions that wait for a comparison."""
         self._board = np.zeros(0, np.int64), np.zeros(0, SOLVED)
         self._here = np.zeros(0, np.int64), np.zeros((0, 17))
 
     def compare(self, seq: NDArray[np.int64], solution: Solution) -> None:
-        """With poses (n,) that were solved here, by the numbers of their samples."""
+        """Compare the board's poses with poses (n,) that were solved here, by their numbers."""
         if not self.came:
             return
         rows = np.column_stack([solution.status, solution.state, solution.uncertainty])
         numbers, waiting = self._here
         here = np.concatenate([numbers, seq % 2**32])[-WAITING:]
         known = np.concatenate([waiting, rows])[-WAITING:]
-        board, found = self._board
+        board, solutions = self._board
         _, mine, theirs = np.intersect1d(here, board, return_indices=True)
-        self.add_differences(known[mine], found[theirs])
+        self.add_differences(known[mine], solutions[theirs])
         self._here = np.delete(here, mine), np.delete(known, mine, axis=0)
-        self._board = np.delete(board, theirs), np.delete(found, theirs)
+        self._board = np.delete(board, theirs), np.delete(solutions, theirs)
 
-    def add_differences(self, known: Floats, found: NDArray[np.void]) -> None:
-        """known: (n, 17) statuses, states and uncertainties; found: (n,) of the board."""
+    def add_differences(self, known: Floats, solutions: NDArray[np.void]) -> None:
+        """Count the differences of pairs of solutions.
+
+        known: (n, 17) statuses, states and uncertainties solved here.  solutions: (n,) the board's.
+        """
         estimated = known[:, 0] < Status.SKIPPED
         # whether such poses are given is asked of each by itself
-        estimated &= (known[:, 0] != Status.UNCHECKED) & (found["status"] != Status.UNCHECKED)
-        known, found = known[estimated], found[estimated]
-        self.compared += len(found)
-        self.statuses += int((known[:, 0] != found["status"]).sum())
-        both = (known[:, 0] == Status.CONVERGED) & (found["status"] == Status.CONVERGED)
+        estimated &= (known[:, 0] != Status.UNCHECKED) & (solutions["status"] != Status.UNCHECKED)
+        known, solutions = known[estimated], solutions[estimated]
+        self.compared += len(solutions)
+        self.statuses += int((known[:, 0] != solutions["status"]).sum())
+        both = (known[:, 0] == Status.CONVERGED) & (solutions["status"] == Status.CONVERGED)
         if not both.any():
             return
-        off = np.abs(found["state"][both] - known[both, 1:9])
+        off = np.abs(solutions["state"][both] - known[both, 1:9])
         sigma = known[both, 9:]
         share = np.divide(off, sigma, out=np.zeros_like(off), where=sigma > 0).max(axis=1)
         self.worst = max(self.worst, float(share.max()))
@@ -122,7 +125,7 @@ class BoardPoses:
         return self.apart + self.statuses <= 1e-3 * self.compared
 
     def sentence(self) -> str:
-        """For the end of a run; nothing where the board sent no pose."""
+        """The sentence for the end of a run; empty if the board sent no pose."""
         if not self.came:
             return ""
         return (
@@ -132,7 +135,7 @@ class BoardPoses:
         )
 
     def trouble(self) -> str:
-        """Why the board's poses are not those that are solved here; nothing where they are."""
+        """The sentence on poses that differ from those solved here; empty if they are alike."""
         if self.alike:
             return ""
         return (
@@ -143,7 +146,7 @@ class BoardPoses:
         )
 
     def complaints(self) -> list[str]:
-        """Why a comparison that was asked for is no good one; none where the poses are alike."""
+        """Return the faults of a comparison on request; none if the poses are alike."""
         if not self.compared:
             return ["the board sent no pose that could be compared."]
         return [] if self.alike else [self.trouble()]

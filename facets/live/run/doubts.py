@@ -117,19 +117,19 @@ class Doubts:
 
     def sentences(self) -> list[str]:
         """One for each thing that is not rare."""
-        found = []
+        sentences = []
         if self.share(BEYOND) > NOTICED:
-            found.append(
+            sentences.append(
                 f"{self.percent(BEYOND)} of the newest poses have a residual beyond chance: do not "
                 "trust them"
             )
         if self.share(FULL) > NOTICED:
-            found.append(
+            sentences.append(
                 f"{self.percent(FULL)} of the newest samples are saturated: there is too much "
                 "light, or sensor.electronics.transimpedance_kohm is too high"
             )
         if self.share(COLD) > NOTICED:
-            found.append(
+            sentences.append(
                 f"{self.percent(COLD)} of the newest samples have no value of "
                 f"{TEMPERATURE_COLUMN} from {describe_bounds(TEMPERATURE_COLUMN)}, which "
                 "sensor.temperature needs, and therefore no pose"
@@ -139,10 +139,10 @@ class Doubts:
             most = max(lost, key=self.share)
             names = ", ".join(name.upper() for name in lost)
             what = "detectors" if len(lost) > 1 else "detector"
-            found.append(
+            sentences.append(
                 f"light is lost on {what} {names}, in {self.percent(most)} of the newest samples"
             )
-        return found
+        return sentences
 
     def share(self, name: str) -> float:
         return self.counts[name] / max(1, self.samples)

@@ -86,13 +86,13 @@ class Terminal:
 
 
 def read_windows() -> str:
-    """As `Terminal.read`."""
+    """Return the keys that were pressed on Windows; wait for up to POLL_S if there are none."""
     import msvcrt
     import time
 
-    found = ""
+    keys = ""
     while msvcrt.kbhit():  # type: ignore[attr-defined]
-        found += msvcrt.getwch()  # type: ignore[attr-defined]
-    if not found:
+        keys += msvcrt.getwch()  # type: ignore[attr-defined]
+    if not keys:
         time.sleep(POLL_S)
-    return found
+    return keys

@@ -117,34 +117,34 @@ class Live:
         return float(np.quantile(self.latency[-5000:], 0.99)) if self.latency else float("nan")
 
     def messages(self) -> list[str]:
-        """What a person should know now, in sentences; what moves comes first."""
-        found = []
+        """Return the sentences that a person should read now, those on the moving stage first."""
+        sentences = []
         if self.tracker and self.stage_stop:
             how = f"; resume it by the key r, the button on the page, or kill -USR1 {os.getpid()}"
-            found.append(
+            sentences.append(
                 f"the stage is stopped, the recording goes on: {self.stage_stop}"
                 + how * self.tracker.is_resumable
             )
         if self.tracker and self.tracker.note:
-            found.append(self.tracker.note)
-        found += self.line_messages()
+            sentences.append(self.tracker.note)
+        sentences += self.line_messages()
         if self.behind:
-            found.append(
+            sentences.append(
                 f"the loop is {self.age:.1f} s behind: all bytes are recorded, and the newest "
                 "samples are solved first"
             )
         for sink in self.sinks:
-            found += sink.messages()
-        found += self.pipeline.measurement.messages()
+            sentences += sink.messages()
+        sentences += self.pipeline.measurement.messages()
         if not self.pipeline.doubts.said and self.pipeline.tally.misfit.is_mostly_flagged:
-            found.append("most poses have a residual beyond chance: do not trust them")
-        found += self.pipeline.doubts.said
+            sentences.append("most poses have a residual beyond chance: do not trust them")
+        sentences += self.pipeline.doubts.said
         if self.pipeline.board.trouble():
-            found.append(self.pipeline.board.trouble())
-        return found
+            sentences.append(self.pipeline.board.trouble())
+        return sentences
 
     def values(self) -> dict[str, Any]:
-        """What the sinks say of themselves, in JSON's types."""
+        """Return the values that the sinks report, by their names, in JSON's types."""
         return {name: value for sink in self.sinks for name, value in sink.values().items()}
 
     def add_event(self, name: str, **details: Any) -> None:
@@ -153,7 +153,7 @@ class Live:
             sink.add_event(name, **details)
 
     def line_messages(self) -> list[str]:
-        """What the reader waits for, why no samples come, or that they are fewer or all alike."""
+        """Say what the reader waits for, or why samples do not come, are fewer or all alike."""
         if self.note:
             return [self.note]
         if silence := self.silence:

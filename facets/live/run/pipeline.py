@@ -1,9 +1,9 @@
 """From blocks of bytes to poses: the same for a live stream, a replay and a salvage.
 
-A block is taken in once, in order: parsed, its counters followed, its counts turned into light.
-What it held is then solved in batches, each by itself: the poses of a batch depend on nothing but
-what was taken in with it, so that they are the same to the last bit in whatever order, at whatever
-time, and beside whatever else they are solved.
+A block is taken in once, in order: parsed, its counters followed, its counts turned into readings.
+Its samples are then solved in batches. The poses of a batch depend only on the samples of the
+batch, so that they are the same to the last bit in whatever order and at whatever time batches are
+solved.
 """
 
 from __future__ import annotations
@@ -43,16 +43,18 @@ if TYPE_CHECKING:
 #: Standard uncertainty of the time of a sample relative to the time of the stage, s; it adds the
 #: distance that a moving stage travels in this time to the uncertainty of its position.
 TIMING_SIGMA_S = 1e-3
-#: What is to be known of a sample, by the bits of `counts`, and of the board. Its permit for the
-#: stage is no event: it is set in every sample, and counted in none.
+#: Bits of a sample's flags beside those of `counts`. The board's permit for the stage is no event:
+#: it is set in every sample, and counted in none.
 LOST_BEFORE, MARKED, PERMITTED = 4, 8, 16
+#: The flags that are counted, in words.
 FLAGS = {
     SATURATED: "saturated",
     UNEQUAL: "unequal sums",
     LOST_BEFORE: "board overrun",
     MARKED: "marked by the board's input",
 }
-#: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
+#: Maximum number of samples in a batch, which is solved as a series. The newest sample waits for
+#: one batch at most.
 BATCH = 250
 #: The fields of `Batch` with a row for each sample.
 PER_SAMPLE = ("seq", "time", "host", "readings", "aligned", "flags")
@@ -62,10 +64,11 @@ PER_SAMPLE = ("seq", "time", "host", "readings", "aligned", "flags")
 class Batch:
     """Samples that wait to be solved.
 
-    seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
-    readings: (n, 9) as the detectors gave them.  aligned: those of one instant each.  flags: (n,)
-    bits of FLAGS.  arrival: of their bytes, s.  encoder: what the stage said then.  channels: (n,)
-    values of each auxiliary channel by its column; NaN where there is none.
+    seq: (n,) unwrapped numbers.  time: (n,) unwrapped times of the board, us.  host: (n,) times on
+    the host's monotonic clock, s.  readings: (n, 9) as the detectors gave them.  aligned: (n, 9)
+    readings of one instant for each sample.  flags: (n,) bits of FLAGS.  arrival: time at which the
+    bytes came, s.  encoder: the stage's position then.  channels: (n,) values of each auxiliary
+    channel by its column; NaN where a sample has none.
     """
 
     seq: NDArray[np.int64]
@@ -82,18 +85,18 @@ class Batch:
         return len(self.seq)
 
     def split(self) -> Iterator[Batch]:
-        """Itself in batches of at most BATCH samples, in their order."""
+        """Yield the samples in batches of at most BATCH samples, in their order."""
         for start in range(0, len(self), BATCH):
             yield self.part(slice(start, start + BATCH))
 
     def part(self, rows: slice) -> Batch:
+        """Return some of the samples."""
         channels = {column: values[rows] for column, values in self.channels.items()}
         columns = {name: getattr(self, name)[rows] for name in PER_SAMPLE}
         return replace(self, channels=channels, **columns)
 
     def join(self, later: Batch) -> Batch:
-        """Both, with the arrival of the later samples and what the stage said then."""
-
+        """Return the samples of both, with the arrival and the encoder of the later ones."""
         columns = {
             name: join([getattr(self, name), getattr(later, name)])
             for name in (*PER_SAMPLE, "channels")
@@ -101,7 +104,7 @@ class Batch:
         return replace(later, **columns)
 
     def join_solution(self, poses: Poses) -> RunPoses:
-        """The samples with their poses."""
+        """Return the samples with their poses."""
         return RunPoses(
             seq=self.seq, time=self.time, host=self.host, readings=self.readings,
             flags=self.flags, channels=self.channels, **vars(poses),
@@ -110,7 +113,7 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True)
 class RunPoses(Poses):
-    """What became of some samples of a board: its solution, and the columns of `Batch`."""
+    """Poses of a board's samples, with the columns of `Batch`."""
 
     seq: NDArray[np.int64]
     time: NDArray[np.int64]
@@ -141,13 +144,16 @@ class RunPoses(Poses):
 
 @dataclass
 class RunTally(Tally):
-    """The tally of a run.  samples: that came.  flags: of these, by their words."""
+    """The tally of a run.
+
+    samples: number of samples that came.  flags: number of samples with each flag, by its words.
+    """
 
     samples: int = 0
     flags: Counter[str] = field(default_factory=Counter)
 
     def pose_complaint(self) -> str:
-        """Why there is no pose at all; nothing where there is one."""
+        """Say why no sample gave a pose; empty if one did."""
         if not self.samples:
             return "no sample came."
         words = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
@@ -155,10 +161,17 @@ class RunTally(Tally):
 
 
 class Pipeline:
-    """Parses, follows the counters, converts; and solves."""
+    """Turns blocks of bytes into poses: parses, follows the counters, converts and solves.
+
+    Parameters
+    ----------
+    config : Config
+        Sensor, solver and stream.
+    columns : PoseColumns, optional
+        Further columns of the poses, such as displacements from a zero.
+    """
 
     def __init__(self, config: Config, columns: PoseColumns | None = None) -> None:
-        """columns: what poses have beside those of mirror and object."""
         self.config = config
         self.tally = RunTally(cold=f"acquire.channels names no channel {TEMPERATURE_COLUMN}")
         self.measurement = Measurement(config, columns, waits=True, tally=self.tally)
@@ -175,15 +188,15 @@ class Pipeline:
         self.waiting: Batch | None = None  # the last two samples; see `await_neighbours`
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> RunPoses | None:
-        """The poses of all samples that a block completes; None where it completes none.
+        """Return the poses of all samples that a block completes; None if it completes none.
 
-        arrival: host's monotonic clock, s; NaN where it is not known.
+        arrival: time on the host's monotonic clock, s; NaN if it is not known.
         """
         parts = [self.solve(batch) for batch in self.take(block, arrival, encoder)]
         return join_poses(parts) if parts else None
 
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
-        """The samples that a block completes, ready to be solved, in batches, in order."""
+        """Return the samples that a block completes, in batches to be solved, in order."""
         restarts = self.sequence.restarts
         came = self.parser.feed(block)
         self.refuse_other_channels()
@@ -197,8 +210,7 @@ class Pipeline:
         if not len(samples):
             return []
         host = self.host_times(time, arrival, self.sequence.restarts > restarts)
-        if isnan(arrival):  # as late after its sample as the last that is known
-            arrival = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+        arrival = self.known_arrival(arrival, time)
         self.last = arrival, int(time[-1])
         self.trust.add_counts(samples.counts, time)
         readings, flags = self.convert(samples)
@@ -214,7 +226,7 @@ class Pipeline:
         return list(self.await_neighbours(whole).split())
 
     def await_neighbours(self, newest: Batch) -> Batch:
-        """The samples whose neighbours on both sides have come, with readings of one instant.
+        """Return the samples whose neighbours have come, with readings of one instant.
 
         Where detectors are read one after the other, the newest sample waits for the next one: from
         both sides its change is the same for whatever blocks the samples came in.
@@ -229,7 +241,7 @@ class Pipeline:
         return rows.part(slice(first, -1))
 
     def release(self) -> list[Batch]:
-        """The last sample of a stream, if it waits for the next one."""
+        """Return the last sample of a stream, if it still waits for a next one."""
         last, self.waiting = self.waiting, None
         return [last.part(slice(-1, None))] if last else []
 
@@ -249,9 +261,9 @@ class Pipeline:
         )
 
     def host_times(self, time: NDArray[np.int64], arrival: float, restarted: bool) -> Floats:
-        """The samples' times on the host's clock (n,), s, which only grow.
+        """Return the samples' times on the host's clock (n,), s, which only grow.
 
-        time: the board's, us.  restarted: whether the board was, before one of these samples.
+        time: times of the board, us.  restarted: whether the board restarted before one of them.
         """
         device: Floats = 1e-6 * time.astype(np.float64)
         before = self.host_time.line
@@ -260,9 +272,7 @@ class Pipeline:
         if not isnan(arrival):
             self.host_time.add(float(device[-1]), arrival)
         if self.config.acquire.timing == "arrival" or self.host_time.line is None:
-            known = arrival
-            if isnan(arrival):
-                known = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+            known = self.known_arrival(arrival, time)
             return known - self.config.acquire.delay - 1e-6 * (time[-1] - time)  # type: ignore[no-any-return]
         host = self.host_time.line.host_times(device)
         if restarted and before is not None:
@@ -274,23 +284,32 @@ class Pipeline:
         self.latest = float(host[-1])
         return host
 
+    def known_arrival(self, arrival: float, time: NDArray[np.int64]) -> float:
+        """Return an arrival, s; an unknown one is as late after its sample as the last arrival.
+
+        time: times of the samples that arrived, us.
+        """
+        if not isnan(arrival):
+            return arrival
+        return self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+
     @property
     def late(self) -> float:
-        """How much later the newest samples came than `host_times` says, by the soonest line of the
-        board's clock so far, s."""
+        """How much later the newest samples came than the earliest line of the board's clock so
+        far says, s."""
         over = self.host_time.over if self.config.acquire.timing == "arrival" else 0.0
         return self.host_time.late + over
 
     def warm_up(self) -> None:
-        """Compiles, or loads, what the stream will need, before it runs."""
+        """Compile or load the code that the stream needs, before it runs."""
         light = np.full((2, 9), 0.1)
-        nobody = Batch(
+        example = Batch(
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), light, light,
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
         prepare(self.config.sensor, self.measurement.at_rest)
         warm = Pipeline(self.config)
-        warm.measurement.poses(warm.samples_of(nobody))
+        warm.measurement.poses(warm.samples_of(example))
         warm.tally.look_for_unseen(self.config, np.zeros((1, 8)))
 
     def convert(self, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
@@ -323,7 +342,7 @@ class Pipeline:
         solution = poses.solution
         self.doubts.add(batch.readings, batch.flags, solution.misfit, cold)
         self.trust.add_poses(solution, 1e-6 * int(batch.time[-1]))
-        if self.board.came:  # which does not know the temperature
+        if self.board.came:  # the board does not know the temperature
             known = solution
             if samples.temperature is not None:
                 known, *_ = self.measurement.estimate(replace(samples, temperature=None))
@@ -331,17 +350,17 @@ class Pipeline:
         return batch.join_solution(poses)
 
     def skip(self, batch: Batch) -> RunPoses:
-        """The batch without poses, for want of time."""
+        """Return the samples of a batch without poses, for which there was no time."""
         return batch.join_solution(self.measurement.skip(self.samples_of(batch)))
 
     def samples_of(self, batch: Batch) -> Samples:
-        """The samples of a batch, with what the stage said of the beam, and their temperatures."""
+        """Return the samples of a batch with the beam's place by the stage, and temperatures."""
         place = sigma = None
         if (encoder := batch.encoder) is not None:
             sigma, age = inf, float(batch.host[-1]) - encoder.time
             place = encoder.places(batch.host)
             if age <= MAX_EXTRAPOLATION_S:
-                # a stage may have changed its speed since it was asked: half the way is in doubt
+                # the stage may have changed its speed since it answered: half the way is uncertain
                 moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
                 sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
         temperature = None
@@ -353,6 +372,7 @@ class Pipeline:
         )  # fmt: skip
 
     def count(self, flags: NDArray[np.uint8]) -> None:
+        """Add samples and their flags to the tally."""
         self.tally.samples += len(flags)
         if flags.any():
             for bit, name in FLAGS.items():
@@ -365,12 +385,12 @@ def jitter_of(config: Config) -> float:
 
 
 def join_poses(parts: list[RunPoses]) -> RunPoses:
-    """Poses one after the other."""
+    """Join the poses of some parts, one after the other."""
     return parts[0] if len(parts) == 1 else join(parts)
 
 
 def join(parts: list[Any]) -> Any:
-    """Records of arrays, and of records and tables of these, one after the other."""
+    """Join records of arrays, and of records and tables of arrays, one after the other."""
     first = parts[0]
     if isinstance(first, dict):
         return {name: join([part[name] for part in parts]) for name in first}

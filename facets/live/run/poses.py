@@ -41,9 +41,9 @@ def poses(
     try:
         while not (source.ended or ended()):
             if data := source.read():
-                found = pipeline.feed(data, time.monotonic())
-                if found is not None:
-                    yield found
+                solved = pipeline.feed(data, time.monotonic())
+                if solved is not None:
+                    yield solved
         yield from map(pipeline.solve, pipeline.release())
     finally:
         source.close()

@@ -57,16 +57,16 @@ class PulseClock:
         """
         device = 1e-6 * time.astype(np.float64)
         before = np.concatenate([[np.nan if self.last is None else self.last], device[:-1]])
-        found, sigma = np.full(len(device), np.nan), np.full(len(device), np.nan)
+        utc_s, sigma = np.full(len(device), np.nan), np.full(len(device), np.nan)
         start = 0
         for n in np.flatnonzero(marked).tolist():
-            found[start:n], sigma[start:n] = self.utc_times(device[start:n])
+            utc_s[start:n], sigma[start:n] = self.utc_times(device[start:n])
             start = n
             self.add(float(before[n]), float(device[n]), float(utc[n]))
-        found[start:], sigma[start:] = self.utc_times(device[start:])
+        utc_s[start:], sigma[start:] = self.utc_times(device[start:])
         if len(device):
             self.last = float(device[-1])
-        return found, sigma
+        return utc_s, sigma
 
     def add(self, before: float, device: float, utc: float) -> None:
         """A mark: the board's times of its sample and of the one before, and the host's word."""
@@ -115,7 +115,7 @@ class PulseClock:
 
     @property
     def sentence(self) -> str:
-        """What became of the marks."""
+        """The sentence on how many marks were used and how many were refused."""
         text = f"{self.used} pulses per second steer the times in UTC"
         return text + (f", {self.refused} marks are at no whole second" if self.refused else "")
 

@@ -68,7 +68,7 @@ class Smoothed:
 
     @property
     def sentence(self) -> str:
-        """What the innovations say of the model."""
+        """The sentence on whether the innovations agree with the model."""
         text = (
             f"innovations: mean normalised square {self.squares:.3g} (1 where the model holds), "
             f"correlation from sample to sample {self.memory:+.2g} (0)"
@@ -82,16 +82,16 @@ class Smoothed:
 
 
 def transition(order: int, steps: float) -> Floats:
-    """Of one axis, (order, order), over so many samples."""
-    found = np.zeros((order, order))
+    """Return the transition matrix (order, order) of one axis over a number of samples."""
+    matrix = np.zeros((order, order))
     for i in range(order):
         for j in range(i, order):
-            found[i, j] = steps ** (j - i) / factorial(j - i)
-    return found
+            matrix[i, j] = steps ** (j - i) / factorial(j - i)
+    return matrix
 
 
 def process_noise(order: int, steps: float) -> Floats:
-    """Covariance of one axis over so many samples, for white noise of strength one."""
+    """Covariance of one axis over a number of samples, for white noise of strength one."""
     last = order - 1
     return np.array([
         [
@@ -138,20 +138,20 @@ def smooth(
 def smooth_pieces(
     time: Floats, poses: Floats, covariance: Floats, model: str, strength: Floats | None
 ) -> Smoothed:
-    """The same piece by piece, for want of memory; by the strength of the first."""
+    """Smooth a long recording piece by piece, to save memory, by the first piece's strength."""
     states, spreads = np.full(poses.shape, np.nan), np.full(covariance.shape, np.nan)
     tests = []
     for start in range(0, len(time), PIECE):
         part = slice(max(0, start - MARGIN), min(len(time), start + PIECE + MARGIN))
         inner = slice(start - part.start, start - part.start + PIECE)
         try:
-            found = smooth(time[part], poses[part], covariance[part], model, strength)
+            piece = smooth(time[part], poses[part], covariance[part], model, strength)
         except ValueError:  # a piece without poses stays without
             continue
-        strength = found.strength
-        states[start : start + PIECE] = found.states[inner]
-        spreads[start : start + PIECE] = found.covariance[inner]
-        tests.append((found.squares, found.memory))
+        strength = piece.strength
+        states[start : start + PIECE] = piece.states[inner]
+        spreads[start : start + PIECE] = piece.covariance[inner]
+        tests.append((piece.squares, piece.memory))
     if strength is None:
         raise ValueError("there are too few poses for smoothing")
     squares, memory = np.mean(tests, axis=0)
@@ -161,8 +161,8 @@ def smooth_pieces(
 def first_spread(seen: Floats, there: Booleans) -> Floats:
     """How fast an axis may move at first: variance of a sample's step (d,), and of its change."""
     apart = np.abs(np.diff(seen[there], axis=0))
-    found: Floats = (3 * apart.max(axis=0) + 3) ** 2
-    return found
+    variance: Floats = (3 * apart.max(axis=0) + 3) ** 2
+    return variance
 
 
 def strengths(steps: Floats, seen: Floats, noise: Floats, there: Booleans, order: int) -> Floats:
@@ -269,7 +269,7 @@ def backward(
     updates: list[tuple[Floats, Floats, Floats] | None],
     places: slice,
 ) -> tuple[Floats, Floats]:
-    """What later samples add: the adjoint recursion of Bryson and Frazier."""
+    """Add the later samples to predictions, by the adjoint recursion of Bryson and Frazier."""
     count, size = predicted.shape
     width = len(range(size)[places])
     order = size // width
@@ -305,7 +305,7 @@ def innovation_tests(whitened: list[Floats]) -> tuple[float, float]:
 
 
 def noise_covariance(config: Config, solution: Solution, carried: bool) -> Floats:
-    """What of the poses' covariance (n, 6, 6) is noise, other from sample to sample; mm, rad.
+    """Return the part of the poses' covariance (n, 6, 6) that is noise of each sample; mm, rad.
 
     The beam's pointing jitter and the laser's power noise are part of it. The rest is what is not
     known of the beam, of the laser's power and of the calibration: it is the same in each sample,
@@ -324,8 +324,7 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
 def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool) -> Floats:
     """`noise_covariance` of states (n, 8) by the detectors used (n, 3)."""
     plan = plan_of(config, carried)
-    found = propagate(config.sensor, None, states, used, plan)
-    return found.noise[:, :6, :6]
+    return propagate(config.sensor, None, states, used, plan).noise[:, :6, :6]
 
 
 def plan_of(config: Config, carried: bool) -> Plan:
@@ -339,7 +338,7 @@ def plan_of(config: Config, carried: bool) -> Plan:
 
 
 def dynamic_error(config: Config, time: Floats, states: Floats) -> Floats:
-    """By how much the electronics' bandwidth holds back a pose that moves (n, d), in its unit.
+    """Return how far the electronics' bandwidth holds back moving poses (n, d), in their unit.
 
     A low pass of the first order is late by 1 / (2 pi bandwidth). Zero where the configuration says
     nothing of the electronics. How late a given board is, is not known, so that this counts as an
@@ -372,22 +371,23 @@ def smoothed_columns(
     noise = noise_covariance(config, solution, carried)
     assert solution.covariance is not None
     state = np.where(solution.converged[:, None], solution.state[:, :6], np.nan)
-    found = smooth(time, state / units, noise / np.outer(units, units), model)
+    smoothed = smooth(time, state / units, noise / np.outer(units, units), model)
     apart = np.diagonal(solution.covariance[:, :6, :6] - noise, axis1=1, axis2=2) / units**2
     rest = np.maximum(apart, 0.0)
     typical = np.nanmedian(rest, axis=0)  # where there is no pose
-    variance = np.diagonal(found.covariance, axis1=1, axis2=2) + np.where(
+    variance = np.diagonal(smoothed.covariance, axis1=1, axis2=2) + np.where(
         np.isfinite(rest), rest, typical
     )
     names = [f"{name}_{'mrad' if name in ANGLES else 'mm'}" for name in POSE]
-    columns = {f"smooth_{name}": found.states[:, n] for n, name in enumerate(names)}
+    columns = {f"smooth_{name}": smoothed.states[:, n] for n, name in enumerate(names)}
     columns |= {f"u_smooth_{name}": np.sqrt(variance[:, n]) for n, name in enumerate(names)}
     if config.sensor.electronics is not None:
-        late = dynamic_error(config, time, found.states)
+        late = dynamic_error(config, time, smoothed.states)
         columns |= {f"u_dynamic_{name}": late[:, n] for n, name in enumerate(names)}
     common = solution.covariance[:, :6, :6] - noise
-    whole = found.covariance * np.outer(units, units) + fill_unknown(common)
-    return columns | smoothed_object_columns(config, found.states * units, whole, covariance), found
+    whole = smoothed.covariance * np.outer(units, units) + fill_unknown(common)
+    columns |= smoothed_object_columns(config, smoothed.states * units, whole, covariance)
+    return columns, smoothed
 
 
 def fill_unknown(covariances: Floats) -> Floats:
@@ -410,6 +410,6 @@ def smoothed_object_columns(
         mirror = ObjectPose(poses, None, covariances, None, None, False)
         columns = covariance_columns(mirror, "smooth_")
     if config.object is not None:
-        found = carry_pose(poses, covariances, config.object)
-        columns |= result_columns(found, "smooth_object_", with_covariance)
+        object_poses = carry_pose(poses, covariances, config.object)
+        columns |= result_columns(object_poses, "smooth_object_", with_covariance)
     return columns

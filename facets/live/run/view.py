@@ -41,7 +41,7 @@ def values(live: Live) -> dict[str, Any]:
     """The newest sample and the counts so far, in the units that people see."""
     passed = max(time.monotonic() - live.begin, 1e-9)
     sequence, tally, parser = live.pipeline.sequence, live.pipeline.tally, live.pipeline.parser
-    found: dict[str, Any] = {
+    entries: dict[str, Any] = {
         "seconds": round(passed, 3),
         "samples": tally.samples,
         "rate_hz": round(tally.samples / passed, 1),
@@ -66,12 +66,12 @@ def values(live: Live) -> dict[str, Any]:
         "note": "; ".join(live.messages()),
     }
     if live.pipeline.board.came:
-        found["board"] = live.pipeline.board.values()
-    found |= live.values()
+        entries["board"] = live.pipeline.board.values()
+    entries |= live.values()
     if live.current is not None:
-        found |= sample(live.current)
+        entries |= sample(live.current)
     if live.tracker:
-        found |= {
+        entries |= {
             "stage_mm": [round_digits(x) for x in live.tracker.encoder.place],
             "stage": live.tracker.state,
             "moves": live.tracker.moves,
@@ -79,7 +79,7 @@ def values(live: Live) -> dict[str, Any]:
             "stops": live.tracker.envelope.stops,
             "beam_lost": round_digits(live.beam_loss.share),
         }
-    return found
+    return entries
 
 
 def sample(poses: RunPoses) -> dict[str, Any]:
@@ -89,24 +89,24 @@ def sample(poses: RunPoses) -> dict[str, Any]:
         sizes |= {
             f"{part}_": getattr(solution, f"{part}_uncertainty")[-1] for part in UNCERTAINTY_PARTS
         }
-    found: dict[str, Any] = {"status": LABELS[int(solution.status[-1])]}
+    entries: dict[str, Any] = {"status": LABELS[int(solution.status[-1])]}
     for i, name in enumerate(STATE):
         angle = name in ANGLES
         key = f"{name}_mrad" if angle else f"{name}_mm"
-        found[key] = round_digits(state[i] * (1e3 if angle else 1))
+        entries[key] = round_digits(state[i] * (1e3 if angle else 1))
         fine = "urad" if angle else "um"
         for part, size in sizes.items():
-            found[f"u_{part}{name}_{fine}"] = round_digits(size[i] * (1e6 if angle else 1e3))
+            entries[f"u_{part}{name}_{fine}"] = round_digits(size[i] * (1e6 if angle else 1e3))
     for name, values in poses.object.items():
-        found[name] = round_digits(values[-1])
-    found["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
-    found["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
-    found["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
+        entries[name] = round_digits(values[-1])
+    entries["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
+    entries["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
+    entries["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
     if poses.channels:
-        found["channels"] = {
+        entries["channels"] = {
             name: round_digits(values[-1]) for name, values in poses.channels.items()
         }
-    return found
+    return entries
 
 
 def round_digits(value: float) -> float | None:
@@ -143,7 +143,7 @@ def plain_line(live: Live) -> str:
         text += f"  p99 {now['latency_p99_ms']:.1f} ms"
     if "stage" in now:
         text += f"  stage {now['stage']}"
-    if dropped := sum(one["dropped"] for one in now.get("published", ())):
+    if dropped := sum(target["dropped"] for target in now.get("published", ())):
         text += f"  not published {dropped}"
     return text + (f"  [{now['note']}]" if now["note"] else "")
 
@@ -402,7 +402,7 @@ def more(now: dict[str, Any]) -> Iterator[str]:
             f"board: {now['board']['came']} poses of its own, at most "
             f"{now['board']['worst_u']:.2g} u from these"
         )
-    for one in now.get("published", ()):
-        yield f"{one['address']}: {one['sent']} published, {one['dropped']} dropped"
+    for target in now.get("published", ()):
+        yield f"{target['address']}: {target['sent']} published, {target['dropped']} dropped"
     if now["flags"]:
         yield ", ".join(f"{count} {name}" for name, count in now["flags"].items())

@@ -11,7 +11,7 @@ SCHEMES = "zmq://HOST:PORT, udp://HOST:PORT (JSON) or lsl:NAME"
 
 
 def check_address(address: str) -> None:
-    """Raise `InputError` for what is no address of a publication."""
+    """Raise `InputError` for a text that is not the address of a publication."""
     parts = urlsplit(address)
     try:
         sound = parts.scheme == "lsl" or (
@@ -29,7 +29,7 @@ def check_address(address: str) -> None:
 
 
 def options_of(address: str) -> dict[str, str]:
-    """What stands behind the question mark of an address."""
+    """Return the options after the question mark of an address."""
     return dict(parse_qsl(urlsplit(address).query, keep_blank_values=True))
 
 

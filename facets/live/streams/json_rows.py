@@ -45,13 +45,13 @@ FURTHER_GROUPS = {
 
 
 def further_groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """The columns beyond `KNOWN` by the group of a text."""
-    found: dict[str, tuple[str, ...]] = dict.fromkeys(FURTHER_GROUPS, ())
+    """Return the columns beyond `KNOWN`, by their group in the text."""
+    groups: dict[str, tuple[str, ...]] = dict.fromkeys(FURTHER_GROUPS, ())
     for name in names:
         if name not in KNOWN:
-            group = next(one for one, begins in FURTHER_GROUPS.items() if begins.match(name))
-            found[group] += (name,)
-    return found
+            group = next(key for key, begins in FURTHER_GROUPS.items() if begins.match(name))
+            groups[group] += (name,)
+    return groups
 
 
 HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
@@ -94,10 +94,10 @@ def numbers_of(dtype: np.dtype[np.void]) -> tuple[str, ...]:
 def sparse_json(template: str, head: tuple[float, ...], row: list[float]) -> str:
     """The text of a sample without those of its numbers that are not finite."""
     known = json.loads(template % (*head, *(1.0 if np.isfinite(value) else 0.0 for value in row)))
-    found = json.loads(template % (*head, *(v if np.isfinite(v) else 0.0 for v in row)))
+    numbers = json.loads(template % (*head, *(v if np.isfinite(v) else 0.0 for v in row)))
     for name, value in known.items():
         if isinstance(value, dict):
-            found[name] = {key: found[name][key] for key, there in value.items() if there}
+            numbers[name] = {key: numbers[name][key] for key, there in value.items() if there}
         elif name == "residual" and not value:
-            del found[name]
-    return json.dumps(found, separators=(",", ":"))
+            del numbers[name]
+    return json.dumps(numbers, separators=(",", ":"))

@@ -49,8 +49,8 @@ class McapFile(ClosedAtExit):
 
     def channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
         known = self.writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-        found: int = self.writer.register_channel(topic, "json", known)
-        return found
+        number: int = self.writer.register_channel(topic, "json", known)
+        return number
 
     def write(self, poses: RunPoses) -> None:
         rows = rows_of(poses, self.offset)
@@ -58,11 +58,11 @@ class McapFile(ClosedAtExit):
         numbers, texts = rows["seq"].tolist(), json_of(rows)
         for number, time, text in zip(numbers, times, texts, strict=True):
             self.writer.add_message(self.sample, time, text.encode(), time, number % 2**32)
-        found = {self.pose: poses.solution.state[:, :6]}
+        states_by_channel = {self.pose: poses.solution.state[:, :6]}
         if self.object is not None:
             columns = [poses.object[f"object_{name}"] for name in STATE_COLUMNS[:6]]
-            found[self.object] = np.column_stack(columns) * STATE_UNITS[:6]
-        for channel, states in found.items():
+            states_by_channel[self.object] = np.column_stack(columns) * STATE_UNITS[:6]
+        for channel, states in states_by_channel.items():
             for n, message in pose_messages(states, times):
                 data = json.dumps(message, separators=(",", ":")).encode()
                 self.writer.add_message(channel, times[n], data, times[n], numbers[n] % 2**32)

@@ -129,17 +129,17 @@ class PoseSensor(
         if self._flying:
             raise FacetsError(f"{self.name}: is flying; complete the flight before a trigger")
         stream = await self._open()
-        now, found = stream.keep(), np.empty(0, SAMPLE)
+        now, rows = stream.keep(), np.empty(0, SAMPLE)
         try:
-            while not len(found):
+            while not len(rows):
                 await asyncio.to_thread(stream.wait, lambda: stream.held.count > 0)
                 rows = stream.take(1 if stream.patient else None)
                 if not len(rows):
                     raise FacetsError(f"{self._address}: has ended; no more samples will come")
-                found = rows if stream.patient else rows[rows["host_s"] >= now]
+                rows = rows if stream.patient else rows[rows["host_s"] >= now]
         finally:
             stream.forget()
-        self._row = found[:1]
+        self._row = rows[:1]
 
     async def read(self) -> dict[str, Reading[Any]]:
         """The sample of the last trigger. Raises where there was none."""
@@ -241,11 +241,11 @@ class PoseSensor(
 
     def _gather(self, stream: RowStream) -> Rows:
         rows = stream.take(self._left if stream.patient else None)
-        found: Rows = rows[(rows["host_s"] >= self._begin) & (rows["host_s"] <= self._end)]
+        flown: Rows = rows[(rows["host_s"] >= self._begin) & (rows["host_s"] <= self._end)]
         if self._left is not None:
-            found = found[: self._left]
-            self._left -= len(found)
-        return found
+            flown = flown[: self._left]
+            self._left -= len(flown)
+        return flown
 
     def _describe_configuration(self) -> dict[str, str]:
         body = self._config.object
@@ -264,14 +264,14 @@ class PoseSensor(
     def _data_key(self, name: str) -> DataKey:
         kind = self._dtype[name].kind
         dtype = "string" if name == "status" else "integer" if kind in "iu" else "number"
-        found = DataKey(source=self._address, dtype=dtype, shape=[])  # type: ignore[typeddict-item]
+        key = DataKey(source=self._address, dtype=dtype, shape=[])  # type: ignore[typeddict-item]
         if unit := unit_of(name, self._channels):
-            found["units"] = unit
-        return found
+            key["units"] = unit
+        return key
 
 
 def list_columns(rows: Rows) -> dict[str, list[Any]]:
     """Columns of rows as lists of plain numbers, the status in words."""
-    found: dict[str, list[Any]] = {name: rows[name].tolist() for name in columns_of(rows.dtype)}
-    found["status"] = [LABELS.get(number, str(number)) for number in found["status"]]
-    return found
+    columns: dict[str, list[Any]] = {name: rows[name].tolist() for name in columns_of(rows.dtype)}
+    columns["status"] = [LABELS.get(number, str(number)) for number in columns["status"]]
+    return columns

@@ -14,8 +14,8 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from hmac import compare_digest
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any
@@ -41,14 +41,14 @@ from .zeromq import (
     STATUS,
 )
 
-#: Maximum number of messages of subscribers that are heard at once: one that talks without end
-#: does not keep the loop.
+#: Maximum number of messages from subscribers that are taken in at once, so that a subscriber that
+#: sends without end does not keep the loop.
 MAX_HEARD = 100
-#: A subscriber that takes nothing for this long, s, is not waited for any more, by a replay.
+#: A replay no longer waits for a subscriber that has taken nothing for this time, s.
 STUCK_S = 5.0
-#: Who waits for news looks for them this often, ms.
+#: Interval between two attempts to send or to receive a message, ms.
 RETRY_MS = 5
-#: Processes may take this time at the end to pass on what still waits, s.
+#: Longest time that processes may take at the end to pass on the remaining samples, s.
 END_TIMEOUT_S = 10.0
 GONE = "its process has ended"
 
@@ -56,14 +56,27 @@ GONE = "its process has ended"
 class Outlet:
     """Publishes rows at any number of endpoints. A live run waits for nobody; a replay, for all.
 
-    count: number of rows.  sent: number of rows for which somebody subscribed at a `zmq://`
-    address.  missed: number of rows that those subscribers say they have missed.  status: gives
-    what the run says of itself, in JSON's types.
+    Parameters
+    ----------
+    about : dict
+        Description of the samples, which each new subscriber receives first.
+    patient : bool
+        Whether to wait for subscribers that are slow, as a replay does, which loses nothing by it.
+
+    Attributes
+    ----------
+    count, sent, missed : int
+        Numbers of rows that were published; of those for which somebody subscribed at a `zmq://`
+        address; and of those that these subscribers report as missed.
+    places : list of str
+        The `zmq://` addresses, with the ports that the system has chosen.
+    relays : list of Relay
+        The processes that subscribe for the run.
+    status : callable
+        Returns the status of the run, in JSON's types.
     """
 
     def __init__(self, about: dict[str, Any], patient: bool = False) -> None:
-        """about: what subscribers are told of the samples.  patient: wait for subscribers; for
-        replays, which lose nothing by it."""
         about = description(about)
         self.columns = json.dumps({name: about[name] for name in ("dtype", "units")})[1:].encode()
         self.patient, self.is_ending = patient, False
@@ -78,33 +91,41 @@ class Outlet:
             zmq.LINGER: LINGER_MS,
             zmq.XPUB_NODROP: int(patient),
             zmq.XPUB_VERBOSER: 1,  # each subscriber comes and goes by itself
-            # one that talks without end waits itself, and fills no memory
+            # a subscriber that sends without end waits itself, and fills no memory
             zmq.RCVHWM: MAX_HEARD // 10,
             zmq.MAXMSGSIZE: 4_096,
-            # a machine that has gone; libzmq's heartbeats end this program where one is due on a
-            # broken line whose end waits
+            # finds a machine that has gone; libzmq's heartbeats would do so, too, but end this
+            # program if a heartbeat is due on a broken line that still holds its last messages
             zmq.TCP_MAXRT: 30_000,
         }.items():
             self.socket.setsockopt(option, value)
         self.socket.setsockopt(zmq.XPUB_WELCOME_MSG, ABOUT + json.dumps(about).encode())
-        self.folder = TemporaryDirectory(prefix="facets-", ignore_cleanup_errors=True)
-        self.endpoint = self.bind_locally()
 
-    def bind_locally(self) -> str:
-        """Bind an endpoint for processes of the run; where there is such, one that other users of
-        this machine cannot reach."""
+    @contextmanager
+    def local_endpoint(self) -> Iterator[str]:
+        """Yield an endpoint at which a process of the run connects while the block lasts.
+
+        Where the system has such, it is a file that other users of this machine cannot reach. The
+        file is removed at the block's end, which connections outlast: a run that is killed leaves
+        nothing behind, and nobody else connects later.
+        """
+        with TemporaryDirectory(prefix="facets-", ignore_cleanup_errors=True) as folder:
+            yield self.bind_locally(folder)
+
+    def bind_locally(self, folder: str) -> str:
+        """Bind a file in a folder or, if that is not possible, a port of this machine."""
         if os.name == "posix":
             with suppress(zmq.ZMQError):  # of a folder whose name is too long
-                return self.bind(f"ipc://{self.folder.name}/run")
+                return self.bind(f"ipc://{folder}/run")
         return self.bind("tcp://127.0.0.1:*")
 
     def bind(self, endpoint: str) -> str:
-        """Also publish at an endpoint; return it with what the system has chosen of it."""
+        """Also publish at an endpoint; return it with the port that the system has chosen."""
         self.socket.bind(endpoint)
         return bytes(self.socket.getsockopt(zmq.LAST_ENDPOINT)).strip(b"\0").decode()
 
     def open(self, address: str) -> None:
-        """Also publish at `zmq://HOST:PORT`. Raises `InputError` where that cannot be had."""
+        """Also publish at `zmq://HOST:PORT`. Raises `InputError` if the address cannot be used."""
         endpoint = zmq_endpoint(address)
         self.socket.setsockopt(zmq.IPV6, int("[" in endpoint))
         try:
@@ -113,10 +134,8 @@ class Outlet:
             raise InputError(f"--publish {address}: {error.strerror}") from None
         self.places.append(f"{address.rpartition(':')[0]}:{port}")
 
-    # what goes
-
     def send(self, rows: NDArray[np.void]) -> None:
-        """Publish rows of the description's dtype. Waits only where it is patient."""
+        """Publish rows of the description's dtype; only a patient outlet waits."""
         self.hear()
         header = b'{"first": %d, "count": %d, ' % (self.count, len(rows)) + self.columns
         self.put([SAMPLES, header, rows.tobytes()])
@@ -124,19 +143,19 @@ class Outlet:
         self.sent += len(rows) if self.receivers else 0
 
     def refresh(self) -> None:
-        """Hear what is said, and publish the status of the run where it is time for that."""
+        """Take in messages, and publish the status of the run if it is due."""
         self.hear()
         if time.monotonic() >= self.status_due:
             self.status_due = time.monotonic() + REPORT_INTERVAL_S
             self.tell(self.status())
 
-    def tell(self, words: dict[str, Any]) -> None:
-        """Publish what the run says of itself, if anything, for its page."""
-        if words:
-            self.put([STATUS, json.dumps(words).encode()])
+    def tell(self, status: dict[str, Any]) -> None:
+        """Publish a status of the run, unless it is empty, for the page."""
+        if status:
+            self.put([STATUS, json.dumps(status).encode()])
 
     def put(self, parts: list[bytes]) -> None:
-        """Send a message; a replay first waits while it would miss a subscriber."""
+        """Send a message; a patient outlet first waits while a subscriber has no place for it."""
         last = time.monotonic() + STUCK_S
         while True:
             try:
@@ -150,15 +169,13 @@ class Outlet:
                 self.socket.setsockopt(zmq.XPUB_NODROP, 1)
                 return
 
-    # what comes
-
     @property
     def receivers(self) -> int:
         """Number of other programs that subscribe."""
         return max(0, self.subscribers - sum(relay.is_connected for relay in self.relays))
 
     def counts(self) -> dict[str, Any]:
-        """What became of the samples at the `zmq://` addresses."""
+        """Return the counts of samples and receivers at the `zmq://` addresses."""
         return {
             "address": ", ".join(self.places),
             "sent": self.sent,
@@ -168,32 +185,32 @@ class Outlet:
         }
 
     def hear(self, wait_ms: int = 0) -> None:
-        """Take in what subscribers say; wait up to this time for the first of it."""
+        """Take in the messages of subscribers; wait up to `wait_ms` for the first."""
         if self.socket.closed or (wait_ms and not self.socket.poll(wait_ms)):
             return
         with suppress(zmq.Again):
             for _ in range(MAX_HEARD):
                 self.take(self.socket.recv(zmq.NOBLOCK))
 
-    def take(self, said: bytes) -> None:
-        """That a subscriber comes or goes, has missed rows, or what a process of the run says."""
-        if said[:1] in (b"\0", b"\1"):
-            comes, topic = said[:1] == b"\1", said[1:]
+    def take(self, message: bytes) -> None:
+        """Take in a subscription, its end, a number of missed rows, or the words of a process."""
+        if message[:1] in (b"\0", b"\1"):
+            comes, topic = message[:1] == b"\1", message[1:]
             if SAMPLES.startswith(topic):
                 self.subscribers += 1 if comes else -1
             for relay in self.relays:
                 if compare_digest(topic, relay.token):
                     relay.come_or_go(comes)
-        elif said.startswith(LOST) and said[len(LOST) :].isdigit() and len(said) < 20:
-            self.missed += int(said[len(LOST) :])
-        elif said.startswith(FROM):
-            token, _, words = said[len(FROM) :].partition(b" ")
+        elif message.startswith(LOST) and message[len(LOST) :].isdigit() and len(message) < 20:
+            self.missed += int(message[len(LOST) :])
+        elif message.startswith(FROM):
+            token, _, words = message[len(FROM) :].partition(b" ")
             for relay in self.relays:
                 if compare_digest(token, relay.token):
                     relay.hear(json.loads(words))
 
     def close(self) -> None:
-        """Send what waits, and end the processes, both with a limit of time. Never raises."""
+        """Send the remaining messages and end the processes, in limited time. Never raises."""
         if self.socket.closed:
             return
         self.socket.setsockopt(zmq.XPUB_NODROP, 0)
@@ -206,40 +223,40 @@ class Outlet:
         for relay in self.relays:
             relay.end()
         self.context.destroy()
-        self.folder.cleanup()
 
 
 class Relay:
     """A process that subscribes to the run which has started it, and passes samples on.
 
-    said: the newest of all that it says of itself: `sent`, the number of rows that it has given
-    away, which, where nobody answers, says nothing of their arrival; `dropped`, the number of those
-    that it has not, or has missed; `receivers`, the number of those that take them now, None where
-    it cannot be known.  trouble: why nothing is published any more, or nothing.
+    said: the newest values that the process reports: `sent`, the number of rows that it has passed
+    on, whether or not they arrived; `dropped`, the number of rows that it has missed or could not
+    pass on; `receivers`, the present number of receivers, None if it cannot be known.  trouble: why
+    nothing is published any more; empty while the process works.
     """
 
     def __init__(self, address: str, outlet: Outlet, module: str, setup: dict[str, Any]) -> None:
-        """module: the program, as `python -m` has it.  setup: what only it is told.
+        """Start the process and wait until it is ready.  Raises `InputError` if it cannot begin.
 
-        Raises `InputError` where it cannot begin.
+        module: the program, as for `python -m`.  setup: values that only this process receives.
         """
         self.address, self.outlet, self.trouble = address, outlet, ""
         self.token, self.is_connected = secrets.token_hex(16).encode(), False
         self.said: dict[str, Any] = {"sent": 0, "dropped": 0, "receivers": 0}
         self.heard = time.monotonic()
-        setup = {**setup, "endpoint": outlet.endpoint, "token": self.token.decode()}
-        with TemporaryFile("w+") as file:  # other users can read what stands in a command
-            json.dump(setup, file)
-            file.seek(0)
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", module, address],
-                stdin=file, stdout=subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
-        outlet.relays.append(self)
-        self.await_begin()
+        with outlet.local_endpoint() as endpoint:
+            setup = {**setup, "endpoint": endpoint, "token": self.token.decode()}
+            with TemporaryFile("w+") as file:  # other users can read the arguments of a command
+                json.dump(setup, file)
+                file.seek(0)
+                self.process = subprocess.Popen(
+                    [sys.executable, "-m", module, address],
+                    stdin=file, stdout=subprocess.DEVNULL, start_new_session=True,
+                )  # fmt: skip
+            outlet.relays.append(self)
+            self.await_begin()
 
     def await_begin(self) -> None:
-        """Wait until the process says that it is ready. Raises `InputError` where it cannot be."""
+        """Wait until the process is ready. Raises `InputError` if it cannot begin."""
         last = self.heard + START_TIMEOUT_S
         while not {"ready", "error"} & self.said.keys():
             is_over = self.process.poll() is not None or time.monotonic() > last
@@ -257,12 +274,12 @@ class Relay:
             self.trouble = GONE
 
     def hear(self, words: dict[str, Any]) -> None:
-        """Take in what the process says of itself."""
+        """Take in values that the process reports."""
         self.heard = time.monotonic()
         self.said |= words
 
     def counts(self) -> dict[str, Any]:
-        """What became of the samples; those that wait are not among the dropped ones."""
+        """Return the counts of samples and receivers; samples that wait are not dropped ones."""
         words = {name: self.said[name] for name in ("sent", "dropped", "receivers")}
         if self.trouble or self.outlet.socket.closed:
             words["dropped"] = self.outlet.count - words["sent"]
@@ -274,7 +291,7 @@ class Relay:
         return self.is_connected and time.monotonic() < since + END_TIMEOUT_S
 
     def end(self) -> None:
-        """Wait for the end of a process that has said its last, and end any other."""
+        """Wait for a process that has left the outlet to end, and kill any other."""
         try:
             status = self.process.wait(0 if self.is_connected else END_TIMEOUT_S)
             self.trouble = self.trouble or (GONE if status else "")

@@ -1,4 +1,4 @@
-"""Every sample to other programs, while the record goes on as if there were none."""
+"""Publish every sample for other programs, which never hold back the recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FIRST_RECEIVER_WAIT_S = 20.0
 
 
 def require_packages(addresses: Sequence[str] | None, web: str | None) -> None:
-    """Raises `InputError` where a receiver, or the page, needs a package that is not installed."""
+    """Raise `InputError` if a receiver, or the page, needs a package that is not installed."""
     for address in addresses or ():
         if address.startswith("lsl:"):
             require_extra("pylsl", address)
@@ -38,9 +38,30 @@ def require_packages(addresses: Sequence[str] | None, web: str | None) -> None:
 
 
 class Publications(ClosedAtExit, Sink):
-    """All the addresses that samples go to; in a `with` statement they are closed at its end.
+    """The addresses at which samples are published; a `with` statement closes them at its end.
 
-    utc_offset: of the wall clock over the host's monotonic one, s; now, if it is not given.
+    Parameters
+    ----------
+    addresses : sequence of str
+        `zmq://HOST:PORT`, `udp://HOST:PORT` or `lsl:NAME`.
+    config : Config
+        Configuration of the sensor and the stream.
+    patient : bool
+        Whether to wait for subscribers that are slow, as a replay does.
+    utc_offset : float, optional
+        The wall clock's time less the host's monotonic time, s; the present one by default.
+    objects : Measurement, optional
+        The measurement that gives the columns of the object; that of the configuration by default.
+
+    Attributes
+    ----------
+    outlet : Outlet
+        The socket that sends the samples, and its processes.
+
+    Raises
+    ------
+    InputError
+        If an address cannot be used; none is then open.
     """
 
     def __init__(
@@ -51,10 +72,6 @@ class Publications(ClosedAtExit, Sink):
         utc_offset: float | None = None,
         objects: Measurement | None = None,
     ) -> None:
-        """Raises `InputError` for an address that cannot be used; none is then open.
-
-        objects: which point's poses there are, as of `row_content`.
-        """
         about: dict[str, Any] = {
             "config": config.name,
             "config_sha256": config.sha256,
@@ -78,17 +95,17 @@ class Publications(ClosedAtExit, Sink):
             raise
 
     def places(self) -> list[str]:
-        """The addresses, with the port where the system has chosen one."""
-        return [one["address"] for one in self.counts()]
+        """Return the addresses, with the ports that the system has chosen."""
+        return [target["address"] for target in self.counts()]
 
     def await_receivers(self) -> None:
         """Wait until there is a receiver at each address, for up to `FIRST_RECEIVER_WAIT_S`."""
         last = time.monotonic() + FIRST_RECEIVER_WAIT_S
-        while time.monotonic() < last and any(one["receivers"] == 0 for one in self.counts()):
+        while time.monotonic() < last and any(target["receivers"] == 0 for target in self.counts()):
             self.outlet.hear(RETRY_MS)
 
     def add_poses(self, poses: RunPoses) -> None:
-        """Publish poses at every address."""
+        """Publish poses at all addresses."""
         rows = rows_of(poses, self.offset)
         if self.pulses is not None:
             utc = pulse_columns(poses, self.offset, self.pulses)["utc_s"]
@@ -100,26 +117,27 @@ class Publications(ClosedAtExit, Sink):
 
     def messages(self) -> list[str]:
         return [
-            f"{one['address']}: publishing has ended: {one['trouble']}"
-            for one in self.counts()
-            if one["trouble"]
+            f"{target['address']}: publishing has ended: {target['trouble']}"
+            for target in self.counts()
+            if target["trouble"]
         ]
 
     def values(self) -> dict[str, Any]:
         return {"published": self.counts()}
 
     def counts(self) -> list[dict[str, Any]]:
-        """What became of the samples, address by address."""
+        """Return the counts of samples: of all `zmq://` addresses together, and of each process."""
         self.outlet.hear()
-        own = [self.outlet.counts()] if self.outlet.places else []
-        return [*own, *(relay.counts() for relay in self.outlet.relays)]
+        zmq_counts = [self.outlet.counts()] if self.outlet.places else []
+        return [*zmq_counts, *(relay.counts() for relay in self.outlet.relays)]
 
     def sentences(self) -> list[str]:
-        """A line for each address, for the end."""
-        found = []
-        for one in self.counts():
-            text = f"{one['address']}: {one['sent']} samples published, {one['dropped']} dropped"
-            found.append(f"{text} ({one['trouble']})" if one["trouble"] else text)
+        """Return the sentences for the end of a run, with the counts of each address."""
+        sentences = []
+        for target in self.counts():
+            address, trouble = target["address"], target["trouble"]
+            text = f"{address}: {target['sent']} samples published, {target['dropped']} dropped"
+            sentences.append(f"{text} ({trouble})" if trouble else text)
             if self.pulses is not None:
-                found.append(f"{one['address']}: {self.pulses.sentence}")
-        return found
+                sentences.append(f"{address}: {self.pulses.sentence}")
+        return sentences

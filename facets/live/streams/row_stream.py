@@ -51,17 +51,17 @@ class HeldRows:
 
     def take(self, most: int | None = None) -> Rows:
         """The oldest rows, all or at most so many, which are then no longer here."""
-        found: list[Rows] = []
+        parts: list[Rows] = []
         room = self.count if most is None else most
         while self.parts and room > 0:
             rows = self.parts.popleft()
             if len(rows) > room:
                 self.parts.appendleft(rows[room:])
                 rows = rows[:room]
-            found.append(rows)
+            parts.append(rows)
             room -= len(rows)
             self.count -= len(rows)
-        return np.concatenate(found) if found else np.empty(0, SAMPLE)
+        return np.concatenate(parts) if parts else np.empty(0, SAMPLE)
 
 
 class RowStream:
@@ -215,7 +215,7 @@ def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
             "its configuration names other auxiliary channels (acquire.channels) or has no "
             "covariance of a calibration (sensor.calibration)"
         )
-    found = np.empty(len(rows), dtype)
+    kept = np.empty(len(rows), dtype)
     for name in names:
-        found[name] = rows[name]
-    return found
+        kept[name] = rows[name]
+    return kept

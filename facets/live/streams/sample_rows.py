@@ -41,23 +41,28 @@ CALIBRATED_SAMPLE = np.dtype([*SAMPLE.descr, *((name, "<f8") for name in PARTS)]
 
 
 def row_content(config: Config, objects: Measurement | None = None) -> dict[str, Any]:
-    """What rows hold beside the columns of SAMPLE, as a publication says it: whether the parts of
-    the uncertainties, which point's pose, and which auxiliary channels.
+    """Describe the columns of rows beside those of SAMPLE, as a publication sends it.
 
-    objects: of the run; by default what the configuration alone gives.
+    They are the parts of the uncertainties, the pose of the measured object, and the auxiliary
+    channels.  objects: the run's measurement; by default that of the configuration alone.
     """
     return {
         "uncertainty_parts": config.sensor.calibration is not None,
         **(objects or Measurement(config)).description(),
         "channels": [
-            {"column": one.column, "name": one.name, "unit": one.unit, "delay_us": 1e6 * one.delay}
-            for one in config.acquire.channels
+            {
+                "column": channel.column,
+                "name": channel.name,
+                "unit": channel.unit,
+                "delay_us": 1e6 * channel.delay,
+            }
+            for channel in config.acquire.channels
         ],
     }
 
 
 def sample_dtype(about: dict[str, Any]) -> np.dtype[np.void]:
-    """Of the rows of a publication, by what it says of them."""
+    """Return the dtype of a publication's rows, from its description."""
     channels = [channel["column"] for channel in about.get("channels", ())]
     further = (*about.get("object_columns", ()), *channels)
     return row_dtype(bool(about.get("uncertainty_parts")), further)
@@ -65,7 +70,7 @@ def sample_dtype(about: dict[str, Any]) -> np.dtype[np.void]:
 
 @cache
 def row_dtype(parts: bool, further: tuple[str, ...]) -> np.dtype[np.void]:
-    """Of rows with these columns of the object and of auxiliary channels after the others."""
+    """Return the dtype of rows whose last columns are `further`.  parts: with those of u."""
     base = CALIBRATED_SAMPLE if parts else SAMPLE
     return np.dtype([*base.descr, *((name, "<f8") for name in further)]) if further else base
 
@@ -123,12 +128,12 @@ def rows_of(poses: RunPoses, utc_offset: float) -> NDArray[np.void]:
 
 
 def description(about: dict[str, Any]) -> dict[str, Any]:
-    """What a receiver must know to read rows, as JSON takes it. about: what else is to be said."""
+    """Return `about` with the columns and units of the rows, for receivers, in JSON's types."""
     return {**about, **columns_of(sample_dtype(about), about)}
 
 
 def columns_of(dtype: np.dtype[np.void], about: dict[str, Any]) -> dict[str, Any]:
-    """The columns of rows and their units, as JSON takes them."""
+    """Return the columns of rows and their units, in JSON's types."""
     units = {name: unit_of(name, about.get("channels", ())) for name in dtype.names or ()}
     return {
         "dtype": [list(pair) for pair in dtype.descr],

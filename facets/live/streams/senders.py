@@ -77,7 +77,7 @@ class Lsl:
         names = [name for name, _ in about["dtype"]]
         self.channels = ("seq", "status", "flags", *names[len(HEAD_COLUMNS) :])
         auxiliary = about.get("channels", ())
-        own = {channel["column"] for channel in auxiliary}
+        auxiliary_columns = {channel["column"] for channel in auxiliary}
         source = f"facets-{about.get('config_sha256', '')[:16]}"
         info = pylsl.StreamInfo(
             name or "facets", "Pose", len(self.channels), pylsl.IRREGULAR_RATE, "double64", source
@@ -88,8 +88,8 @@ class Lsl:
             channel.append_child_value("label", label)
             channel.append_child_value("unit", unit_of(label, auxiliary))
             known = ("seq", "status", "flags", "residual")
-            kind = "Status" if label in known else "Auxiliary" if label in own else "Pose"
-            channel.append_child_value("type", kind)
+            kind = "Auxiliary" if label in auxiliary_columns else "Pose"
+            channel.append_child_value("type", "Status" if label in known else kind)
         for key in ("config", "config_sha256", "facets", "object", "zero"):
             info.desc().append_child_value(key, str(about.get(key, "")))
         self.outlet = pylsl.StreamOutlet(info, chunk_size=100, max_buffered=60)

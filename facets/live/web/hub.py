@@ -35,8 +35,11 @@ RATE_WINDOW_S = 2.0
 
 
 def extra_columns(about: dict[str, Any]) -> tuple[str, ...]:
-    """What pages show beside the mirror's state: the object's pose and displacement, auxiliary
-    channels, and the standard uncertainties of the former."""
+    """Return the columns that pages show beside the mirror's state.
+
+    They are the object's pose and displacement, the auxiliary channels, and the standard
+    uncertainties of pose and displacement.
+    """
     of_object = set(about.get("object_columns", ()))
     poses = [f"{kind}_{name}" for kind in ("object", "displacement") for name in STATE_COLUMNS[:6]]
     poses = [name for name in poses if name in of_object]
@@ -130,7 +133,7 @@ class Hub:
         }
 
     def hear(self, status: dict[str, Any]) -> None:
-        """What the run says of itself; what in it is new is an event."""
+        """Take in the status of the run, and tell its new messages and counts as events."""
         at = self.now()
         before, self.said = self.said, kinds_of(status.get("messages", ()))
         for kind in self.said.keys() - before.keys():
@@ -151,7 +154,7 @@ class Hub:
         self.events.append({"number": self.happened, "t": at, "text": text, "what": what})
 
     def end(self, reason: str, good: bool) -> None:
-        """Says that nothing more comes."""
+        """Tell pages that nothing more comes."""
         if self.ended is None:
             self.ended = {"type": "end", "reason": reason, "good": good}
             self.tell(self.now(), reason, "")
@@ -180,21 +183,21 @@ class Hub:
     # what goes
 
     def hello(self) -> str:
-        """What a page must know to show anything."""
+        """Return the first message to a page: columns, levels and the description of the run."""
         columns = bin_columns(self.channels)
         told = {"type": "hello", **self.about, "columns": columns, "states": STATE_COLUMNS}
         told["extras"] = self.channels
-        told["levels"] = [{"width": one.width, "count": one.count} for one in self.levels]
+        told["levels"] = [{"width": level.width, "count": level.count} for level in self.levels]
         return json.dumps(told)
 
     def bins(self, level: int, numbers: set[int], void: bool) -> bytes | None:
         """The bins of these numbers as bytes, None where there is nothing to say."""
-        one = self.levels[level]
-        found, values = one.values(np.array(sorted(numbers), np.int64))
-        if not len(found) and not void:
+        bins = self.levels[level]
+        held, values = bins.values(np.array(sorted(numbers), np.int64))
+        if not len(held) and not void:
             return None
-        head = HEAD.pack(level, int(void), one.width, len(found), 0)
-        return head + found.astype("<i4").tobytes() + values.astype("<f4").tobytes()
+        head = HEAD.pack(level, int(void), bins.width, len(held), 0)
+        return head + held.astype("<i4").tobytes() + values.astype("<f4").tobytes()
 
     def news(self, since: int) -> str:
         """The newest sample, the state of the run and the events after the one numbered `since`."""
@@ -229,22 +232,22 @@ class Page:
         self.finished = False
 
     def messages(self) -> list[str | bytes]:
-        """All that it is to be told now; nothing where there is no news."""
-        hub, found = self.hub, list[str | bytes]()
+        """Return the messages that the page needs now."""
+        hub, messages = self.hub, list[str | bytes]()
         if not self.greeted:
             self.greeted, self.happened = True, 0
             self.void = [True for _ in hub.levels]
-            found.append(hub.hello())
+            messages.append(hub.hello())
         for level, told in enumerate(self.told):
             if self.void[level]:
                 told = set(hub.levels[level].present_numbers())
             data = hub.bins(level, told, self.void[level]) if told or self.void[level] else None
             if data is not None:
-                found.append(data)
+                messages.append(data)
             self.told[level], self.void[level] = set(), False
-        found.append(hub.news(self.happened))
+        messages.append(hub.news(self.happened))
         self.happened = hub.happened
         if hub.ended and not self.finished:
             self.finished = True
-            found.append(json.dumps(hub.ended))
-        return found
+            messages.append(json.dumps(hub.ended))
+        return messages

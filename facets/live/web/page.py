@@ -16,7 +16,8 @@ from .guard import is_local, parse_address, place
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-WIDE = (
+#: The warning beside a page that other machines can open.
+OPEN_TO_OTHERS = (
     "warning: other machines can open this page, and anyone who has its address can read it; the "
     "connection is not encrypted"
 )
@@ -25,8 +26,8 @@ WIDE = (
 class WebPage(Relay):
     """A page in the browsers of those who have its address.
 
-    resume: lets a stopped stage move again, when somebody presses the page's button.  url: what to
-    open; it has a token, without which nothing is served.
+    resume: called when somebody presses the page's button, to let a stopped stage move again.
+    url: address for a browser; it has a token, without which nothing is served.
     """
 
     def __init__(
@@ -39,11 +40,12 @@ class WebPage(Relay):
         *,
         drawn: dict[str, str],
     ) -> None:
-        """Raises `InputError` where `web`, [HOST:]PORT, is no address or cannot be used.
+        """Start the page's process.  Raises `InputError` for an address that cannot be used.
 
-        status: gives what the run says of itself, in JSON's types.  more: what the page is to know
-        beside the configuration.  drawn: the style and the scripts that draw the rig, by their
-        names: `rig_scripts` of `facets.pictures.page.scripts`.
+        web: the address `[HOST:]PORT`.  status: returns the status of the run, in JSON's types.
+        more: entries for the page beside the description of the configuration.  drawn: the style
+        and the scripts that draw the rig, by their names: `rig_scripts` of
+        `facets.pictures.page.scripts`.
         """
         host, port = parse_address(web)
         token = secrets.token_urlsafe(18)
@@ -66,12 +68,12 @@ class WebPage(Relay):
         super().hear(words)
 
     def greeting(self) -> list[str]:
-        """What is to be said when it begins."""
-        return [f"the page is at {self.url}", *([] if self.is_local else [WIDE])]
+        """Return the sentences for the user when the page begins."""
+        return [f"the page is at {self.url}", *([] if self.is_local else [OPEN_TO_OTHERS])]
 
 
 def description_of(config: Config) -> dict[str, Any]:
-    """What a page must know of a configuration, beside the description of the samples."""
+    """Describe a configuration for a page, beside the description of the samples."""
     sensor = config.sensor
     free = config.solve.beam == "free"
     return {

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 #: Time between two checks whether the page is to end, ms.
 END_CHECK_INTERVAL_MS = 100
-#: Of what happened so much is told.
+#: Maximum number of events that a page is told.
 EVENTS = 150
 
 
 def events_of(recording: Path) -> list[tuple[float, str]]:
-    """The newest that happened in a run, as it was recorded: when, on the host's clock, and what.
+    """Return the newest recorded events of a run: each time on the host's clock, s, and words.
 
     Moves of the stage are left out; a line that is torn is passed over.
     """
@@ -36,7 +36,7 @@ def events_of(recording: Path) -> list[tuple[float, str]]:
         lines = (recording / "events.jsonl").read_text("utf-8", errors="replace").splitlines()
     except OSError:
         return []
-    found: deque[tuple[float, str]] = deque(maxlen=EVENTS)
+    events: deque[tuple[float, str]] = deque(maxlen=EVENTS)
     for line in lines:
         with suppress(ValueError, TypeError, KeyError, AttributeError):
             row = json.loads(line)
@@ -44,17 +44,17 @@ def events_of(recording: Path) -> list[tuple[float, str]]:
             row.pop("utc", None)
             more = ", ".join(phrase(key, value) for key, value in row.items() if says(value))
             if name not in ("move", CLOSED):
-                found.append((moment, f"{name}: {more}" if more else name))
-    return list(found)
+                events.append((moment, f"{name}: {more}" if more else name))
+    return list(events)
 
 
 def says(value: Any) -> bool:
-    """Whether there is anything to tell of a value."""
+    """Whether a value of an event tells anything."""
     return (value == 0 and value is not False) or bool(value)
 
 
 def phrase(name: str, value: Any) -> str:
-    """A value of an event with its name, in words."""
+    """Return a value of an event with its name, in words."""
     name = name.replace("_", " ")
     if value is True:
         return name
@@ -70,7 +70,9 @@ def phrase(name: str, value: Any) -> str:
 class ReplayPage(ClosedAtExit):
     """Shows poses as they are solved, and then all of them for as long as a person wants.
 
-    In a `with` statement the page is closed at its end.
+    The page has an outlet of its own, because it stays after the publications of a replay, whose
+    subscribers learn from their end that all poses have come. A `with` statement closes the page at
+    its end.
     """
 
     def __init__(
@@ -94,7 +96,7 @@ class ReplayPage(ClosedAtExit):
         return words | ({"finished": "The whole recording is solved."} if self.ended else {})
 
     def following(self, replayed: Iterable[RunPoses]) -> Iterator[RunPoses]:
-        """The same poses; each is shown on its way."""
+        """Yield the same poses, and show each of them."""
         for poses in replayed:
             self.publications.add_poses(poses)
             self.publications.outlet.refresh()
@@ -103,7 +105,7 @@ class ReplayPage(ClosedAtExit):
         self.publications.outlet.tell(self.status() | {"happened": events_of(self.recording)})
 
     def stay(self, say: Callable[[str], None]) -> None:
-        """Waits until ^C, SIGTERM or the end of the page's process."""
+        """Wait until ^C, SIGTERM or the end of the page's process."""
         say(f"the page stays at {self.page.url} until ^C")
         with deferring() as signals:
             while not (signals or self.page.trouble):

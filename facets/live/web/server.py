@@ -45,15 +45,15 @@ TYPES = {
 
 
 def assets() -> dict[str, Path]:
-    """What a browser may load, by its path on the page."""
-    found = {}
+    """Return the files that a browser may load, by their paths on the page."""
+    paths = {}
     here = Path(__file__).parent
     folders = {"": here / "assets", "vendor/": here / "vendor"}
     for prefix, folder in folders.items():
         for path in folder.rglob("*"):
             if path.suffix in TYPES:
-                found[prefix + path.relative_to(folder).as_posix()] = path
-    return found
+                paths[prefix + path.relative_to(folder).as_posix()] = path
+    return paths
 
 
 class Server:

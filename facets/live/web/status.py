@@ -30,7 +30,7 @@ def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False
 
 
 def status_of(live: Live) -> dict[str, Any]:
-    """Of a run that is going on."""
+    """Return the status of a run that goes on."""
     passed = max(time.monotonic() - live.begin, 1e-9)
     pipeline = live.pipeline
     return {
@@ -41,15 +41,15 @@ def status_of(live: Live) -> dict[str, Any]:
         "clock": clock(pipeline),
         "stage": stage(live.tracker, live),
         "published": [
-            {key: one[key] for key in ("address", "sent", "dropped", "trouble")}
-            for one in live.values().get("published", ())
+            {key: publication[key] for key in ("address", "sent", "dropped", "trouble")}
+            for publication in live.values().get("published", ())
         ],
         "recording": recording(live),
     }
 
 
 def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
-    """Of a recording that is solved again, for `seconds` s by now."""
+    """Return the status of a replay that has taken `seconds` s by now."""
     board = pipeline.board.trouble()
     zero = pipeline.measurement.messages()
     messages = [*pipeline.doubts.said, *zero, *([board] if board else [])]
@@ -84,7 +84,7 @@ def counts(pipeline: Pipeline) -> list[Item]:
     tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
     total = tally.samples + sequence.lost
     share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
-    found = [
+    items = [
         item("samples", tally.samples),
         item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
         item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
@@ -96,12 +96,12 @@ def counts(pipeline: Pipeline) -> list[Item]:
         ),
         item("beyond chance", tally.misfit.flagged, bad=tally.misfit.is_mostly_flagged),
     ]
-    found += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
+    items += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
     if sequence.doubled:
-        found.append(item("came twice", sequence.doubled, bad=True))
+        items.append(item("came twice", sequence.doubled, bad=True))
     if sequence.restarts:
-        found.append(item("restarts", sequence.restarts, bad=True))
-    return found
+        items.append(item("restarts", sequence.restarts, bad=True))
+    return items
 
 
 def loop_counts(live: Live) -> list[Item]:
@@ -146,7 +146,7 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
     if envelope.encoder is None:
         return {"there": False, "why": "the stage has not reported its position yet"}
     place, sent = envelope.encoder.place, envelope.sent
-    found: dict[str, Any] = {
+    state: dict[str, Any] = {
         "there": True,
         "place": [round_digits(x) for x in place],
         "target": None,
@@ -159,8 +159,8 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
     }
     if sent is not None:
         target = np.asarray(sent[1], dtype=float)
-        found["target"] = [round_digits(x) for x in target]
-        found["error"] = [round_digits(x) for x in place - target]
+        state["target"] = [round_digits(x) for x in target]
+        state["error"] = [round_digits(x) for x in place - target]
     if (newest := live.current) is not None:
-        found["chi"] = [round_digits(x) for x in tracking_error(newest.readings[-1, 2::3])]
-    return found
+        state["chi"] = [round_digits(x) for x in tracking_error(newest.readings[-1, 2::3])]
+    return state
