@@ -235,8 +235,8 @@ def zero_findings(zero: ZeroPose) -> list[str]:
     if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):
         found.append(
             f"The mirror moved while the zero was measured: its samples scatter "
-            f"{short_number(zero.scatter[worst])} times as much in {POSE[worst]} as their noise. The "
-            "stated uncertainties of displacements do not include this motion."
+            f"{short_number(zero.scatter[worst])} times as much in {POSE[worst]} as their noise. "
+            "The stated uncertainties of displacements do not include this motion."
         )
     if not zero.same_calibration and zero.sensor.calibration is not None:
         found.append(
