@@ -10,6 +10,7 @@ import typer
 
 import facets
 from facets import estimation, live, pictures
+from facets.files.whole import STANDARD_STREAM
 
 from .console import FINDING, free_output
 from .options import (
@@ -85,6 +86,7 @@ def replay(
     """
     if recover and output is None:
         output = recording / "recovered.parquet"
+    written = [] if output in (None, STANDARD_STREAM) else [str(output)]
     request = zero_of(zero)
     live.refuse_output(output, force, smooth, request)
     live.require_packages(publish, web)
@@ -102,7 +104,7 @@ def replay(
             page.following(poses) if page else poses, output, smooth, compare, config
         )
         with free_output(output):
-            typer.echo("\n".join([*sentences, str(output)] if recover else sentences))
+            typer.echo("\n".join([*sentences, *written]))
         if page and is_same:
             page.stay(tell)
     require_poses(playback)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from facets import characterization, core
+from facets.core.plain_numbers import short_number
 
 from ..console import show_table
 from ..options.places import report_object
@@ -73,6 +74,6 @@ def report_calls(boundaries: list[Boundary], seconds: float) -> None:
     calls = sum(boundary.calls for boundary in boundaries)
     saved = sum(boundary.grid_calls for boundary in boundaries) / calls
     typer.echo(
-        f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 µm and 0.1 µrad; "
-        f"{seconds:.1f} s"
+        f"{calls} calls of the model, {short_number(saved, 1)} times fewer than grids of 0.1 µm "
+        f"and 0.1 µrad; {seconds:.1f} s"
     )

@@ -20,6 +20,7 @@ else:
             "layout": "AmplifierPart LaserPart PsdPart",
             "motions": "Mode Random Runs Sine Steps Sweep Table Vibration",
             "names": "ANGLES FINE_UNITS LABELS READING_COLUMNS STATE STATE_COLUMNS STATE_UNITS",
+            "plain_numbers": "short_number",
             "rigid_body": "MeasuredObject mirror_poses object_displacements object_poses",
             "sensor": "BenchLight Calibration Thermal",
             "settings": "Solve",

@@ -17,6 +17,18 @@ def plain_number(text: str) -> float:
     return float(text)
 
 
+def short_number(value: float, digits: int = 3) -> str:
+    """Write a number with some significant digits, and without an exponent below a million.
+
+    Examples
+    --------
+    >>> short_number(1124.2, 2), short_number(0.5), short_number(21234.0)
+    ('1,100', '0.5', '21,200')
+    """
+    text = f"{value:.{digits}g}"
+    return f"{float(text):,.0f}" if "e+" in text and abs(value) < 1e6 else text
+
+
 def assignments(text: str, option: str, names: Sequence[str], form: str) -> dict[str, str]:
     """Read the value of each name from `NAME=VALUE,NAME=VALUE`.
 

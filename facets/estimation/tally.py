@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..core.arguments import as_floats
 from ..core.knowledge import Knowledge, Prior
 from ..core.names import TEMPERATURE_COLUMN
+from ..core.plain_numbers import short_number
 from ..core.units import Floats, describe_bounds
 from ..detectors.temperature import PLACES, beam_shift
 from ..model.arrays import is_near_edge, readings
@@ -428,7 +429,7 @@ class Tally:
 
 def amount(errors: float) -> str:
     """An error in standard uncertainties, in words."""
-    return "any amount" if errors > BOUNDLESS else f"up to {errors:.2g}"
+    return "any amount" if errors > BOUNDLESS else f"up to {short_number(errors, 2)}"
 
 
 def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
+from ..core.plain_numbers import short_number
 from ..core.units import Booleans, Floats, Integers
 from ..files import tables
 from .differences import ZeroPose, make_zero
@@ -175,9 +176,8 @@ class ZeroSearch:
         if self.zero is not None:
             return
         if not self.count:
-            raise InputError(
-                f"--zero is {self.request.text}, but {what} has {rows} rows without it"
-            )
+            lacks = f"only {rows} rows" if self.request.row else f"{rows} rows, none with a time"
+            raise InputError(f"--zero is {self.request.text}, but {what} has {lacks}")
         if self.request.seconds:
             self.request.require_length(self.last - self.first[1], self.count, what)
         self.measure()
@@ -247,8 +247,8 @@ def zero_findings(zero: ZeroPose) -> list[str]:
     if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):
         sentences.append(
             f"The mirror moved while the zero was measured: its samples scatter "
-            f"{zero.scatter[worst]:.3g} times as much in {POSE[worst]} as their noise. The stated "
-            "uncertainties of displacements do not include this motion."
+            f"{short_number(zero.scatter[worst])} times as much in {POSE[worst]} as their noise. "
+            "The stated uncertainties of displacements do not include this motion."
         )
     if not zero.same_calibration and zero.sensor.calibration is not None:
         sentences.append(

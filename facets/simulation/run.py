@@ -188,8 +188,10 @@ def simulate(
     """
     names = list(motions) or list(config.motions)
     unknown = [name for name in names if name not in config.motions]
-    if unknown or not names:
-        has = ", ".join(config.motions) or "none"
+    if not config.motions:
+        raise InputError(f"{config.path}: has no motions; describe one in the block motions")
+    if unknown:
+        has = ", ".join(config.motions)
         raise InputError(f"{config.path}: no motion {', '.join(unknown)}; its motions: {has}")
     if seed is not None and seed < 0:
         raise InputError(f"seed is {seed}; allowed: 0 or more")

@@ -144,7 +144,7 @@ def test_zeros_that_the_table_does_not_have(readings):
     lines = readings.read_text().splitlines()
     bare.write_text("\n".join(line.partition(",")[2] for line in lines))
     for path, request, words in (
-        (readings, ZeroRequest(row=201), "row 201, but the table has 200 rows"),
+        (readings, ZeroRequest(row=201), "row 201, but the table has only 200 rows"),
         (readings, ZeroRequest(row=8), "no solved pose that fits"),
         (bare, ZeroRequest(seconds=1.0), "no column time_s; use --zero row:N"),
     ):

@@ -244,6 +244,7 @@ def test_messages_say_what_to_do(tmp_path, run_in_process):
     for words, text in (
         ("acquire bench", "use --port, or set acquire.port"),
         ("acquire hasty.yaml --port /dev/nothing", "check that it is plugged in"),
+        ("acquire hasty.yaml --port board.bin", "to read a file of received bytes, give file:PATH"),
         ("acquire bench --port file:none.bin", "cannot be read"),
         (f"{here} --seconds 0", "would end at once"),
         (f"{here} --plain --json", "give one of them"),

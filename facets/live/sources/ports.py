@@ -164,6 +164,8 @@ def opening_error(what: str, reason: str) -> PortError:
         return PortInUse(f"{what}: another program uses it; close that program first")
     if "permission" in text:
         reason = "no permission; on Linux, join the group that owns it (dialout or uucp)"
+    elif "inappropriate ioctl" in text:
+        reason = "this is no serial port; to read a file of received bytes, give file:PATH"
     elif "no such file" in text or "filenotfound" in text:
         reason = "there is no such device; check that it is plugged in"
     return PortError(f"{what}: {reason}")
@@ -222,6 +224,6 @@ def await_port(
             if name.startswith("file:") or time.monotonic() >= last:
                 raise
             if not told:
-                tell(f"{error} Waiting up to {wait:g} s for it.")
+                tell(f"{error}. Waiting up to {wait:g} s for it.")
                 told = True
             time.sleep(RETRY_INTERVAL_S)

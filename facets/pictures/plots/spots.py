@@ -98,7 +98,7 @@ def large(panel: Axes, spot: SpotLight, centroid: Floats, letter: str) -> Any:
                mec="#FFFFFF", mew=0.9, ls="")  # fmt: skip
     panel.set_aspect("equal", adjustable="datalim")
     panel.margins(0.1)
-    panel.locator_params(axis="x", nbins=3)
+    panel.locator_params(axis="x", nbins=2)
     panel.locator_params(axis="y", nbins=4)
     panel.set_xlabel("psi, mm")
     return image
