@@ -21,13 +21,13 @@ def poses(
     ended: Callable[[], bool] = lambda: False,
     columns: PoseColumns | None = None,
 ) -> Iterator[RunPoses]:
-    """Opens a detector board and gives the poses of its samples as they come, some at a time.
+    """Open a detector board and yield the poses of its samples as they come, some at a time.
 
-    config: of the sensor and the stream; its `pipeline` is warm before the port is opened.  port:
-    its own if left out.  ended: is asked at each read whether to end, for programs with threads.
-    columns: what poses have beside those of mirror and object, in `RunPoses.object`.
-    Ends with the stream, of a file, or where the loop is left; the port is then closed. Raises
-    `PortError` where the port cannot be opened, or goes away.
+    config: configuration of the sensor and the stream; the solver is compiled before the port is
+    opened.  port: port of the board; `acquire.port` by default.  ended: called at each read;
+    returns whether to end, for programs with threads.  columns: further columns of the poses, in
+    `RunPoses.object`. The poses end with the stream of a file, or when the loop is left; the port
+    is then closed. Raises `PortError` if the port cannot be opened, or goes away.
 
     A sample that cannot be solved has a status and NaN, as `facets.solve` has it. A loop that is
     slower than the stream loses samples in the system's buffers; `seq` tells.

@@ -51,7 +51,7 @@ class PulseClock:
     def follow(
         self, time: NDArray[np.int64], marked: Booleans, utc: Floats
     ) -> tuple[Floats, Floats]:
-        """Times in UTC (n,) and their standard uncertainties (n,), s; NaN before the first edge.
+        """Return times in UTC (n,) and standard uncertainties (n,), s; NaN before the first edge.
 
         time: (n,) of the board, unwrapped, us.  marked: (n,).  utc: (n,) by the host's clock, s.
         """
@@ -69,7 +69,7 @@ class PulseClock:
         return utc_s, sigma
 
     def add(self, before: float, device: float, utc: float) -> None:
-        """A mark: the board's times of its sample and of the one before, and the host's word."""
+        """Add a mark, by the board's times of its sample and the sample before, and by UTC."""
         if not device > before:  # the first sample of all: the edge may be long ago
             return
         edge = (before + device) / 2
@@ -91,14 +91,14 @@ class PulseClock:
             self.edges.popleft()
 
     def agrees(self, edge: float, second: int, sigma: float) -> bool:
-        """Whether an edge comes so many seconds after the last one as it should."""
+        """Whether the time since the last edge agrees with the whole seconds since then."""
         last = self.edges[-1]
         passed = second - last.second
         slack = 5 * WORST_RATE * passed + 4 * (sigma + last.sigma)
         return passed > 0 and abs(edge - last.device - passed) < slack
 
     def utc_times(self, device: Floats) -> tuple[Floats, Floats]:
-        """UTC of the board's times (n,), s, and its standard uncertainty."""
+        """Return UTC for times of the board (n,), s, and its standard uncertainties."""
         if not self.edges or not len(device):
             return np.full(len(device), np.nan), np.full(len(device), np.nan)
         x = np.array([edge.device for edge in self.edges])

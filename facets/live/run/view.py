@@ -149,7 +149,7 @@ def plain_line(live: Live) -> str:
 
 
 def summary(live: Live) -> Iterator[str]:
-    """Yield what is said at the end of a run, line by line."""
+    """Yield the sentences at the end of a run."""
     if live.tracker:
         yield live.beam_loss.sentence
     yield plain_line(live)
@@ -160,7 +160,7 @@ def summary(live: Live) -> Iterator[str]:
 
 
 def stage_sentences(live: Live) -> Iterator[str]:
-    """How the stage followed, where there is one."""
+    """Yield sentences on how the stage followed, if there is one."""
     if not live.tracker:
         return
     if live.tracker.bridges:
@@ -176,7 +176,7 @@ def stage_sentences(live: Live) -> Iterator[str]:
 
 
 def sample_sentences(live: Live) -> Iterator[str]:
-    """How many samples have which status and flags, and whether poses can be believed."""
+    """Yield the numbers of samples with each status and flag, and doubts about the poses."""
     tally, full = live.pipeline.tally, FLAGS[SATURATED]
     for words, count in tally.statuses.items():
         if words not in (Status.CONVERGED.label, full) and count:
@@ -189,7 +189,7 @@ def sample_sentences(live: Live) -> Iterator[str]:
 
 
 def loop_sentences(live: Live) -> Iterator[str]:
-    """How the loop kept up, what the board and its clock did, and what the sinks received."""
+    """Yield sentences on the loop, on the board and its clock, and on the sinks."""
     skipped = live.pipeline.tally.skipped_count
     if live.late or skipped:
         yield (
@@ -208,7 +208,7 @@ def loop_sentences(live: Live) -> Iterator[str]:
 
 
 def clock_sentences(live: Live) -> Iterator[str]:
-    """How well the samples' times are known, and how the board's clock runs."""
+    """Yield the uncertainty of the samples' times, and the drift of the board's clock."""
     clock = live.pipeline.host_time
     if live.pipeline.config.acquire.timing == "envelope" and np.isfinite(clock.uncertainty):
         yield (
@@ -252,7 +252,7 @@ class Screen:
 
 
 def terminal_hues() -> Hues:
-    """For a dark ground, unless the terminal says that its own is light (COLORFGBG, as "0;15")."""
+    """Return the hues for a dark ground, or a light one by COLORFGBG (such as "0;15")."""
     ground = os.environ.get("COLORFGBG", "").rpartition(";")[2]
     return LIGHT if ground in ("7", "15") else DARK
 
@@ -302,7 +302,7 @@ def object_rows(now: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def counts(now: dict[str, Any]) -> list[tuple[str, str, bool]]:
-    """How the stream does: (name, value, whether it needs a look)."""
+    """Return the counts of the stream: (name, value, whether it needs a look)."""
     latency = now["latency_p99_ms"]
     faults = ("lost", "corrupt", "unsolved", "late", "skipped")
     return [
@@ -326,7 +326,7 @@ def counts_table(now: dict[str, Any]) -> Any:
 
 
 def lower_lines(now: dict[str, Any], beside: bool) -> Iterator[Any]:
-    """What stands under the faces: the counts, where they are not beside the pose, and messages."""
+    """Yield the lines under the faces: messages, and counts that are not beside the pose."""
     from rich.text import Text
 
     alarm = f"bold {terminal_hues().alarm}"

@@ -36,7 +36,7 @@ def is_published(address: str) -> bool:
 
 
 class HeldRows:
-    """Rows in the order in which they came.  lost: that found no place."""
+    """Rows in the order in which they came.  lost: number of rows that found no place."""
 
     def __init__(self) -> None:
         self.parts: deque[Rows] = deque()
@@ -50,7 +50,7 @@ class HeldRows:
         self.count += len(rows)
 
     def take(self, most: int | None = None) -> Rows:
-        """The oldest rows, all or at most so many, which are then no longer here."""
+        """Remove and return the oldest rows: all, or at most `most`."""
         parts: list[Rows] = []
         room = self.count if most is None else most
         while self.parts and room > 0:
@@ -65,10 +65,10 @@ class HeldRows:
 
 
 class RowStream:
-    """A thread that reads a stream from now on; what it reads is kept while `keep` is on.
+    """A thread that reads a stream from now on, and keeps the rows while `keeping` is on.
 
-    patient: whether the source is a file, of which nothing is kept back or passed over.  newest:
-    host's time of the newest sample, s.  ended: whether nothing more comes.
+    patient: whether the source is a file, which is read only as fast as its rows are taken.
+    newest: host's time of the newest sample, s.  ended: whether the stream has ended.
     """
 
     def __init__(self, config: Config, address: str) -> None:
@@ -130,7 +130,7 @@ class RowStream:
             self.news.notify_all()
 
     def keep(self) -> float:
-        """Keeps what is taken from now on; returns this time on the host's clock, s."""
+        """Keep the rows from now on; return this time on the host's clock, s."""
         with self.news:
             if not self.patient:
                 self.held = HeldRows()
@@ -140,32 +140,34 @@ class RowStream:
             return now
 
     def read_on(self) -> None:
-        """Reads a file without waiting for those who take its samples."""
+        """Read a file on without waiting for its rows to be taken."""
         with self.news:
             self.ahead = MAX_HELD_ROWS
             self.news.notify_all()
 
     def forget(self) -> None:
-        """Keeps nothing any more. A file's samples wait for the next who wants them."""
+        """Stop keeping rows. The rows of a file wait until they are taken."""
         with self.news:
             if not self.patient:
                 self.keeping, self.held = False, HeldRows()
 
     def take(self, most: int | None = None) -> Rows:
-        """The oldest kept rows, all or at most so many."""
+        """Remove and return the oldest kept rows: all, or at most `most`."""
         with self.news:
             rows = self.held.take(most)
             self.news.notify_all()
             return rows
 
     def count_since(self, begin: float) -> int:
-        """How many of the kept samples were taken at a host's time, s, or after it."""
+        """Count the kept samples from a time of the host's clock on, s."""
         with self.news:
             return sum(int((rows["host_s"] >= begin).sum()) for rows in self.held.parts)
 
     def wait(self, true: Callable[[], bool]) -> None:
-        """Until something is so, or nothing more comes. Raises `FacetsError` where nothing comes
-        for SILENCE_TIMEOUT_S, or the source failed."""
+        """Wait until a condition is true, or the stream has ended.
+
+        Raises `FacetsError` if nothing comes for SILENCE_TIMEOUT_S, or the source has failed.
+        """
         with self.news:
             while not (true() or self.ended):
                 if time.monotonic() - self.came > SILENCE_TIMEOUT_S:
@@ -177,12 +179,12 @@ class RowStream:
         self.check()
 
     def check(self) -> None:
-        """Raises what went wrong with the source."""
+        """Raise the error of the source, if there is one."""
         if self.error is not None and not self.ending.is_set():
             raise self.error
 
     def close(self) -> None:
-        """Ends the thread, and lets go of the source."""
+        """End the thread and close the source."""
         self.ending.set()
         if self.remote is not None:
             self.remote.stop()

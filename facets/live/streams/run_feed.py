@@ -26,8 +26,8 @@ from .zeromq import (
 class RunFeed(Subscription):
     """Samples and status of the run that started this process, until it ends.
 
-    setup: what the run has to say to this process alone.  has_end: whether the run has said that
-    nothing more comes, instead of breaking off.
+    setup: values that the run gives to this process alone.  has_end: whether the run has announced
+    its end, instead of breaking off.
     """
 
     def __init__(self) -> None:
@@ -40,9 +40,9 @@ class RunFeed(Subscription):
         self.next = 0
 
     def take(self, most: int, wait_ms: int = 0) -> tuple[list[Rows], list[dict[str, Any]]]:
-        """Rows and statuses, as they come; no further message once there are `most` rows.
+        """Return the rows and statuses that have come; read no further message after `most` rows.
 
-        wait_ms: for the first message.
+        wait_ms: longest time to wait for the first message.
         """
         parts, statuses, room = list[Rows](), list[dict[str, Any]](), most
         while room > 0 and not self.ended and (message := self.receive(wait_ms)):
@@ -58,7 +58,7 @@ class RunFeed(Subscription):
         return parts, statuses
 
     def tell_loss(self, missed: int) -> None:
-        """The run is told by `report`."""
+        """Do nothing: `report` tells the run."""
 
     def report(self, sent: int, receivers: int | None) -> None:
         """Tell the run what became of the samples, every now and then and at the end."""
@@ -67,6 +67,6 @@ class RunFeed(Subscription):
             self.tell(sent=sent, dropped=self.next - sent, receivers=receivers)
 
     def tell(self, **words: Any) -> None:
-        """Say something to the run, which may have gone."""
+        """Send values to the run, which may have gone."""
         with suppress(zmq.ZMQError):
             self.socket.send(FROM + self.token + b" " + json.dumps(words).encode(), zmq.NOBLOCK)

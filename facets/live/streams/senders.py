@@ -49,7 +49,7 @@ class Udp:
         return sum(count for data, count in self.datagrams(rows) if self.put(data))
 
     def put(self, data: bytes) -> bool:
-        """False where the other machine says that nobody listens, or this one has no way there."""
+        """Send a datagram; return False if nobody listens there, or the address has no route."""
         try:
             self.line.send(data)
         except OSError:
@@ -57,7 +57,7 @@ class Udp:
         return True
 
     def datagrams(self, rows: Rows) -> list[tuple[bytes, int]]:
-        """Their bytes, and how many samples are in each."""
+        """Return datagrams of rows, each with its number of samples."""
         texts = json_of(rows)
         each = 1 if self.single else max(1, self.most // (max(map(len, texts)) + 1))
         if self.single:
@@ -107,14 +107,14 @@ class Lsl:
         return len(rows) if heard else 0
 
     def close(self) -> None:
-        """Leaves what was pushed last the time to go."""
+        """Give the last samples time to go."""
         last = time.monotonic() + 1.0
         while self.outlet.have_consumers() and time.monotonic() < last:
             time.sleep(0.05)
 
 
 def open_sender(address: str, about: dict[str, Any]) -> Udp | Lsl:
-    """The sender of an address. Raises `InputError` where it cannot be used."""
+    """Open the sender of an address. Raises `InputError` if the address cannot be used."""
     parts = urlsplit(address)
     try:
         if parts.scheme == "lsl":
@@ -127,7 +127,7 @@ def open_sender(address: str, about: dict[str, Any]) -> Udp | Lsl:
 
 
 def pass_on(feed: RunFeed, sender: Udp | Lsl) -> None:
-    """Give away what comes, until the run ends."""
+    """Pass samples on until the run ends."""
     sent = 0
     feed.tell(ready=True, receivers=sender.receivers)
     while not feed.ended:

@@ -113,7 +113,7 @@ class Subscription(ClosedAtExit):
                 yield self.read_rows(*parts)
 
     def receive(self, wait_ms: int) -> list[bytes]:
-        """The parts of the next message; nothing where none comes in this time."""
+        """Return the parts of the next message; an empty list if none comes in this time."""
         ready = dict(self.poller.poll(wait_ms))
         # the last samples may come a moment after the news that the publisher has gone
         if self.socket in ready or (ready and self.socket.poll(POLL_MS)):
@@ -123,7 +123,7 @@ class Subscription(ClosedAtExit):
         return []
 
     def read_rows(self, header: bytes, data: bytes) -> Rows:
-        """The rows of a message; counts those before it that were missed."""
+        """Return the rows of a message, and count the rows that were missed before it."""
         words = json.loads(header)
         missed = words["first"] - self.next if self.next >= 0 else 0
         if missed > 0:
