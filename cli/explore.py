@@ -152,8 +152,8 @@ def explore(
     if no design has all objectives.
     """
     settings = load_config(config)
-    asked = (objective or GOALS, sampling.value, designs, seed, every, required)
-    space = design.exploration.space_of(settings, *asked)
+    drawn = design.exploration.DesignDraw(sampling.value, designs, seed)
+    space = design.exploration.space_of(settings, objective or GOALS, drawn, every, required)
     place = output_folder(folder, settings.name, "explore")
     if pick is not None:
         source = place / ("pareto.csv" if front else "front.csv")

@@ -26,7 +26,7 @@ else:
         {
             "assembly": "assembly_of",
             "exploration": (
-                "MEASURES NO_RIVALS Space collect designs measure_design measure_designs "
+                "DesignDraw MEASURES NO_RIVALS Space collect designs measure_design measure_designs "
                 "meets part_of part_table space_of"
             ),
             "front": "compare_with_designs pareto_front",

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,18 +138,29 @@ class Space:
         return not self.required and is_plain(self.sensor, self.rules)
 
 
+class DesignDraw(NamedTuple):
+    """How the designs of a space are drawn, see `Space`."""
+
+    sampling: str
+    count: int
+    seed: int
+
+
 def space_of(
-    settings: Config, objectives: Sequence[str], sampling: str, count: int, seed: int,
-    every: bool = False, required: bool = False,
-) -> Space:  # fmt: skip
+    settings: Config,
+    objectives: Sequence[str],
+    drawn: DesignDraw,
+    every: bool = False,
+    required: bool = False,
+) -> Space:
     """The space of a configuration; a task has as many designs as take about a second.
 
-    Raises `InputError` for an unknown objective.
+    every, required: see `Space`. Raises `InputError` for an unknown objective.
     """
     require_measures(objectives)
     space = Space(
         settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,
-        sampling, count, seed, tuple(objectives), every, required,
+        *drawn, tuple(objectives), every, required,
     )  # fmt: skip
     if not space.plain:
         return space
