@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,7 +138,8 @@ class Space:
         return not self.required and is_plain(self.sensor, self.rules)
 
 
-class DesignDraw(NamedTuple):
+@dataclass(frozen=True)
+class DesignDraw:
     """How the designs of a space are drawn, see `Space`."""
 
     sampling: str
@@ -160,7 +161,7 @@ def space_of(
     require_measures(objectives)
     space = Space(
         settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,
-        *drawn, tuple(objectives), every, required,
+        drawn.sampling, drawn.count, drawn.seed, tuple(objectives), every, required,
     )  # fmt: skip
     if not space.plain:
         return space
