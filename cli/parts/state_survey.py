@@ -103,6 +103,11 @@ def report(request: SurveyRequest, survey: Survey, seconds: float) -> None:
         + (f", {zero} zero" if zero else "")
         + (f"; {survey.dark} states leave a detector without a reading" if survey.dark else "")
     )
+    if survey.saturated:
+        typer.echo(
+            f"  {survey.saturated} states saturate a detector, so that the sensor reads nothing "
+            "there;\n  they are counted all the same, and --box takes a smaller box"
+        )
     typer.echo(f"  from {survey.low[0]:.4g} to {survey.high[0]:.4g} (mm, mW, rad)")
     typer.echo(
         "  with psi to the side y = z x x of detectors whose x points outward; the paper draws it\n"

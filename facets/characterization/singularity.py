@@ -19,9 +19,9 @@ from ..core.errors import InputError
 from ..core.names import READING
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
-from ..model.arrays import derivatives
+from ..model.arrays import derivatives, readings
 from ..model.threads import share
-from .ranges import scale_jacobian, scaled_jacobian
+from .ranges import saturation_clearances, scale_jacobian, scaled_jacobian
 from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
@@ -102,7 +102,8 @@ class Survey:
     value.  edges: of offsets (mm), determinants, singular values.  low, high: (3,) of each measure.
     signs: numbers of negative, zero and positive determinants.  weakest: the state with the least
     smallest singular value.  lowest: with the least |determinant|.  dark: number of states in which
-    a detector has no reading.
+    a detector has no reading.  saturated: number of states at which a detector is saturated, so
+    that the sensor reads nothing; they are measured all the same.
     """
 
     edges: tuple[Floats, Floats, Floats]
@@ -115,6 +116,7 @@ class Survey:
     lowest: Worst
     states: int = 0
     dark: int = 0
+    saturated: int = 0
 
     @property
     def one_sign(self) -> bool:
@@ -200,6 +202,9 @@ def survey(
         if result is None:
             result = empty_survey(apex_offset(states), values)
         count_states(result, states, values)
+        if sensor.electronics is not None:
+            margins = saturation_clearances(sensor, readings(sensor, states))
+            result.saturated += int((margins < 0).sum())
         if keep is not None:
             keep(states, values)
     if result is None:

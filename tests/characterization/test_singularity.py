@@ -63,6 +63,14 @@ def test_dark_states_are_counted_not_measured():
     assert not result.one_sign
 
 
+def test_states_that_saturate_a_detector_are_counted_and_measured():
+    sensor = facets.load("bench").sensor
+    rest, far = np.zeros((3, 8)), np.zeros((2, 8))
+    far[:, 0] = 1.0  # mm off the beam: most of the light is on one facet
+    result = survey(sensor, iter([np.concatenate([rest, far])]))
+    assert (result.states, result.dark, result.saturated) == (5, 0, 2)
+
+
 def test_states_are_counted_where_their_apex_is_off_the_beam():
     (drawn,) = samples(parse_box("offset_x_mm=0.3,offset_y_mm=0.2"), 3000, "sobol", 1)
     result = survey(PAPER, [drawn])
