@@ -66,7 +66,7 @@ def test_dark_states_are_counted_not_measured():
 def test_states_that_saturate_a_detector_are_counted_and_measured():
     sensor = facets.load("bench").sensor
     rest, far = np.zeros((3, 8)), np.zeros((2, 8))
-    far[:, 0] = 1.0  # mm off the beam: most of the light is on one facet
+    far[:, :3] = 0.3, 0.3, 5.0  # mm: most of the light near the edge of one detector
     result = survey(sensor, iter([np.concatenate([rest, far])]))
     assert (result.states, result.dark, result.saturated) == (5, 0, 2)
 
