@@ -193,7 +193,9 @@ class Measurement:
 
     def knowledge(self, samples: Samples) -> Knowledge:
         """What is known of the beam at the samples' times and temperatures."""
-        if self.at_rest.beam == "free" or isinf(samples.place_sigma or 0.0):
+        if self.at_rest.beam == "free":
+            return self.at_rest
+        if isinf(samples.place_sigma or 0.0):
             return replace(self.at_rest, beam="free")
         sensor, options = self.config.sensor, self.config.solve
         place, warmer = samples.place, warmer_than_reference(sensor, samples.temperature)

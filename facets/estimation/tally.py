@@ -318,7 +318,7 @@ class Tally:
         if not sensor.apertures.detectors:
             near = (is_near_edge(sensor, samples.readings) & solution.used).any(axis=1)
             self.edges += int((converged & near).sum())
-        self.look_for_unseen(config, solution.state[converged & checks])
+        self.look_for_unseen(config, estimate)
 
     def add_statuses(self, solution: Solution) -> None:
         """Count how estimates ended."""
@@ -333,15 +333,19 @@ class Tally:
         if len(status):
             self.statuses[words] += len(status)
 
-    def look_for_unseen(self, config: Config, states: Floats) -> None:
-        """Bound, at some of the next checked states (n, 8), the error of one spoilt number."""
-        order = self.checked + np.arange(len(states))
-        self.checked += len(states)
-        some = states[(order < FIRST_POSES) | (order % LATER_POSES == 0)]
+    def look_for_unseen(self, config: Config, estimate: SampleEstimate) -> None:
+        """Bound the error of one spoilt number, at some of the next poses that can be checked."""
+        solution, knowledge, _ = estimate
+        rows = np.flatnonzero(solution.converged & (solution.checks > 0))
+        order = self.checked + np.arange(len(rows))
+        self.checked += len(rows)
+        some = rows[(order < FIRST_POSES) | (order % LATER_POSES == 0)]
         if not len(some):
             return
-        known = config.solve.knowledge(config.sensor)
-        errors = unseen_errors(config.sensor, some, beam=known.beam, power=known.power)
+        known = config.solve.question(knowledge).rows(some)
+        errors = unseen_errors(
+            config.sensor, solution.state[some], beam=known.beam, power=known.power
+        )
         errors = errors.reshape(-1, 3, 3)
         largest = np.array([errors[..., :2].max(), errors[..., 2].max()])
         self.unseen = np.fmax(self.unseen, largest)

@@ -65,6 +65,17 @@ def test_a_place_of_which_nothing_is_known_leaves_the_beam_free():
     np.testing.assert_array_equal(solution.uncertainty, free.uncertainty)
 
 
+@pytest.mark.parametrize(("sigma", "is_bounded"), [(None, True), (0.01, True), (np.inf, False)])
+def test_unseen_errors_are_those_of_the_knowledge_with_which_samples_were_solved(sigma, is_bounded):
+    """A free beam leaves the places of the spots without a check, whatever `solve` says."""
+    states = np.zeros((150, 8))
+    samples = Samples(facets.readings(SENSOR, states), place=states[:, 6:], place_sigma=sigma)
+    options = replace(OPTIONS, beam="known")
+    measurement = Measurement(replace(facets.load("paper"), sensor=SENSOR, solve=options))
+    measurement.poses(samples)
+    assert np.isfinite(measurement.tally.unseen[0]) == is_bounded
+
+
 def test_a_saturated_sample_is_named_only_where_it_has_no_pose():
     readings = facets.readings(SENSOR, np.zeros((3, 8)))
     readings[1:] = np.nan

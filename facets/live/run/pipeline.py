@@ -28,6 +28,7 @@ from ...estimation.measurement import Measurement
 from ...estimation.samples import Poses, Samples
 from ...estimation.solution import Solution
 from ...estimation.tally import Tally
+from ...estimation.uncertainty import unseen_errors
 from ...estimation.zero import PoseColumns
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
@@ -310,7 +311,7 @@ class Pipeline:
         prepare(self.config.sensor, self.measurement.at_rest)
         warm = Pipeline(self.config)
         warm.measurement.poses(warm.samples_of(example))
-        warm.tally.look_for_unseen(self.config, np.zeros((1, 8)))
+        unseen_errors(self.config.sensor, np.zeros(8))
 
     def convert(self, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
         """Readings (n, 9) and flags (n,) of counts."""
