@@ -16,6 +16,7 @@ from ..core.units import Booleans, Floats
 from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
 from ..estimation.samples import common_detectors, detectors_of
+from ..estimation.table import TIMES
 from ..estimation.uncertainty import propagate
 from ..files.tables import read_chunks, read_words
 from .frequency_response import Stretches, find_stretches
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from ..core.settings import Config
 
 Columns = dict[str, NDArray[Any]]
-#: Columns of a time, and one unit of each in s.
-TIMES = {"time_s": 1.0, "board_us": 1e-6}
 #: A larger number is no measured input: its powers overflow.
 LARGEST_INPUT = 1e30
 

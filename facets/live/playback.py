@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ..core.channels import describe_channels
 from ..core.errors import InputError
 from ..core.extras import require_extra
+from ..estimation.samples import worded_columns
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
 from ..files.whole import STANDARD_STREAM
@@ -18,7 +19,7 @@ from .recording.comparison import compare, comparison_sentences
 from .recording.index import Damage
 from .recording.pose_table import join_columns, recorded_poses
 from .recording.reader import meta_of, seal_of, utc_offset
-from .recording.replay import label, recorded_config, replay
+from .recording.replay import recorded_config, replay
 from .run.pipeline import Pipeline, RunPoses, join_poses
 from .run.pulses import PulseClock, pulse_columns
 from .run.smoothing import require_model, smoothed_columns
@@ -205,7 +206,7 @@ class Playback:
         except ValueError as error:
             raise InputError(f"{path}: not written: {error}") from None
         about = about | {"smoothed": f"constant {model}"}
-        tables.write_table(path, {**label(joined), **columns}, about)
+        tables.write_table(path, worded_columns(joined.columns()) | columns, about)
         return f"  smoothed by constant {model}; {result.sentence}"
 
     def write_table(
@@ -217,7 +218,7 @@ class Playback:
         parts = poses if path == STANDARD_STREAM else gather_poses(poses)
         with tables.open_writer(path, about) as writer:
             for part in parts:
-                columns = label(part)
+                columns = worded_columns(part.columns())
                 if pulses is not None:
                     columns |= pulse_columns(part, offset, pulses)
                 writer.write(columns)

@@ -12,10 +12,8 @@ import numpy as np
 
 from ...core.errors import ConfigError, InputError
 from ...core.version import __version__
-from ...estimation.samples import worded_columns
 from ..run.pipeline import Pipeline, RunPoses
 from .index import Damage, name_of_copy
-from .pose_table import Columns
 from .reader import blocks, meta_of, size_of
 
 if TYPE_CHECKING:
@@ -104,12 +102,3 @@ def replay(
                 damage.since = int(poses.seq[0])
             yield poses
     yield from map(pipeline.solve, pipeline.release())
-
-
-#: The name by which others know it.
-replayed = replay
-
-
-def label(poses: RunPoses) -> Columns:
-    """Return the columns of a table of poses, with the status in words."""
-    return worded_columns(poses.columns())
