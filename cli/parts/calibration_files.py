@@ -158,7 +158,7 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
     files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
     files.tables.ending(path)
     poses = characterization.random_poses.poses_to_calibrate_with(settings)
-    proposal = calibration.proposal.propose_poses(settings, poses, count)
+    proposal = calibration.motions.propose_poses(settings, poses, count)
     files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
     different = len(set(zip(*(proposal.columns[name] for name in STATE_COLUMNS[:6]), strict=True)))
     again = f" ({different} different ones; what tells most is visited again)"

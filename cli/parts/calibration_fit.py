@@ -42,8 +42,8 @@ def fit_rig(
         )
     else:
         show_weak(
-            calibration.identifiability.weak_directions(
-                calibration.identifiability.information(settings.sensor, samples, unknowns),
+            calibration.motions.weak_directions(
+                calibration.motions.information(settings.sensor, samples, unknowns),
                 unknowns,
                 settings.sensor,
             )

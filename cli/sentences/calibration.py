@@ -11,8 +11,8 @@ from facets import calibration
 from ..console import show_table, wrap
 
 if TYPE_CHECKING:
-    from facets.calibration.effect_search import EffectSearch
-    from facets.calibration.identifiability import Direction
+    from facets.calibration.motions import Direction
+    from facets.calibration.search import EffectSearch
     from facets.calibration.unknowns import Choice
     from facets.calibration.verdict import Verdict
     from facets.config import Config

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from facets import calibration
-from facets.core.names import DETECTORS, POSE
+from facets.core.names import DETECTORS
 
 from ..console import FINDING, wrap
 
@@ -50,15 +50,6 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
         f"Chi-square is {zero.chi_square:.3g} where {zero.freedom} is expected (probability of a "
         f"larger one: {zero.chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed).",
     ]
-    axis, chance = zero.likeliest_motion
-    if chance < calibration.rezero.LEAST_CHANCE:
-        factor, unit = (1e3, "um") if axis < 3 else (1e6, "urad")
-        moved, u = factor * zero.motion[:, axis]
-        notes.append(
-            f"A motion of the mirror by {moved:.2g} +- {u:.1g} {unit} in {POSE[axis]} "
-            f"between the stops would explain the readings better (probability by chance: "
-            f"{chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed)."
-        )
     if settings.solve.beam == "free":
         notes.append(
             "CONFIG solves for the beam (solve.beam: free); the beam's new position counts with "
@@ -76,10 +67,16 @@ def refuse(zero: NewZero) -> NoReturn:
     """Say that the changes do not explain the readings; exit status 1."""
     ratios = abs(zero.change / zero.prior)
     worst = int(ratios.argmax())
+    several = [alternative for alternative, _ in zero.causes]
+    clauses = [f"{alternative.words} {size}" for alternative, size in zero.causes]
+    cause = ""
+    if len(several) == 1:
+        cause = f" The likeliest cause: {clauses[0]}."
+    elif several:
+        cause = f" {calibration.alternative.describe_undecided(several, clauses)}"
     words = (
-        "! These changes do not explain the readings: the mirror moved between the stops, or "
-        "something else changed. Nothing was written. Bring the mirror to the stop again; if the "
-        "result stays, calibrate."
+        f"! These changes do not explain the readings.{cause} Nothing was written. Bring the "
+        "mirror to the stop again; if the result stays, calibrate."
     )
     if ratios[worst] > LARGE_CHANGE:
         words += (

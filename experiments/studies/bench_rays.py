@@ -32,7 +32,8 @@ class RayBench(NamedTuple):
     background: (3, 3) power and place, mW and mm.
     profile: factor of the irradiance at places (..., 2) across the beam, in standard deviations;
     None for a Gaussian beam.  chip: radius of the piece broken off the tip of the first two
-    facets, mm.
+    facets, mm.  dust: place on facet B from the tip, along x and y of the mirror (2,), and radius
+    (to 1/e) of a patch that absorbs all in its middle, mm; None without.
     """
 
     covariance: Floats
@@ -46,6 +47,7 @@ class RayBench(NamedTuple):
     background: Floats
     profile: Callable[[Floats], Floats] | None = None
     chip: float = 0.0
+    dust: tuple[float, float, float] | None = None
 
 
 def rotation_about(axis: int, angle: Floats | float) -> Floats:
@@ -169,6 +171,10 @@ def spot(facet: RayFacet) -> Floats:
     weight = facet.sensor.beam.power * density * area * reflected
     if bench.chip and facet.k < 2:
         weight = weight * (np.linalg.norm(points, axis=-1) > bench.chip)
+    if bench.dust is not None and facet.k == 1:
+        x, y, radius = bench.dust
+        far = (points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2
+        weight = weight * (1 - np.exp(-far / radius**2))
     surface = normalise(facet.normal - surface_slope(facet, distances)) @ turn
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
     place, _ = landing_point(world, leaving, facet.psd)

@@ -29,7 +29,7 @@ from facets.core.units import Floats
 from facets.detectors.electrodes import tetra_lateral_ratios
 
 from .bench_rays import RayBench
-from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
+from .rigs import RATE_HZ, REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
 
 
 class Case(NamedTuple):
@@ -300,6 +300,162 @@ def light() -> list[Case]:
     ]  # fmt: skip
 
 
+# ---- other parts of a bench
+
+
+def add_to_reference(error: Callable[[Floats], Floats]) -> Disturbance:
+    """Add an error of the reference, as a function of its poses (n, 6)."""
+    return Disturbance(reference=lambda said, rng: said + error(said))
+
+
+def along(axis: int, values: Floats) -> Floats:
+    """Poses (n, 6) that are zero but for one axis."""
+    return np.outer(values, np.eye(6)[axis])
+
+
+def of_reference() -> list[Case]:
+    def abbe(pose: Floats) -> Floats:
+        return along(0, 3.0 * pose[:, 5]) + along(1, 2.0 * pose[:, 5]) + along(2, 3.0 * pose[:, 4])
+
+    def bow(pose: Floats) -> Floats:
+        return along(0, 2e-3 * (pose[:, 2] / 2) ** 2)
+
+    def cosine(pose: Floats) -> Floats:
+        return along(2, 150.0 * (pose[:, 3] ** 2 + pose[:, 4] ** 2) / 2)
+
+    def lag(pose: Floats, rng: Rng) -> Floats:
+        return pose - 0.004 * np.diff(pose, axis=0, prepend=pose[:1])
+
+    return [
+        Case("reference", "Abbe offset of 3 mm", add_to_reference(abbe), ("Abbe",)),
+        Case("reference", "scale of yaw 0.5 % off", add_to_reference(
+            lambda pose: along(5, 5e-3 * pose[:, 5])), ("scale",)),
+        Case("reference", "scale of tx 0.1 % off", add_to_reference(
+            lambda pose: along(0, 1e-3 * pose[:, 0]))),
+        Case("reference", "bow of 2 um", add_to_reference(bow), ("bow",)),
+        Case("reference", "cosine error of 150 mm", add_to_reference(cosine), ("cosine",)),
+        Case("reference", "mirror lags by 0.4 % of its step", Disturbance(mirror=lag),
+             ("The mirror lags",)),
+    ]  # fmt: skip
+
+
+def in_time() -> list[Case]:
+    def run_off(said: Floats, rng: Rng) -> Floats:
+        """Poses that the reference says later and later, by 10 ms at the end."""
+        late = np.linspace(0, 0.01, len(said))[:, None]
+        return said - late * np.gradient(said, 1 / RATE_HZ, axis=0)
+
+    def follow(value: Floats, constant: float) -> Floats:
+        out = np.zeros_like(value)
+        for n in range(1, len(value)):
+            out[n] = out[n - 1] + (value[n] - out[n - 1]) / (constant * len(value))
+        return out
+
+    def thermometer_late(count: int) -> Floats:
+        return 20 + follow(2 * np.sin(np.linspace(0, 5, count)), 0.25)
+
+    def head_on_time(count: int, rng: Rng) -> Floats:
+        return np.outer(2 * np.sin(np.linspace(0, 5, count)), [1e-3, -5e-4])
+
+    def head_late(count: int, rng: Rng) -> Floats:
+        heat = follow(2 * np.sin(np.linspace(0, 5, count)), 0.2)
+        return np.outer(heat, [1e-3, -5e-4])
+
+    def straight(count: int) -> Floats:
+        return 20 + 2 * np.sin(np.linspace(0, 5, count))
+
+    return [
+        Case("time", "temperature is late by a quarter of the run",
+             Disturbance(beam=head_on_time, temperature=thermometer_late),
+             ("follow temperature_c late", "temperature")),
+        Case("time", "head is late by a fifth of the run",
+             Disturbance(beam=head_late, temperature=straight), ("follow temperature_c late",)),
+        Case("time", "motion in time, nothing", Disturbance(time=lambda at: at)),
+        Case("time", "reference's clock runs off by 10 ms",
+             Disturbance(time=lambda at: at, reference=run_off), ("clock",)),
+    ]  # fmt: skip
+
+
+def around() -> list[Case]:
+    def lamp(pattern: Callable[[int], Floats]) -> Disturbance:
+        """Light of a lamp of 5 uW on each detector, at another place."""
+
+        def shine(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+            on = pattern(len(raw))
+            for k, place in enumerate(([3.0, 1.0], [-2.0, 4.0], [1.0, -3.0])):
+                power = raw[:, 3 * k + 2]
+                extra = 5e-3 * on
+                whole = power + extra
+                for n in (0, 1):
+                    raw[:, 3 * k + n] = (raw[:, 3 * k + n] * power + place[n] * extra) / whole
+                raw[:, 3 * k + 2] = whole
+            return raw
+
+        return Disturbance(readings=shine)
+
+    def behind(count: int) -> Floats:
+        return (np.arange(count) >= 3 * count // 5).astype(float)
+
+    def blocks(count: int) -> Floats:
+        return ((np.arange(count) // 37) % 2).astype(float)
+
+    def shake(pose: Floats, rng: Rng) -> Floats:
+        return pose + along(0, 2e-3 * np.sin(2 * np.pi * 0.2137 * np.arange(len(pose))))
+
+    def hum(count: int, rng: Rng) -> Floats:
+        return np.outer(1e-3 * np.sin(2 * np.pi * 0.3117 * np.arange(count)), [1.0, 0.5])
+
+    return [
+        Case("around", "lamp switched on", lamp(behind), ("a lamp",)),
+        Case("around", "lamp on and off in blocks", lamp(blocks), ("a lamp",)),
+        Case("around", "mirror vibrates at one frequency", Disturbance(mirror=shake),
+             ("oscillated",)),
+        Case("around", "beam hums at one frequency", Disturbance(beam=hum), ("oscillated",)),
+    ]  # fmt: skip
+
+
+def of_parts() -> list[Case]:
+    def remember(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        out: Floats = raw - 0.003 * np.diff(raw, axis=0, prepend=raw[:1])
+        return out
+
+    def bend_currents(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        """Amplifiers whose gain grows by 1 % at 1 mW."""
+        for k in range(3):
+            power = raw[:, 3 * k + 2].copy()
+            pairs = []
+            for n in (0, 1):
+                ratio = raw[:, 3 * k + n] / HALF_MM
+                low, high = (power * (1 + s * ratio) / 2 for s in (-1, 1))
+                low, high = (x * (1 + 0.05 * x) for x in (low, high))
+                raw[:, 3 * k + n] = HALF_MM * (high - low) / (high + low)
+                pairs.append(high + low)
+            raw[:, 3 * k + 2] = (pairs[0] + pairs[1]) / 2
+        return raw
+
+    def share_noise(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        raw[:, 1::3] += 1.2 * sigma[:, 1::3] * rng.standard_normal((len(raw), 1))
+        return raw
+
+    def cut_off(x: Floats, y: Floats) -> Floats:
+        inside: Floats = (np.hypot(x, y) < 3.0).astype(float)
+        return inside
+
+    def speck(bench: RayBench) -> RayBench:
+        return bench._replace(dust=(-0.10, 0.06, 0.05))
+
+    return [
+        Case("parts", "dust on facet B", Disturbance(light=speck), ("dust",)),
+        Case("parts", "detectors remember 0.3 %", Disturbance(readings=remember),
+             ("keep a share",)),
+        Case("parts", "amplifiers bend", Disturbance(readings=bend_currents), ("bend",)),
+        Case("parts", "zetas share noise", Disturbance(readings=share_noise),
+             ("scatter together",)),
+        Case("parts", "beam cut at 1.5 radii",
+             profile(cut_off), ("aperture",)),
+    ]  # fmt: skip
+
+
 # ---- columns and units
 
 
@@ -384,7 +540,8 @@ def columns() -> list[Case]:
 
 def cases() -> list[Case]:
     return [Case("nothing", "nothing", Disturbance()), *outliers(), *moving(), *loose(),
-            *light(), *columns()]  # fmt: skip
+            *light(), *of_reference(), *in_time(), *around(), *of_parts(),
+            *columns()]  # fmt: skip
 
 
 # ---- results

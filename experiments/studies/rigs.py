@@ -25,6 +25,7 @@ import facets
 from facets.calibration.bundle_adjustment import Data, states_of
 from facets.calibration.fit import Fit, fit
 from facets.calibration.table import choice as choice_of
+from facets.calibration.table import clock, velocities
 from facets.calibration.unknowns import (
     ALL,
     MOUNT,
@@ -147,7 +148,9 @@ class Disturbance(NamedTuple):
     light: changes the bench.  mirror: true poses of the mirror for commanded poses (n, 6).
     reference: measured poses for true ones (n, 6).  told: stated uncertainty of the reference.
     beam: places (n, 2), mm.  power: factors (n,).  readings: changed readings (n, 9), from
-    readings and their standard deviations.
+    readings and their standard deviations.  time: times of the samples (n,), s, in which the mirror
+    then moves smoothly; they may be those that a wrong clock gives.  temperature: of the
+    thermometer (n,), degrees Celsius.
     """
 
     light: Callable[[RayBench], RayBench] | None = None
@@ -157,6 +160,8 @@ class Disturbance(NamedTuple):
     beam: Callable[[int, Rng], Floats] | None = None
     power: Callable[[int, Rng], Floats] | None = None
     readings: Callable[[Floats, Floats, Rng], Floats] | None = None
+    time: Callable[[Floats], Floats] | None = None
+    temperature: Callable[[int], Floats] | None = None
 
 
 #: A bench without disturbances.
@@ -199,7 +204,7 @@ def sample_bench_motion(
     """Sample random motions with the laser's power drifting by 1 %: reference and detector data,
     and the true states (n, 8) in the reference's axes."""
     zero, sensor = np.zeros((count, 9)), real.rig.sensor
-    empty = poses_on_bench(real.rig, count, rng, box)
+    empty = poses_on_bench(real.rig, count, rng, box, wrong.time is not None)
     pose = empty.pose if wrong.mirror is None else wrong.mirror(empty.pose, rng)
     beam = empty.beam if wrong.beam is None else wrong.beam(count, rng)
     there = empty._replace(pose=pose, beam=beam)
@@ -214,17 +219,43 @@ def sample_bench_motion(
     if wrong.readings is not None:
         raw = wrong.readings(raw, standard_deviations(sensor, exact), rng)
     data = empty._replace(raw=raw, pose=said, sigma=wrong.told)
-    return data, states_of(there, zero, fold_mount(real.rig.values))
+    return add_clock(data, wrong), states_of(there, zero, fold_mount(real.rig.values))
 
 
-def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats = BOX) -> Data:
-    """Sample poses that keep every spot away from its detector's edges, without readings."""
+#: Samples of a motion in time, 1/s, and its speeds along the six axes, Hz.
+RATE_HZ, SPEEDS_HZ = 10.0, np.array([0.052, 0.084, 0.068, 0.116, 0.132, 0.092])
+
+
+def add_clock(data: Data, wrong: Disturbance) -> Data:
+    """Add the columns of time and temperature, as a table would have them."""
+    columns, every = {}, np.ones(len(data.raw), dtype=bool)
+    if wrong.time is not None:
+        columns["time_s"] = wrong.time(np.arange(len(data.raw)) / RATE_HZ)
+        data = data._replace(velocity=velocities(columns["time_s"], data.pose))
+    if wrong.temperature is not None:
+        columns["temperature_c"] = wrong.temperature(len(data.raw))
+        columns.setdefault("time_s", np.arange(len(data.raw)) / RATE_HZ)
+        data = data._replace(temperature=float(columns["temperature_c"].mean()))
+    return data._replace(clock=clock(columns, every))
+
+
+def poses_on_bench(
+    rig: Rig, count: int, rng: np.random.Generator, box: Floats = BOX, timed: bool = False
+) -> Data:
+    """Sample poses that keep every spot away from its detector's edges, without readings; of a
+    motion in time, or each by itself."""
     pose = rng.uniform(-1, 1, (4 * count, 6)) * box
+    if timed:
+        at = np.arange(count)[:, None] / RATE_HZ
+        pose = 0.8 * box * np.sin(2 * np.pi * (SPEEDS_HZ * at + rng.uniform(0, 1, 6)))
     every = Data(np.empty((len(pose), 9)), pose, REFERENCE, np.zeros((len(pose), 2)))
     reading = facets.readings(rig.sensor, states_of(every, np.zeros((len(pose), 9)), rig.values))
     half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2
     place = reading.reshape(-1, 3, 3)[:, :, :2]
     inside = (np.abs(place) < half - CLEARANCE_MM).all(axis=(1, 2))
+    if timed:
+        assert inside.mean() > 0.95, "too many spots of the motion leave the detectors"
+        return every
     samples = every.part(np.flatnonzero(inside)[:count])
     assert len(samples.pose) == count, "too few poses keep their spots on the detectors"
     return samples

@@ -3,13 +3,12 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import budget as budget
-    from . import identifiability as identifiability
-    from . import proposal as proposal
+    from . import alternative as alternative
+    from . import motions as motions
     from . import reference_join as reference_join
     from . import rezero as rezero
     from . import table as table
-    from . import tour as tour
+    from . import uncertainty as uncertainty
     from . import unknowns as unknowns
     from . import verdict as verdict
 else:
@@ -21,9 +20,10 @@ else:
                 "linearise_model own_sigma predict_readings states_of"
             ),
             "fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
-            "laser": "fit_steady_laser",
-            "identifiability": (
-                "choose_poses information mean_reduction pose_information weak_directions"
+            "scatter": "fit_steady_laser",
+            "motions": (
+                "choose_poses information mean_reduction pose_information short_order travel "
+                "weak_directions"
             ),
             "reference_join": "join_tables",
             "rezero": (
@@ -34,7 +34,6 @@ else:
             "table": (
                 "REFERENCE choice choose_groups gather_samples read recording_time velocities"
             ),
-            "tour": "short_order travel",
             "unknowns": "ALL Choice PLACE assign_values block fold_mount values_of",
         },
     )

@@ -32,7 +32,6 @@ from ..detectors.noise import standard_deviations
 from ..detectors.temperature import PLACES
 from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, replace_effects
 from ..model.beam_shape import SHAPE
-from .spline import SPLINE, spline_slopes
 from .unknowns import (
     ALL,
     BACKLASH,
@@ -47,9 +46,11 @@ from .unknowns import (
     PLACE,
     POWER_DRIFT,
     SKEW,
+    SPLINE,
     Choice,
     block,
     sensor_derivatives,
+    spline_slopes,
     values_of,
 )
 
@@ -70,14 +71,15 @@ class Data(NamedTuple):
 
     sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
     column then holds the initial guess. beam: (n, 2) mm. velocity: (n, 6) mm/s and rad/s. clock:
-    (n, 4) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K, and means of
-    its past less the temperature, K. seat: (n,) number of the mirror's seating; thirds: (n,) thirds
-    of a turn by which the mirror was turned. noise: (n, 9) standard deviations of the readings,
-    which then follow no unknown. slow: (n, 5) polynomials for the laser's power over the run.
-    approach: (n, 6) the signs of each axis's last step; 0 where none is known. step: (n, 6) by how
-    much the reference moved since the row before. rows: (n,) number of rows of the table in a
-    sample's mean; None where each sample is one row. number: (n,) the table's row, from 1, or the
-    number of the stand where rows were averaged. temperature: the mean one, degrees Celsius.
+    (n, 5) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K, means of its
+    past less the temperature, K, and its change, K a half run. seat: (n,) number of the mirror's
+    seating; thirds: (n,) thirds of a turn by which the mirror was turned. noise: (n, 9) standard
+    deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials for the
+    laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where none is
+    known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9) the
+    readings of that row. rows: (n,) number of rows of the table in a sample's mean; None where each
+    sample is one row. number: (n,) the table's row, from 1, or the number of the stand where rows
+    were averaged. temperature: the mean one, degrees Celsius.
     """
 
     raw: Floats
@@ -92,6 +94,7 @@ class Data(NamedTuple):
     slow: Floats | None = None
     approach: Floats | None = None
     step: Floats | None = None
+    before: Floats | None = None
     rows: Floats | None = None
     number: NDArray[np.int64] | None = None
     temperature: float | None = None
@@ -176,12 +179,16 @@ LEAST_STEP_SIGMAS = 4.0
 
 
 def add_approach(data: Data) -> Data:
-    """Add each axis's last step and its direction; the rows are in the order of the motion."""
+    """Add each axis's last step, its direction, and the readings before it; the rows are in the
+    order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
     sign = np.where(np.abs(step) > LEAST_STEP_SIGMAS * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
-    return data._replace(approach=np.take_along_axis(sign, latest, axis=0), step=step)
+    before = np.concatenate([data.raw[:1], data.raw[:-1]])
+    return data._replace(
+        approach=np.take_along_axis(sign, latest, axis=0), step=step, before=before
+    )
 
 
 def predict_readings(

@@ -16,24 +16,30 @@ import numpy as np
 from ..core.names import DETECTORS
 from ..core.sensor import LIGHT_CANDIDATES, LIGHT_EFFECTS, Sensor
 from ..model.kinds import lit_kind
+from .alternative import Alternative
 from .bundle_adjustment import Data
-from .spline import SPLINE
 from .table import bends
-from .unknowns import BACKLASH, CLOCKS, DELAY, OF_DRIFT, SKEW, Choice
+from .unknowns import BACKLASH, CLOCKS, DELAY, OF_DRIFT, SKEW, SPLINE, Choice
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
 
 Sigmas = dict[str, float]
+#: Effects of light that belong to the mirror's facets.
+OF_FACETS = ("diffraction", "rolloff", "strips", "tip", "coating")
 #: The unknowns of an effect and their prior standard uncertainties, for a sensor, samples and
 #: settings; empty where these do not allow the effect. Without samples (None) only effects of the
 #: light and of the detectors are allowed.
 Unknowns = Callable[[Sensor, Data | None, "Calibrate"], Sigmas]
 
 
+def no_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+    return {}
+
+
 @dataclass(frozen=True)
-class Effect:
-    """An effect that may be added to the plain fit.
+class Effect(Alternative):
+    """An alternative that may become a part of the model: unknowns beside those of the plain fit.
 
     key: its name in `calibrate.effects`.  words: a noun phrase for messages.  unknowns: see
     `Unknowns`.  missing: what the table lacks where the effect has no unknowns; empty if that is
@@ -43,9 +49,7 @@ class Effect:
     rivals: name of a group of effects that look alike: the one that explains most comes first.
     """
 
-    key: str
-    words: str
-    unknowns: Unknowns
+    unknowns: Unknowns = no_unknowns
     missing: str = ""
     beam: float = 0.0
     of_light: bool = False
@@ -147,28 +151,33 @@ def fixed_unknowns(sigma: Sigmas) -> Unknowns:
 
 EVERY_EFFECT = (
     *(
-        Effect(key, words, fixed_unknowns(light_unknowns(key)), of_light=True,
+        Effect(key, "facets" if key in OF_FACETS else "light", words,
+               unknowns=fixed_unknowns(light_unknowns(key)), of_light=True,
                coated=key == "coating", tried_last=key == "coating")
         for key, (_, words) in LIGHT_CANDIDATES.items()
     ),
-    Effect("bend", "detectors bent in second and third order", bend_unknowns),
-    Effect("spline", "detectors bent beyond third order", spline_unknowns, tried_last=True),
-    Effect("delay", "a reference that is late or early", motion_unknowns({DELAY: DELAY_SIGMA_S}),
-           missing="no time_s of a motion"),
+    Effect("bend", "detectors", "detectors bent in second and third order",
+           unknowns=bend_unknowns),
+    Effect("spline", "detectors", "detectors bent beyond third order", unknowns=spline_unknowns,
+           tried_last=True),
+    Effect("delay", "time", "a reference that is late or early",
+           unknowns=motion_unknowns({DELAY: DELAY_SIGMA_S}), missing="no time_s of a motion"),
     # beside detector A: what all three have in common is the reference's delay
-    Effect("channel_skew", "channels read one after the other",
-           motion_unknowns(dict.fromkeys(SKEW[1:], SKEW_SIGMA_S)),
+    Effect("channel_skew", "time", "channels read one after the other",
+           unknowns=motion_unknowns(dict.fromkeys(SKEW[1:], SKEW_SIGMA_S)),
            missing="no time_s of a motion"),
-    Effect("backlash", "a reference with backlash", backlash_unknowns, rivals="step"),
-    Effect("lag", "a mirror that lags by a share of its last step", lag_unknowns, rivals="step"),
-    Effect("time_drift", "a beam, detectors drifting with time", drift_unknowns("time"),
-           missing="no time_s", rivals="drift"),
-    Effect("temperature_drift", "a beam, detectors drifting with heat",
-           drift_unknowns("temperature"), missing="no temperature_c", rivals="drift"),
-    Effect("temperature_lag", "a beam, detectors following the temperature late",
-           drift_unknowns(*CLOCKS[1:]), rivals="drift"),
-    Effect("beam_moves", "a beam that moves from sample to sample", fixed_unknowns({}),
-           beam=BEAM_SIGMA_MM),
+    Effect("backlash", "reference", "a reference with backlash", unknowns=backlash_unknowns,
+           rivals="step"),
+    Effect("lag", "reference", "a mirror that lags by a share of its last step",
+           unknowns=lag_unknowns, rivals="step"),
+    Effect("time_drift", "environment", "a beam, detectors drifting with time",
+           unknowns=drift_unknowns("time"), missing="no time_s", rivals="drift"),
+    Effect("temperature_drift", "environment", "a beam, detectors drifting with heat",
+           unknowns=drift_unknowns("temperature"), missing="no temperature_c", rivals="drift"),
+    Effect("temperature_lag", "environment",
+           "a beam, detectors following the temperature late or early",
+           unknowns=drift_unknowns(*CLOCKS[1:]), rivals="drift"),
+    Effect("beam_moves", "light", "a beam that moves from sample to sample", beam=BEAM_SIGMA_MM),
 )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.names import DETECTORS
 from ..core.sensor import Calibration, Sensor, Thermal
+from ..core.small_matrices import one_thread
 from ..core.units import Floats
 from ..detectors.calibrated import TEMPERATURE
 from ..detectors.correction import correct
@@ -43,7 +44,6 @@ from .bundle_adjustment import (
     own_sigma,
     residuals,
 )
-from .small_matrices import one_thread
 from .unknowns import (
     ALL,
     APEX,

@@ -25,8 +25,16 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.knowledge import Prior
-from ..core.names import DETECTORS, READING_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
+from ..core.names import (
+    DETECTORS,
+    FINE_UNITS,
+    POSE,
+    READING_COLUMNS,
+    STATE_UNITS,
+    TEMPERATURE_COLUMN,
+)
 from ..core.sensor import Calibration, Sensor
+from ..core.small_matrices import one_thread
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE
 from ..detectors.correction import correct
@@ -38,11 +46,14 @@ from ..estimation.solver import solve
 from ..estimation.uncertainty import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
+from .alternative import Alternative, log_chance
+from .alternatives import BY_KEY, lengths
 from .bundle_adjustment import Data
 from .fit import GAINS
-from .linear_prediction import chance_of
+from .judge import APART_CHANCE
+from .remainder import falls_of
 from .samples import add_converter_steps
-from .small_matrices import one_thread
+from .search import chance_of
 from .table import REFERENCE, whole_table
 
 if TYPE_CHECKING:
@@ -131,9 +142,9 @@ class NewZero:
         The changes (10,), their standard uncertainties, and those before; mm, mW and shares.
     chi_square, freedom
         Chi-square of the readings' differences with all priors, and its expectation.
-    motion
-        Motion of the mirror along each axis alone (2, 6), if it moved beside the changes: the most
-        probable one and its standard uncertainty, mm and rad.
+    causes
+        What else would explain the readings beyond chance, and is not beaten by more than chance:
+        alternatives with what would be their size, the likeliest first.
     """
 
     sensor: Sensor
@@ -143,7 +154,7 @@ class NewZero:
     prior: Floats
     chi_square: float
     freedom: int
-    motion: Floats
+    causes: list[tuple[Alternative, str]]
 
     @property
     def chance(self) -> float:
@@ -151,18 +162,10 @@ class NewZero:
         return chance_of(self.chi_square, self.freedom)
 
     @property
-    def likeliest_motion(self) -> tuple[int, float]:
-        """The axis along which a motion of the mirror would explain most beside the changes, and
-        the probability that chance alone does as much along any of the six."""
-        ratios = np.abs(self.motion[0] / self.motion[1])
-        axis = int(np.argmax(ratios))
-        return axis, min(1.0, 6 * chance_of(float(ratios[axis]) ** 2, 1))
-
-    @property
     def is_explained(self) -> bool:
-        """Whether the changes explain the readings, and a motion of the mirror along one axis
-        would not explain them better than chance does."""
-        return min(self.chance, self.likeliest_motion[1]) >= LEAST_CHANCE
+        """Whether the changes explain the readings, and nothing else explains them better than
+        chance does."""
+        return self.chance >= LEAST_CHANCE and not self.causes
 
 
 def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> StopReadings:
@@ -338,7 +341,7 @@ def renew_zero(
         )
     task = StopComparison(sensor, then, now, priors or ChangePriors(), beam)
     change = task.estimate()
-    covariance, cross, chi_square, motion = task.conclude(change)
+    covariance, cross, chi_square, causes = task.conclude(change)
     return NewZero(
         sensor=add_covariance(task.change_sensor(change), sensor.calibration, covariance, cross),
         beam=np.array(beam) + change[:2],
@@ -347,7 +350,7 @@ def renew_zero(
         prior=task.prior,
         chi_square=chi_square,
         freedom=then.mean.size,
-        motion=motion,
+        causes=causes,
     )
 
 
@@ -445,9 +448,11 @@ class StopComparison:
         exact = exact_readings(self.change_sensor(change), self.now.mean, self.now_warmer)
         return (exact - self.predict(change) - self.offset).ravel()
 
-    def conclude(self, change: Floats) -> tuple[Floats, Floats, float, Floats]:
+    def conclude(
+        self, change: Floats
+    ) -> tuple[Floats, Floats, float, list[tuple[Alternative, str]]]:
         """The covariance (10, 10) of the most probable changes, their covariance (10, p) with the
-        calibrated parameters, chi-square, and the motion of the mirror, see `NewZero.motion`."""
+        calibrated parameters, chi-square, and what else would explain the readings."""
         weights, apart = self.weights(change)
         slopes, residuals = self.slopes(change), self.residuals(change)
         known = self.prior**-2
@@ -455,14 +460,44 @@ class StopComparison:
         covariance: Floats = np.linalg.inv(matrix).astype(float)
         back = covariance @ slopes.T @ weights
         cost = float(residuals @ weights @ residuals + known @ change**2)
+        beside = weights - weights @ slopes @ back  # what the changes do not take up
+        causes = self.explain(beside, beside @ residuals + back.T @ (known * change))
+        return covariance, -back @ apart @ self.known, cost, causes
+
+    def explain(self, beside: Floats, pulled: Floats) -> list[tuple[Alternative, str]]:
+        """What else would explain the residuals: a motion of the mirror along one axis, or a
+        detector that moved; see `remainder`."""
         moved = jacobian(self.sensor, self.states)[:, :, :6].reshape(-1, 6)
-        # what of a motion the changes do not take up
-        beside = weights @ (moved - slopes @ (back @ moved))
-        information = (moved * beside).sum(axis=0)
-        motion: Floats = np.stack(
-            [moved.T @ weights @ residuals / information, 1 / np.sqrt(information)]
-        )
-        return covariance, -back @ apart @ self.known, cost, motion
+        tried = [(SEAT, [n], moved[:, [n]]) for n in range(6)]
+        for k, letter in enumerate(DETECTORS):
+            place = np.tile(np.eye(9)[:, 3 * k : 3 * k + 2], (len(self.states), 1))
+            tried.append((BY_KEY[f"detector_{letter}.jumped"], [0, 1], place))
+        scores = []
+        for alternative, axes, columns in tried:
+            square, side = columns.T @ beside @ columns, columns.T @ pulled
+            whole = columns.T @ columns
+            fall, amounts, count = falls_of(whole[None], square[None], side[None])
+            chance = log_chance(float(fall[0]), float(count[0])) + np.log(len(tried))
+            size = np.zeros(6) if alternative is SEAT else np.zeros(2)
+            size[axes] = amounts[0]
+            scores.append((chance, alternative, describe_size(alternative, size)))
+        scores.sort(key=lambda score: score[0])
+        limit = min(np.log(LEAST_CHANCE), scores[0][0] + np.log(APART_CHANCE))
+        return [(alternative, size) for chance, alternative, size in scores if chance < limit]
+
+
+#: The mirror stands elsewhere at the stop.
+SEAT = BY_KEY["seat.jumped"]
+
+
+def describe_size(alternative: Alternative, amounts: Floats) -> str:
+    """By how much something moved, in words; amounts: of a pose (6,) or of a place (2,), rad and
+    mm."""
+    if alternative is SEAT:
+        axis = int(np.argmax(np.abs(amounts) / FINE_UNITS[:6]))
+        unit = "um" if axis < 3 else "urad"
+        return f"by {amounts[axis] / FINE_UNITS[axis]:.2g} {unit} in {POSE[axis]}"
+    return lengths("psi", "zeta")(amounts)
 
 
 def spread_of(sensor: Sensor) -> Floats:

@@ -9,7 +9,9 @@ sample i have the variance
 where z_ik are the readings by one of the sample's own unknowns. The likeliest sizes theta are those
 of the residuals once x is free (restricted likelihood); each is multiplied, again and again, by the
 root of what it should be over what it is, (sum (z' P y)^2) / (sum z' P z), which never lowers the
-likelihood and never crosses zero.
+likelihood and never crosses zero. How steady the laser was is told by the same likelihood: with a
+power for each sample the detectors' gains and the apex's place hardly part, since three powers then
+tell two shares.
 """
 
 from __future__ import annotations
@@ -21,14 +23,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
+from ..core.small_matrices import one_thread
 from ..core.units import Floats
+from .alternative import Alternative
 from .bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
-from .fit import Fit, Task, fit
-from .outliers import LEAST_WEIGHT
-from .small_matrices import one_thread
-from .unknowns import MOUNTING, Choice, values_of
+from .fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
+from .samples import LEAST_WEIGHT
+from .unknowns import MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
 
 #: What may scatter: the reference's six, the laser's power, the beam's two, and the detectors'
 #: readings of places and of powers beside their noise.
@@ -37,8 +41,26 @@ NAMES = (*POSE, "power", "beam", PLACES, POWERS)
 #: Which of the columns of a sample belongs to which size: the pose, the power, the beam's two
 #: coordinates, six places and three powers.
 OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3])
-#: Causes that are told apart, and what scatters if it is that one. The laser's power always may.
-CAUSES = {"reference": POSE, "beam": ("beam",), "detectors": (PLACES, POWERS)}
+#: Causes that are told apart. The laser's power always may scatter.
+SCATTER = {
+    part.key: part
+    for part in (
+        Alternative(
+            "reference_scatter", "reference",
+            "the reference, or a mirror that vibrates against it",
+            apart="measure the mirror at rest with facets noise", variance=POSE,
+        ),
+        Alternative(
+            "beam_scatter", "light", "a beam that moves",
+            apart="let the mirror rest and look at all three spots", variance=("beam",),
+        ),
+        Alternative(
+            "detector_scatter", "detectors", "the detectors",
+            apart="measure with facets noise, also in the dark", variance=(PLACES, POWERS),
+        ),
+    )
+}  # fmt: skip
+BEAM_SCATTER, REFERENCE_SCATTER = "beam_scatter", "reference_scatter"
 #: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
@@ -174,15 +196,16 @@ class Sizes(NamedTuple):
 class Scatter(NamedTuple):
     """The scatter from sample to sample and its causes.
 
-    causes: out of `CAUSES`, those that explain the scatter together; none where nothing has to be
+    causes: out of `SCATTER`, those that explain the scatter together; none where nothing has to be
     explained.  others: causes of which each could explain it alone as well.  sizes: (10,) by
     `NAMES`, what is added to what was known before, in mm, rad and shares, and times the readings'
-    noise.
+    noise.  fall: of -2 log L by them.
     """
 
     causes: tuple[str, ...]
     others: tuple[str, ...]
     sizes: Floats
+    fall: float = 0.0
 
     def size_of(self, name: str) -> float:
         return float(self.sizes[NAMES.index(name)])
@@ -248,7 +271,8 @@ class SizeProblem(NamedTuple):
 def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
     """The problem of sizes at a fit.  beam: whether the beam may scatter."""
     measured = tuple(name for name, s in zip(POSE, task.data.sigma, strict=True) if np.isfinite(s))
-    causes = CAUSES | {"reference": measured, "beam": CAUSES["beam"] if beam else ()}
+    causes = {key: part.variance for key, part in SCATTER.items()}
+    causes |= {REFERENCE_SCATTER: measured} | ({} if beam else {BEAM_SCATTER: ()})
     start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
     if jitters:
         start[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2
@@ -265,6 +289,7 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     """Choose one cause if it is hardly less likely than all together, else two, else all."""
     every = tuple(problem.causes)
     whole = problem.sizes(every)
+    fall = problem.like.restrict(problem.known, problem.start).unlikely - whole.unlikely
     for count in range(1, len(every)):
         tried = {keys: problem.sizes(keys) for keys in combinations(every, count)}
         best = min(tried, key=lambda keys: tried[keys].unlikely)
@@ -274,8 +299,8 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
             }
             likely = tried[best].unlikely + NOT_EXCLUDED
             others = tuple(key for key, sizes in singles.items() if sizes.unlikely < likely)
-            return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS)
-    return Scatter(every, (), np.sqrt(whole.variances) * UNITS)
+            return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS, fall)
+    return Scatter(every, (), np.sqrt(whole.variances) * UNITS, fall)
 
 
 def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
@@ -323,7 +348,7 @@ def fit_with_scatter(
         scatter = update_sizes(problem, scatter) if n else estimate_scatter(problem)
         data, chosen = add_scatter(bare, result.choice, scatter)
         result = fit(sensor, data, chosen, robust, result)
-    walk = mean_inflation(result) if "beam" in scatter.causes else 1.0
+    walk = mean_inflation(result) if BEAM_SCATTER in scatter.causes else 1.0
     if walk > LONG_WALK:
         sizes = scatter.sizes.copy()
         place = NAMES.index("beam")
@@ -346,3 +371,79 @@ def mean_inflation(result: Fit) -> float:
     share = float((place[1:] * place[:-1]).sum() / max((place**2).sum(), 1e-300))
     share = min(max(share, 0.0), 0.999)
     return float(np.sqrt((1 + share) / (1 - share)))
+
+
+#: Jitters that are tried, shares from sample to sample; one beyond the last stays free.
+JITTERS = np.geomspace(5e-5, 0.02, 14)
+#: How much less likely a jitter may be than the likeliest, in -2 log L: one standard deviation. The
+#: largest such is taken, since a laser that is thought too steady makes poses look better known.
+ONE_SIGMA_FALL = 1.0
+#: A jitter that changes by less than this factor changes no fit.
+SAME_JITTER_FACTOR = 1.25
+#: The least share of the laser's power with which a fit begins at a sample.
+LEAST_SHARE_OF_POWER = 0.5
+#: What the slow drift may be, a share, 1 sigma.
+DRIFT_SIGMA = 0.3
+
+
+@one_thread
+def fit_steady_laser(sensor: Sensor, data: Data, result: Fit, robust: float | None) -> Fit:
+    """Fit again with a laser that drifts slowly and jitters as little as the data say.
+
+    Returns the same fit if the jitter is as assumed, or if the laser jumps.
+    """
+    if data.slow is None or not result.choice.power:
+        return result
+    start = result if np.isfinite(result.choice.power) else add_slow_drift(data, result)
+    jitter = estimate_jitter(sensor, data, start, robust)
+    before = result.choice.power
+    if jitter is None or max(jitter, before) < SAME_JITTER_FACTOR * min(jitter, before):
+        return result
+    again = fit(sensor, data, replace(start.choice, power=jitter), robust, start)
+    return again if again.ended else result
+
+
+def add_slow_drift(data: Data, result: Fit) -> Fit:
+    """Convert a fit with one power for each sample to one with a slow drift, without fitting
+    again."""
+    assert data.slow is not None
+    rows = np.column_stack([np.ones(len(data.slow)), data.slow])
+    power, weight = result.own_values[:, 6], np.ones(len(rows))
+    for _ in range(5):
+        ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
+        residual = power - rows @ ways
+        jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(residual))))
+        weight = huber_roots(residual / jitter, 3.0)
+    level = result.all_values[PLACE["beam.power"]]
+    if level * (1 + ways[0]) <= 0:
+        raise InputError(
+            f"the fit puts the laser's mean power at {level * (1 + ways[0]):.4g} mW, so these "
+            f"{len(rows)} samples do not determine it; take more samples, over a wider range of "
+            "poses, and see what the motion does not determine"
+        )
+    known = {"beam.power": DRIFT_SIGMA * level} | dict.fromkeys(POWER_DRIFT, DRIFT_SIGMA)
+    every, own_values = result.all_values.copy(), result.own_values.copy()
+    every[PLACE["beam.power"]] *= 1 + ways[0]
+    every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
+    own_values[:, 6] = np.maximum(residual / (1 + ways[0]), LEAST_SHARE_OF_POWER - 1)
+    wide = replace(result.choice.add_unknowns(known), power=jitter)
+    return replace(result, choice=wide, all_values=every, own_values=own_values)
+
+
+def estimate_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:
+    """The largest jitter that is about as likely as the likeliest; None beyond all of `JITTERS`."""
+    task = Task(sensor, data, start.choice, robust)
+    unlikely = jitter_likelihoods(task, start)
+    good = np.flatnonzero(unlikely < unlikely.min() + ONE_SIGMA_FALL)
+    return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
+
+
+def jitter_likelihoods(task: Task, start: Fit) -> Floats:
+    """-2 log L of each of `JITTERS`, up to a constant, by the model linearised at a fit."""
+    like, known = Likelihood(task, start), prior_variances(task.data, task.choice)
+    known[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
+    out = np.empty(len(JITTERS))
+    for n, jitter in enumerate(JITTERS.tolist()):
+        known[6] = (jitter / OWN_UNITS[6]) ** 2
+        out[n] = like.restrict(known, np.zeros(len(NAMES))).unlikely
+    return out

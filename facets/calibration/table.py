@@ -187,7 +187,7 @@ def averaged_columns(
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """The clock of the samples (n, 4), see `Data.clock`."""
+    """The clock of the samples (n, 5), see `Data.clock`."""
     if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
     out = np.zeros((int(good.sum()), len(CLOCKS)))
@@ -203,23 +203,32 @@ def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
     return np.nan_to_num(out)
 
 
+#: The share of a run over which the temperature's change is taken.
+CHANGE_SHARE = 0.05
 #: Time constants with which a head is taken to follow the temperature, in half runs: what follows
 #: it with another one is nearly a sum of these two.
 PAST_HALF_RUNS = np.array([0.2, 0.8])
 
 
 def measure_past(time: Floats, temperature: Floats) -> Floats:
-    """The difference (n, 2), K, between the temperature and a head that follows it late, by
-    `PAST_HALF_RUNS`; the head begins in equilibrium."""
+    """The difference (n, 3), K, between the temperature and a head that follows it late, by
+    `PAST_HALF_RUNS`, or that a thermometer follows late; the head begins in equilibrium."""
     from scipy.integrate import cumulative_trapezoid
+    from scipy.ndimage import uniform_filter1d
 
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
     order = there[np.argsort(time[there], kind="stable")]
     at, warmer = time[order, None] / PAST_HALF_RUNS, temperature[order, None]
     growth = np.exp(at - at[0])
     past = cumulative_trapezoid(growth * (warmer - warmer[0]), at, axis=0, initial=0) / growth
-    out = np.zeros((len(time), len(PAST_HALF_RUNS)))
-    out[order] = past + warmer[0] - warmer
+    out = np.zeros((len(time), len(PAST_HALF_RUNS) + 1))
+    out[order, :-1] = past + warmer[0] - warmer
+    if len(order) > 1:
+        size = max(3, int(CHANGE_SHARE * len(order)))
+        smooth = uniform_filter1d(warmer[:, 0], size, mode="nearest")
+        steps = np.maximum(np.diff(time[order]), 1e-12)
+        out[order[1:], -1] = np.diff(smooth) / steps
+        out[order[0], -1] = out[order[1], -1]
     return out
 
 

@@ -13,40 +13,63 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
 from ..core.sensor import Sensor
+from ..core.small_matrices import one_thread
 from ..estimation.estimates import compile_for
+from .alternative import Finding
 from .bundle_adjustment import Data, add_approach, add_power_polynomials
 from .candidates import DELAY_SIGMA_S, tried_kinds
-from .effect_search import EffectSearch, search
-from .fit import Fit, fit
-from .hypotheses import find_fault
-from .laser import fit_steady_laser
-from .linear_prediction import reachable_chi_square
-from .misfit import (
-    Finding,
-    add_unseen_errors,
-    centre_sigma,
+from .faults import Explanation, find_fault
+from .findings import (
+    cause_findings,
+    centre_findings,
     common_findings,
-    common_scatter,
+    effect_findings,
     findings,
-    model_error,
     outlier_findings,
     pull_findings,
+    scatter_findings,
 )
-from .outliers import exclude_outliers, row_numbers
+from .fit import Fit, fit
+from .judge import (
+    LEAST_SHARE,
+    Cause,
+    judge,
+    judge_large,
+    restore_readings,
+    steps_as_changes,
+    undo_causes,
+)
+from .remainder import Remainder
 from .samples import (
     add_converter_steps,
     average_equal_poses,
     exclude_edge_readings,
+    exclude_outliers,
     faults,
     remove_duplicates,
+    row_numbers,
 )
-from .small_matrices import one_thread
+from .scatter import fit_steady_laser
+from .search import (
+    CHANCE,
+    EffectSearch,
+    add_cheap_candidates,
+    chance_of,
+    reachable_chi_square,
+    search,
+)
 from .table import split
+from .uncertainty import (
+    add_shifts,
+    add_unseen_errors,
+    centre_sigma,
+    common_scatter,
+    model_error,
+    validation_table,
+)
 from .unknowns import DELAY, Choice
-from .unmodelled import Remainder, find_causes, find_changes
-from .unmodelled_findings import centre_findings, change_findings, unmodelled_findings
-from .validation import validation_table
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -62,6 +85,10 @@ WORST_LIGHT_CHI_SQUARE = 300.0
 #: standard uncertainties, where it is of no use to look for these effects beside it. On twenty rigs
 #: that had them all it went up to 17.
 ASTRAY_SIGMAS = 50.0
+#: How often effects and causes are found in turn.
+JUDGE_ROUNDS = 3
+#: The limit of residuals by which a bad fit shows what jumped.
+ROBUST_SIGMAS = 3.0
 #: Samples that a fit needs.
 MIN_SAMPLES = 10
 
@@ -91,22 +118,30 @@ class Verdict:
 
 @one_thread
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
-    """Screen the samples, fit them, look for faults, add effects, and validate.
+    """Screen the samples, fit them, judge all alternatives, and accept, warn or refuse.
 
     Raises `InputError` where there are too few samples or unknowns to fit.
     """
     screened = screen(sensor, data, settings)
     if screened.is_refused:
         return screened.verdict()
-    plain = plain_fit(sensor, screened, chosen, settings)
-    reasons = explain(sensor, plain, chosen, settings)
-    if reasons:
-        return plain.verdict(reasons)
-    done = extend(sensor, plain, settings)
-    reasons = doubt(sensor, plain, done, chosen, settings)
-    if reasons:
-        return plain.verdict(reasons, done)
-    return validate(sensor, plain, done, settings)
+    plain, fault, causes = plain_fit(sensor, screened, chosen, settings), None, list[Cause]()
+    if plain.hopeless and not plain.promising:
+        clean, causes = undo_large_causes(sensor, plain, chosen, settings)
+        if clean.promising or not clean.hopeless:
+            plain = clean
+        elif (fault := find_fault_of(sensor, plain, chosen)) is not None:
+            plain, causes = plain_fit(sensor, screened.undo(fault), chosen, settings), []
+        else:
+            plain = clean
+    if astray := unsettled_findings(sensor, plain):
+        return plain.verdict(astray if fault is None else [])
+    done, causes = explain(sensor, plain, chosen, settings, causes)
+    if fault is None and plain.promising and is_suspicious(done.sensor, done.fit):
+        fault = find_fault_of(sensor, plain, chosen)
+    if fault is not None or not done.fit.ended:
+        return plain.verdict(reasons(plain, fault, causes, done), done)
+    return validate(sensor, plain, done, causes, settings)
 
 
 # ---- screen: the table alone
@@ -117,17 +152,30 @@ class Screened:
     """The samples after a look at the table.
 
     fitted, held: the samples to fit, and those held back.  findings: on the table.  kind: what a
-    sample is, rows or stands.
+    sample is, rows or stands.  original: the samples to fit as they were, where causes were undone.
     """
 
     fitted: Data
     held: Data
     findings: list[Finding]
     kind: str
+    original: Data | None = None
+
+    def without(self, causes: list[Cause]) -> Screened:
+        """The samples without what causes do to their readings."""
+        original = self.original or self.fitted
+        return replace(self, fitted=undo_causes(original, causes), original=original)
 
     @property
     def is_refused(self) -> bool:
         return any(finding.bad for finding in self.findings)
+
+    def undo(self, fault: Explanation) -> Screened:
+        """The samples without a fault, and the finding on it."""
+        return replace(
+            self, fitted=fault.undo(self.fitted), held=fault.undo(self.held),
+            findings=[fault.finding, *self.findings],
+        )  # fmt: skip
 
     def verdict(self) -> Verdict:
         return Verdict(self.fitted, self.held, None, None, None, None, self.findings)
@@ -170,6 +218,10 @@ class Plain:
     hopeless: bool
     promising: bool
 
+    @property
+    def original(self) -> Data:
+        return self.screened.original or self.screened.fitted
+
     def verdict(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
         """The verdict that the calibration is not to be trusted, with its reasons."""
         said = [*reasons, *self.screened.findings]
@@ -203,66 +255,129 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     return Plain(screened, data, result, gone, hopeless, promising)
 
 
-# ---- explain: faults of the data
+# ---- judge: what explains the residuals
 
 
-def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -> list[Finding]:
-    """Findings on a fault of the data that explains a bad fit, or on a fit on which nothing can be
-    built."""
-    if not plain.hopeless:
+def find_fault_of(sensor: Sensor, plain: Plain, chosen: Choice) -> Explanation | None:
+    """A fault of the table, or something that jumped, that explains a bad fit."""
+    try:
+        steps = steps_as_changes(Remainder(sensor, plain.data, plain.fit, ROBUST_SIGMAS))
+    except (InputError, np.linalg.LinAlgError):
+        steps = []
+    return find_fault(sensor, plain.data, chosen, steps)
+
+
+def undo_large_causes(
+    sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate
+) -> tuple[Plain, list[Cause]]:
+    """The plain fit to samples without what explains most of its residuals beside all effects."""
+    causes = list[Cause]()
+    for _ in range(JUDGE_ROUNDS):
+        wide = add_cheap_candidates(sensor, plain.data, settings, plain.fit.choice)
+        data = restore_readings(plain.data, plain.original)
+        robust = None if causes else settings.outliers
+        large = judge_large(Remainder(sensor, data, replace(plain.fit, choice=wide), robust))
+        if not large:
+            break
+        causes, plain = large, plain_fit(sensor, plain.screened.without(large), chosen, settings)
+        if plain.promising or not plain.hopeless:
+            break
+    return plain, causes
+
+
+def unsettled_findings(sensor: Sensor, plain: Plain) -> list[Finding]:
+    """Findings on a fit on which nothing can be built."""
+    if not plain.hopeless or plain.fit.ended:
         return []
-    if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen, plain.fit)):
-        return [reasons.finding]
-    astray = [] if plain.fit.ended else pull_findings(sensor, plain.fit, ASTRAY_SIGMAS)
+    astray = pull_findings(sensor, plain.fit, ASTRAY_SIGMAS)
     return [unsettled_finding(plain.fit), *astray] if astray else []
 
 
-# ---- extend: with the effects that the data call for
-
-
 def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
+    """Add the effects that the data call for."""
     steady = fit_steady_laser(sensor, plain.data, plain.fit, settings.outliers)
     return search(sensor, plain.data, settings, steady, plain.outliers)
 
 
-def doubt(
-    sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice, settings: Calibrate
+def explain(
+    sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate, causes: list[Cause]
+) -> tuple[EffectSearch, list[Cause]]:
+    """Add the effects that the data call for, and judge what else explains the residuals.
+
+    causes: that were undone before. What effects have taken up of a cause spoils them. So the
+    causes are undone in the samples, and effects and causes are found again, without effects that
+    nothing calls for beside the causes, until the causes stay the same.
+    """
+    original = plain.original
+    for _ in range(JUDGE_ROUNDS):
+        done = extend(sensor, plain, settings)
+        data = restore_readings(done.data, original) if causes else done.data
+        remainder = Remainder(done.sensor, data, done.fit, None if causes else settings.outliers)
+        before, causes = [cause.best.key for cause in causes], judge(remainder)
+        needless = needless_effects(remainder, causes, done)
+        if [cause.best.key for cause in causes] == before and not needless:
+            break
+        settings = replace(settings, effects=settings.effects | dict.fromkeys(needless, "off"))
+        plain = plain_fit(sensor, plain.screened.without(causes), chosen, settings)
+    return done, causes
+
+
+def needless_effects(remainder: Remainder, causes: list[Cause], done: EffectSearch) -> list[str]:
+    """The effects that look like others, which the data called for, and do not beside the
+    causes."""
+    beside = remainder.beside([cause.best for cause in causes])
+    needless = []
+    for candidate in done.accepted if causes else []:
+        names = set(candidate.sigma) & set(done.fit.choice.names)
+        if not candidate.effect.rivals or not names:
+            continue
+        if chance_of(beside.need_of(names), len(names)) > CHANCE:
+            needless.append(candidate.key)
+    return needless
+
+
+def reasons(
+    plain: Plain, fault: Explanation | None, causes: list[Cause], done: EffectSearch
 ) -> list[Finding]:
-    """Findings on a fault of the data that effects of light only promised to explain, or on a fit
-    that did not settle."""
-    if plain.promising and is_suspicious(done.sensor, done.fit) and (
-        reasons := find_fault(sensor, plain.data, chosen, plain.fit)
-    ):  # fmt: skip
-        return [reasons.finding]
-    if not done.fit.ended:
-        remainder = Remainder(done.sensor, done.data, done.fit, settings.outliers)
-        changes = change_findings(find_changes(remainder), row_numbers(done.data))
-        return [*changes, unsettled_finding(done.fit),
-                *pull_findings(sensor, done.fit)]  # fmt: skip
-    return []
+    """Why there is no result."""
+    said = [] if fault is None or fault.finding in plain.screened.findings else [fault.finding]
+    if fault is None or done.fit.ended:
+        said += cause_findings(causes)
+    if fault is not None or done.fit.ended:
+        return said
+    return [*said, unsettled_finding(done.fit), *pull_findings(done.sensor, done.fit)]
 
 
 # ---- validate: on samples held back
 
 
-def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibrate) -> Verdict:
+def validate(
+    sensor: Sensor,
+    plain: Plain,
+    done: EffectSearch,
+    causes: list[Cause],
+    settings: Calibrate,
+) -> Verdict:
     result, data, held = done.fit, done.data, plain.screened.held
     remainder = Remainder(done.sensor, data, result, settings.outliers)
-    unmodelled = find_causes(remainder)
-    said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
-    said += [*unmodelled_findings(unmodelled), *findings(done.sensor, result, data, done.scatter)]
-    said += plain.screened.findings
-    missed = model_error(result, data, done.sensor, done.scatter)
+    said = cause_findings(causes)
+    said += outlier_findings(done.outliers, len(plain.original.raw), plain.screened.kind)
+    least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
+    said += [*effect_findings(remainder, least), *scatter_findings(done.scatter, least)]
+    said += findings(done.sensor, result, data) + plain.screened.findings
+    missed = model_error(result, data, done.sensor, done.scatter, causes)
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
-    as_stated = data._replace(sigma=plain.screened.fitted.sigma)
-    common = common_scatter(Remainder(done.sensor, as_stated, result, settings.outliers))
+    as_stated = data._replace(sigma=plain.original.sigma)
+    stated = Remainder(done.sensor, as_stated, result, settings.outliers)
+    common = common_scatter(stated)
     said += common_findings(common)
     made = add_unseen_errors(result.sensor, result, missed, centre, common)
+    made = add_shifts(made, result, causes)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)
-    said += validation_findings(errors)
+    said += [] if causes else validation_findings(errors)  # samples held back have them, too
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
 

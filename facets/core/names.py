@@ -9,7 +9,8 @@ STATE = ("tx", "ty", "tz", "roll", "pitch", "yaw", "bx", "by")
 POSE = STATE[:6]
 
 #: Components of a reading, Eq. (2), in the order of the arrays.
-READING = tuple(f"{name}_{letter}" for letter in DETECTORS for name in ("psi", "zeta", "power"))
+KINDS = ("psi", "zeta", "power")
+READING = tuple(f"{name}_{letter}" for letter in DETECTORS for name in KINDS)
 
 ANGLES = ("roll", "pitch", "yaw")
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.small_matrices import one_thread
 from ..core.errors import InputError
+from ..core.small_matrices import one_thread
 from ..core.units import Floats
 from .assembly import Assembly, calibrate_head
 from .requirement import accuracy_margins, errors_of, margins_of

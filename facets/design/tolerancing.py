@@ -19,8 +19,8 @@ import numpy as np
 
 from ..calibration.bundle_adjustment import Data
 from ..calibration.fit import prior_information
-from ..calibration.identifiability import information
-from ..calibration.small_matrices import one_thread
+from ..calibration.motions import information
+from ..core.small_matrices import one_thread
 from ..core.units import Booleans, Floats
 from ..model.arrays import readings
 from .assembly import Assembly

@@ -9,7 +9,7 @@ import pytest
 from rig_samples import NOMINAL, judge, sample_rig
 
 import facets
-from facets.calibration import Choice, Data, budget, fit
+from facets.calibration import Choice, Data, fit, uncertainty
 from facets.core import Calibration
 from facets.detectors import standard_deviations
 from facets.estimation import coverage_factor
@@ -18,7 +18,7 @@ NAMES, SIGMA = ("psd_a.height", "facet_b.inclination", "apex.x"), np.array([0.05
 
 
 def small_case(power, joint=None):
-    """Five samples with a poor reference, their fit of three unknowns, and its budget."""
+    """Five samples with a poor reference, their fit of three unknowns, and its uncertainty."""
     rng = np.random.default_rng(4)
     state = np.zeros((5, 8))
     state[:, :6] = rng.uniform(-1, 1, (5, 6)) * [0.1, 0.1, 1, 5e-3, 5e-3, 5e-3]
@@ -33,7 +33,7 @@ def small_case(power, joint=None):
         None,
         rule=fit.StoppingRule(fall=1e-12),
     )
-    return data, fitted, budget.calibration_budget(NOMINAL, data, fitted, fitted.sensor, None)
+    return data, fitted, uncertainty.calibration_budget(NOMINAL, data, fitted, fitted.sensor, None)
 
 
 @pytest.mark.parametrize("power", [1e-4, np.inf])
@@ -51,23 +51,24 @@ def test_the_part_of_the_reference_is_how_far_the_result_follows_it(power):
             NOMINAL, moved, fitted.choice, None, fitted, rule=fit.StoppingRule(fall=1e-12)
         )
         square += ((again.values - fitted.values)[:2] / 0.1) ** 2
-    reference = np.diag(parts.sensor[budget.REFERENCE])
+    reference = np.diag(parts.sensor[uncertainty.REFERENCE])
     np.testing.assert_allclose(reference[places], square, rtol=0.01)
     whole = sum(parts.sensor.values())
     np.testing.assert_allclose(whole, np.array(known.covariance), rtol=1e-9)
-    assert (np.diag(parts.sensor[budget.READINGS]) > 0).all()
+    assert (np.diag(parts.sensor[uncertainty.READINGS]) > 0).all()
     assert ("beam.power" in known.names) == np.isinf(power)
 
 
 def test_degrees_of_freedom_are_those_of_the_estimated_part():
     """Half of the variance from 8 degrees of freedom: 8 / (1/2)^2, by Welch and Satterthwaite."""
-    parts = budget.Budget({}, ("noise",), 8.0)
+    parts = uncertainty.Budget({}, ("noise",), 8.0)
     freedom = parts.effective_freedom({"noise": np.ones(2), "rest": np.array([1.0, 0.0])})
     np.testing.assert_allclose(freedom, [32.0, 8.0])
     # the t distribution's 97.5 % points, of printed tables
-    np.testing.assert_allclose(coverage_factor(budget.COVERAGE, freedom), [2.037, 2.306], atol=5e-4)
+    factors = coverage_factor(uncertainty.COVERAGE, freedom)
+    np.testing.assert_allclose(factors, [2.037, 2.306], atol=5e-4)
     _, _, parts = small_case(1e-4, Calibration(("psd_a.height",), ((1e-6,),), 5.0))
-    assert (parts.estimated, parts.freedom) == ((budget.READINGS, budget.PRIOR), 5.0)
+    assert (parts.estimated, parts.freedom) == ((uncertainty.READINGS, uncertainty.PRIOR), 5.0)
 
 
 def test_a_misfit_is_a_source_of_its_own():
@@ -77,11 +78,11 @@ def test_a_misfit_is_a_source_of_its_own():
     covariance[-1, -1] = 1e-8
     made = Calibration((*known.names, "misfit_b.psi"), tuple(map(tuple, covariance.tolist())))
     made = replace(judged.sensor, calibration=made)
-    parts = budget.calibration_budget(NOMINAL, judged.fitted, judged.fit, made, 3.0)
+    parts = uncertainty.calibration_budget(NOMINAL, judged.fitted, judged.fit, made, 3.0)
     misfit = parts.sensor["misfit of the model, of unknown cause"]
     assert np.flatnonzero(np.diag(misfit)).tolist() == [len(known.names)]
     states = np.zeros((1, 8))
-    poses = budget.pose_covariances(made, parts, states, facets.Knowledge(beam="known"))
+    poses = uncertainty.pose_covariances(made, parts, states, facets.Knowledge(beam="known"))
     solved = facets.solve(made, facets.readings(made, states), beam="known")
     variances = np.diagonal(sum(poses.values()), axis1=1, axis2=2)
     np.testing.assert_allclose(np.sqrt(variances), solved.calibration_uncertainty[:, :6], rtol=1e-9)

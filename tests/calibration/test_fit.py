@@ -83,7 +83,7 @@ def test_derivatives_are_those_of_differences():
     data = Data(
         facets.readings(sensor, np.hstack([pose, still])), pose, rigs.REFERENCE, still,
         noise=np.ones((4, 9)), velocity=rng.normal(size=(4, 6)) * 0.1,
-        clock=rng.uniform(-1, 1, (4, 4)), slow=rng.uniform(-1, 1, (4, 5)),
+        clock=rng.uniform(-1, 1, (4, 5)), slow=rng.uniform(-1, 1, (4, 5)),
         step=rng.normal(size=(4, 6)) * 0.1,
     )  # fmt: skip
     made = unknowns.assign_values(sensor, values)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.calibration import Data, hypotheses
+from facets.calibration import Data, faults
 from facets.detectors import fractions, places
 
 SENSOR = facets.Sensor()
@@ -103,9 +103,9 @@ def spoilt_poses():
 def test_every_fault_is_undone():
     """Which also says that no two of them are the same, and that none is left out."""
     poses = spoilt_poses()
-    faults = list(hypotheses.hypotheses(SENSOR))
-    assert len({(fault.words, fault.remedy) for fault in faults}) == len(faults) == 60
-    for fault in faults:
+    tried = list(faults.table_faults(SENSOR))
+    assert len({(fault.words, fault.remedy) for fault in tried}) == len(tried) == 60
+    for fault in tried:
         if "reference" in fault.words:
             raw, pose = RAW, poses.pop(fault.words)
         else:

@@ -23,10 +23,10 @@ def shake_mirror(pose, rng):
 @pytest.mark.parametrize(
     ("count", "wrong", "cause", "name", "size"),
     [
-        (COUNT, {"mirror": shake_mirror}, "reference", "tx", 2e-4),
-        (COUNT, {"noise": 1.3}, "detectors", "powers", (1.3**2 - 1) ** 0.5),
-        pytest.param(2 * COUNT, {"beam": disturbed_rigs.tremble(5e-4)}, "beam", "beam", 5e-4,
-                     marks=pytest.mark.slow),
+        (COUNT, {"mirror": shake_mirror}, "reference_scatter", "tx", 2e-4),
+        (COUNT, {"noise": 1.3}, "detector_scatter", "powers", (1.3**2 - 1) ** 0.5),
+        pytest.param(2 * COUNT, {"beam": disturbed_rigs.tremble(5e-4)}, "beam_scatter", "beam",
+                     5e-4, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_what_scatters_is_found_with_its_size(count, wrong, cause, name, size):
@@ -38,7 +38,7 @@ def test_what_scatters_is_found_with_its_size(count, wrong, cause, name, size):
     assert scatter.size_of(name) == pytest.approx(size, rel=0.3)
     assert abs(judged.fit.reduced_chi_square - 1) < 0.2
     (row,) = judged.search.rows
-    assert row.accepted == (cause == "beam")
+    assert row.accepted == (cause == "beam_scatter")
 
 
 # ---- samples that no noise makes

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.hues import chosen_hues
-from ...core.names import ANGLES, DETECTORS, POSE
+from ...core.names import ANGLES, DETECTORS, KINDS, POSE
 from ...core.units import Floats, write_micro
 from .. import style
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from ...calibration.bundle_adjustment import Data
     from ...calibration.fit import Fit
 
-#: Residuals in words, in the order of a reading.
-KINDS = ("psi", "zeta", "power")
 #: Ends of the scale of residuals, standard deviations.
 ENDS = 3.0
 #: Rows of `compared`: column, mark, and whether it is filled.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...calibration import budget as budgets
+from ...calibration import uncertainty as budgets
 from ...calibration.table import parameter_table
 from ...core.names import POSE
 from ...core.units import MICRO, round_to, unit_of, write_micro
@@ -21,7 +21,7 @@ from .report_page import ReportSection, report
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ...calibration.budget import Budget
+    from ...calibration.uncertainty import Budget
     from ...calibration.verdict import Verdict
     from ...config import Config
     from ...core.calibrate import Statement

@@ -1,4 +1,5 @@
-"""Which fault of the data would explain a bad fit: each is undone in turn, and the fit tried again.
+"""Faults of the table: alternatives that change the samples. Each is undone in turn, and the fit
+tried again.
 
 A sign, two detectors exchanged, another order of the angles or a wrong unit leave residuals that
 look like nothing in particular, and some of them hide in an unknown: a swapped sign in a scale of
@@ -15,20 +16,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import POSE
+from ..core.names import KINDS, POSE
 from ..core.rigid_body import rotation_angles, rotation_matrix
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
 from ..detectors.noise import standard_deviations
 from ..model.arrays import readings
+from .alternative import Alternative, Finding, capitalise
 from .bundle_adjustment import Data
-from .fit import NORMAL_MEDIAN, Fit, Guess, StoppingRule, Task, solve_open_axes
-from .misfit import KINDS, Finding
-from .outliers import row_numbers
+from .fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
 from .unknowns import Choice
-from .unmodelled import Remainder, find_steps, undo_step
-from .unmodelled_findings import step_size
 
 Change = Callable[[Data], Data]
 ColumnChange = Callable[[Floats], Floats]
@@ -37,8 +35,6 @@ ColumnChange = Callable[[Floats], Floats]
 SAMPLES, STEPS, LAST_TRIALS = (30, 120), (4, 12), 4
 #: How many of the best may be one of two faults.
 PARTNERS = 6
-#: How many moves of something loose are tried, and the limit of residuals that shows them.
-STEPS_TRIED, ROBUST_SIGMAS = 3, 3.0
 #: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
 #: many times the noise at most; or more, which real light leaves, but chi-square lower by a factor
 #: than the next best.
@@ -49,16 +45,11 @@ ALIKE_FACTOR = 1.5
 WORST_LIGHT_SIGMAS = 17.0
 
 
-class Hypothesis(NamedTuple):
-    """A fault that the data may have.  words: what is wrong, a clause.  remedy: what to do.
-    change: undoes the fault in samples."""
-
-    words: str
-    remedy: str
-    change: Change
+def of_table(words: str, remedy: str, change: Change) -> Alternative:
+    return Alternative(words, "table", words, remedy, change=change)
 
 
-def hypotheses(sensor: Sensor) -> Iterator[Hypothesis]:
+def table_faults(sensor: Sensor) -> Iterator[Alternative]:
     yield from swapped_signs()
     yield from exchanged_readings()
     yield from angle_orders()
@@ -98,26 +89,26 @@ def exchange(a: int, b: int, count: int) -> ColumnChange:
     return permute(order)
 
 
-def swapped_signs() -> Iterator[Hypothesis]:
+def swapped_signs() -> Iterator[Alternative]:
     """Hypotheses that a sign is swapped: of a reading on one detector or on all, or of an axis of
     the reference."""
     for n, kind in enumerate(("psi", "zeta")):
         for k in (0, 1, 2, slice(None)):
             of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
-            yield Hypothesis(
+            yield of_table(
                 f"the sign of {kind} of {of} is swapped",
                 "swap it back",
                 change_readings(scale(np.arange(n, 9, 3)[k], -1)),
             )
     for n, name in enumerate(POSE):
-        yield Hypothesis(
+        yield of_table(
             f"the sign of the reference's {name} is swapped",
             "swap it back",
             change_pose(scale(n, -1)),
         )
 
 
-def exchanged_readings() -> Iterator[Hypothesis]:
+def exchanged_readings() -> Iterator[Alternative]:
     """Hypotheses that detectors are exchanged, or two of the nine readings."""
     for order in permutations(range(3)):
         if order == (0, 1, 2):
@@ -125,14 +116,14 @@ def exchanged_readings() -> Iterator[Hypothesis]:
         letters = "".join("ABC"[k] for k in order)
         moved = [k for k in range(3) if order[k] != k]
         of = " and ".join("ABC"[k] for k in moved) if len(moved) == 2 else "A, B and C"
-        yield Hypothesis(
+        yield of_table(
             f"detectors {of} are exchanged",
             f"name the columns of the readings in the order {letters}",
             change_readings(permute([3 * k + n for k in order for n in range(3)])),
         )
     for a, b in combinations(range(9), 2):
         if (a % 3 == 2) == (b % 3 == 2):  # a place and a power are never taken for each other
-            yield Hypothesis(
+            yield of_table(
                 f"{name_pair(a, b)} are exchanged",
                 "exchange them",
                 change_readings(exchange(a, b, 9)),
@@ -162,7 +153,7 @@ def rotations(pose: Floats, order: str) -> Floats:
     return whole
 
 
-def angle_orders() -> Iterator[Hypothesis]:
+def angle_orders() -> Iterator[Alternative]:
     """Hypotheses that the reference's angles are taken in another order, or that it gives the
     inverse rotation."""
 
@@ -172,29 +163,29 @@ def angle_orders() -> Iterator[Hypothesis]:
     for order in ("".join(axes) for axes in permutations("xyz")):
         if order != "xyz":
             axes = ", then ".join(order)
-            yield Hypothesis(
+            yield of_table(
                 f"the reference's angles are taken in another order (about the fixed axes {axes}; "
                 "here x, then y, then z)",
                 "convert them",
                 replace_angles(partial(rotations, order=order)),
             )
-    yield Hypothesis(
+    yield of_table(
         "the reference gives the inverse rotation",
         "invert it",
         replace_angles(lambda pose: np.swapaxes(rotation_matrix(pose[:, 3:]), 1, 2)),
     )
 
 
-def reference_axes() -> Iterator[Hypothesis]:
+def reference_axes() -> Iterator[Alternative]:
     """Hypotheses that axes of the reference are exchanged, or turned by quarters of a turn."""
     for a, b in ((0, 1), (3, 4)):
-        yield Hypothesis(
+        yield of_table(
             f"the reference's {POSE[a]} and {POSE[b]} are exchanged",
             "exchange them",
             change_pose(exchange(a, b, 6)),
         )
     for quarters in (1, 2, 3):
-        yield Hypothesis(
+        yield of_table(
             f"the reference's x and y axes are turned by {90 * quarters} degrees about z",
             "turn them back",
             change_pose(partial(turn_axes, quarters=quarters)),
@@ -210,7 +201,7 @@ def turn_axes(pose: Floats, quarters: int) -> Floats:
     return turned
 
 
-def wrong_units() -> Iterator[Hypothesis]:
+def wrong_units() -> Iterator[Alternative]:
     """Hypotheses that lengths, angles or powers are given in another unit."""
     degree = np.pi / 180 * 1000
     lengths, angles, powers, places = slice(3), slice(3, 6), slice(2, 9, 3), [0, 1, 3, 4, 6, 7]
@@ -221,21 +212,21 @@ def wrong_units() -> Iterator[Hypothesis]:
         ("arc seconds where mrad is asked for", degree / 3600),
     ):
         change = change_pose(scale(angles, factor))
-        yield Hypothesis(f"the reference's angles are in {words}", "convert them", change)
+        yield of_table(f"the reference's angles are in {words}", "convert them", change)
     for words, factor in (
         ("um where mm is asked for", 1e-3),
         ("m where mm is asked for", 1e3),
     ):
         change = change_pose(scale(lengths, factor))
-        yield Hypothesis(f"the reference's lengths are in {words}", "convert them", change)
+        yield of_table(f"the reference's lengths are in {words}", "convert them", change)
         change = change_readings(scale(places, factor))
-        yield Hypothesis(f"the spots' places are in {words}", "convert them", change)
+        yield of_table(f"the spots' places are in {words}", "convert them", change)
     for words, factor in (("uW", 1e-3), ("W", 1e3)):
         change = change_readings(scale(powers, factor))
-        yield Hypothesis(f"the powers are in {words} where mW is asked for", "convert them", change)
+        yield of_table(f"the powers are in {words} where mW is asked for", "convert them", change)
 
 
-def detector_kinds(sensor: Sensor) -> Iterator[Hypothesis]:
+def detector_kinds(sensor: Sensor) -> Iterator[Alternative]:
     """Hypotheses that currents were converted for another kind of detector: straightened or not."""
     for words, convert, kind in (
         ("a tetra-lateral's and were not straightened", tetra_lateral_places, "tetra-lateral"),
@@ -245,7 +236,7 @@ def detector_kinds(sensor: Sensor) -> Iterator[Hypothesis]:
             "duo-lateral or pincushion",
         ),
     ):
-        yield Hypothesis(
+        yield of_table(
             f"the places on the detectors are {words}",
             f"set sensor.electronics.kind to {kind} and convert the recorded currents again",
             change_readings(partial(convert_places, sensor, convert)),
@@ -265,21 +256,6 @@ def convert_places(
         if not (np.abs(places) >= 1).any():
             converted[:, columns] = convert(places, psd.size_z / psd.size_y) * half
     return converted
-
-
-def jumps(sensor: Sensor, data: Data, result: Fit) -> Iterator[Hypothesis]:
-    """Hypotheses that something jumped at a time that nobody knows, by the residuals of a fit."""
-    try:
-        steps = find_steps(Remainder(sensor, data, result, ROBUST_SIGMAS))
-    except (InputError, np.linalg.LinAlgError):
-        return
-    for step in steps[:STEPS_TRIED]:
-        row = int(row_numbers(data)[int(step.at)])
-        yield Hypothesis(
-            f"{step.cause} jumped at row {row}, by {step_size(step)}",
-            "fasten it, or take the rows behind it alone",
-            partial(undo_step, step=step, first=row),
-        )
 
 
 # ---- trying them
@@ -328,10 +304,10 @@ class Explanation(NamedTuple):
     and with the faults undone.  others: faults that explain the data as well.
     """
 
-    faults: tuple[Hypothesis, ...]
+    faults: tuple[Alternative, ...]
     before: float
     after: float
-    others: tuple[tuple[Hypothesis, ...], ...]
+    others: tuple[tuple[Alternative, ...], ...]
 
     @property
     def finding(self) -> Finding:
@@ -345,21 +321,27 @@ class Explanation(NamedTuple):
         return Finding(True, (
             f"Probably {'two faults at once: ' if two else ''}{what}: with that undone, the "
             f"residuals fall from {self.before:.3g} to {self.after:.3g} times the noise. "
-            f"{remedies[:1].upper()}{remedies[1:]}, and calibrate again.{rest}"
-        ))  # fmt: skip
+            f"{capitalise(remedies)}, and calibrate again.{rest}"
+        ), tuple(fault.key for fault in self.faults))  # fmt: skip
+
+    def undo(self, data: Data) -> Data:
+        """The samples without the faults."""
+        return undo(data, self.faults)
 
 
-def find_fault(sensor: Sensor, data: Data, chosen: Choice, result: Fit) -> Explanation | None:
+def find_fault(
+    sensor: Sensor, data: Data, chosen: Choice, causes: list[Alternative]
+) -> Explanation | None:
     """The fault that explains a bad fit best, or the two; None where none does.
 
     Single faults are tried first; two at once only where no single one leaves residuals as small as
-    real light and scatter do.
+    real light and scatter do.  causes: further alternatives that change the samples.
     """
     trials = Trials(
         sensor, chosen, subsample(sensor, data, SAMPLES[0]), subsample(sensor, data, SAMPLES[1])
     )
     before = trials.last_trial(())
-    every = [*hypotheses(sensor), *jumps(sensor, data, result)]
+    every = [*table_faults(sensor), *causes]
     single = trials.rank([(hypothesis,) for hypothesis in every])
     explains = single.explains(before)
     small = before <= GOOD_SIGMAS**2 or (explains and single.levels[0] <= GOOD_SIGMAS**2)
@@ -371,8 +353,8 @@ def find_fault(sensor: Sensor, data: Data, chosen: Choice, result: Fit) -> Expla
 
 
 def pairs_of(
-    partners: list[tuple[Hypothesis, ...]], every: list[Hypothesis]
-) -> list[tuple[Hypothesis, ...]]:
+    partners: list[tuple[Alternative, ...]], every: list[Alternative]
+) -> list[tuple[Alternative, ...]]:
     """Each of the partners with every other hypothesis, each pair once."""
     words = {hypothesis.words for (hypothesis,) in partners}
     return [
@@ -392,15 +374,15 @@ class Trials(NamedTuple):
     small: Data
     large: Data
 
-    def first_trial(self, faults: tuple[Hypothesis, ...]) -> float:
+    def first_trial(self, faults: tuple[Alternative, ...]) -> float:
         """Chi-square for each reading after a few steps with a few samples."""
         return short_fit(self.sensor, undo(self.small, faults), self.chosen, STEPS[0])
 
-    def last_trial(self, faults: tuple[Hypothesis, ...]) -> float:
+    def last_trial(self, faults: tuple[Alternative, ...]) -> float:
         """Chi-square for each reading after more steps with more samples."""
         return short_fit(self.sensor, undo(self.large, faults), self.chosen, STEPS[1])
 
-    def rank(self, several: list[tuple[Hypothesis, ...]]) -> Ranking:
+    def rank(self, several: list[tuple[Alternative, ...]]) -> Ranking:
         """Give each of several faults a first trial, and the best of them a last one."""
         first = sorted((self.first_trial(faults), n) for n, faults in enumerate(several))
         last = sorted((self.last_trial(several[n]), n) for _, n in first[:LAST_TRIALS])
@@ -411,8 +393,9 @@ class Trials(NamedTuple):
         )
 
 
-def undo(data: Data, faults: tuple[Hypothesis, ...]) -> Data:
+def undo(data: Data, faults: tuple[Alternative, ...]) -> Data:
     for fault in faults:
+        assert fault.change is not None
         data = fault.change(data)
     return data
 
@@ -425,8 +408,8 @@ class Ranking(NamedTuple):
     """
 
     levels: list[float]
-    faults: list[tuple[Hypothesis, ...]]
-    partners: list[tuple[Hypothesis, ...]]
+    faults: list[tuple[Alternative, ...]]
+    partners: list[tuple[Alternative, ...]]
 
     def explains(self, before: float) -> bool:
         best, runner_up = self.levels[0], self.levels[1]

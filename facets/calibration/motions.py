@@ -1,18 +1,24 @@
-"""Which of a sensor's parameters a motion determines, in words, and which motions determine most.
+"""Which of a sensor's parameters a motion determines, in words, and which motions determine most,
+in an order that is short to travel.
 
 Everything is in units of the prior uncertainties: a direction in which the data add less
-information than the prior is reported.
+information than the prior is reported. The way through poses is open: it begins at a given pose and
+ends anywhere. Reversals of a part (2-opt; Croes, 1958) and moves of up to three poses to another
+place (Or, 1976) are taken until none shortens it.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import DETECTORS
+from ..config import Config
+from ..core.names import DETECTORS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
+from ..core.small_matrices import one_thread
 from ..core.units import Floats
 from ..model.arrays import readings
 from .bundle_adjustment import (
@@ -24,7 +30,7 @@ from .bundle_adjustment import (
     own_sigma,
 )
 from .fit import solve_open_axes
-from .small_matrices import one_thread
+from .table import choice
 from .unknowns import ALL, PLACE, Choice, values_of
 
 #: How much of a pattern is not told, at least, for it to be named; and how large a part of another
@@ -219,3 +225,124 @@ def pose_information(sensor: Sensor, choice: Choice, sigma: Floats, candidates: 
     root = np.linalg.cholesky(inner)
     told: Floats = np.linalg.solve(root, model.common * choice.sigma)
     return told
+
+
+#: A change that shortens the way by less than this share of it is none.
+LEAST_SAVING = 1e-9
+#: Poses that are moved together, at most.
+MOST_MOVED = 3
+
+
+def travel(points: Floats) -> float:
+    """The length of the way through points (n, d) in their order, each step as long as its largest
+    component: all axes move at once."""
+    return float(np.abs(np.diff(points, axis=0)).max(axis=1).sum()) if len(points) > 1 else 0.0
+
+
+def short_order(points: Floats, start: Floats) -> NDArray[np.int64]:
+    """A short order of points (n, d) from `start` (d,), in units in which the axes are comparable;
+    see `travel`."""
+    if not len(points):
+        return np.zeros(0, np.int64)
+    whole = np.concatenate([start[None], points])
+    apart: Floats = np.abs(whole[:, None] - whole[None]).max(axis=-1)
+    order = nearest_neighbours(apart)
+    least = LEAST_SAVING * max(float(apart.max()), 1e-300)
+    while True:
+        shorter = reverse_part(apart, order, least)
+        if shorter is None:
+            shorter = move_part(apart, order, least)
+        if shorter is None:
+            return order[1:] - 1
+        order = shorter
+
+
+def nearest_neighbours(apart: Floats) -> NDArray[np.int64]:
+    """Go from the first point always to the nearest unvisited one."""
+    count = len(apart)
+    order = np.zeros(count, np.int64)
+    open_ = np.ones(count, bool)
+    for n in range(1, count):
+        open_[order[n - 1]] = False
+        order[n] = int(np.argmin(np.where(open_, apart[order[n - 1]], np.inf)))
+    return order
+
+
+def reverse_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
+    """Reverse the part of the order that shortens it most; None if none does."""
+    steps = apart[np.ix_(order, order)]
+    count = len(order)
+    step = steps[np.arange(count - 1), np.arange(1, count)]
+    after = np.append(step, 0.0)  # behind the last there is nothing
+    first = np.arange(1, count)[:, None]
+    last = np.arange(1, count)[None]
+    behind = np.minimum(last + 1, count - 1)
+    there = np.where(last + 1 < count, steps[first, behind], 0.0)
+    saved = step[first - 1] + after[last] - steps[first - 1, last] - there
+    saved = np.where(first < last, saved, -np.inf)
+    if count < 3 or saved.max() <= least:
+        return None
+    i, j = (int(n) + 1 for n in np.unravel_index(int(np.argmax(saved)), saved.shape))
+    return np.concatenate([order[:i], order[i : j + 1][::-1], order[j + 1 :]])
+
+
+def move_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
+    """Move the first few neighbours that are better elsewhere; None if there are none."""
+    count = len(order)
+    for size in range(1, min(MOST_MOVED, count - 2) + 1):
+        for i in range(1, count - size + 1):
+            part, rest = order[i : i + size], np.delete(order, slice(i, i + size))
+            before = order[i - 1]
+            saved = apart[before, part[0]]
+            if i + size < count:
+                behind = order[i + size]
+                saved += apart[part[-1], behind] - apart[before, behind]
+            ahead = np.append(apart[rest[:-1], rest[1:]], 0.0)
+            for turned in (part, part[::-1]):
+                follow = np.append(apart[turned[-1], rest[1:]], 0.0)
+                cost = apart[rest, turned[0]] + follow - ahead
+                place = int(np.argmin(cost))
+                if saved - cost[place] > least:
+                    return np.concatenate([rest[: place + 1], turned, rest[place + 1 :]])
+    return None
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Poses to calibrate with, in the order of a short path.
+
+    columns: of a table: the poses (mm, mrad), their rank by information, and the uncertainty that
+    is left after that many. reduction: standard uncertainties of the parameters after the
+    calibration over those before, geometric mean; random_reduction: the same with as many random
+    poses. saving: share of the path's length that the order saves. upward: (6,) the share of poses
+    that each axis approaches from below: where both directions are frequent, a calibration finds
+    the backlash of the reference.
+    """
+
+    columns: dict[str, Floats]
+    reduction: float
+    random_reduction: float
+    saving: float
+    upward: Floats
+
+
+def propose_poses(settings: Config, poses: Floats, count: int) -> Proposal:
+    """Choose those of poses (n, 6), mm and rad, whose readings together determine the parameters
+    best."""
+    sensor, calibrate = settings.sensor, settings.calibrate
+    unknowns = choice(sensor, calibrate)
+    sigma = np.array(calibrate.reference)
+    chosen, remaining = choose_poses(sensor, unknowns, sigma, poses, count)
+    rows = pose_information(sensor, unknowns, sigma, poses[:count]).reshape(-1, len(unknowns.names))
+    shares = poses[chosen] / np.maximum(np.abs(poses).max(axis=0), 1e-12)
+    rest = np.zeros((1, 6))
+    order = short_order(shares, rest[0])
+    columns = {
+        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(STATE_COLUMNS[:6])
+    }
+    columns["rank"], columns["mean_left"] = order + 1, remaining[order]
+    long, short = (travel(np.vstack([rest, places])) for places in (shares, shares[order]))
+    random_reduction = mean_reduction(np.eye(rows.shape[1]) + rows.T @ rows)
+    steps = np.diff(np.vstack([rest, shares[order]]), axis=0)
+    upward = (steps > 0).sum(axis=0) / np.maximum((steps != 0).sum(axis=0), 1)
+    return Proposal(columns, remaining[-1], random_reduction, 1 - short / long, upward)

@@ -1,0 +1,409 @@
+"""Rigs with faults of real benches, drawn at random, to try a calibration that never met them.
+
+    python -m facets.experiments.studies.unseen_rigs [--only dust] [--draw 0] [--list]
+
+A few rigs have no fault, some have one, most have two at once. Each gives the table that a person
+would record: readings beside a reference, in random poses or along a motion in time, with the light
+of a real bench, read by rays (`bench_rays`). The size of each fault is drawn from harmless to
+gross. A rig is calibrated from its table as `facets calibrate` does it, and tried on fresh motions
+in random poses of the same bench. There, faults of light, facets, detectors and electronics still
+act, in the state in which the calibration left them (a knocked detector stays where it is); faults
+of the reference, time, environment and table do not, and the temperature is the mean of the
+calibration's.
+
+A fault is harmless if it alone, without noise, changes the difference between the poses that
+follow from the readings and the reference's poses by less than the noise of one pose, r.m.s. in
+every axis. A rig is trusted and wrong if its calibration is trusted and its r.m.s. error in x or
+y is over twice the stated one, or in another axis over 1.25 times with under 88 % of the 95 %
+intervals holding.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import facets
+from facets.calibration.table import choice, gather_samples
+from facets.calibration.unknowns import fold_mount
+from facets.calibration.verdict import verdict
+from facets.core.calibrate import Calibrate
+from facets.core.errors import FacetsError
+from facets.core.names import READING_COLUMNS
+from facets.core.sensor import Sensor
+from facets.core.units import Floats
+from facets.detectors.correction import correct, invert_correction
+from facets.detectors.noise import add_noise
+
+from .bench_faults import (
+    BOX_REACH,
+    KINDS,
+    REFERENCE_COLUMNS,
+    UNITS,
+    Columns,
+    Fault,
+    Scene,
+    sample_states,
+    show_temperature,
+)
+from .bench_rays import spots
+from .rigs import CLEARANCE_MM, REFERENCE, BenchRig, Rig, Rng, draw_bench_rig, poses_on_bench, rms
+
+#: Rows of a table in random poses and along a motion, and of the motion to test with.
+RANDOM_ROWS, TIMED_ROWS, TEST_ROWS = 500, 600, 800
+#: Time between rows, s: in random poses the stage settles first.
+RANDOM_PERIOD_S, TIMED_PERIOD_S = 4.0, 1.0
+#: Number of rigs with one fault; all other kinds of fault come in pairs.
+SINGLE = 22
+#: Groups of faults that go on acting when the calibrated sensor is used.
+LASTING = ("light", "facets", "detectors", "electronics")
+#: Stages of a simulated measurement at which faults act, in order.
+STAGES = ("scene", "bench", "mirror", "beam", "shine", "raw", "said", "columns")
+#: Share of the rigs without faults of time that are moved along a motion in time all the same.
+TIMED_SHARE = 0.3
+
+Kind = Callable[[Rng], Fault]
+Faults = list[tuple[int, Fault]]
+
+
+class Truth(NamedTuple):
+    group: str
+    words: str
+    harmless: bool
+
+
+class UnseenRig(NamedTuple):
+    """columns: the table to calibrate with.  readings (n, 9) and states (n, 8): a motion to test
+    with.  truth: what is wrong with the rig, nothing for a clean one."""
+
+    name: str
+    seed: int
+    columns: Columns
+    readings: Floats
+    states: Floats
+    truth: tuple[Truth, ...]
+
+
+# ---- which rigs
+
+
+def move_in_time(rng: Rng) -> Fault:
+    return Fault("", "a motion in time, without faults", {}, True)
+
+
+def move_beside_thermometer(rng: Rng) -> Fault:
+    return Fault("", "the same with a thermometer", {"columns": show_temperature}, True)
+
+
+#: Rigs without faults.
+CLEAN: tuple[tuple[str, tuple[Kind, ...]], ...] = (
+    ("clean_1", ()),
+    ("clean_2", ()),
+    ("clean_timed", (move_in_time,)),
+    ("clean_warm", (move_beside_thermometer,)),
+)
+
+
+def pair_kinds(kinds: list[Kind]) -> Iterator[tuple[Kind, ...]]:
+    """Pairs of different groups, as far as there are some."""
+    group = {kind: kind(np.random.default_rng(0)).group for kind in kinds}
+    while kinds:
+        first = kinds.pop(0)
+        other = next((kind for kind in kinds if group[kind] != group[first]), None)
+        if other is not None:
+            kinds.remove(other)
+        yield (first,) if other is None else (first, other)
+
+
+def plan_rigs(draw: int) -> list[tuple[str, int, tuple[Kind, ...]]]:
+    """Names, seeds and kinds of fault of all rigs of a draw; each kind occurs once."""
+    order = np.random.default_rng([draw, 7]).permutation(len(KINDS))
+    kinds = [KINDS[i] for i in order]
+    groups: list[tuple[Kind, ...]] = [(kind,) for kind in kinds[:SINGLE]]
+    groups += pair_kinds(kinds[SINGLE:])
+    named = [*CLEAN, *(("+".join(kind.__name__ for kind in group), group) for group in groups)]
+    return [(name, 1000 * (draw + 1) + i, group) for i, (name, group) in enumerate(named)]
+
+
+# ---- motions
+
+
+def row_times(period: float, rows: int) -> Floats:
+    return period * np.arange(rows, dtype=np.float64)
+
+
+def draw_track(rig: Rig, rng: Rng) -> Callable[[Floats], Floats]:
+    """A smooth motion that keeps all spots on the detectors, the furthest reaching of 30."""
+    time = row_times(TIMED_PERIOD_S, TIMED_ROWS)
+    half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2 - CLEARANCE_MM
+    best, reach = None, 0.0
+    for _ in range(30):
+        periods, phases = rng.uniform(15, 90, (3, 6)), rng.uniform(0, 2 * np.pi, (3, 6))
+        parts = rng.uniform(0.3, 1, (3, 6))
+        curve = wave(periods, phases, parts / parts.sum(axis=0) * BOX_REACH)
+        for scale in (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5):
+            shrunk = shrink(curve, scale)
+            reading = facets.readings(rig.sensor, sample_states(rig, shrunk(time)))
+            place = reading.reshape(-1, 3, 3)[:, :, :2]
+            if scale > reach and (np.abs(place) < half).all():
+                best, reach = shrunk, scale
+    assert best is not None, "no motion keeps its spots on the detectors"
+    return best
+
+
+def wave(periods: Floats, phases: Floats, sizes: Floats) -> Callable[[Floats], Floats]:
+    """A sum of sines in each axis, each (m, 6)."""
+
+    def curve(time: Floats) -> Floats:
+        turns = 2 * np.pi * time[:, None, None] / periods + phases
+        out: Floats = (sizes * np.sin(turns)).sum(axis=1)
+        return out
+
+    return curve
+
+
+def shrink(curve: Callable[[Floats], Floats], scale: float) -> Callable[[Floats], Floats]:
+    """The same motion with less of z and of the angles, which move the spots."""
+    return lambda time: curve(time) * [1, 1, scale, scale, scale, scale]
+
+
+def room_temperature(time: Floats, rng: Rng) -> Floats:
+    """A room that warms or cools while its air conditioning switches; K from the mean."""
+    cycle = rng.uniform(0.1, 0.4) * np.sin(2 * np.pi * time / rng.uniform(150, 400))
+    air = rng.uniform(0.4, 1.2) * rng.choice([-1, 1]) * np.linspace(-0.5, 0.5, len(time)) + cycle
+    out: Floats = air - air.mean()
+    return out
+
+
+def draw_scene(real: BenchRig, in_time: bool, rng: Rng) -> Scene:
+    """The motion of a calibration."""
+    if not in_time:
+        pose = poses_on_bench(real.rig, RANDOM_ROWS, rng, BOX_REACH).pose
+        air = room_temperature(row_times(RANDOM_PERIOD_S, len(pose)), rng)
+        return Scene(real, pose, row_times(RANDOM_PERIOD_S, len(pose)), air, air)
+    track = draw_track(real.rig, rng)
+    moments = row_times(TIMED_PERIOD_S, TIMED_ROWS)
+    air = room_temperature(moments, rng)
+    return Scene(real, track(moments), moments, air, air, track=track)
+
+
+def draw_use(real: BenchRig, rng: Rng) -> Scene:
+    """A motion after the calibration."""
+    pose = poses_on_bench(real.rig, TEST_ROWS, rng).pose
+    still = np.zeros(TEST_ROWS)
+    return Scene(real, pose, row_times(RANDOM_PERIOD_S, TEST_ROWS), still, still, in_use=True)
+
+
+# ---- measurements
+
+
+class Measurement:
+    """Measures scenes with faults; the light of a scene that it has met is not computed twice."""
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self.light: dict[tuple[tuple[int, ...], bytes], Floats] = {}
+
+    def apply(self, stage: str, value: Any, faults: Faults, scene: Scene) -> Any:
+        """Change a value by all faults that act at a stage."""
+        for i, fault in faults:
+            if stage in fault.hooks:
+                rng = np.random.default_rng([self.seed, i, STAGES.index(stage), scene.in_use])
+                value = fault.hooks[stage](value, scene, rng)
+        return value
+
+    def read(self, scene: Scene, faults: Faults) -> tuple[Floats, Scene]:
+        """Readings (n, 9) of a scene, and the scene as it then was."""
+        sensor, rng = scene.real.rig.sensor, np.random.default_rng([self.seed, 90, scene.in_use])
+        if not scene.in_use:
+            scene = self.apply("scene", scene, faults, scene)
+        bench = self.apply("bench", scene.real.bench, faults, scene)
+        pose = self.apply("mirror", scene.pose, faults, scene)
+        beam = self.apply("beam", np.zeros((scene.rows, 2)), faults, scene)
+        states = sample_states(scene.real.rig, pose, beam)
+        scene = replace(scene, bench=bench, states=states)
+        key = tuple(i for i, fault in faults if "bench" in fault.hooks), states.tobytes()
+        if key not in self.light:
+            self.light[key] = spots(sensor, bench, states)
+        exact = self.apply("shine", self.light[key].copy(), faults, scene)
+        exact[:, 2::3] *= 1 + 0.01 * np.sin(np.linspace(0, 5, scene.rows))[:, None]
+        noisy = add_noise(sensor, exact, rng) if scene.has_noise else exact
+        return self.apply("raw", invert_correction(sensor, noisy), faults, scene), scene
+
+    def tabulate(self, scene: Scene, faults: Faults) -> Columns:
+        """The table of a calibration, with the column `row`: number of the row as measured."""
+        raw, scene = self.read(scene, faults)
+        rng = np.random.default_rng([self.seed, 91])
+        noise = scene.has_noise * REFERENCE * rng.standard_normal(scene.pose.shape)
+        said = self.apply("said", scene.pose + noise, faults, scene)
+        columns = dict(zip(READING_COLUMNS, raw.T, strict=True))
+        columns |= dict(zip(REFERENCE_COLUMNS, (said / UNITS).T, strict=True))
+        columns |= {"row": np.arange(scene.rows, dtype=float)}
+        if scene.track is not None:
+            columns |= {"time_s": scene.time}
+        table: Columns = self.apply("columns", columns, faults, scene)
+        return table
+
+
+def pose_difference(real: BenchRig, columns: Columns) -> tuple[Floats, Floats]:
+    """Poses (n, 6) of a table's readings, by the rig's sensor with ideal light, minus those of its
+    reference; and their standard uncertainties."""
+    raw = np.stack([columns[name] for name in READING_COLUMNS], axis=1)
+    said = np.stack([columns[name] for name in REFERENCE_COLUMNS], axis=1) * UNITS
+    solved = solve(real.rig.sensor, raw)
+    difference: Floats = (solved.state - sample_states(real.rig, said))[:, :6]
+    return difference, solved.uncertainty[:, :6]
+
+
+def solve(sensor: Sensor, raw: Floats) -> facets.Solution:
+    return facets.solve(sensor, correct(sensor, raw), beam="known", power="unknown", threads=1)
+
+
+def is_harmless(meter: Measurement, scene: Scene, index: int, fault: Fault) -> bool:
+    """Whether a fault alone changes poses by less than their noise, r.m.s. in every axis."""
+    exact = replace(scene, has_noise=False)
+    before, noise = pose_difference(scene.real, meter.tabulate(exact, []))
+    columns = meter.tabulate(exact, [(index, fault)])
+    after, _ = pose_difference(scene.real, columns)
+    change = after - before[columns["row"].astype(int)]
+    missing = np.isnan(change) & ~np.isnan(before[columns["row"].astype(int)])
+    return bool((rms(change) < np.nanmedian(noise, axis=0)).all() and not missing.any())
+
+
+# ---- rigs
+
+
+def build_rig(name: str, seed: int, kinds: tuple[Kind, ...], nominal: Sensor) -> UnseenRig:
+    rng = np.random.default_rng(seed)
+    real = draw_bench_rig(nominal, rng)
+    faults = [(i, kind(np.random.default_rng([seed, i]))) for i, kind in enumerate(kinds)]
+    is_clean = all(fault.group == "" for _, fault in faults)
+    in_time = any(fault.in_time for _, fault in faults)
+    in_time |= not is_clean and rng.random() < TIMED_SHARE
+    scene, meter = draw_scene(real, in_time, rng), Measurement(seed)
+    columns = meter.tabulate(scene, faults)
+    del columns["row"]
+    lasting = [(i, fault) for i, fault in faults if fault.group in LASTING]
+    readings, _ = meter.read(use := draw_use(real, rng), lasting)
+    folded = real.rig._replace(values=fold_mount(real.rig.values))
+    truth = tuple(
+        Truth(fault.group, fault.words, is_harmless(meter, scene, i, fault))
+        for i, fault in faults
+        if fault.group
+    )
+    return UnseenRig(name, seed, columns, readings, sample_states(folded, use.pose), truth)
+
+
+def rigs(only: str = "", draw: int = 0, config: str = "paper") -> Iterator[UnseenRig]:
+    """The rigs whose names contain `only`, one after the other as they are built."""
+    nominal = facets.load(config).sensor
+    for name, seed, kinds in plan_rigs(draw):
+        if only in name:
+            yield build_rig(name, seed, kinds, nominal)
+
+
+# ---- trials of a calibration
+
+
+class Trial(NamedTuple):
+    """is_trusted: the verdict.  findings: its words.  over: errors on the other motion over those
+    of a perfectly known rig (6,).  held: the share of 95 % intervals that held.  beyond: r.m.s.
+    errors over stated standard uncertainties.  seconds: of processor time."""
+
+    is_trusted: bool
+    findings: list[str]
+    over: Floats
+    held: Floats
+    beyond: Floats
+    seconds: float
+
+    @property
+    def is_wrong(self) -> bool:
+        across = (self.beyond[:2] > 2).any()
+        others = (self.beyond[2:] > 1.25) & (self.held[2:] < 0.88)
+        return bool(self.is_trusted and (across or others.any()))
+
+
+def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> Trial:
+    """Calibrate a rig from its table as the command does, and solve the other motion with it."""
+    start, nothing = time.process_time(), np.full(6, np.nan)
+    try:
+        data = gather_samples(Path(f"{rig.name}.csv"), rig.columns, settings)
+        result = verdict(sensor, data, choice(sensor, settings), settings)
+    except FacetsError as refusal:
+        seconds = time.process_time() - start
+        return Trial(False, [f"! {refusal}"], nothing, nothing, nothing, seconds)
+    seconds = time.process_time() - start
+    findings = [f"{'!' if finding.bad else '-'} {finding.words}" for finding in result.findings]
+    if result.sensor is None:
+        return Trial(False, findings, nothing, nothing, nothing, seconds)
+    solved = solve(result.sensor, rig.readings)
+    rng = np.random.default_rng([rig.seed, 92])
+    ideal = add_noise(result.sensor, facets.readings(result.sensor, rig.states), rng)
+    perfect = facets.solve(result.sensor, ideal, beam="known", power="unknown", threads=1)
+    error = (solved.state - rig.states)[:, :6]
+    with np.errstate(invalid="ignore"):
+        inside = np.abs(error) < 1.96 * solved.uncertainty[:, :6]
+    held = inside.sum(axis=0) / np.isfinite(error).sum(axis=0)
+    over = rms(error) / rms((perfect.state - rig.states)[:, :6])
+    beyond = rms(error) / rms(solved.uncertainty[:, :6])
+    return Trial(bool(result.is_trusted), findings, over, held, beyond, seconds)
+
+
+def print_trial(rig: UnseenRig, trial: Trial) -> None:
+    word = "trusted" if trial.is_trusted else "refused"
+    if trial.is_wrong:
+        word = "TRUSTED AND WRONG"
+    rows = (trial.over, trial.held, trial.beyond)
+    over, held, beyond = (" ".join(f"{x:6.2f}" for x in row) for row in rows)
+    print(f"{rig.seed} {rig.name}: {word}, {trial.seconds:.1f} s  over {over}  held {held}  "
+          f"beyond {beyond}")  # fmt: skip
+    print_truth(rig)
+    for finding in trial.findings:
+        print(f"    {finding}", flush=True)
+
+
+def print_truth(rig: UnseenRig) -> None:
+    for truth in rig.truth:
+        harm = "harmless" if truth.harmless else "harmful"
+        print(f"    = {truth.group}, {harm}: {truth.words}", flush=True)
+
+
+def count_trials(pairs: list[tuple[UnseenRig, Trial]]) -> None:
+    """Print how many rigs were trusted, by whether they deserve it."""
+    clean = [trial for rig, trial in pairs if all(truth.harmless for truth in rig.truth)]
+    faulty = [trial for rig, trial in pairs if not all(truth.harmless for truth in rig.truth)]
+    for label, trials in (("clean or harmless", clean), ("with harmful faults", faulty)):
+        trusted = sum(trial.is_trusted for trial in trials)
+        wrong = sum(trial.is_wrong for trial in trials)
+        print(f"{len(trials)} rigs {label}: {trusted} trusted, {wrong} of them wrong")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default="", help="part of the names of the rigs to try")
+    parser.add_argument("--draw", type=int, default=0, help="number of the draw of all rigs")
+    parser.add_argument("--config", default="paper", help="whose sensor and calibration")
+    parser.add_argument("--list", action="store_true", help="print the truth, calibrate nothing")
+    options = parser.parse_args()
+    settings, pairs = facets.load(options.config), []
+    for rig in rigs(options.only, options.draw, options.config):
+        if options.list:
+            print(f"{rig.seed} {rig.name}, {len(next(iter(rig.columns.values())))} rows")
+            print_truth(rig)
+            continue
+        trial = try_rig(rig, settings.sensor, settings.calibrate)
+        print_trial(rig, trial)
+        pairs.append((rig, trial))
+    if pairs:
+        count_trials(pairs)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,137 @@
+"""What an alternative is: one of the things that could explain the residuals of a fit, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..core.units import Floats
+
+if TYPE_CHECKING:
+    from .bundle_adjustment import Data
+
+#: Of fewer columns than this nothing is left beside the unknowns and what was known before.
+MIN_COUNT = 0.1
+#: The groups of alternatives, in words.
+GROUPS = {
+    "light": "the light",
+    "facets": "the mirror's facets",
+    "detectors": "the detectors",
+    "electronics": "the electronics",
+    "reference": "the reference",
+    "time": "the clocks",
+    "environment": "the surroundings",
+    "table": "the table",
+}
+#: How something moved during a calibration, as a verb: what does so acts on no later pose.
+COURSES = ("jumped", "drifted", "oscillated")
+
+
+class Finding(NamedTuple):
+    """A finding.  bad: whether it forbids to use the calibration.  words: a whole sentence.
+    causes: the keys of the alternatives that it names, more than one where the samples cannot tell
+    which."""
+
+    bad: bool
+    words: str
+    causes: tuple[str, ...] = ()
+
+
+class Trace(NamedTuple):
+    """The part of the residuals that an alternative would explain.
+
+    key: of the alternative.  fall: of chi-square, by `free` columns beside those of the unknowns,
+    the largest of a number of trials.  columns: (n, 9, q) in standard deviations of the readings.
+    amounts: (q,) of the columns, in the units of the alternative.  at: the place of the best trial:
+    the rows behind which it began and ended, a period in rows or mm, a place in mm; empty without
+    trials.
+    """
+
+    key: str
+    fall: float
+    free: float
+    columns: Floats
+    amounts: Floats
+    trials: float = 1.0
+    at: tuple[float, ...] = ()
+
+    @property
+    def score(self) -> float:
+        """Minus the logarithm of the chance of such a fall where the alternative is absent."""
+        return -log_chance(self.fall, self.free) - float(np.log(self.trials))
+
+    @property
+    def effect(self) -> Floats:
+        """What it does to the readings (n, 9), in their standard deviations."""
+        whole: Floats = self.columns @ self.amounts
+        return whole
+
+
+def log_chance(fall: float, count: float) -> float:
+    """Logarithm of the chance that chi-square of a number of columns is larger than a fall."""
+    from scipy.special import chdtrc, gammaln
+
+    if count < MIN_COUNT:  # the unknowns explain all columns
+        return 0.0
+    chance = float(chdtrc(count, max(fall, 0.0)))
+    if chance > 1e-290:
+        return float(np.log(chance))
+    half = fall / 2
+    return float(-half + (count / 2 - 1) * np.log(half) - gammaln(count / 2))
+
+
+def no_size(trace: Trace, remainder: Any) -> str:
+    return ""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One of the things that could explain the residuals.
+
+    key: its name.  group: out of `GROUPS`.  words: what is wrong, a clause.  remedy: what to do, an
+    imperative.  apart: the measurement that tells it from others, an imperative.
+
+    It acts in one of three ways: by columns, whose `test` of a `Remainder` gives the part of the
+    residuals that they explain, and `size` that in words; by a `change` of the samples, which
+    undoes it; or by a larger `variance` of what may scatter, by name.
+
+    refuses: whether a calibration with it is never to be trusted; others forbid the use only where
+    they move the poses by more than is stated.  general: whether it stands for its whole group, so
+    that its members are named before it.
+    """
+
+    key: str
+    group: str
+    words: str
+    remedy: str = ""
+    apart: str = ""
+    test: Callable[[Any], Trace] | None = None
+    size: Callable[[Trace, Any], str] = no_size
+    change: Callable[[Data], Data] | None = None
+    variance: tuple[str, ...] = ()
+    refuses: bool = False
+    general: bool = False
+
+    @property
+    def persists(self) -> bool:
+        """Whether it stays with the sensor, and so acts on every pose that is solved with it."""
+        of_sensor = self.group in ("light", "facets", "detectors", "electronics")
+        return of_sensor and not self.key.endswith(COURSES)
+
+
+def capitalise(words: str) -> str:
+    return words[:1].upper() + words[1:]
+
+
+def describe_undecided(alternatives: Iterable[Alternative], clauses: Iterable[str]) -> str:
+    """Sentences on several alternatives that the samples cannot tell apart: where they lie, which
+    they are, and what would tell."""
+    several = list(alternatives)
+    groups = list(dict.fromkeys(alternative.group for alternative in several))
+    where = f"It lies in {GROUPS[groups[0]]}, and these" if len(groups) == 1 else "These"
+    apart = list(dict.fromkeys(part.apart for part in several if part.apart))
+    tell = f" To tell them apart: {'; '.join(apart)}." if apart else ""
+    return f"{where} samples cannot tell which it is: {'; or '.join(clauses)}.{tell}"

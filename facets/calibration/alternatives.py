@@ -1,0 +1,296 @@
+"""The list of what else could explain a fit's residuals, each alternative declared as data.
+
+What an alternative does to the readings: `columns`. How it is judged: `remainder`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..core.names import ANGLES, DETECTORS, POSE
+from ..core.units import Floats
+from . import columns
+from .alternative import Alternative, Trace
+from .remainder import STEP_MARGIN, Remainder
+
+
+def plain(
+    key: str, make: Callable[[Remainder], Floats], sigma: float = np.inf
+) -> Callable[[Remainder], Trace]:
+    """The test of columns that act on all rows.  sigma: prior standard uncertainty of amounts."""
+    return lambda remainder: remainder.test(key, make(remainder), sigma)
+
+
+def of_course(
+    key: str,
+    make: Callable[[Remainder], Floats],
+    courses: Callable[[Remainder], Floats],
+    sigma: Floats | float = np.inf,
+) -> Callable[[Remainder], Trace]:
+    """The test of columns that act by the best of several courses."""
+    return lambda remainder: remainder.test_courses(key, make(remainder), courses(remainder), sigma)
+
+
+# ---- what moves, drifts or switches
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What may move during a calibration.
+
+    columns: what that does to the readings, and sigma: its prior standard uncertainty.  size:
+    amounts in words.  remedy, apart: see `Alternative`.  stays: whether the state at the end is
+    that in which the sensor is used; else the one with less light is.  harmless: whether it
+    forbids no use.
+    """
+
+    key: str
+    group: str
+    words: str
+    columns: Callable[[Remainder], Floats]
+    sigma: Floats | float
+    size: Callable[[Floats], str]
+    remedy: str
+    apart: str
+    stays: bool = True
+    harmless: bool = False
+
+
+def lengths(*axes: str) -> Callable[[Floats], str]:
+    def words(amounts: Floats) -> str:
+        parts = zip(amounts.tolist(), axes, strict=True)
+        return "by " + " and ".join(f"{1e3 * size:.3g} um along {axis}" for size, axis in parts)
+
+    return words
+
+
+def pose_size(amounts: Floats) -> str:
+    sizes = [
+        f"{factor * size:.3g} {unit} in {name}"
+        for name, size in zip(POSE, amounts.tolist(), strict=True)
+        for factor, unit in [(1e6, "urad") if name in ANGLES else (1e3, "um")]
+    ]
+    return f"by {', '.join(sizes)}"
+
+
+def share_size(amounts: Floats) -> str:
+    return f"by {100 * amounts[0]:.3g} %"
+
+
+def lamp_size(amounts: Floats) -> str:
+    sizes = ", ".join(f"{1e3 * size:.2g}" for size in amounts[::3])
+    return f"by {sizes} uW on A, B and C"
+
+
+THINGS = (
+    *(
+        Thing(f"detector_{k}", "detectors", f"detector {k.upper()}",
+              partial(columns.detector_columns, k=n), 0.3, lengths("psi", "zeta"),
+              "fasten it", "press lightly on its post, and look at its readings")
+        for n, k in enumerate(DETECTORS)
+    ),
+    *(
+        Thing(f"gain_{k}", "electronics", f"the gain of detector {k.upper()}",
+              partial(columns.gain_columns, k=n), 0.03, share_size,
+              "look at its amplifier and its plugs",
+              "let the mirror rest and look at that power over the other two")
+        for n, k in enumerate(DETECTORS)
+    ),
+    Thing("seat", "reference", "the mirror on the reference", lambda remainder: remainder.by_pose,
+          np.array([0.01] * 3 + [5e-5] * 3), pose_size,
+          "fasten the mirror, and look for cables that pull",
+          "come back to one pose again and again"),
+    Thing("beam", "light", "the beam", lambda remainder: remainder.by_beam, 0.01, lengths("x", "y"),
+          "fasten the laser, and shield the beam from moving air",
+          "let the mirror rest and look at all three spots"),
+    Thing("laser", "light", "the laser's power", columns.laser_columns, 0.05, share_size,
+          "let the laser warm up, and look at its current", "let the mirror rest and look at the "
+          "sum of the powers", harmless=True),
+    Thing("lamp", "environment", "light of a lamp on the detectors", columns.lamp_columns,
+          np.array([3e-3, 9e-3, 9e-3] * 3), lamp_size, "switch lamps off, or shield the detectors",
+          "block the beam, and look at the powers that are left", stays=False),
+)  # fmt: skip
+
+
+def moving(thing: Thing) -> list[Alternative]:
+    """The alternatives of a thing that jumps, switches, drifts or oscillates."""
+
+    def rows(trace: Trace, remainder: Remainder) -> list[str]:
+        numbers = remainder.row_numbers
+        return [f"{numbers[int(n) - 1]} and {numbers[int(n)]}" for n in trace.at]
+
+    def jump(remainder: Remainder) -> Trace:
+        made, key = thing.columns(remainder), f"{thing.key}.jumped"
+        step = remainder.test_courses(key, made, columns.steps(remainder), thing.sigma)
+        return step._replace(at=(step.at[0] + STEP_MARGIN,))
+
+    def switch(remainder: Remainder) -> Trace:
+        made = thing.columns(remainder)
+        trace, state = remainder.test_switching(made, jump(remainder), thing.sigma)
+        usual = state[-1] if thing.stays else trace.amounts[0] < 0
+        return trace._replace(columns=made * (state.astype(float) - usual)[:, None, None])
+
+    def size_of_switch(trace: Trace, remainder: Remainder) -> str:
+        between = rows(trace, remainder)
+        listed = ", ".join(between[:MOST_ROWS_LISTED])
+        more = f" and {len(between) - MOST_ROWS_LISTED} times more"
+        rest = more if len(between) > MOST_ROWS_LISTED else ""
+        return f"between rows {listed}{rest}, {thing.size(trace.amounts)}"
+
+    def size_of_wave(trace: Trace, remainder: Remainder) -> str:
+        made = trace.amounts.reshape(-1, 2)
+        period = 1 / columns.frequencies(remainder)[int(trace.at[0])]
+        return f"{thing.size(np.hypot(*made.T))} at a period of {period:.4g} rows"
+
+    def alternative(course: str, **parts: Any) -> Alternative:
+        return Alternative(f"{thing.key}.{course}", thing.group, f"{thing.words} {course}",
+                           thing.remedy, thing.apart, **parts)  # fmt: skip
+
+    def course(name: str, courses: Callable[[Remainder], Floats]) -> Callable[[Remainder], Trace]:
+        return of_course(f"{thing.key}.{name}", thing.columns, courses, thing.sigma)
+
+    return [
+        alternative("jumped", test=switch, size=size_of_switch, refuses=not thing.harmless),
+        alternative("drifted", test=course("drifted", columns.slow_drift)),
+        alternative("oscillated", test=course("oscillated", columns.waves), size=size_of_wave),
+    ]
+
+
+#: How many rows a sentence lists.
+MOST_ROWS_LISTED = 12
+
+
+# ---- what stays as it is
+
+
+def facets_of(amounts: Floats) -> str:
+    """The facets that lose light at the tip, beside an area that all have in common."""
+    largest = max(float(amounts.max()), 0.0)
+    parts = [k.upper() for k, area in zip(DETECTORS, amounts, strict=True)
+             if area > 0.4 * largest > 0]  # fmt: skip
+    whole = "all facets" if len(parts) == 3 else " and ".join(f"facet {k}" for k in parts)
+    return f"on {whole or 'some facets'}"
+
+
+def of_reference(kind: str) -> Callable[[Remainder], Trace]:
+    def test(remainder: Remainder) -> Trace:
+        terms = columns.reference_terms(remainder)[kind]
+        return remainder.test(kind, columns.reference_columns(remainder, terms), 1.0)
+
+    return test
+
+
+def test_dust(remainder: Remainder) -> Trace:
+    landing, sigma = columns.Landing(remainder), columns.beam_sigma(remainder)
+    middle, trials, best = np.zeros(2), 0, None
+    for width, count in columns.DUST_WIDTHS:  # over the whole beam, then closer about the best
+        for place in middle + sigma * columns.square_grid(width, count):
+            column = columns.dust_column(remainder, landing, place)
+            trace = remainder.test("dust", column[:, :, None], 1.0)
+            trials += 1
+            if best is None or trace.fall > best.fall:
+                best = trace._replace(at=tuple(place.tolist()))
+        assert best is not None
+        middle = np.array(best.at)
+    assert best is not None
+    return best._replace(trials=trials)
+
+
+def test_aperture(remainder: Remainder) -> Trace:
+    if not any(name.startswith("profile") for name in remainder.fit.choice.names):
+        return remainder.test("aperture", np.zeros((*remainder.noise.shape, 1)))
+    traces = [remainder.test("aperture", part) for part in columns.aperture_columns(remainder)]
+    whole = [0.3 < trace.amounts[0] < 3 for trace in traces]  # 1 is what the radius cuts off
+    best = max(range(len(traces)), key=lambda n: traces[n].fall * whole[n])
+    traces[best] = traces[best]._replace(fall=traces[best].fall * whole[best])
+    radius = float(columns.APERTURE_SIGMAS[best]) * columns.beam_sigma(remainder)
+    return traces[best]._replace(trials=len(traces), at=(radius,))
+
+
+def test_fringes(remainder: Remainder) -> Trace:
+    made = columns.power_columns(remainder, (0, 1, 2))
+    trace = remainder.test_courses("fringes", made, columns.fringes(remainder))
+    periods = np.tile(columns.FRINGE_PERIODS_MM, columns.FRINGE_DIRECTIONS)
+    return trace._replace(at=(float(periods[int(trace.at[0])]),))
+
+
+#: Shares of the reading before that a detector keeps, and by which an amplifier's gain grows at a
+#: milliwatt of light, 1 sigma.
+MEMORY_SIGMA, BEND_SIGMA = 0.005, 0.1
+CAMERA = "look at the beam with a camera"
+MICROSCOPE = "look at the mirror with a microscope"
+TURN = "measure again with the mirror turned by 120 degrees on the reference (seat_deg)"
+OF_REFERENCE = "have the reference calibrated, or measure with the mirror at its pivot"
+
+ALTERNATIVES: tuple[Alternative, ...] = (
+    # the light
+    Alternative("shape", "light", "the light's cross-section is not that of the model",
+                "clean the beam with a pinhole or a fibre, and tilt windows that reflect", CAMERA,
+                plain("shape", columns.shape_columns), general=True),
+    Alternative("ghost", "light", "there is a second reflex beside the beam, or the beam is not "
+                "symmetric", "tilt windows that reflect, and clean the beam with a pinhole", CAMERA,
+                plain("ghost", partial(columns.effect_columns, series="asymmetry"))),
+    Alternative("modes", "light", "the beam has other modes beside the Gaussian one",
+                "clean the beam with a pinhole or a fibre", CAMERA,
+                plain("modes", partial(columns.effect_columns, series="profile"))),
+    Alternative("aperture", "light", "an aperture cuts the beam", "open or centre it", CAMERA,
+                test_aperture,
+                lambda trace, remainder: f"at a radius of {trace.at[0]:.2g} mm"),
+    Alternative("fringes", "light", "there are fringes across the beam, or dust of such a size",
+                "tilt windows that reflect, and clean the optics", CAMERA, test_fringes,
+                lambda trace, remainder: f"{trace.at[0]:.2g} mm apart"),
+    *(
+        Alternative(f"window_{k}", "detectors",
+                    f"there are fringes of the window of detector {k.upper()}",
+                    "tilt the window, or take it off", "turn that detector a little",
+                    of_course(f"window_{k}", partial(columns.power_columns, detectors=(n,)),
+                              partial(columns.window_fringes, k=n)))
+        for n, k in enumerate(DETECTORS)
+    ),
+    # the facets
+    Alternative("chip", "facets", "the mirror's tip is chipped", "take another mirror, or keep the "
+                "beam off the tip", MICROSCOPE, plain("chip", columns.chip_columns),
+                lambda trace, remainder: facets_of(trace.amounts)),
+    Alternative("dust", "facets", "there is dust on a facet", "clean the mirror", MICROSCOPE,
+                test_dust, lambda trace, remainder: (
+                    f"at {trace.at[0]:.2g} mm along x and {trace.at[1]:.2g} mm along y from the "
+                    "tip")),
+    # the reference
+    *(
+        Alternative(key, "reference", words, OF_REFERENCE, TURN, of_reference(key),
+                    general=key == "reference")
+        for key, words in (
+            ("reference", "the reference's axes err in a way that its own coordinates give"),
+            ("scale", "an axis of the reference has a wrong scale"),
+            ("abbe", "an Abbe offset of the reference (lengths that it measures beside the mirror "
+             "err by its angles)"),
+            ("squareness", "the reference's axes are not square to each other"),
+            ("bow", "the reference's guides are bowed"),
+            ("cosine", "a cosine error of the reference (its lengths err by squares of its "
+             "angles)"),
+        )
+    ),
+    # the clocks
+    Alternative("clock", "time", "the clocks of reference and readings run apart",
+                "take both from one clock", "compare both clocks over an hour",
+                plain("clock", columns.clock_columns),
+                lambda trace, remainder: f"by {1e3 * trace.amounts[0]:.2g} ms over half the run"),
+    # the electronics
+    Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
+                "reading before", "wait longer at each pose, or slow down",
+                "repeat a pose from the other side, and wait there",
+                plain("memory", columns.memory_columns, MEMORY_SIGMA),
+                lambda trace, remainder: (
+                    f"up to {100 * np.abs(trace.amounts).max():.2g} %")),
+    Alternative("amplifiers", "electronics", "the amplifiers bend (their gain changes with the "
+                "current)", "use a lower range of the amplifiers, or let calibrate.before.bend_um "
+                "vary", "halve the laser's power",
+                plain("amplifiers", columns.amplifier_columns, BEND_SIGMA)),
+    *(alternative for thing in THINGS for alternative in moving(thing)),
+)  # fmt: skip
+BY_KEY = {alternative.key: alternative for alternative in ALTERNATIVES}

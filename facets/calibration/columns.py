@@ -1,0 +1,368 @@
+"""What each alternative does to the readings, as columns beside those of a fit's unknowns.
+
+Columns (n, 9, q) are in standard deviations of the readings for each unit of an alternative: mm,
+rad, s, shares, and mW of light. A course says how the size of an alternative goes with the rows, or
+with the mirror's place: (m, n, w), m courses of w functions each, of which the best is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..core.sensor import BenchLight, Sensor
+from ..core.units import Floats
+from ..model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
+from .bundle_adjustment import evaluate_turned_mirror
+from .remainder import STEP_MARGIN, Remainder
+
+#: A slow drift is a polynomial of this degree over the run; what follows it better is no step.
+DRIFT_DEGREE = 5
+#: Powers of x and y up to which the powers may follow the mirror's place.
+DEGREE = 4
+#: Periods in mm, and directions, of fringes across the beam; longer ones are no fringes over a
+#: motion of half a millimetre.
+FRINGE_PERIODS_MM, FRINGE_DIRECTIONS = np.geomspace(0.12, 0.6, 14), 12
+#: Numbers of periods over the motion at which fringes of a detector's window are searched for.
+WINDOW_PERIODS = np.arange(2.0, 22.0, 0.5)
+#: Radii of an aperture that cuts the beam, in standard deviations of its irradiance.
+APERTURE_SIGMAS = np.linspace(2.0, 4.4, 9)
+#: Radius of a speck of dust in the beam's standard deviations; the places that are tried, and how
+#: far they reach, over the whole beam and then about the best.
+DUST_SIGMAS, DUST_WIDTHS = 0.3, ((2.4, 13), (0.3, 5), (0.1, 5))
+
+
+# ---- things that may move, drift or switch
+
+
+def detector_columns(remainder: Remainder, k: int) -> Floats:
+    """The columns of a detector's place, along psi and zeta."""
+    columns = np.zeros((*remainder.noise.shape, 2))
+    for m in (0, 1):
+        columns[:, 3 * k + m, m] = 1 / remainder.noise[:, 3 * k + m]
+    return columns
+
+
+def gain_columns(remainder: Remainder, k: int) -> Floats:
+    columns = np.zeros((*remainder.noise.shape, 1))
+    columns[:, 3 * k + 2, 0] = remainder.light[:, k]
+    return columns
+
+
+def laser_columns(remainder: Remainder) -> Floats:
+    """The column of the laser's power, by its share."""
+    columns = np.zeros((*remainder.noise.shape, 1))
+    columns[:, 2::3, 0] = remainder.light
+    return columns
+
+
+def lamp_columns(remainder: Remainder) -> Floats:
+    """The columns of other light on each detector: its power, and its power times its place."""
+    raw, noise, model = remainder.raw, remainder.noise, remainder.modelled
+    columns: Floats = np.zeros((*noise.shape, 9))
+    for k in range(3):
+        power, places = raw[:, 3 * k + 2], model[:, 3 * k : 3 * k + 2]
+        columns[:, 3 * k + 2, 3 * k] = 1 / noise[:, 3 * k + 2]
+        for m in (0, 1):
+            across = 1 / power / noise[:, 3 * k + m]
+            columns[:, 3 * k + m, 3 * k] = -places[:, m] * across
+            columns[:, 3 * k + m, 3 * k + 1 + m] = across
+    return columns
+
+
+# ---- courses
+
+
+def steps(remainder: Remainder) -> Floats:
+    """Courses that begin at one of the samples and stay."""
+    count = len(remainder.noise)
+    first = np.arange(STEP_MARGIN, count - STEP_MARGIN)
+    behind: Floats = (np.arange(count) >= first[:, None]).astype(float)
+    return behind[:, :, None]
+
+
+def slow_drift(remainder: Remainder) -> Floats:
+    """One course of polynomials over the samples, which are zero at the end."""
+    time = np.linspace(-1, 1, len(remainder.noise))
+    slow = np.polynomial.legendre.legvander(time, DRIFT_DEGREE)[None, :, 1:]
+    since: Floats = np.asarray(slow - slow[:, -1:], dtype=float)
+    return since
+
+
+def frequencies(remainder: Remainder) -> Floats:
+    """Frequencies per row that a run tells apart, faster than a slow drift."""
+    rows = float(np.ptp(remainder.row_numbers)) + 1
+    return np.arange(DRIFT_DEGREE + 1, rows) / (2 * rows)
+
+
+def waves(remainder: Remainder) -> Floats:
+    """Courses that go up and down at one frequency, also where the rows are too rare to follow."""
+    phase = 2 * np.pi * frequencies(remainder)[:, None] * remainder.row_numbers
+    return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
+
+
+# ---- light
+
+
+def shape_columns(remainder: Remainder) -> Floats:
+    """Columns in which each power is a smooth function of the mirror's x and y by itself.
+
+    What scatters follows nothing; light of another shape than the model's does, also where a beam
+    or a power of each sample's own takes up most of it.
+    """
+    place = remainder.data.pose[:, :2] + remainder.fit.own_values[:, :2]
+    place = place - np.median(place, axis=0)
+    x, y = (place / np.abs(place).max(axis=0).clip(1e-12)).T
+    rows = np.column_stack([x**a * y**b for a in range(DEGREE + 1) for b in range(DEGREE + 1 - a)
+                            if a + b > 1])  # fmt: skip
+    count = rows.shape[1]
+    columns = np.zeros((len(rows), 9, 3 * count))
+    for k in range(3):
+        columns[:, 3 * k + 2, k * count : (k + 1) * count] = rows * remainder.light[:, k : k + 1]
+    return columns
+
+
+def effect_columns(remainder: Remainder, series: str) -> Floats:
+    """The columns of the effects of light whose names begin with a series."""
+    names = [name for name in EFFECTS if name.startswith(series)]
+
+    def slopes(sensor: Sensor, state: Floats) -> Floats:
+        return effect_jacobian(sensor, state, names=names)
+
+    whole = evaluate_turned_mirror(remainder.sensor, remainder.data, remainder.state, slopes)
+    picked: Floats = whole[:, :, [EFFECTS.index(name) for name in names]]
+    return picked / remainder.noise[:, :, None]
+
+
+def chip_columns(remainder: Remainder) -> Floats:
+    """The columns of an area broken off the tip of each facet, by mm^2: each facet lights its own
+    detector."""
+    whole = effect_columns(remainder, "tip.area")[:, :, 0]
+    columns = np.zeros((*whole.shape, 3))
+    for k in range(3):
+        columns[:, 3 * k : 3 * k + 3, k] = whole[:, 3 * k : 3 * k + 3]
+    return columns
+
+
+def power_columns(remainder: Remainder, detectors: tuple[int, ...]) -> Floats:
+    """The columns of the powers of some detectors, each by itself."""
+    columns = np.zeros((*remainder.noise.shape, len(detectors)))
+    for n, k in enumerate(detectors):
+        columns[:, 3 * k + 2, n] = remainder.light[:, k]
+    return columns
+
+
+def beam_sigma(remainder: Remainder) -> float:
+    beam = remainder.sensor.beam
+    return float(np.sqrt(beam.diameter_x * beam.diameter_y)) / 4
+
+
+def place_in_beam(remainder: Remainder) -> Floats:
+    """The apex's place (n, 2) from the beam's middle, mm."""
+    place: Floats = remainder.state[:, :2] - remainder.state[:, 6:]
+    return place
+
+
+def fringes(remainder: Remainder) -> Floats:
+    """Courses of fringes that stand in the beam: the light at the apex follows its place there."""
+    place, sigma = place_in_beam(remainder), beam_sigma(remainder)
+    envelope = np.exp(-(place**2).sum(axis=1) / 2 / sigma**2)
+    angle = np.arange(FRINGE_DIRECTIONS) * np.pi / FRINGE_DIRECTIONS
+    along = place @ np.array([np.cos(angle), np.sin(angle)])
+    phase = (2 * np.pi * along[:, :, None] / FRINGE_PERIODS_MM).reshape(len(place), -1).T
+    standing: Floats = np.stack([np.cos(phase), np.sin(phase)], axis=-1) * envelope[:, None]
+    return standing
+
+
+def window_fringes(remainder: Remainder, k: int) -> Floats:
+    """Courses of fringes of a detector's window: periodic in the spot's place, or in z."""
+    raw = np.nan_to_num(remainder.data.raw[:, 3 * k : 3 * k + 2])
+    phases = [
+        2 * np.pi * WINDOW_PERIODS[:, None] * values / max(float(np.ptp(values)), 1e-12)
+        for values in (raw[:, 0], raw[:, 1], remainder.state[:, 2])
+    ]
+    phase = np.concatenate(phases)
+    return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
+
+
+# ---- light that is lost at a place of the mirror or of the beam
+
+
+class Landing:
+    """Where the rays of a beam land: on each detector, by the place (..., 2) at which they meet the
+    mirror, from its apex, mm. Exact for flat facets."""
+
+    def __init__(self, remainder: Remainder) -> None:
+        sensor, state = remainder.sensor, remainder.state
+        self.raw, self.modelled = remainder.raw, remainder.modelled
+        self.azimuths = np.array([facet.azimuth for facet in sensor.facets])
+        size = beam_sigma(remainder)
+        narrow = replace(sensor.beam, diameter_x=size / 100, diameter_y=size / 100)
+        thin = replace(sensor, beam=narrow, light=BenchLight())
+        self.origin, self.slope = np.empty((3, len(state), 2)), np.empty((3, len(state), 2, 2))
+        for k, azimuth in enumerate(self.azimuths):
+            ahead = size * np.array([np.cos(azimuth), np.sin(azimuth)])
+            across = size / 2 * np.array([-np.sin(azimuth), np.cos(azimuth)])
+            seen = []
+            for at in (ahead, ahead + across, 2 * ahead):
+                ray = state.copy()
+                ray[:, 6:] = state[:, :2] + at
+                seen.append(readings(thin, ray)[:, 3 * k : 3 * k + 2])
+            ways = np.array([across, ahead])
+            rise = np.stack([seen[1] - seen[0], seen[2] - seen[0]], axis=1)
+            self.slope[k] = np.swapaxes(np.linalg.solve(ways, rise), 1, 2)
+            self.origin[k] = seen[0] - self.slope[k] @ ahead
+
+    def place(self, k: int, at: Floats) -> Floats:
+        """Places (n, 2) on detector k of rays at (n, 2) from the apex."""
+        where: Floats = self.origin[k] + (self.slope[k] @ at[:, :, None])[:, :, 0]
+        return where
+
+    def facet(self, at: Floats) -> Floats:
+        """Numbers of the facets (...) that rays at (..., 2) from the apex meet."""
+        angle = np.arctan2(at[..., 1], at[..., 0])[..., None] - self.azimuths
+        nearest: Floats = np.argmax(np.cos(angle), axis=-1)
+        return nearest
+
+
+def lost_light(remainder: Remainder, landing: Landing, at: Floats, weight: Floats) -> Floats:
+    """What the readings (n, 9) lose where light of shares (n, m) of the laser's power is lost at
+    places (n, m, 2) from the apex."""
+    power = remainder.sensor.beam.power
+    facets, out = landing.facet(at), np.zeros(remainder.noise.shape)
+    raw, model = landing.raw, landing.modelled
+    for k in range(3):
+        share = power * weight * (facets == k)
+        loss = share.sum(axis=1)
+        middle = (share[:, :, None] * at).sum(axis=1) / np.maximum(loss, 1e-300)[:, None]
+        out[:, 3 * k + 2] = -loss
+        rest = model[:, 3 * k : 3 * k + 2] - landing.place(k, middle)
+        out[:, 3 * k : 3 * k + 2] = (loss / raw[:, 3 * k + 2])[:, None] * rest
+    return out / remainder.noise
+
+
+def square_grid(width: float, count: int) -> Floats:
+    """Places (count^2, 2) over a square of half a width about zero."""
+    x, y = np.meshgrid(*[np.linspace(-width, width, count)] * 2)
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def dust_column(remainder: Remainder, landing: Landing, place: Floats) -> Floats:
+    """The column (n, 9) of a speck at a place (2,) of the mirror from its tip, mm, by the share of
+    the light in it that it absorbs."""
+    sigma, offset = beam_sigma(remainder), place_in_beam(remainder)
+    size = (DUST_SIGMAS * sigma) ** 2
+    wide = sigma**2 + size
+    apart = ((offset + place) ** 2).sum(axis=1)
+    share = size / wide * np.exp(-apart / 2 / wide)
+    at = np.broadcast_to(place, (len(offset), 1, 2))
+    return lost_light(remainder, landing, at, share[:, None])
+
+
+def aperture_columns(remainder: Remainder) -> Floats:
+    """The columns (m, n, 9, 3) of apertures of m radii: what a round one cuts off, and what it cuts
+    off more on one side, along x and y."""
+    landing, sigma, offset = Landing(remainder), beam_sigma(remainder), place_in_beam(remainder)
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    angle = 2 * np.pi * (np.arange(24) + 0.5) / 24
+    out = []
+    for radius in APERTURE_SIGMAS:
+        far = radius + (nodes + 1)  # two standard deviations, in which nearly all of the rest lies
+        ring = sigma * np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle))], -1)
+        share = np.outer(weights * far * np.exp(-(far**2) / 2), np.full(24, 1 / 24)).ravel()
+        edge = sigma * radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        rim = np.full(24, np.exp(-(radius**2) / 2) / 24)
+        columns = []
+        for places, lost in (
+            (ring.reshape(-1, 2), share), (edge, rim * np.cos(angle)), (edge, rim * np.sin(angle))
+        ):  # fmt: skip
+            at = places - offset[:, None]
+            whole = np.broadcast_to(lost, at.shape[:2])
+            gain = lost_light(remainder, landing, at, np.maximum(whole, 0))
+            columns.append(gain - lost_light(remainder, landing, at, np.maximum(-whole, 0)))
+        out.append(np.stack(columns, axis=-1))
+    return np.array(out)
+
+
+# ---- the reference
+
+
+#: How far the reference may err by each of its kinds of error, 1 sigma: shares of its ways, mm from
+#: the line of measurement, rad of its axes, and mm and rad at the ends of the motion.
+SCALE_SIGMA, ABBE_SIGMA_MM, SQUARENESS_SIGMA = 2e-3, 10.0, 5e-3
+BOW_SIGMAS = np.array([5e-3] * 3 + [2e-5] * 3)
+
+
+def reference_columns(remainder: Remainder, terms: list[tuple[int, Floats]]) -> Floats:
+    """The columns of errors of the reference: the axis that errs, and by what (n,), for each."""
+    by_pose = remainder.by_pose
+    return np.stack([by_pose[:, :, axis] * size[:, None] for axis, size in terms], axis=-1)
+
+
+def reference_terms(remainder: Remainder) -> dict[str, list[tuple[int, Floats]]]:
+    """Each kind of error of the reference: the axes that err, and by what (n,) in prior standard
+    uncertainties.
+
+    abbe: lengths that are measured beside the apex, each along another line, err by the angles.
+    bow: axes err by the square of where a length is.  cosine: lengths that are measured by what
+    turns with the stage err by squares of the angles.
+    """
+    pose = remainder.data.pose
+    ends: Floats = pose / np.abs(pose).max(axis=0).clip(1e-12)
+    lengths, angles = range(3), range(3, 6)
+    terms = {
+        "scale": [(n, SCALE_SIGMA * pose[:, n]) for n in range(6)],
+        "abbe": [(n, ABBE_SIGMA_MM * pose[:, m]) for n in lengths for m in angles if m != n + 3],
+        "squareness": [
+            (n, SQUARENESS_SIGMA * pose[:, m])
+            for part in (lengths, angles) for n in part for m in part if n != m
+        ],
+        "bow": [(n, BOW_SIGMAS[n] * ends[:, m] ** 2) for n in range(6) for m in lengths],
+        "cosine": [
+            (n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j])
+            for n in lengths for i in angles for j in range(3, i + 1)
+        ],
+    }  # fmt: skip
+    known = [term for kind in terms.values() for term in kind]
+    mixed = [(n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j])
+             for n in range(6) for i in range(6) for j in range(i)]  # fmt: skip
+    return terms | {"reference": known + mixed}
+
+
+def clock_columns(remainder: Remainder) -> Floats:
+    """The column of a reference that is later and later, s at the end of the run."""
+    data = remainder.data
+    if data.velocity is None or data.clock is None:
+        return np.zeros((*remainder.noise.shape, 1))
+    moving = np.einsum("nij,nj->ni", remainder.by_pose, data.velocity)
+    late: Floats = (moving * data.clock[:, :1])[:, :, None]
+    return late
+
+
+# ---- detectors and their electronics
+
+
+def memory_columns(remainder: Remainder) -> Floats:
+    """The columns of what each detector keeps of the row before, as a share: of places, of
+    powers."""
+    data = remainder.data
+    before = np.zeros_like(data.raw) if data.before is None else data.before - data.raw
+    columns = np.zeros((*before.shape, 6))
+    for k in range(3):
+        columns[:, 3 * k : 3 * k + 2, 2 * k] = before[:, 3 * k : 3 * k + 2]
+        columns[:, 3 * k + 2, 2 * k + 1] = before[:, 3 * k + 2]
+    return columns / remainder.noise[:, :, None]
+
+
+def amplifier_columns(remainder: Remainder) -> Floats:
+    """The columns of amplifiers whose gain grows with the current, by the share at a current of 1
+    mW of light, for each detector."""
+    raw = remainder.data.raw
+    columns = np.zeros((*raw.shape, 3))
+    for k, half in enumerate(half_sizes(remainder.sensor)):
+        ratio, power = raw[:, 3 * k : 3 * k + 2] / half, raw[:, 3 * k + 2]
+        bend = ratio * (1 - ratio**2) * half / 2
+        columns[:, 3 * k : 3 * k + 2, k] = bend * power[:, None]
+        columns[:, 3 * k + 2, k] = power**2 * (2 + (ratio**2).sum(axis=1)) / 4
+    return columns / remainder.noise[:, :, None]

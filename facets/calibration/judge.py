@@ -1,0 +1,224 @@
+"""Which alternatives explain what a fit leaves, one beside another, and which of them may be named.
+
+The best alternative is taken beside the fit's unknowns, then the best of what is left, and so on.
+Each is then compared with all others in its place: those that it does not beat by more than chance
+are its rivals, and only their group is named. The number of alternatives and of their trials counts
+as so many chances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.small_matrices import one_thread
+from ..model.arrays import EFFECTS
+from .alternative import Alternative, Trace
+from .alternatives import ALTERNATIVES, BY_KEY
+from .bundle_adjustment import Data
+from .remainder import Remainder
+from .samples import model_accuracy, row_numbers
+
+#: The chance, of all alternatives together, below which one is told; how many are told at most.
+LEAST_CHANCE, MOST_CAUSES = 1e-5, 4
+#: What has less than this share of the likeliest cause's score may come of its linear model.
+LEAST_SHARE = 0.03
+#: An alternative is beaten where it is so many times less likely, by so many standard deviations
+#: of the difference between samples, and by this share of the better one's score, which a linear
+#: model of large errors is wrong by.
+APART_CHANCE, APART_SIGMAS, APART_SHARE = 20.0, 2.0, 0.05
+#: Residuals of more than this chi-square a reading come of no light that effects describe but for
+#: their linear model; what explains this share of them is undone before effects are tried.
+LARGE_CHI_SQUARE, LARGE_SHARE, MOST_LARGE = 4.0, 0.4, 2
+#: How many things that may have jumped are tried as faults of the samples.
+STEPS_TRIED = 3
+#: What moves the poses by more than this share of what is stated forbids the use: what stays with
+#: the sensor, and what does not, which is undone and of which the uncertainty has the shift.
+MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 3.0
+#: Unknowns of a run that are no part of the sensor.
+OF_RUN = ("lever.", "apex.", "seat_", "reference.", "backlash.", "lag.", "time.", "temperature.",
+          "past_", "ahead.")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What explains a part of the residuals.
+
+    traces: of the likeliest alternative, and of its rivals; the first comes first.  remainder: the
+    residuals beside the other causes.  shift: by how much it moves the poses, over what is stated.
+    """
+
+    traces: tuple[Trace, ...]
+    remainder: Remainder
+    shift: float
+
+    @property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        return tuple(BY_KEY[trace.key] for trace in self.traces)
+
+    @property
+    def clauses(self) -> list[str]:
+        """What is wrong by each of them, with its size."""
+        pairs = zip(self.alternatives, self.traces, strict=True)
+        return [f"{part.words} {part.size(trace, self.remainder)}".strip() for part, trace in pairs]
+
+    @property
+    def best(self) -> Trace:
+        return self.traces[0]
+
+    @property
+    def size(self) -> float:
+        """The r.m.s. of what it does to the readings and no unknown takes up, over their noise."""
+        effect = self.remainder.visible_effect(self.best) / self.remainder.noise
+        return float(np.sqrt((effect[self.remainder.is_read] ** 2).mean()))
+
+    @property
+    def is_small(self) -> bool:
+        most = MOST_SHIFT if self.alternatives[0].persists else MOST_UNDONE_SHIFT
+        return self.shift <= most
+
+    @property
+    def refuses(self) -> bool:
+        return self.alternatives[0].refuses or not self.is_small
+
+
+def undo_causes(data: Data, causes: list[Cause]) -> Data:
+    """Samples without what causes do to their readings."""
+    raw, numbers = data.raw.copy(), row_numbers(data)
+    for cause in causes:
+        known = cause.remainder.row_numbers
+        rows = np.searchsorted(known, numbers).clip(max=len(known) - 1)
+        effect = np.nan_to_num(cause.best.effect * cause.remainder.noise)[rows]
+        raw -= effect * (known[rows] == numbers)[:, None]
+    return data._replace(raw=raw)
+
+
+def restore_readings(data: Data, original: Data) -> Data:
+    """Samples with the readings that the same rows of others have."""
+    rows = np.searchsorted(row_numbers(original), row_numbers(data))
+    return data._replace(raw=original.raw[rows])
+
+
+@one_thread
+def steps_as_changes(remainder: Remainder) -> list[Alternative]:
+    """What jumped once, by residuals in which nothing else is sure, as changes that undo it; the
+    likeliest first."""
+    steps = []
+    for trace in clear_traces(remainder):
+        cause = Cause((trace,), remainder, 0.0)
+        part = cause.alternatives[0]  # a lamp is not told from steady light that no effect has yet
+        if part.refuses and part.group != "environment" and len(trace.at) == 1:
+            change = partial(undo_causes, causes=[cause])
+            steps.append(replace(part, words=cause.clauses[0], change=change))
+    return steps[:STEPS_TRIED]
+
+
+@one_thread
+def judge_large(remainder: Remainder) -> list[Cause]:
+    """The causes that explain most of residuals which are many times the noise."""
+    least, rest = LARGE_CHI_SQUARE * float(remainder.is_read.sum()), remainder
+    chosen = list[Trace]()
+    while len(chosen) < MOST_LARGE and rest.chi_square > least:
+        traces = clear_traces(rest)
+        known = [trace.key for trace in chosen]  # the rest of one is what its linear model misses
+        if not traces or traces[0].fall < LARGE_SHARE * rest.chi_square or traces[0].key in known:
+            break
+        chosen.append(traces[0])
+        rest = remainder.beside(chosen)
+    return [Cause((trace,), remainder, 0.0) for trace in chosen]
+
+
+@one_thread
+def judge(remainder: Remainder) -> list[Cause]:
+    """The causes that the residuals call for beyond chance; the likeliest first."""
+    chosen = list[Trace]()
+    while len(chosen) < MOST_CAUSES:
+        traces = clear_traces(remainder.beside(chosen))
+        if not traces or traces[0].score < LEAST_SHARE * (chosen[0].score if chosen else 0.0):
+            break
+        chosen.append(traces[0])
+    causes = list[Cause]()
+    for trace in chosen:
+        rest = remainder.beside([other for other in chosen if other is not trace])
+        traces = clear_traces(rest)
+        if traces:  # else the others explain it
+            causes.append(Cause(tuple(rivals(traces, rest)), rest, pose_shift(rest, traces[0])))
+    return causes
+
+
+def clear_traces(remainder: Remainder) -> list[Trace]:
+    """The alternatives beyond chance whose effect is larger than the model's own error; the
+    likeliest first, those that stand for a group behind its members."""
+    limit = np.log(len(ALTERNATIVES) / LEAST_CHANCE)
+    traces = list[Trace]()
+    for alternative in ALTERNATIVES:
+        try:
+            assert alternative.test is not None
+            trace = alternative.test(remainder)
+        except InputError:  # the sensor's model has no such light
+            continue
+        if trace.score > limit and is_visible(remainder, trace):
+            traces.append(trace)
+    traces.sort(key=lambda trace: -trace.score)
+    specific = [trace for trace in traces if not BY_KEY[trace.key].general]
+    if specific and not beats(traces[0], specific[0], remainder):
+        return [*specific, *(trace for trace in traces if BY_KEY[trace.key].general)]
+    return traces
+
+
+def is_visible(remainder: Remainder, trace: Trace) -> bool:
+    """Whether the readings show more of an effect than the model of real light errs by."""
+    if not any(name in EFFECTS for name in remainder.fit.choice.names):
+        return True
+    effect = remainder.visible_effect(trace)
+    size = np.sqrt(np.nanmean(np.where(remainder.is_read, effect, np.nan) ** 2, axis=0))
+    return bool((size > model_accuracy(remainder.data)).any())
+
+
+def beats(better: Trace, other: Trace, remainder: Remainder) -> bool:
+    """Whether an alternative is likelier than another by more than chance and linearity allow."""
+    apart = remainder.sample_falls(better) - remainder.sample_falls(other)
+    sigma = float(np.sqrt(len(apart)) * apart.std()) / 2
+    least = max(np.log(APART_CHANCE), APART_SIGMAS * sigma, APART_SHARE * better.score)
+    return bool(better.score - other.score > least)
+
+
+def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:
+    """The likeliest alternative, and those that it does not beat."""
+    best = traces[0]
+    return [best] + [
+        trace for trace in traces[1:]
+        if not BY_KEY[trace.key].general and not beats(best, trace, remainder)
+    ]  # fmt: skip
+
+
+def pose_shift(remainder: Remainder, trace: Trace) -> float:
+    """By how much an alternative moves solved poses, r.m.s., over their stated uncertainty; the
+    worst axis, the beam known and the power unknown.
+
+    What stays with the sensor acts on every reading; what does not, by the unknowns that it would
+    have moved.
+    """
+    like = remainder.likelihood
+    names = remainder.fit.choice.names
+    kept = np.array([not name.startswith(OF_RUN) for name in names])
+    common = like.common * kept
+    if BY_KEY[trace.key].persists:
+        error = trace.effect
+    else:
+        error = common @ remainder.shift_of_unknowns(trace)
+    error = error * remainder.is_read
+    by_pose = like.own[:, :, :7]
+    inner = np.linalg.inv(np.swapaxes(by_pose, 1, 2) @ by_pose + 1e-9 * np.eye(7))
+    gain = (inner @ np.swapaxes(by_pose, 1, 2))[:, :6]
+    moved = (gain @ error[:, :, None])[:, :, 0]
+    across = gain @ common
+    covariance = remainder.covariance[: len(names), : len(names)]
+    stated = np.diagonal(inner, axis1=1, axis2=2)[:, :6].mean(axis=0)
+    stated = stated + np.einsum("nip,pq,niq->i", across, covariance, across, optimize=True) / len(
+        gain
+    )
+    return float(np.sqrt((moved**2).mean(axis=0) / stated).max())

@@ -1,0 +1,387 @@
+"""How well a calibrated sensor is known: errors that the fit does not see, the trial on samples
+that it has not seen, and the budget of its uncertainty.
+
+With F the information on all unknowns, those of the samples included, and F_s the part of it that
+source s gives, the covariance is the sum of F^-1 F_s F^-1 over the sources. The samples' own
+unknowns are eliminated as in the fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.knowledge import Prior
+from ..core.names import ANGLES, DETECTORS, KINDS, POSE
+from ..core.sensor import Sensor
+from ..core.small_matrices import one_thread
+from ..core.units import Floats
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
+from ..detectors.correction import correct
+from ..estimation.differences import carry, propagate_in_light
+from ..estimation.plan import make_plan
+from ..estimation.solution import Solution
+from ..estimation.solver import solve
+from ..estimation.uncertainty import effective_degrees_of_freedom
+from ..model.arrays import EFFECTS, readings
+from .bundle_adjustment import (
+    OWN_COUNT,
+    OWN_UNITS,
+    Data,
+    add_skew,
+    deviations,
+    own_information,
+    states_of,
+)
+from .columns import effect_columns
+from .findings import profile_size, residual_sizes
+from .fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
+from .judge import Cause
+from .remainder import Remainder
+from .samples import PLACE_SIGMA_MM, model_accuracy
+from .scatter import PLACES, POWERS, Scatter, is_doubtful
+from .unknowns import PLACE, fold_mount, spline_error, values_of
+
+if TYPE_CHECKING:
+    from ..core.calibrate import Calibrate
+    from ..core.knowledge import Knowledge
+    from ..core.sensor import Sensor
+    from .bundle_adjustment import Data
+
+
+def model_error(
+    result: Fit, data: Data, sensor: Sensor, scatter: Scatter, causes: list[Cause]
+) -> dict[str, float]:
+    """Standard deviations of what the model misses in the readings, by name, mm and mW.
+
+    MISFIT: what the residuals show beyond chance, of a cause that is not known or that stays with
+    the sensor, and what a detector's spline leaves open.  MODEL_ERROR: of the model of real light
+    itself.
+
+    The unknowns take up a part of it, as they do of the noise, and a larger one, since what a model
+    misses changes smoothly from pose to pose: what is seen is put up by the share of noise that
+    stays in the residuals once more.
+    """
+    sigma = np.nanmedian(deviations(sensor, data), axis=0)
+    more = np.array([scatter.size_of(PLACES), scatter.size_of(PLACES), scatter.size_of(POWERS)] * 3)
+    missed = sigma * more / np.hypot(1.0, more)  # what the detectors scatter beside their noise
+    if is_doubtful(result):
+        sizes = residual_sizes(result, data)
+        share = float(result.redundancy[np.isfinite(data.raw)].mean())
+        missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
+    for cause in causes:
+        if cause.alternatives[0].persists:
+            effect = cause.best.effect * cause.remainder.noise
+            missed = np.hypot(missed, np.sqrt((effect**2).mean(axis=0)))
+    missed = np.hypot(
+        missed, spline_error(sensor, data.raw, result.choice.names, result.covariance)
+    )
+    exact = np.zeros(9)
+    if any(name in EFFECTS for name in result.choice.names):
+        exact = model_accuracy(data, PLACE_SIGMA_MM)
+    named = zip((*MISFIT, *MODEL_ERROR), (*missed, *exact), strict=True)
+    return {name: float(size) for name, size in named if size > 0}
+
+
+#: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
+#: the residuals bound. Of ghosts of a thousandth it gives 0.3 to 0.6, and they moved x and y of
+#: calibrations by 0.5 to 1.4 of their share (the study `disturbed_rigs`).
+CENTRE_PER_SHARE = 1.5
+#: The same for each unit of an asymmetric beam's mean deviation from a Gaussian: another reflex,
+#: 1 to 2.5 of the beam's standard deviations away, moves the middle by 2.4 to 0.4 times as much.
+CENTRE_PER_ASYMMETRY = 1.5
+
+
+#: The root of the sum of squares of the third-order Hermite numbers of another beam, for each unit
+#: of its share of the power, where it is nearly two standard deviations aside.
+ORDER_3_PER_SHARE = 1.45
+
+
+def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> float:
+    """Standard uncertainty of the light's middle in each direction, mm.
+
+    The fit takes a small deviation from its cross-section, Gaussian or with the coefficients that
+    it found, for another position of the apex; the residuals show little of it, and bound it: the
+    uneven part of the profile, of third order, tells of a second beam. Light without any effect of
+    a bench is taken to be Gaussian.
+    """
+    if not any(name in EFFECTS for name in remainder.fit.choice.names):
+        return 0.0
+    share = settings.before.get("beam_profile_percent", 0.0) / 100
+    if share:
+        sigma = ORDER_3_PER_SHARE * share / 2  # each of four numbers
+        square = remainder.second_moment(effect_columns(remainder, "asymmetry"), sigma)
+        share = CENTRE_PER_SHARE * float(np.sqrt(square)) / ORDER_3_PER_SHARE
+    beam_sigma = float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
+    asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.fit, "asymmetry")
+    return beam_sigma * float(np.hypot(share, asymmetry))
+
+
+def covariance_factor(result: Fit) -> float:
+    """The factor of a fit's covariance in the written one: chi-square where it is in doubt."""
+    return result.reduced_chi_square if is_doubtful(result) else 1.0
+
+
+#: Standard deviations of chance from which on readings are taken to scatter together.
+TOGETHER_SIGMAS = 4.0
+
+
+def common_scatter(remainder: Remainder) -> dict[str, float]:
+    """Standard deviations by which the three detectors' places scatter together, by kind, mm.
+
+    A score test: what P y follows, see `unmodelled`, against what independent noise leaves there.
+    A mirror that vibrates against the reference does the same, so the reference's stated
+    uncertainty counts.
+    """
+    sigmas, at = {}, remainder
+    for m, kind in enumerate(KINDS[:2]):
+        column = remainder.is_read[:, m::3].astype(float)  # in standard deviations of the noise
+        seen = (column * at.pulled[:, m::3]).sum(axis=1) ** 2
+        across = (column[:, :, None] * at.weighted[:, m::3]).sum(axis=1)
+        due = np.einsum("ni,nij,nj->n", column, at.inverse[:, m::3, m::3], column)
+        due -= ((across @ remainder.covariance) * across).sum(axis=1)
+        excess, size = float((seen - due).sum()), float((due**2).sum())
+        if excess > TOGETHER_SIGMAS * np.sqrt(2 * size):
+            sigma = float(np.nanmedian(remainder.noise[:, m::3]))
+            sigmas[kind] = sigma * float(np.sqrt(excess / size))
+    return sigmas
+
+
+def add_unseen_errors(
+    sensor: Sensor, result: Fit, missed: dict[str, float], centre: float, common: dict[str, float]
+) -> Sensor:
+    """The calibrated sensor whose uncertainty includes what the model misses in readings (`missed`,
+    by name), the uncertainty of the light's middle (`centre`, mm), and what places of all detectors
+    have in common (see `common_scatter`)."""
+    known = sensor.calibration
+    assert known is not None
+    together = {kind: [f"misfit_{k}.{kind}" for k in DETECTORS] for kind in common}
+    missed = dict.fromkeys((name for names in together.values() for name in names), 0.0) | missed
+    if centre:
+        missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
+    if not missed:
+        return sensor
+    factor, size = covariance_factor(result), len(known.names)
+    matrix = np.zeros((size + len(missed),) * 2)
+    matrix[:size, :size] = factor * np.array(known.covariance)
+    matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))
+    names = (*known.names, *missed)
+    for kind, group in together.items():
+        matrix[np.ix_(*[[names.index(name) for name in group]] * 2)] += common[kind] ** 2
+    joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
+    return replace(sensor, calibration=joint)
+
+
+def add_shifts(sensor: Sensor, result: Fit, causes: list[Cause]) -> Sensor:
+    """The calibrated sensor whose uncertainty includes by how much causes that do not stay with it
+    may have moved its parameters."""
+    shifts = [
+        cause.remainder.shift_of_unknowns(cause.best)
+        for cause in causes
+        if not cause.alternatives[0].persists
+    ]
+    if not shifts:
+        return sensor
+    known = sensor.calibration
+    assert known is not None
+    names, square = list(result.choice.names), np.transpose(shifts) @ np.array(shifts)
+    part = np.array(sensor_covariance(names, result.all_values, square).covariance)
+    matrix = np.array(known.covariance)
+    matrix[: len(part), : len(part)] += part
+    return replace(
+        sensor, calibration=replace(known, covariance=tuple(map(tuple, matrix.tolist())))
+    )
+
+
+#: From the axes' units to those in which errors are shown, um and urad.
+FINE_FACTORS = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
+#: Coverage factor of a level of confidence of 0.95.
+COVERAGE_FACTOR = 1.96
+
+
+class Trial(NamedTuple):
+    """Errors of solved poses against those of the reference, and their standard uncertainties: (n,
+    6)."""
+
+    error: Floats
+    uncertainty: Floats
+
+    @property
+    def coverage(self) -> Floats:
+        """The share of 95 % intervals that held, by axis: (6,)."""
+        with np.errstate(invalid="ignore"):
+            hit = np.abs(self.error) <= COVERAGE_FACTOR * self.uncertainty
+        there = np.isfinite(self.error)
+        share: Floats = (hit & there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        return share
+
+
+def compare_poses(sensor: Sensor, held: Data, values: Floats, result: Fit) -> Trial:
+    """Compare poses from held-back readings with the reference's, the beam known as well as the fit
+    takes it to be.
+
+    values: values of `ALL`, for where the mirror is on the reference.
+    """
+    data = held if held.seat is None else held.part(held.seat == 0)
+    still, values = np.zeros((len(data.raw), OWN_COUNT)), fold_mount(values)
+    truth = states_of(data, still, values)
+    exact = readings(sensor, truth)
+    seen = exact.copy()
+    add_skew(seen, sensor, data, still, values)
+    solution: Solution = solve(
+        sensor,
+        correct(sensor, data.raw) - (seen - exact),
+        beam=Prior(truth[:, 6:], result.choice.beam),
+        power="unknown" if result.choice.power else "known",
+        threads=0,
+    )
+    return Trial(
+        (solution.state - truth)[:, :6],
+        np.hypot(solution.uncertainty[:, :6], np.where(np.isfinite(data.sigma), data.sigma, 0.0)),
+    )
+
+
+def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDArray[Any]]:
+    """Poses solved from held-back readings less the reference's; um and urad.
+
+    before: by the nominal sensor, r.m.s., its mean error taken off, since where the mirror is on
+    the reference is not known then.  after: by the calibrated one, r.m.s.; robust: the same from
+    the median of the errors' sizes, which a few spikes do not move.  stated: what the uncertainties
+    of pose and reference say.  inside: per cent of 95 % intervals that held.
+    """
+    known = np.isfinite(held.sigma)
+    start = compare_poses(nominal, held, values_of(nominal), result)
+    ended = compare_poses(result.sensor, held, result.all_values, result)
+    columns = {
+        "before": rms(start.error - np.nanmean(start.error, axis=0)) * FINE_FACTORS,
+        "after": rms(ended.error) * FINE_FACTORS,
+        "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) * FINE_FACTORS,
+        "stated": rms(ended.uncertainty) * FINE_FACTORS,
+        "inside": 100 * ended.coverage,
+    }
+    names: dict[str, NDArray[Any]] = {
+        "axis": np.array(POSE),
+        "unit": np.array(["urad" if name in ANGLES else "um" for name in POSE]),
+    }
+    return names | {name: np.where(known, column, np.nan) for name, column in columns.items()}
+
+
+def rms(values: Floats) -> Floats:
+    root: Floats = np.sqrt(np.nanmean(values**2, axis=0))
+    return root
+
+
+#: The sources of a fit's uncertainty.
+READINGS = "noise of the calibration's readings"
+REFERENCE = "reference instrument, as stated"
+LASER = "power of the laser, from sample to sample"
+BEAM = "position of the beam, from sample to sample"
+PRIOR = "values known before the calibration"
+#: Sources that the fit does not contain, by the names that they have in the covariance.
+UNSEEN = {
+    "misfit of the model, of unknown cause": MISFIT,
+    "accuracy of the model": MODEL_ERROR,
+    "middle of the light": LIGHT_CENTRE,
+}
+#: The coverage probability of expanded uncertainties.
+COVERAGE = 0.95
+
+
+class Budget(NamedTuple):
+    """The covariance of the written parameters by source.
+
+    sensor: (p, p) each, in the order of `Sensor.calibration`.  estimated: the sources whose size
+    the residuals estimate.  freedom: degrees of freedom of that estimate.
+    """
+
+    sensor: dict[str, Floats]
+    estimated: tuple[str, ...]
+    freedom: float
+
+    def effective_freedom(self, variances: dict[str, Floats]) -> Floats:
+        """Effective degrees of freedom of sums of variances by source (Welch and Satterthwaite)."""
+        whole = np.asarray(sum(variances.values()))
+        estimated = np.asarray(sum(variances[name] for name in self.estimated))
+        return effective_degrees_of_freedom(whole, estimated, self.freedom)
+
+
+@one_thread
+def calibration_budget(
+    nominal: Sensor, data: Data, result: Fit, made: Sensor, robust: float | None
+) -> Budget:
+    """The budget of a fit that began at `nominal`.  made: the calibrated sensor, as it is
+    written."""
+    assert made.calibration is not None
+    parts, names = fitted_parts(Task(nominal, data, result.choice, robust), result)
+    factor = covariance_factor(result)
+    written = np.diag(np.array(made.calibration.covariance))
+    sensor = {}
+    for source, part in parts.items():
+        covariance = np.array(sensor_covariance(names, result.all_values, factor * part).covariance)
+        beside = len(written) - len(covariance)
+        sensor[source] = np.pad(covariance, (0, beside))
+    for source, kinds in UNSEEN.items():
+        is_kind = [name in kinds for name in made.calibration.names]
+        if any(is_kind):
+            sensor[source] = np.diag(np.where(is_kind, written, 0.0))
+    # An earlier calibration of which the values are known was itself estimated by residuals.
+    estimated = (READINGS,) if result.choice.joint is None else (READINGS, PRIOR)
+    freedom = made.calibration.degrees_of_freedom or result.freedom
+    return Budget(sensor, estimated if factor == 1 else tuple(parts), max(freedom, 1.0))
+
+
+def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]:
+    """Covariances (p, p) of the unknowns by source, and the unknowns' names: the unknowns of the
+    fit, and the laser's mean power where each sample has its own."""
+    at = task.guess(result.all_values, result.own_values)
+    _, _, normal = task.linearise(at, task.outlier_limit(at))
+    names, size = list(result.choice.names), len(result.covariance)
+    back, total = normal.back[:, :, :size], result.covariance
+    by_common, by_own = np.eye(size), np.zeros((len(back), 1, OWN_COUNT))
+    if np.isinf(result.choice.power):
+        names.append("beam.power")
+        total = add_mean_power(task, at, normal, total)
+        unit = OWN_UNITS[6] * at.values[PLACE["beam.power"]]
+        by_common = np.vstack([by_common, -unit * back[:, 6].mean(axis=0)])
+        by_own = np.zeros((len(back), size + 1, OWN_COUNT))
+        by_own[:, -1] = np.linalg.inv(normal.inner)[:, 6] * unit / len(back)
+    # The derivatives of the estimates by what was known before of each sample's own unknowns.
+    rows = by_own - by_common @ result.covariance @ np.swapaxes(back, 1, 2)
+    known = np.where(task.is_known, 0.0, own_information(task.own_sigma))
+
+    def part_of(unknowns: slice) -> Floats:
+        some: Floats = np.einsum(
+            "npk,k,nqk->pq", rows[:, :, unknowns], known[unknowns], rows[:, :, unknowns]
+        )
+        return some
+
+    by_prior = by_common @ result.covariance
+    parts = {
+        REFERENCE: part_of(slice(0, 6)),
+        LASER: part_of(slice(6, 7)),
+        BEAM: part_of(slice(7, 9)),
+        PRIOR: by_prior @ task.prior @ by_prior.T,
+    }
+    parts = {source: part for source, part in parts.items() if part.any()}
+    return {READINGS: total - sum(parts.values()), **parts}, names
+
+
+def pose_covariances(
+    sensor: Sensor, budget: Budget, states: Floats, knowledge: Knowledge
+) -> dict[str, Floats]:
+    """Covariances (n, 6, 6) of the poses at states (n, 8) by source of the calibration, mm and
+    rad."""
+    propagated = propagate_in_light(
+        sensor, states, make_plan(sensor, knowledge, shape=states.shape[:1])
+    )
+    assert propagated.slopes is not None
+    slopes = propagated.slopes[:, :6]
+    return {source: carry(slopes, part) for source, part in budget.sensor.items()}
+
+
+def fitted_states(data: Data, result: Fit) -> Floats:
+    """The states (n, 8) of the samples of a fit."""
+    return states_of(data, result.own_values, result.all_values)
