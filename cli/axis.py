@@ -45,7 +45,7 @@ Source = Annotated[
     typer.Argument(
         metavar="POSES",
         help="Recording (a folder written by `facets acquire`), or a table of poses with the "
-        "columns time_s, tx_mm ... yaw_mrad, CSV or Parquet, such as `facets solve` writes.",
+        "columns time_s, tx_mm ... yaw_mrad, CSV, Parquet or HDF5, such as `facets solve` writes.",
     ),
 ]
 Axis = Annotated[

@@ -35,8 +35,8 @@ DataTable = Annotated[
     Path | None,
     typer.Argument(
         metavar="DATA",
-        help="Table of readings, CSV or Parquet, with the reference's poses in the columns "
-        "ref_tx_mm, ref_yaw_mrad and so on, or in --reference.",
+        help="Table of readings, CSV, Parquet, HDF5 or TDMS, with the reference's poses in the "
+        "columns ref_tx_mm, ref_yaw_mrad and so on, or in --reference.",
     ),
 ]
 Output = Annotated[
@@ -51,8 +51,8 @@ Reference = Annotated[
     typer.Option(
         "--reference",
         metavar="FILE",
-        help="Table of the reference instrument's poses, CSV or Parquet, which is joined to "
-        "DATA by the column time_s; an unknown offset in time is fitted.",
+        help="Table of the reference instrument's poses, CSV, Parquet, HDF5 or TDMS (LabVIEW), "
+        "which is joined to DATA by the column time_s; an unknown offset in time is fitted.",
     ),
 ]
 Effect = Annotated[

@@ -29,7 +29,7 @@ from .options.places import choose_point, zero_of
 Output = Annotated[
     Path | None,
     output_option(
-        "table of poses (CSV, .csv.gz, - for standard output, or Parquet), or MCAP",
+        "table of poses (CSV, .csv.gz, - for standard output, Parquet, or HDF5), or MCAP",
         "none is written; with --recover RECORDING/recovered.parquet",
     ),
 ]

@@ -54,7 +54,8 @@ class ResultFolder:
             yield self.paths
 
     def write_table(self, path: Path, columns: Mapping[str, Any]) -> None:
-        files.tables.write_table(path, columns, self.about)
+        entry = files.provenance.configuration_entry(self.settings)
+        files.tables.write_table(path, columns, self.about | entry)
 
     def write_record(self, entries: dict[str, Any], seed: int | None = None) -> None:
         """Write the record of the run; it comes last, because it states the duration."""

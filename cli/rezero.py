@@ -26,7 +26,7 @@ def readings_argument(name: str, when: str) -> Any:
     return typer.Argument(
         metavar=name,
         help=f"Readings of the mirror at the stop {when}: a folder written by `facets acquire`, "
-        "or a table of readings, CSV or Parquet.",
+        "or a table of readings, CSV, Parquet, HDF5 or TDMS.",
     )
 
 

@@ -55,14 +55,15 @@ ReadingsTable = Annotated[
     Path,
     typer.Argument(
         metavar="READINGS",
-        help="Table of readings, CSV (.csv, .csv.gz, or - for standard input) or Parquet, with the "
-        "columns psi_a_mm, zeta_a_mm, power_a_mw and so on for the detectors b and c.",
+        help="Table of readings, CSV (.csv, .csv.gz, or - for standard input), Parquet, HDF5 (.h5) "
+        "or TDMS, with the columns psi_a_mm, zeta_a_mm, power_a_mw and so on for the detectors b "
+        "and c.",
     ),
 ]
 Output = Annotated[
     Path | None,
     output_option(
-        "table of poses, CSV (.csv, .csv.gz, or - for standard output) or Parquet",
+        "table of poses, CSV (.csv, .csv.gz, or - for standard output), Parquet or HDF5 (.h5)",
         "results/CONFIG-poses.csv",
     ),
 ]
@@ -137,6 +138,7 @@ def solve(
     if accept_unchecked:
         options = replace(options, accept_unchecked=True)
     about = files.provenance.provenance_header(settings)
+    about |= files.provenance.configuration_entry(settings)
     if coverage is not None:
         about |= estimation.uncertainty.describe_coverage(settings.sensor, coverage)
     path = output_folder(output, settings.name, "poses.csv")

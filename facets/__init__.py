@@ -42,15 +42,20 @@ _NAMES_OF = {
     "estimation.differences": "difference_uncertainty mean_uncertainty ZeroPose zero_pose",
     "estimation.object_pose": "ObjectPose transform",
     "estimation.uncertainty": "unseen_errors",
+    "characterization.measured_frames": "measure_axis measure_response",
     "characterization.ranges": "AxisRange CAUSES axis_ranges",
     "characterization.outlines": "Boundary trace",
     "characterization.resolution": "Estimator budgets uncertainties",
+    "files.frame_table": "to_sep005 to_xarray",
+    "live.recording.data_frame": "read_table",
     "simulation.run": "Segment simulate",
     "design.search": "Optimum optimize",
 }
 __all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
+    from .characterization.measured_frames import measure_axis as measure_axis
+    from .characterization.measured_frames import measure_response as measure_response
     from .characterization.outlines import Boundary as Boundary
     from .characterization.outlines import trace as trace
     from .characterization.ranges import CAUSES as CAUSES
@@ -104,6 +109,9 @@ if TYPE_CHECKING:
     from .estimation.uncertainty import unseen_errors as unseen_errors
     from .estimation.zero import PoseColumns as PoseColumns
     from .estimation.zero import ZeroRequest as ZeroRequest
+    from .files.frame_table import to_sep005 as to_sep005
+    from .files.frame_table import to_xarray as to_xarray
+    from .live.recording.data_frame import read_table as read_table
     from .model.arrays import footprints as footprints
     from .model.arrays import jacobian as jacobian
     from .model.arrays import margins as margins

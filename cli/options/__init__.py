@@ -21,6 +21,7 @@ from . import completion
 class TableKind(StrEnum):
     csv = "csv"
     parquet = "parquet"
+    h5 = "h5"
 
 
 class PlotKind(StrEnum):
@@ -175,8 +176,8 @@ Zero = Annotated[
         "--zero",
         metavar="SECONDSs|row:N|FILE",
         help="Reference pose: also give displacements from the mean of the first seconds (such as "
-        "2s), from a row (row:1 is the first), or from the mean pose of a table of poses (CSV or "
-        "Parquet).",
+        "2s), from a row (row:1 is the first), or from the mean pose of a table of poses (CSV, "
+        "Parquet or HDF5).",
     ),
 ]
 Covariance = Annotated[

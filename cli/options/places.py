@@ -112,7 +112,7 @@ def zero_of(text: str | None) -> ZeroRequest | None:
     if not text.lower().endswith(tables.ENDINGS):
         raise InputError(
             f"--zero is {text!r}; allowed: seconds such as 2s, a row such as row:1 (the first), or "
-            "a table of poses, FILE.csv or FILE.parquet"
+            "a table of poses, FILE.csv, FILE.parquet or FILE.h5"
         )
     tables.require_table(Path(text))
     return ZeroRequest(file=Path(text))

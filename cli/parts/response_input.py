@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def read_columns(data: Path, column: str, config: str | None) -> tuple[Columns, Config]:
     """Read the columns of a recording or of a table, and the sensor's configuration."""
-    if data.is_dir() or not data.name.lower().endswith(files.tables.ENDINGS):
+    if data.is_dir() or not data.name.lower().endswith(files.tables.READABLE):
         return solve_columns(data, column, config)
     if config is None:
         raise InputError(

@@ -40,9 +40,9 @@ PosesTable = Annotated[
     typer.Option(
         "--poses",
         metavar="FILE",
-        help="Table of poses for --trials, CSV or Parquet, with the columns tx_mm, ty_mm, tz_mm, "
-        "roll_mrad, pitch_mrad, yaw_mrad and, for the beam, bx_mm, by_mm.  [default: at rest, and "
-        "where the axes are worst]",
+        help="Table of poses for --trials, CSV, Parquet or HDF5, with the columns tx_mm, ty_mm, "
+        "tz_mm, roll_mrad, pitch_mrad, yaw_mrad and, for the beam, bx_mm, by_mm.  [default: at "
+        "rest, and where the axes are worst]",
     ),
 ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats, write_micro
 from ..estimation.dwells import finite_means
 from ..estimation.plan import make_plan
+from ..files.frame_table import make_frame
 from .axis_disturbances import Disturbances, find_disturbances
 from .axis_visits import PoseSeries, VisitCounts, find_visits
 from .error_motions import AxisTest, ErrorMotions, ReferenceLine, Visits, measure_error_motions
@@ -27,6 +28,9 @@ from .positioning import (
     standard_deviations_of_runs,
     unidirectional_means,
 )
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 #: A beam whose position varies by more than this between stands was carried by a stage.
 STILL_BEAM_MM = 0.02
@@ -138,6 +142,10 @@ class AxisReport:
             }  # fmt: skip
             columns |= {f"{key}_{fine}": scale * value for key, value in values.items()}
         return columns
+
+    def to_frame(self) -> DataFrame:
+        """The error motions by position, the columns of `table`, as a data frame of pandas."""
+        return make_frame(self.table())
 
     def summary(self) -> dict[str, Any]:
         """All quantities of all error motions as columns."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from ..estimation.differences import propagate_in_light
 from ..estimation.dwells import mean, per_row, stands_of_axis
 from ..estimation.plan import Plan
 from ..estimation.samples import common_detectors, detectors_of
-from ..files.tables import read_chunks, read_words
+from ..files.tables import Source, read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
 
 #: Columns of a table of commands, with the unit in that of the code.
@@ -97,7 +96,7 @@ def recorded_series(columns: dict[str, Any]) -> PoseSeries:
     return PoseSeries(time, states, columns["misfit"] > 0, detectors_of(columns["used"]))
 
 
-def read_series(path: Path) -> PoseSeries:
+def read_series(path: Source) -> PoseSeries:
     """Read a table of poses in time, such as `facets solve` and `facets replay` write."""
     beside = (*STATE_COLUMNS[6:], "time_s", "host_s", "misfit")
     parts = [chunk.columns for chunk in read_chunks(path, STATE_COLUMNS[:6], beside)]
@@ -123,7 +122,7 @@ def read_series(path: Path) -> PoseSeries:
     return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0, used)
 
 
-def read_commands(path: Path, axis: str) -> Commands:
+def read_commands(path: Source, axis: str) -> Commands:
     """Read a table of commanded positions, a row for each stand.
 
     The column is `position_mm` or `position_um` of a linear axis, `position_mrad`, `position_urad`
@@ -149,7 +148,7 @@ def read_commands(path: Path, axis: str) -> Commands:
     return Commands(positions, (signs < 0).astype(np.int64))
 
 
-def read_positions(path: Path, parts: list[dict[str, Floats]], axis: str) -> Floats:
+def read_positions(path: Source, parts: list[dict[str, Floats]], axis: str) -> Floats:
     """The commanded positions (k,) of a table's columns; mm or rad."""
     names = [name for name in POSITIONS if parts and name in parts[0]]
     linear = LETTERS.index(axis) < 3

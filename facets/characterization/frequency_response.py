@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,10 @@ from ..core.errors import InputError
 from ..core.names import ANGLES, FINE_UNITS, POSE
 from ..core.units import Booleans, Floats, Integers
 from ..estimation.uncertainty import coverage_factor
+from ..files.frame_table import make_frame
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Complexes = NDArray[np.complex128]
 #: Averages that the default segment length aims at.
@@ -150,6 +154,10 @@ class FrequencyResponse:
         """Lines (m,) at which the input has power."""
         lines: Booleans = self.input_density >= EXCITED_SHARE * self.input_density.max()
         return lines
+
+    def to_frame(self) -> DataFrame:
+        """The columns of `response_table` as a data frame of pandas."""
+        return make_frame(response_table(self))
 
 
 def find_stretches(time: Floats, usable: Booleans, name: str) -> Stretches:

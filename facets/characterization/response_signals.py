@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,9 +15,9 @@ from ..core.units import Booleans, Floats
 from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
 from ..estimation.samples import common_detectors, detectors_of
-from ..estimation.table import TIMES
 from ..estimation.uncertainty import propagate
-from ..files.tables import read_chunks, read_words
+from ..files.columns import TIMES
+from ..files.tables import Source, read_chunks, read_words
 from .frequency_response import Stretches, find_stretches
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ class ResponseSignals:
     misfits: int
 
 
-def read_signal_table(path: Path, column: str) -> Columns:
+def read_signal_table(path: Source, column: str) -> Columns:
     """Read the columns of a table that a frequency response needs.
 
     Raises `InputError` without a column of times, of a pose or of the input.

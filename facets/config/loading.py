@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
@@ -17,7 +16,7 @@ from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
 from ..core.names import DETECTORS
 from ..core.sensor import LIGHT_EFFECTS, BenchLight
-from ..core.settings import Config
+from ..core.settings import Config, resolved_text
 from . import alignment_check, build
 from .blame import culprits, message
 from .files import find, gather
@@ -72,9 +71,8 @@ def load(name_or_path: str | Path) -> Config:
 
 
 def fingerprint(resolved: dict[str, Any]) -> str:
-    """SHA-256 of the resolved keys as compact JSON. The order of motions counts: they run in it."""
-    text = json.dumps(resolved, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """SHA-256 of `resolved_text`."""
+    return hashlib.sha256(resolved_text(resolved).encode()).hexdigest()
 
 
 def _resolve(tree: Marked) -> dict[str, Any]:

@@ -38,6 +38,14 @@ class Numbers:
     """Stands for the annotations `ArrayLike` and `Floats`."""
 
 
+class Frame:
+    """Stands for the annotation `DataFrame` of pandas, which nothing imports for a check."""
+
+
+#: What stands for annotations whose types are not tested as such, or not imported.
+STAND_INS = {"ArrayLike": Numbers, "Floats": Numbers, "DataFrame": Frame, "Dataset": Any}
+
+
 class NotNumbersError(Exception):
     """The reason why values are no array of numbers: "has text in it ('1')"; and what is needed."""
 
@@ -59,6 +67,11 @@ def as_floats(values: ArrayLike, what: str, width: int = 0) -> Floats:
     except NotNumbersError as error:
         fault, needed = (*error.args, "numbers, all rows of one length")[:2]
         raise InputError(f"{what} {fault}; needed: {needed}") from None
+
+
+def index_of(values: Any) -> Any:
+    """The index of a data frame of pandas; None for other values."""
+    return getattr(values, "index", None) if hasattr(values, "columns") else None
 
 
 def require_plausible(values: Floats | float, name: str, what: str) -> None:
@@ -219,7 +232,7 @@ class ArgumentCheck:
 @cache
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
     """The types of a function's arguments."""
-    return get_type_hints(function, localns={"ArrayLike": Numbers, "Floats": Numbers})
+    return get_type_hints(function, localns=STAND_INS)
 
 
 def options(hint: Any) -> Iterable[Any]:
@@ -272,6 +285,7 @@ TESTS: dict[Any, Callable[[Any], bool]] = {
     float: lambda value: is_number(value, Real),
     bool: lambda value: isinstance(value, bool | np.bool_),
     Numbers: may_be_numbers,
+    Frame: lambda value: index_of(value) is not None,
 }
 
 
@@ -286,6 +300,7 @@ WORDS = {
     bool: "True or False",
     str: "text",
     Numbers: "numbers",
+    Frame: "a data frame of pandas",
     NoneType: "None",
     np.random.Generator: "a random generator such as numpy.random.default_rng(1)",
 }

@@ -13,15 +13,18 @@ EXTRAS = {
     "aiohttp": "web",
     "casadi": "design",
     "distributed": "cluster",
+    "h5py": "hdf5",
     "imageio": "scenes",
     "mcap": "mcap",
     "nidaqmx": "ni",
+    "nptdms": "tdms",
     "openpyxl": "sheets",
     "plotly": "pages",
     "pylablib": "thorlabs",
     "pylsl": "lsl",
     "pyuff": "uff",
     "pyvista": "scenes",
+    "xarray": "xarray",
 }
 
 

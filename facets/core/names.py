@@ -40,3 +40,18 @@ LABELS = {
     6: (STATE_COLUMNS[:6], STATE_UNITS[:6]),
     2: (STATE_COLUMNS[6:], STATE_UNITS[6:]),
 }
+
+
+def covariance_entries(prefix: str = "") -> dict[str, tuple[int, int]]:
+    """Columns of a pose's covariance, those on and above its diagonal, with the places of each in
+    the matrix: cov_tx_tx_mm2, cov_tx_roll_mm_mrad, ..., cov_yaw_yaw_mrad2.
+
+    prefix: of the pose's names, such as object_.
+    """
+    units = [name.rpartition("_")[2] for name in STATE_COLUMNS[:6]]
+    columns = {}
+    for i in range(6):
+        for j in range(i, 6):
+            unit = f"{units[i]}2" if units[i] == units[j] else f"{units[i]}_{units[j]}"
+            columns[f"cov_{prefix}{POSE[i]}_{POSE[j]}_{unit}"] = i, j
+    return columns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -377,6 +378,12 @@ SIMULATE = Key(
         dict,
     ),
 )
+
+
+def resolved_text(resolved: dict[str, Any]) -> str:
+    """Resolved keys as compact JSON, whose SHA-256 identifies a configuration. The order of motions
+    counts: they run in it."""
+    return json.dumps(resolved, separators=(",", ":"), allow_nan=False)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ the composed motion. They take the place of -1 and 1: the calibration's part is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +39,8 @@ from ..core.units import Booleans, Floats
 from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..model.arrays import as_rows, as_vectors
 from .plan import Plan, make_plan
-from .solution import Solution, root_of_diagonal
+from .result import frame_like, root_of_diagonal
+from .solution import Solution
 from .uncertainty import Propagation, carry_over, propagate, slices_of
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def mean_uncertainty(
     *,
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
-) -> Floats:
+) -> Any:
     """Compute the standard uncertainty of the mean of several samples at one pose.
 
     Parameters
@@ -76,9 +77,9 @@ def mean_uncertainty(
 
     Returns
     -------
-    ndarray
+    ndarray or DataFrame
         (..., 8), mm and rad: one standard deviation. NaN where a state is not finite or a detector
-        has no reading.
+        has no reading. Of a data frame the columns u_tx_mm, ..., u_yaw_mrad, ... with its index.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def mean_uncertainty(
         if sensor.calibration is not None:
             whole += carry_over(sensor.calibration, propagation.slopes)
         out[part] = root_of_diagonal(whole)
-    return out.reshape(*shape, 8)
+    return frame_like(states, out.reshape(*shape, 8))
 
 
 @check_arguments
@@ -122,7 +123,7 @@ def difference_uncertainty(
     *,
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
-) -> Floats:
+) -> Any:
     """Compute the standard uncertainty of the step from one pose to another.
 
     Parameters
@@ -140,9 +141,10 @@ def difference_uncertainty(
 
     Returns
     -------
-    ndarray
+    ndarray or DataFrame
         (..., 8), mm and rad: one standard deviation of `second` less `first`. NaN where a state is
-        not finite or a detector has no reading.
+        not finite or a detector has no reading. Where `second` is a data frame, the columns
+        u_tx_mm, ..., u_yaw_mrad, ... with its index.
 
     Raises
     ------
@@ -173,7 +175,8 @@ def difference_uncertainty(
         raise InputError(f"first and second do not fit each other: {error}") from None
     (before, shape), (after, _) = (as_rows(states, 8, "states") for states in both)
     plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
-    return step_uncertainties(sensor, (before, after), plan, samples).reshape(*shape, 8)
+    sizes = step_uncertainties(sensor, (before, after), plan, samples)
+    return frame_like(second, sizes.reshape(*shape, 8))
 
 
 def step_uncertainties(

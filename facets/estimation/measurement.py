@@ -19,14 +19,8 @@ from ..core.units import Booleans, Floats
 from ..detectors.temperature import beam_shift, exact_readings, warmer_than_reference
 from .differences import ZeroPose
 from .object_pose import ObjectPose, transform
-from .samples import (
-    Poses,
-    SampleEstimate,
-    Samples,
-    covariance_columns,
-    expanded_columns,
-    result_columns,
-)
+from .result import covariance_columns, expanded_columns
+from .samples import Poses, SampleEstimate, Samples
 from .solution import Solution, Status, empty_solution
 from .solver import solve_question
 from .tally import Tally
@@ -237,7 +231,7 @@ class Measurement:
         if coverage is not None:
             columns |= expanded_columns(solution, coverage)
         for prefix, pose in poses.items():
-            columns |= result_columns(pose, prefix, covariance, coverage)
+            columns |= pose.columns(prefix, covariance, coverage)
         return columns
 
     def tell_zero(self) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arguments import as_floats, check_arguments, require_plausible
+from ..core.arguments import as_floats, check_arguments, index_of, require_plausible
 from ..core.errors import InputError
-from ..core.names import TEMPERATURE_COLUMN
+from ..core.names import STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN, covariance_entries
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, object_poses
 from ..core.units import Floats
+from ..files.columns import pack_covariances
+from ..files.frame_table import make_frame
 from ..model.arrays import as_rows
 from .differences import (
     POSE_BLOCK,
@@ -22,7 +24,11 @@ from .differences import (
     carry,
     displacement_covariance,
 )
-from .solution import Solution, UncertainResult
+from .result import UncertainResult, covariance_columns, expanded_columns, uncertainty_columns
+from .solution import Solution
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,8 @@ class ObjectPose(UncertainResult):
         Whether `pose` is a displacement from a zero.
     calibration_degrees_of_freedom
         (...) as in `facets.Solution`.
+    index
+        The index of the data frame from which the poses came; None where they were none.
     """
 
     pose: Floats
@@ -53,6 +61,35 @@ class ObjectPose(UncertainResult):
     calibration_covariance: Floats | None
     is_displacement: bool
     calibration_degrees_of_freedom: Floats | None = None
+    index: Any = None
+
+    def columns(
+        self, prefix: str, covariance: bool = False, coverage: float | None = None
+    ) -> dict[str, Floats]:
+        """The poses as columns with their standard uncertainties, and on request their covariances
+        and expanded uncertainties.  prefix: of the names, such as object_."""
+        columns = {
+            f"{prefix}{name}": self.pose[..., i] / STATE_UNITS[i]
+            for i, name in enumerate(STATE_COLUMNS[:6])
+        }
+        if self.covariance is None:
+            return columns
+        columns |= uncertainty_columns(self, prefix)
+        columns |= covariance_columns(self, prefix) if covariance else {}
+        return columns | ({} if coverage is None else expanded_columns(self, coverage, prefix))
+
+    def to_frame(self) -> DataFrame:
+        """Make a data frame of pandas with the columns of a table of poses.
+
+        Returns
+        -------
+        DataFrame
+            One row for each pose, with the index of the data frame from which the poses came: the
+            columns object_tx_mm, ... or displacement_tx_mm, ..., and their standard uncertainties.
+            `attrs["units"]` has the units of the columns.
+        """
+        prefix = "displacement_" if self.is_displacement else "object_"
+        return make_frame(self.columns(prefix), index=self.index)
 
 
 @check_arguments
@@ -69,7 +106,8 @@ def transform(
     Parameters
     ----------
     solution
-        A solution, or states (..., 8) or poses (..., 6) of the mirror; mm and rad, world frame.
+        A solution, or states (..., 8) or poses (..., 6) of the mirror; mm and rad, world frame. A
+        data frame with the columns of a covariance (`--covariance`) has that as well.
     object
         The point of interest and the object's axes, such as `Config.object`; None: the apex and
         the mirror's own axes.
@@ -85,7 +123,8 @@ def transform(
     Returns
     -------
     ObjectPose
-        Poses (..., 6) with covariances (..., 6, 6) where the solution has a covariance. NaN where
+        Poses (..., 6) with covariances (..., 6, 6) where the solution has a covariance, or a data
+        frame and the zero is no `ZeroPose`; `to_frame()` makes them a data frame. NaN where
         the mirror's pose is NaN. Within 0.6 degrees of a pitch of 90 degrees roll and yaw are not
         unique: they and the uncertainties of all angles are NaN. Roll and yaw of an absolute pose
         lie within half a turn of the object's orientation.
@@ -114,7 +153,7 @@ def transform(
     ['0.07 um', '0.20 um']
     """
     body = MIRROR if object is None else object
-    states, used, status, parts = unpack(solution)
+    states, used, status, parts = unpack(solution, not isinstance(zero, ZeroPose))
     rows, shape = as_rows(states, 6 if states.shape[-1:] == (6,) else 8, "solution")
     if zero is None:
         pose, slopes = object_poses(rows[:, :6], body)
@@ -137,8 +176,9 @@ def transform(
     whole, noise, calibration = (None if p is None else p.reshape(*shape, 6, 6) for p in parts)
     known = getattr(solution, "calibration_degrees_of_freedom", None)
     return ObjectPose(
-        pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None, known
-    )
+        pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None, known,
+        solution.index if isinstance(solution, Solution) else index_of(solution),
+    )  # fmt: skip
 
 
 def carry_pose(poses: Floats, covariances: Floats, body: MeasuredObject) -> ObjectPose:
@@ -147,14 +187,28 @@ def carry_pose(poses: Floats, covariances: Floats, body: MeasuredObject) -> Obje
     return ObjectPose(carried, None, carry(slopes, covariances), None, None, False)
 
 
-def unpack(solution: Solution | ArrayLike) -> tuple[Floats, Any, Any, CovarianceParts]:
+def unpack(
+    solution: Solution | ArrayLike, is_framed: bool = False
+) -> tuple[Floats, Any, Any, CovarianceParts]:
     """States (..., 8 or 6), the used detectors (..., 3), statuses and covariances (n, 8, 8) of a
-    solution or of bare states."""
+    solution or of bare states.  is_framed: whether to take the covariances of a data frame."""
     if not isinstance(solution, Solution):
-        return as_floats(solution, "solution", 6), None, None, CovarianceParts(None, None, None)
+        whole = framed_covariance(solution) if is_framed else None
+        states = as_floats(solution, "solution", 6)
+        return states, None, None, CovarianceParts(whole, None, None)
     covariances = solution.covariance, solution.noise_covariance, solution.calibration_covariance
     parts = (None if part is None else part.reshape(-1, 8, 8) for part in covariances)
     return solution.state, solution.used, solution.status, CovarianceParts(*parts)
+
+
+def framed_covariance(values: Any) -> Floats | None:
+    """The covariances (n, 6, 6) in the columns of a data frame; mm and rad. None without them."""
+    entries = covariance_entries()
+    if index_of(values) is None or not entries.keys() <= set(values.columns):
+        return None
+    packed = pack_covariances({name: values[name] for name in entries})["cov_pose"]
+    covariance: Floats = packed * np.outer(STATE_UNITS[:6], STATE_UNITS[:6])
+    return covariance
 
 
 def as_row(values: ArrayLike | None, count: int, what: str, default: float) -> Floats:

@@ -4,141 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
+from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.units import Floats
+from ..files.frame_table import make_frame
 from . import problem
 from .plan import Chance
 from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED
-from .uncertainty import UncertaintyParts, coverage_factor, effective_degrees_of_freedom
+from .result import (
+    DETECTOR_BITS,
+    UncertainResult,
+    covariance_columns,
+    uncertainty_columns,
+    worded_columns,
+)
+from .result import LABELS as LABELS
+from .result import Status as Status
+from .uncertainty import UncertaintyParts
 
-
-class Status(IntEnum):
-    """How the estimate of one reading ended. Only a converged one has a pose.
-
-    UNCHECKED: there are as many usable readings as unknowns, so that a wrong reading also gives a
-    pose and nothing shows the error; `solve(..., accept_unchecked=True)` gives it. AMBIGUOUS:
-    another pose gives the same reading. Of live samples only: SKIPPED: it was recorded and not
-    solved, since the run had fallen behind; a replay solves it. SATURATED: a converter was at its
-    end, so that the reading is not finite.
-    """
-
-    CONVERGED = problem.CONVERGED
-    MAX_STEPS = problem.MAX_STEPS
-    SINGULAR = problem.SINGULAR
-    OUT_OF_RANGE = problem.OUT_OF_RANGE
-    NO_LIGHT = problem.NO_LIGHT
-    NON_FINITE = problem.NON_FINITE
-    STALLED = problem.STALLED
-    UNCHECKED = problem.UNCHECKED
-    AMBIGUOUS = problem.AMBIGUOUS
-    SKIPPED = 64
-    SATURATED = 66
-
-    @property
-    def label(self) -> str:
-        return self.name.lower().replace("_", " ")
-
-
-#: The words of each status, by its number.
-LABELS = {status.value: status.label for status in Status}
-
-
-class UncertainResult:
-    """Standard uncertainties of a result with a covariance, and their parts.
-
-    A subclass has the attributes `covariance`, `noise_covariance`, `calibration_covariance` and
-    `calibration_degrees_of_freedom`, as `Solution` describes them.
-    """
-
-    covariance: Floats | None
-    noise_covariance: Floats | None
-    calibration_covariance: Floats | None
-    calibration_degrees_of_freedom: Floats | None
-
-    @property
-    def uncertainty(self) -> Floats:
-        """Combined standard uncertainty of each component: (..., 8) of a state, (..., 6) of an
-        object's pose; mm and rad."""
-        if self.covariance is None:
-            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
-        return root_of_diagonal(self.covariance)
-
-    @property
-    def noise_uncertainty(self) -> Floats:
-        """The part of `uncertainty` by the noise of the readings; mm and rad.
-
-        A mean over n samples of one pose has 1 / sqrt(n) of it. Raises `InputError` where the
-        sensor has no calibration covariance.
-        """
-        return root_of_diagonal(self.require_part(self.noise_covariance))
-
-    @property
-    def calibration_uncertainty(self) -> Floats:
-        """The part of `uncertainty` by the calibration; mm and rad.
-
-        A mean over samples keeps it. Raises `InputError` where the sensor has no calibration
-        covariance.
-        """
-        return root_of_diagonal(self.require_part(self.calibration_covariance))
-
-    @property
-    def degrees_of_freedom(self) -> Floats:
-        """Effective degrees of freedom of `uncertainty`, by Welch and Satterthwaite.
-
-        Noise and priors count as known, with infinitely many. NaN where those of the calibration
-        are unknown, as in configurations that hold no `sensor.calibration.degrees_of_freedom`.
-        """
-        variance = self.uncertainty**2
-        freedom: Floats = np.full(variance.shape, np.inf)
-        if self.calibration_covariance is not None:
-            part = np.diagonal(self.calibration_covariance, axis1=-2, axis2=-1)
-            known = np.asarray(self.calibration_degrees_of_freedom, float)[..., None]
-            freedom = effective_degrees_of_freedom(variance, part, known)
-        freedom[np.isnan(variance)] = np.nan
-        return freedom
-
-    def coverage_factor(self, probability: float = 0.95) -> Floats:
-        """Coverage factor of each component's interval; NaN without a pose.
-
-        The quantile of Student's t distribution for `degrees_of_freedom`; of the normal
-        distribution where these are infinite or unknown.
-        """
-        factor = coverage_factor(probability, self.degrees_of_freedom)
-        factor[np.isnan(self.uncertainty)] = np.nan
-        return factor
-
-    def expanded_uncertainty(self, probability: float = 0.95) -> Floats:
-        """Expanded uncertainty of each component; mm and rad.
-
-        `coverage_factor` times `uncertainty`: the true value lies within it of the estimate with
-        this probability.
-
-        Examples
-        --------
-        >>> import numpy as np, facets
-        >>> known = facets.Calibration(("psd_a.height",), ((1e-4,),), degrees_of_freedom=5)
-        >>> sensor = facets.Sensor(calibration=known)  # known to 10 um, from a short calibration
-        >>> solution = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
-        >>> k, within = solution.coverage_factor()[2], 1e3 * solution.expanded_uncertainty()[2]
-        >>> f"k {k:.2f}, z within {within:.1f} um"
-        'k 2.35, z within 8.6 um'
-        """
-        return self.coverage_factor(probability) * self.uncertainty
-
-    def require_part(self, covariance: Floats | None) -> Floats:
-        if covariance is None:
-            raise InputError(
-                "the uncertainty has no parts: the sensor has no calibration covariance, or solve "
-                "was called with covariance=False; facets.mean_uncertainty and "
-                "facets.difference_uncertainty take a sensor without one, too"
-            )
-        return covariance
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True)
@@ -174,6 +63,8 @@ class Solution(UncertainResult):
         (..., 8, 8) the part of `covariance` by the calibration; None likewise.
     calibration_degrees_of_freedom
         (...) of that part (`Calibration.degrees_of_freedom`), NaN where unknown; None likewise.
+    index
+        The index of the readings' data frame; None where they were none.
 
     Notes
     -----
@@ -205,6 +96,7 @@ class Solution(UncertainResult):
     noise_covariance: Floats | None = None
     calibration_covariance: Floats | None = None
     calibration_degrees_of_freedom: Floats | None = None
+    index: Any = None
 
     @property
     def converged(self) -> NDArray[np.bool_]:
@@ -230,6 +122,47 @@ class Solution(UncertainResult):
         """
         return self.converged & ~self.misfit
 
+    def columns(self) -> dict[str, Any]:
+        """The solution as columns of numbers: state, status, the bits of the detectors used,
+        residual, power, uncertainties, and `misfit`: 1 where the residual is beyond chance."""
+        columns: dict[str, Any] = {
+            name: self.state[..., i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)
+        }
+        columns["status"] = self.status
+        columns["used"] = (self.used @ DETECTOR_BITS).astype(np.uint8)
+        columns["residual"] = self.residual
+        columns["power_mw"] = self.power
+        if self.covariance is not None:
+            columns |= uncertainty_columns(self)
+        return columns | {"misfit": self.misfit.astype(np.uint8)}
+
+    def to_frame(self, covariance: bool = False) -> DataFrame:
+        """Make a data frame of pandas with the columns of a table of poses.
+
+        Parameters
+        ----------
+        covariance
+            Whether the covariance of each pose is added, as the 21 columns cov_tx_tx_mm2, ..., from
+            which `facets.transform` takes it.
+
+        Returns
+        -------
+        DataFrame
+            One row for each reading, with the index of the readings where these were a data frame:
+            the state in mm and mrad, status, standard uncertainties. `attrs["units"]` has the units
+            of the columns.
+
+        Examples
+        --------
+        >>> import numpy as np, facets
+        >>> sensor = facets.Sensor()
+        >>> poses = facets.solve(sensor, facets.readings(sensor, np.zeros((3, 8)))).to_frame()
+        >>> poses.status.tolist(), poses.attrs["units"]["roll_mrad"]
+        (['converged', 'converged', 'converged'], 'mrad')
+        """
+        more = covariance_columns(self) if covariance else {}
+        return make_frame(worded_columns(self.columns()) | more, index=self.index)
+
 
 def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
     """A solution without any pose, with one status.  has_parts: whether uncertainties have."""
@@ -249,12 +182,6 @@ def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
         calibration_covariance=part,
         calibration_degrees_of_freedom=np.full(count, np.nan) if has_parts else None,
     )
-
-
-def root_of_diagonal(covariance: Floats) -> Floats:
-    """Standard uncertainties (..., m) of a covariance (..., m, m)."""
-    root: Floats = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-    return root
 
 
 def root_of_covariance(covariance: Floats) -> Floats:
@@ -355,7 +282,7 @@ class LazySolution(Solution):
         return made
 
     def plain(self) -> Solution:
-        return Solution(*(getattr(self, name) for name in FIELDS))
+        return Solution(*(getattr(self, name) for name in (*FIELDS, "index")))
 
     def __repr__(self) -> str:
         return repr(self.plain())

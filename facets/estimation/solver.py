@@ -6,12 +6,13 @@ parameters. Blocks do nearly all of them; light that is cut is solved one by one
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arguments import check_arguments
+from ..core.arguments import check_arguments, index_of
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, PowerKnowledge, Question
 from ..core.sensor import Sensor
@@ -59,8 +60,8 @@ def solve(
     sensor
         The sensor.
     readings
-        (..., 9), mm and mW, as `facets.readings` gives them. A detector with a NaN, without light
-        or with a spot past its edge is left out.
+        (..., 9), mm and mW, as `facets.readings` gives them, or a data frame with these columns. A
+        detector with a NaN, without light or with a spot past its edge is left out.
     beam
         What is known of the beam's place: "free", "known" to be (0, 0), or a `Prior` in mm.
     power
@@ -87,7 +88,8 @@ def solve(
     -------
     Solution
         States, statuses and covariances. A reading that cannot be solved has a status and NaN. A
-        pose whose residual noise would hardly leave is given, and is not `ok`.
+        pose whose residual noise would hardly leave is given, and is not `ok`. `to_frame()` makes
+        it a data frame, with the index of the readings' data frame.
 
     Raises
     ------
@@ -118,7 +120,8 @@ def solve(
     """
     values = as_vectors(readings, 9, "readings")
     question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
-    return solve_question(sensor, values, question, start, threads)
+    found, index = solve_question(sensor, values, question, start, threads), index_of(readings)
+    return found if index is None else replace(found, index=index)
 
 
 def solve_question(

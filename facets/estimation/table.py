@@ -17,9 +17,11 @@ from ..core.units import Floats
 from ..detectors.skew import align
 from ..detectors.temperature import beam_shift, warmer_than_reference
 from ..files import tables
+from ..files.columns import TIMES
 from .estimates import Task, compile_for
 from .measurement import Measurement
-from .samples import UNPARSABLE, Samples, worded_columns
+from .result import worded_columns
+from .samples import UNPARSABLE, Samples
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -28,9 +30,6 @@ if TYPE_CHECKING:
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
-#: Columns of times, the first of which counts, with one unit of each, s; a table of a recording has
-#: the board's.
-TIMES = {"time_s": 1.0, "board_us": 1e-6}
 #: The most lines without numbers that are named.
 NAMED_LINES = 5
 #: For a table of poses that is solved with a known beam.

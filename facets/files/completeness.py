@@ -6,6 +6,8 @@ import errno
 import json
 from pathlib import Path
 
+from ..core.extras import require_extra
+
 #: Last bytes of complete files by kind; blanks after them do not count.
 ENDS = {
     ".png": b"IEND\xaeB`\x82",
@@ -26,6 +28,8 @@ def require_complete(path: Path) -> None:
         whole = is_json(path)
     elif kind == ".mp4":
         whole = has_whole_boxes(path)
+    elif kind == ".h5":
+        whole = is_hdf5(path)
     else:
         return
     if not whole:
@@ -42,6 +46,15 @@ def is_json(path: Path) -> bool:
     try:
         json.loads(path.read_bytes())
     except ValueError:
+        return False
+    return True
+
+
+def is_hdf5(path: Path) -> bool:
+    """Return whether HDF5 opens a file, which it does not where the file's end is missing."""
+    try:
+        require_extra("h5py", str(path)).File(path, "r", locking=False).close()
+    except OSError:
         return False
     return True
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .tables import open_sheet, unit_of_column
+from .tables import column_names, unit_of_column
 from .whole import Whole, readable_path
 
 NAME = "ro-crate-metadata.json"
@@ -23,6 +23,7 @@ PROGRAM = "#facets"
 TYPES = {
     ".csv": "text/csv",
     ".parquet": "application/vnd.apache.parquet",
+    ".h5": "application/x-hdf5",
     ".yaml": "application/yaml",
     ".json": "application/json",
     ".png": "image/png",
@@ -117,7 +118,7 @@ def entity_of(file: Path) -> dict[str, Any]:
 def columns_of(file: Path) -> list[dict[str, Any]]:
     """Columns of a table that have a unit; none for files that are not tables."""
     columns = []
-    for name in names_of(readable_path(file)):
+    for name in column_names(readable_path(file)):
         unit = unit_of_column(name)
         if not unit:
             continue
@@ -130,15 +131,3 @@ def columns_of(file: Path) -> list[dict[str, Any]]:
         }
         columns.append(column | ({"unitCode": UCUM[unit]} if unit in UCUM else {}))
     return columns
-
-
-def names_of(file: Path) -> list[str]:
-    """The names of a table's columns."""
-    if file.suffix.lower() == ".csv":
-        with open_sheet(file) as sheet:
-            return list(sheet.names)
-    if file.suffix.lower() == ".parquet":
-        import pyarrow.parquet as pq
-
-        return [str(name) for name in pq.read_schema(file).names]
-    return []

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
+from ..core.settings import resolved_text
 from ..core.version import __version__
+from .columns import CONFIGURATION
 from .crate import write_crate
 from .tables import Whole
 
@@ -42,6 +44,11 @@ def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return {key: value for key, value in known.items() if value is not None}
+
+
+def configuration_entry(config: Config) -> dict[str, str]:
+    """The entry of a table's head with the whole configuration; CSV leaves it out."""
+    return {CONFIGURATION: resolved_text(config.resolved)}
 
 
 def origin_line(config: Config) -> str:

@@ -1,75 +1,77 @@
-"""Tables in CSV and Parquet of any length: reading in chunks, writing completely or not at all.
+"""Tables of any length: reading in chunks, writing completely or not at all.
 
-A table begins with its provenance: comment lines `# key: value` in CSV, metadata in Parquet. CSV
-may be compressed (.csv.gz), and the name - means CSV from the standard input or to the standard
-output.
+A table begins with its provenance: comment lines `# key: value` in CSV, which is read and written
+here; metadata and attributes in the formats of `FORMATS`. CSV may be compressed (.csv.gz), and the
+name - means CSV from the standard input or to the standard output.
 """
 
 from __future__ import annotations
 
 import csv
-import difflib
 import gzip
 import os
 import sys
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from io import TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.names import READING_COLUMNS
 from ..core.plain_numbers import plain_number
-from ..core.units import (
-    KEY_UNITS,
-    Booleans,
-    Floats,
-    Integers,
-    describe_bounds,
-    find_implausible,
-    unit_in,
-)
+from ..core.units import Booleans, Floats, describe_bounds, find_implausible
+from . import frame_table, hdf5_table, parquet_table, tdms_table
+from .columns import CONFIGURATION, TIME_HINT, Columns, columns_to_read
+from .columns import Chunk as Chunk
+from .columns import MissingColumnsError as MissingColumnsError
+from .columns import unit_of_column as unit_of_column
+from .frame_table import FrameTable, make_frame
+from .hdf5_table import Hdf5Writer
+from .parquet_table import ParquetWriter, record_batch
 from .whole import STANDARD_STREAM
 from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
 
-Columns = Mapping[str, Any]
-ENDINGS = (".csv", ".csv.gz", ".parquet")
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+#: A table in a file, or in memory.
+Source = Path | FrameTable
+#: Endings of tables that are written, and of those that are only read.
+ENDINGS = (".csv", ".csv.gz", ".parquet", ".h5")
+READABLE = (*ENDINGS, ".tdms")
+#: Formats other than CSV, by the suffixes of their files.
+FORMATS: dict[str, Any] = {".parquet": parquet_table, ".h5": hdf5_table, ".tdms": tdms_table}
 CHUNK = 50_000
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Some rows of a table.
-
-    columns: by name, float, NaN where a cell is empty or holds NaN.  lines: line numbers in the
-    file, from 1; row numbers in Parquet.  unparsable: whether a row is not numbers; its columns
-    are NaN.  bytes_read: bytes of the file read so far.
-    """
-
-    columns: dict[str, Floats]
-    lines: Integers
-    unparsable: Booleans
-    bytes_read: int
-
-
-def ending(path: Path) -> str:
+def ending(path: Path, allowed: Sequence[str] = ENDINGS) -> str:
+    """The suffix of a table's file; raises `InputError` if it is none of a table."""
     if path == STANDARD_STREAM:
         return ".csv"
-    if not path.name.lower().endswith(ENDINGS):
-        raise InputError(f"{path}: a table's name ends in .csv, .csv.gz or .parquet")
+    if not path.name.lower().endswith(tuple(allowed)):
+        *some, last = allowed
+        raise InputError(f"{path}: a table's name ends in {', '.join(some)} or {last}")
     return path.suffix.lower()
 
 
+def format_of(source: Source) -> Any:
+    """The functions that read a table, after `require_table`; None for CSV."""
+    if isinstance(source, FrameTable):
+        return frame_table
+    require_table(source)
+    return FORMATS.get(ending(source, READABLE))
+
+
 def read_chunks(
-    path: Path, needed: Sequence[str] = (), optional: Sequence[str] = (), rows: int = CHUNK
+    source: Source, needed: Sequence[str] = (), optional: Sequence[str] = (), rows: int = CHUNK
 ) -> Iterator[Chunk]:
     """Read the named columns of a table, `rows` at a time, and skip the others.
 
@@ -77,12 +79,12 @@ def read_chunks(
     column is missing or holds words, if most of a column is not plausible, or if the file cannot be
     read.
     """
-    require_table(path)
-    read = read_parquet if ending(path) == ".parquet" else read_csv
-    return (screen(path, chunk) for chunk in read(path, needed, optional, rows))
+    other = format_of(source)
+    read: Callable[..., Iterator[Chunk]] = other.read_chunks if other else read_csv
+    return (screen(source, chunk) for chunk in read(source, needed, optional, rows))
 
 
-def screen(path: Path, chunk: Chunk) -> Chunk:
+def screen(source: Source, chunk: Chunk) -> Chunk:
     """The chunk with NaN where a value is not plausible, see `read_chunks`.
 
     Readings stay: those of a dark detector are of any size, and the solver gives them a status.
@@ -94,7 +96,7 @@ def screen(path: Path, chunk: Chunk) -> Chunk:
         if 2 * wrong.sum() > len(wrong) - np.isnan(values).sum():
             line, value = chunk.lines[wrong.argmax()], values[wrong.argmax()]
             raise InputError(
-                f"{path}:{line}: column {name} holds {value:g}; plausible: "
+                f"{source}:{line}: column {name} holds {value:g}; plausible: "
                 f"{describe_bounds(name)}; give the column in the unit that its name says"
             )
         columns[name] = np.where(wrong, np.nan, values)
@@ -108,7 +110,6 @@ BEGINNINGS = {
     b"PK\x03\x04": "a spreadsheet or an archive; save it as CSV",
     b"\x1f\x8b": "compressed; name it .csv.gz",
 }
-PARQUET = b"PAR1"
 
 
 def require_table(path: Path) -> None:
@@ -121,12 +122,12 @@ def require_table(path: Path) -> None:
         raise InputError(f"{path}: no such file")
     with open_bytes(path) as file:
         begin = file.read(4)
-    if ending(path) == ".parquet":
-        if begin != PARQUET:
-            raise InputError(f"{path}: not a Parquet table; name a table of text .csv")
-        return
-    if begin == PARQUET:
-        raise InputError(f"{path}: is a Parquet table; name it .parquet")
+    expected = FORMATS.get(ending(path, READABLE))
+    if expected and begin != expected.SIGNATURE:
+        raise InputError(f"{path}: not {expected.KIND}; name a table of text .csv")
+    for suffix, other in FORMATS.items():
+        if other is not expected and begin == other.SIGNATURE:
+            raise InputError(f"{path}: is {other.KIND}; name it {suffix}")
     for sign, what in BEGINNINGS.items():
         if begin.startswith(sign):
             raise InputError(f"{path}: is {what}")
@@ -147,29 +148,6 @@ def open_bytes(path: Path) -> Iterator[Any]:
         raise InputError(f"{path}: cannot be read: {reason}") from None
 
 
-class MissingColumnsError(InputError):
-    """Error for a table that lacks the columns `names`."""
-
-    def __init__(self, text: str, names: Sequence[str]) -> None:
-        super().__init__(text)
-        self.names = names
-
-
-def columns_to_read(
-    path: Path, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
-) -> list[str]:
-    missing = [name for name in needed if name not in names]
-    if missing:
-        near = [difflib.get_close_matches(name, names, 1, 0.7) for name in missing]
-        hints = [f"{name} (found: {close[0]})" if close else name
-                 for name, close in zip(missing, near, strict=True)]  # fmt: skip
-        raise MissingColumnsError(f"{path}: missing columns: {', '.join(hints)}", missing)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"{path}: columns that appear twice: {', '.join(twice)}")
-    return [*needed, *(name for name in optional if name in names and name not in needed)]
-
-
 class Sheet:
     """An open CSV table after its header: rows with their line numbers."""
 
@@ -183,14 +161,14 @@ class Sheet:
             key, mark, value = header[1:].partition(":")
             if mark:
                 self.head[key.strip()] = value.strip()
-        delimiter = delimiter_of(header)
+        self.file, self.delimiter = file, delimiter_of(header)
         try:
-            names = next(csv.reader([header], delimiter=delimiter), [])
+            names = next(csv.reader([header], delimiter=self.delimiter), [])
         except csv.Error as error:
             raise InputError(f"{path}:{self.first}: not a header: {error}") from None
         self.names = [name.strip() for name in names]
         # numbers need no quotes, and a stray one must not swallow the lines that follow it
-        self.reader = csv.reader(file, delimiter=delimiter, quoting=csv.QUOTE_NONE)
+        self.reader = csv.reader(file, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield line numbers, from 1, and cells; skip comments and empty lines."""
@@ -211,18 +189,23 @@ class Sheet:
 
 def read_head(path: Path) -> dict[str, str]:
     """Read the head of a table, written by `provenance.provenance_header`; empty if it has none."""
-    require_table(path)
-    if ending(path) == ".parquet":
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            metadata = pq.read_schema(path).metadata or {}
-        except (pa.ArrowException, OSError):
-            return {}
-        return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+    other = format_of(path)
+    if other:
+        head: dict[str, str] = other.read_head(path)
+        return head
     with open_sheet(path) as sheet:
         return sheet.head
+
+
+def column_names(path: Path) -> list[str]:
+    """The names of a table's columns; none for a file whose name is not that of a table."""
+    if not path.name.lower().endswith(READABLE):
+        return []
+    other = format_of(path)
+    if other:
+        return list(other.column_names(path))
+    with open_sheet(path) as sheet:
+        return sheet.names
 
 
 def delimiter_of(header: str) -> str:
@@ -252,16 +235,15 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
     return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
 
 
-def read_words(path: Path, name: str) -> list[str] | None:
+def read_words(source: Source, name: str) -> list[str] | None:
     """Read a column of words of a whole table; None if it has no such column."""
-    require_table(path)
-    if ending(path) == ".parquet":
-        import pyarrow.parquet as pq
-
-        if name not in pq.read_schema(path).names:
+    other = format_of(source)
+    if other:
+        if name not in other.column_names(source):
             return None
-        return [str(word) for word in pq.read_table(path, columns=[name])[name].to_pylist()]
-    with open_sheet(path) as sheet:
+        return [str(word) for word in other.read_columns(source, [name])[name]]
+    assert isinstance(source, Path)
+    with open_sheet(source) as sheet:
         if name not in sheet.names:
             return None
         place = sheet.names.index(name)
@@ -309,9 +291,6 @@ def refuse_words(
             )
 
 
-TIME_HINT = "; give seconds, or leave the column out"
-
-
 def number(cell: str) -> float:
     """Convert a cell to a number, an empty one to NaN; quotes around it are ignored."""
     text = cell.strip()
@@ -349,108 +328,99 @@ def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Float
     return values, bad
 
 
-def read_parquet(
-    path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
-) -> Iterator[Chunk]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+def read_columns(path: Path) -> Columns:
+    """Read all columns of a table, numbers and words, as they are."""
+    other = format_of(path)
+    if other:
+        columns: Columns = other.read_columns(path, other.column_names(path))
+        return columns
+    import pandas as pd
 
-    try:
-        file = pq.ParquetFile(path)
-        use = columns_to_read(path, file.schema_arrow.names, needed, optional)
-        require_numbers(path, file.schema_arrow, use)
-        done = 0
-        for batch in file.iter_batches(rows, columns=use):
-            columns = {
-                name: column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-                for name, column in zip(batch.schema.names, batch.columns, strict=True)
-            }
-            size = path.stat().st_size * (done + len(batch)) // file.metadata.num_rows
-            lines = np.arange(done, done + len(batch)) + 1
-            done += len(batch)
-            yield Chunk(columns, lines, np.zeros(len(batch), dtype=bool), size)
-    except (pa.ArrowException, OSError) as error:
-        what = str(error).partition("\n")[0]
-        raise InputError(f"{path}: not a Parquet table of numbers: {what}") from None
-
-
-def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
-    """Raise `InputError` for columns of a Parquet table that are not of a numeric type."""
-    from pyarrow import types
-
-    kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_null)
-    for name in names:
-        kind = schema.field(name).type
-        if not any(is_kind(kind) for is_kind in kinds):
-            raise InputError(
-                f"{path}: column {name} holds {kind}, not numbers"
-                f"{TIME_HINT if name == 'time_s' else ''}"
-            )
+    # before 3.1 the last digit of a number was by default not that of the text
+    is_exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+    exact: Any = {} if is_exact else {"float_precision": "round_trip"}
+    with open_sheet(path) as sheet:
+        columns_to_read(path, sheet.names, (), ())
+        try:
+            frame = pd.read_csv(
+                sheet.file, names=sheet.names, sep=sheet.delimiter, comment="#",
+                skipinitialspace=True, index_col=False, keep_default_na=False,
+                na_values=["", "nan"], **exact,
+            )  # fmt: skip
+        except ValueError as error:  # pandas' ParserError among them
+            raise InputError(f"{path}: cannot be read as a table: {error}") from None
+    return {name: numbers_or_words(frame[name]) for name in sheet.names}
 
 
-def arrow_column(values: Any) -> Any:
-    """Make an Arrow column: numbers without a copy, texts one after the other.
+def numbers_or_words(column: Any) -> Any:
+    """A column of pandas as numbers, NaN where a cell is no number; as words if most cells are."""
+    import pandas as pd
 
-    `pyarrow.array` would first import pandas to check whether the values are a pandas series, which
-    takes longer than solving a small table.
-    """
-    import pyarrow as pa
-
-    array = np.asarray(values)
-    if array.ndim == 1 and array.size and array.dtype in (np.float64, np.int64):
-        memory = pa.py_buffer(np.ascontiguousarray(array))
-        return pa.Array.from_buffers(pa.from_numpy_dtype(array.dtype), array.size, [None, memory])
-    if array.ndim == 1 and array.size and array.dtype.kind == "U":
-        texts = [text.encode() for text in array.tolist()]
-        ends = np.cumsum([0, *map(len, texts)])
-        if ends[-1] < 2**31:
-            parts = [None, pa.py_buffer(ends.astype(np.int32)), pa.py_buffer(b"".join(texts))]
-            return pa.Array.from_buffers(pa.string(), array.size, parts)
-    return pa.array(values)
+    if pd.api.types.is_numeric_dtype(column):
+        return column.to_numpy()
+    numbers = pd.to_numeric(column, errors="coerce")
+    is_number = 2 * numbers.notna().sum() > column.notna().sum()
+    return (numbers if is_number else column.fillna("")).to_numpy()
 
 
-class Writer:
-    """Appends blocks of rows to a table, which is CSV or Parquet by the file's suffix."""
+def read_frame(path: Path) -> DataFrame:
+    """Read a table as a data frame, with its units and its head in `attrs`."""
+    return make_frame(read_columns(path), read_head(path))
 
-    def __init__(self, path: Path, about: Mapping[str, str]) -> None:
-        self.path = path
-        self.about = about
-        self.file: Any = None
-        self.sink: Any = None
 
-    def write(self, columns: Columns) -> None:
-        import pyarrow as pa
+class CsvWriter:
+    """Appends blocks of rows to a table of text, whose columns are those of the first block."""
 
-        arrays = [arrow_column(values) for values in columns.values()]
-        batch = pa.RecordBatch.from_arrays(arrays, names=list(columns))
-        if self.file is None:
-            self.open(batch.schema)
-        self.file.write_batch(batch)
-
-    def open(self, schema: Any) -> None:
-        if self.path.suffix.lower() == ".parquet":
-            import pyarrow.parquet as pq
-
-            self.file = pq.ParquetWriter(self.path, add_units(schema, self.about))
-            return
+    def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
         import pyarrow as pa
         import pyarrow.csv as pc
 
-        is_stream = self.path == STANDARD_STREAM
-        self.sink = sys.stdout.buffer if is_stream else pa.output_stream(str(self.path))
-        lines = [f"# {key}: {' '.join(value.split())}" for key, value in self.about.items()]
-        text = "\n".join([*lines, ",".join(schema.names)]) + "\n"
-        self.sink.write(text.encode())
+        self.is_stream = path == STANDARD_STREAM
+        self.sink: Any = sys.stdout.buffer if self.is_stream else pa.output_stream(str(path))
+        lines = [
+            f"# {key}: {' '.join(value.split())}"
+            for key, value in about.items()
+            if key != CONFIGURATION
+        ]
+        self.sink.write("\n".join([*lines, ",".join(columns)]).encode() + b"\n")
         options = pc.WriteOptions(include_header=False, quoting_style="none")
+        schema = record_batch(columns).schema
         self.file = pc.CSVWriter(self.sink, schema, write_options=options)
+
+    def write(self, columns: Columns) -> None:
+        self.file.write_batch(record_batch(columns))
+
+    def close(self) -> None:
+        self.file.close()
+        if self.is_stream:
+            sys.stdout.flush()
+        else:
+            self.sink.close()
+
+
+#: Writers of formats other than CSV, by the suffixes of their files.
+WRITERS: dict[str, Any] = {".parquet": ParquetWriter, ".h5": Hdf5Writer}
+
+
+class Writer:
+    """Appends blocks of rows to a table, in the format that the file's suffix says.
+
+    file: the writer in that format; None as long as there are no rows.
+    """
+
+    def __init__(self, path: Path, about: Mapping[str, str]) -> None:
+        self.path, self.about = path, about
+        self.file: Any = None
+
+    def write(self, columns: Columns) -> None:
+        if self.file is None:
+            make = WRITERS.get(self.path.suffix.lower(), CsvWriter)
+            self.file = make(self.path, self.about, columns)
+        self.file.write(columns)
 
     def close(self) -> None:
         if self.file is not None:
             self.file.close()
-        if self.path == STANDARD_STREAM:
-            sys.stdout.flush()
-        elif self.sink is not None:
-            self.sink.close()
 
 
 @contextmanager
@@ -463,33 +433,6 @@ def open_writer(path: Path, about: Mapping[str, str]) -> Iterator[Writer]:
             yield writer
         finally:
             writer.close()
-
-
-#: Units of covariances, by the ends of their columns' names.
-PRODUCT_UNITS = {"_mm2": "mm^2", "_mm_mrad": "mm mrad", "_mrad2": "mrad^2", "": ""}
-
-
-def unit_of_column(name: str) -> str:
-    """The unit at the end of a column's name, in its usual spelling, or an empty text."""
-    if name.startswith("cov_"):
-        return next(label for ending, label in PRODUCT_UNITS.items() if name.endswith(ending))
-    ending = unit_in(name)
-    return KEY_UNITS[ending].label if ending else ""
-
-
-def add_units(schema: Any, about: Mapping[str, str]) -> Any:
-    """Add each field's unit (key `unit`) and `about` to an Arrow schema.
-
-    An entry "unit of NAME" of `about` goes before the unit at the end of a column's name.
-    """
-    import pyarrow as pa
-
-    fields = [
-        field.with_metadata({"unit": unit}) if unit else field
-        for field in schema
-        for unit in [about.get(f"unit of {field.name}", unit_of_column(field.name))]
-    ]
-    return pa.schema(fields, metadata=dict(about))
 
 
 def write_table(path: Path, columns: Columns, about: Mapping[str, str]) -> None:

@@ -18,8 +18,11 @@ from types import FrameType, TracebackType
 from typing import IO, Any
 
 from ..core.errors import OutputError
+from ..core.extras import require_extra
 from .completeness import require_complete
 
+#: Modules of extras that write a kind of file, by its suffix.
+WRITERS = {".h5": "h5py", ".mcap": "mcap.writer"}
 #: The name of the standard input, and of the standard output.
 STANDARD_STREAM = Path("-")
 
@@ -31,7 +34,7 @@ def refuse_to_overwrite(
 
     sources: files that the results extend or are made from; None is skipped. Raises `OutputError`
     if one of the paths is a source, exists and must not be replaced, is a folder, or cannot be
-    written.
+    written; `InputError` if the extra that writes one of them is missing.
     """
     paths = [path for path in paths if path != STANDARD_STREAM]
     read = [source for source in sources if source and source.exists()]
@@ -51,8 +54,10 @@ def require_writable(path: Path) -> None:
     """Raise `OutputError` if a file of this name cannot be written; leave nothing behind.
 
     Tries to write in the nearest existing folder, because rights, a read-only disk and a full disk
-    appear differently on different systems.
+    appear differently on different systems. Raises `InputError` if an extra is missing.
     """
+    if path.suffix.lower() in WRITERS:
+        require_extra(WRITERS[path.suffix.lower()], str(path))
     try:
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..core.channels import describe_channels
 from ..core.errors import InputError
-from ..core.extras import require_extra
-from ..estimation.samples import worded_columns
+from ..estimation.result import worded_columns
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
 from ..files.whole import STANDARD_STREAM
@@ -160,6 +159,7 @@ class Playback:
         Raises `InputError` if there are no samples.
         """
         about = provenance.provenance_header(self.config)
+        about |= provenance.configuration_entry(self.config)
         about |= describe_channels(self.config.acquire.channels) | {"recorded": self.recorded}
         poses, measurement = self.await_zero(poses), self.pipeline.measurement
         if measurement.zero is not None:
@@ -274,8 +274,6 @@ def refuse_output(
             raise InputError("--smooth needs -o, a table for the smoothed poses")
     if path is None:
         return
-    if is_mcap(path):
-        require_extra("mcap.writer", str(path))
-    else:
+    if not is_mcap(path):
         tables.ending(path)
     tables.refuse_to_overwrite([path], force, [zero.file if zero else None])

@@ -21,7 +21,8 @@ from ..detectors.noise import add_noise, fullness
 from ..detectors.skew import align
 from ..estimation.measurement import Measurement
 from ..estimation.object_pose import transform
-from ..estimation.samples import Poses, Samples, worded_columns
+from ..estimation.result import worded_columns
+from ..estimation.samples import Poses, Samples
 from ..estimation.solution import LABELS, Solution
 from ..estimation.table import compile_for_poses
 from ..estimation.tally import Tally

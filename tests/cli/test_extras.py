@@ -15,6 +15,10 @@ from facets.core import extras
     ("package", "words"),
     [
         ("mcap", ["replay", "rec", "-o", "x.mcap"]),
+        ("h5py", ["replay", "rec", "-o", "x.h5"]),
+        ("h5py", ["simulate", "paper", "--table", "h5", "-d", "y"]),
+        ("h5py", ["solve", "paper", "readings.csv", "-o", "x.h5"]),
+        ("nptdms", ["solve", "paper", "readings.tdms"]),
         ("pylsl", ["replay", "rec", "--publish", "lsl:x"]),
         ("aiohttp", ["replay", "rec", "--web", "0"]),
         ("pylsl", ["acquire", "bench", "--port", "file:board.bin", "--publish", "lsl:x"]),
@@ -37,6 +41,8 @@ def test_a_missing_package_is_told_before_the_work(package, words, tmp_path, mon
         monkeypatch.setattr("facets.live.playback.replay", None)  # no work begins
     if words[0] == "acquire":
         (tmp_path / "board.bin").touch()
+    if words[0] == "solve":
+        (tmp_path / words[2]).write_text("TDSm" if words[2].endswith("tdms") else "psi_a_mm\n1\n")
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.rglob("*"))
     monkeypatch.setattr(sys, "argv", ["facets", *words])

@@ -1,5 +1,6 @@
 """`facets simulate` and `facets solve`, as a user runs them."""
 
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,18 +67,19 @@ def test_old_results_are_kept(folder):
     assert (folder / "results/paper/poses.csv").read_text() == before
 
 
-def test_parquet_and_svg_and_no_noise(tmp_path):
-    line = (
-        "simulate paper --motion x-steps --folder r --no-noise --seed 7 --table parquet --plot svg"
-    )
-    done = command(*line.split(), cwd=tmp_path)
+@pytest.mark.parametrize("kind", ["parquet", "h5"])
+def test_other_tables_and_svg_and_no_noise(kind, tmp_path):
+    line = "simulate paper --motion x-steps --folder r --no-noise --seed 7 --plot svg --table"
+    done = command(*line.split(), kind, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    table = pd.read_parquet(tmp_path / "r" / "poses.parquet")
+    table = facets.read_table(tmp_path / "r" / f"poses.{kind}")
+    head = table.attrs
+    assert hashlib.sha256(head["configuration"].encode()).hexdigest() == head["config_sha256"]
     assert np.abs(table.tx_mm - table.true_tx_mm).max() < 1e-10
     assert "<svg" in (tmp_path / "r" / "motion.svg").read_text()[:1000]
-    again = ("solve", "paper", "r/readings.parquet", "-o", "p.parquet", "--beam", "known")
+    again = ("solve", "paper", f"r/readings.{kind}", "-o", f"p.{kind}", "--beam", "known")
     assert command(*again, cwd=tmp_path).returncode == 0
-    known = pd.read_parquet(tmp_path / "p.parquet")
+    known = facets.read_table(tmp_path / f"p.{kind}")
     assert (known.u_bx_mm == 0).all()
     assert (known.u_tx_mm < table.u_tx_mm / 5).all()
 
@@ -122,7 +124,7 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
         ("solve paper none.csv -o p.csv", "none.csv: no such file"),
         ("solve paper names.csv -o p.csv", "missing columns: psi_a_mm"),
         ("solve paper empty.csv -o p.csv", "no rows"),
-        ("solve paper readings.csv -o p.txt", "ends in .csv, .csv.gz or"),
+        ("solve paper readings.csv -o p.txt", "ends in .csv, .csv.gz, .parquet or .h5"),
         ("solve paper readings.csv -o readings.csv --force", "made from it"),
         ("solve paper readings.csv -o p.csv --beam fixed", "fixed"),
         (

@@ -1,7 +1,10 @@
 """What the documentation tells people to write and run works, and its links lead somewhere."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -65,6 +68,19 @@ def test_a_notebook_is_kept_without_results_and_its_links_lead_somewhere(path):
     for cell in cells:
         if cell["cell_type"] == "markdown":
             follow(LINK.findall("".join(cell["source"])), path)
+
+
+@pytest.mark.slow
+def test_ten_tasks_of_a_day_run_and_have_five_lines_at_most(tmp_path):
+    """In a home of their own, where PyMoDAQ puts its settings."""
+    notebook = json.loads((DOCS / "notebooks/a-day-in-the-laboratory.ipynb").read_text("utf-8"))
+    cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
+    titles = [c for c in notebook["cells"] if re.match(r"## \d", "".join(c["source"]))]
+    assert len(titles) == 10
+    assert max(len([line for line in cell.splitlines() if line]) for cell in cells[1:]) <= 5
+    code = "\n".join(cells).replace("%matplotlib inline", "")
+    home = {**os.environ, "HOME": str(tmp_path), "MPLBACKEND": "agg"}
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=home, check=True)
 
 
 def test_every_page_is_in_the_menu():

@@ -17,7 +17,8 @@ SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 FILE = re.compile(r"\.(bin|csv|html|json|md|parquet|png|py|yaml)$")
 #: Names of other packages and programs, of a reader's own code, and of the fields of a frame.
 ELSEWHERE = {
-    "aligned", "bps", "collect_while_completing", "fromfile", "git", "make", "open_daq", "t_us",
+    "aligned", "bps", "collect_while_completing", "fromfile", "git", "h5read", "make", "merge_asof",
+    "open_daq", "t_us",
 }  # fmt: skip
 #: Columns whose names the code puts together.
 COLUMNS = re.compile(
@@ -27,6 +28,7 @@ COLUMNS = re.compile(
     r"|(psi|zeta|power)_[abc]|(k|degrees_of_freedom)_(tx|at_rest)|symmetric_low|shortest_high"
     r"|(expanded|k)_(at_rest|worst)"
     r"|cov_(object_|displacement_)?(tx_tx_mm2|tx_(roll|pitch)_mm_mrad|yaw_yaw_mrad2)"
+    r"|cov_(object|displacement)"
 )
 
 

@@ -14,7 +14,10 @@ PAGES = [
     *sorted(DOCS.rglob("*.md")),
 ]
 LINK = re.compile(r"\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^)\s]+)\)")
-GUIDES = [DOCS / f"{name}.md" for name in ("experimenters", "designers", "doubters", "answers")]
+GUIDES = [
+    DOCS / f"{name}.md"
+    for name in ("experimenters", "designers", "doubters", "answers", "data-frames")
+]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 

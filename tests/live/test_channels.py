@@ -180,6 +180,15 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     columns = pq.read_table(table)
     np.testing.assert_array_equal(columns["force_n"].to_numpy(), live["force_n"])
     assert columns.schema.metadata[b"delay of temperature_c"] == b"250 us"
+    playback.finish(Playback(tmp_path / "rec").poses(), tmp_path / "poses.h5", None, False, None)
+    for frame in map(facets.read_table, (tmp_path / "rec", table, tmp_path / "poses.h5")):
+        np.testing.assert_array_equal(frame.force_n, live["force_n"])
+        assert frame.attrs["units"]["temperature_c"] == "degC"
+        assert frame.attrs["config_sha256"] == config.sha256
+        assert frame.status.eq("converged").all()
+    (tmp_path / "rec" / "poses.arrows").unlink()
+    with pytest.raises(facets.InputError, match="rec: holds no poses; `facets replay"):
+        facets.read_table(tmp_path / "rec")
 
 
 def test_the_virtual_bench_is_as_warm_as_its_readings_and_refuses_signals_without_a_channel(

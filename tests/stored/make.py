@@ -79,7 +79,7 @@ def object_poses(states: np.ndarray) -> np.ndarray:
 def make_tables(states: np.ndarray) -> None:
     config = facets.load("config.yaml")
     readings = facets.readings(config.sensor, states[:COUNT])
-    for ending in ("csv", "csv.gz", "parquet"):
+    for ending in ("csv", "csv.gz", "parquet", "h5"):
         columns = dict(zip(READING_COLUMNS, readings.T, strict=True))
         write_table(Path(f"readings.{ending}"), columns, {"seed": "1"})
         command(

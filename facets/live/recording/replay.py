@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.errors import ConfigError, InputError
+from ...core.settings import resolved_text
 from ...core.version import __version__
 from ..run.pipeline import Pipeline, RunPoses
 from .index import Damage, name_of_copy
@@ -26,8 +27,6 @@ def recorded_config(folder: Path) -> Config:
     Raises `InputError` if `meta.yaml` holds no configuration that this version can use.
     """
     import tempfile
-
-    from ruamel.yaml import YAML
 
     from ...config.loading import fingerprint, load, measured_files
 
@@ -48,8 +47,7 @@ def recorded_config(folder: Path) -> Config:
         ) from None
     with tempfile.TemporaryDirectory(prefix="facets-") as place:
         copy = Path(place) / f"{Path(str(meta.get('config') or 'recorded')).name}.yaml"
-        with copy.open("w", encoding="utf-8") as file:
-            YAML(typ="safe").dump(resolved, file)
+        copy.write_text(resolved_text(resolved), "utf-8")  # JSON is YAML, and keeps the order
         try:
             return load(copy)
         except ConfigError as error:

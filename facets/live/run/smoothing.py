@@ -25,7 +25,7 @@ from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
 from ...estimation.object_pose import ObjectPose, carry_pose
 from ...estimation.plan import Plan, find_plan
-from ...estimation.samples import covariance_columns, result_columns
+from ...estimation.result import covariance_columns
 from ...estimation.uncertainty import propagate, slices_of
 from .pipeline import jitter_of
 
@@ -411,5 +411,5 @@ def smoothed_object_columns(
         columns = covariance_columns(mirror, "smooth_")
     if config.object is not None:
         object_poses = carry_pose(poses, covariances, config.object)
-        columns |= result_columns(object_poses, "smooth_object_", with_covariance)
+        columns |= object_poses.columns("smooth_object_", with_covariance)
     return columns

@@ -1,0 +1,140 @@
+"""Columns of tables in any format: their names, their units, and pieces of them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.names import covariance_entries
+from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
+
+Columns = Mapping[str, Any]
+#: The entry of a table's head that holds the whole configuration as JSON, whose SHA-256 the entry
+#: `config_sha256` is. Comment lines of CSV leave it out.
+CONFIGURATION = "configuration"
+TIME_HINT = "; give seconds, or leave the column out"
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some rows of a table.
+
+    columns: by name, float, NaN where a cell is empty or holds NaN.  lines: line numbers in the
+    file, from 1; row numbers in formats other than CSV.  unparsable: whether a row is not numbers;
+    its columns are NaN.  bytes_read: bytes of the file read so far.
+    """
+
+    columns: dict[str, Floats]
+    lines: Integers
+    unparsable: Booleans
+    bytes_read: int
+
+
+def row_chunks(
+    count: int, rows: int, size: int, read: Callable[[slice], Mapping[str, Any]]
+) -> Iterator[Chunk]:
+    """Yield `count` rows in pieces.  size: of the file, bytes.  read: gives some rows of columns of
+    numbers."""
+    for start in range(0, count, rows):
+        part = slice(start, min(start + rows, count))
+        columns = {name: np.asarray(each, np.float64) for name, each in read(part).items()}
+        lines = np.arange(part.start, part.stop) + 1
+        yield Chunk(columns, lines, np.zeros(len(lines), dtype=bool), size * part.stop // count)
+
+
+class MissingColumnsError(InputError):
+    """Error for a table that lacks the columns `names`."""
+
+    def __init__(self, text: str, names: Sequence[str]) -> None:
+        super().__init__(text)
+        self.names = names
+
+
+def columns_to_read(
+    source: object, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
+) -> list[str]:
+    missing = [name for name in needed if name not in names]
+    if missing:
+        near = [difflib.get_close_matches(name, names, 1, 0.7) for name in missing]
+        hints = [f"{name} (found: {close[0]})" if close else name
+                 for name, close in zip(missing, near, strict=True)]  # fmt: skip
+        raise MissingColumnsError(f"{source}: missing columns: {', '.join(hints)}", missing)
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{source}: columns that appear twice: {', '.join(twice)}")
+    return [*needed, *(name for name in optional if name in names and name not in needed)]
+
+
+def refuse_text(source: object, name: str, kind: object) -> InputError:
+    """The error for a column that holds no numbers."""
+    hint = TIME_HINT if name == "time_s" else ""
+    return InputError(f"{source}: column {name} holds {kind}, not numbers{hint}")
+
+
+#: Units of covariances, by the ends of their columns' names.
+PRODUCT_UNITS = {"_mm2": "mm^2", "_mm_mrad": "mm mrad", "_mrad2": "mrad^2", "": ""}
+
+
+def unit_of_column(name: str) -> str:
+    """The unit at the end of a column's name, in its usual spelling, or an empty text."""
+    if name.startswith("cov_"):
+        return next(label for ending, label in PRODUCT_UNITS.items() if name.endswith(ending))
+    ending = unit_in(name)
+    return KEY_UNITS[ending].label if ending else ""
+
+
+def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
+    """The units of columns that have one.
+
+    An entry "unit of NAME" of `about` goes before the unit at the end of a column's name.
+    """
+    units = {name: str(about.get(f"unit of {name}", unit_of_column(name))) for name in names}
+    return {name: unit for name, unit in units.items() if unit}
+
+
+#: Columns of times, the first of which counts, with one unit of each, s; a table of a recording has
+#: the board's.
+TIMES = {"time_s": 1.0, "board_us": 1e-6}
+#: Columns over which the others are drawn.
+AXES = (*TIMES, "frequency_hz", "position_mm", "position_deg")
+#: The dimension of tables without such a column.
+ROW = "row"
+#: Dimensions of a covariance, whose numbers are named by `POSE`.
+COVARIANCE_AXES = ("cov_row", "cov_column")
+
+
+def axis_of(names: Iterable[str]) -> str:
+    """The column over which the others are drawn, or `ROW`."""
+    return next((name for name in AXES if name in names), ROW)
+
+
+def covariance_places(names: Iterable[str]) -> dict[str, tuple[str, int, int]]:
+    """The name of the covariance, such as cov_object, and the place in it for each column of a
+    covariance of which there are all 21."""
+    first, places = "tx_tx_mm2", dict[str, tuple[str, int, int]]()
+    prefixes = [n[4 : -len(first)] for n in names if n.startswith("cov_") and n.endswith(first)]
+    for prefix in prefixes:
+        whole = f"cov_{prefix.rstrip('_') or 'pose'}"
+        columns = covariance_entries(prefix)
+        if columns.keys() <= set(names):
+            places |= {name: (whole, i, j) for name, (i, j) in columns.items()}
+    return places
+
+
+def pack_covariances(columns: Columns) -> dict[str, Any]:
+    """The columns with covariances (n, 6, 6) in the place of their 21 columns; mm and mrad."""
+    packed = dict[str, Any]()
+    places = covariance_places(columns)
+    for name, values in columns.items():
+        if name not in places:
+            packed[name] = np.asarray(values)
+            continue
+        whole, i, j = places[name]
+        matrix = packed.setdefault(whole, np.empty((len(values), 6, 6)))
+        matrix[:, i, j] = matrix[:, j, i] = values
+    return packed

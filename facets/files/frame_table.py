@@ -1,0 +1,182 @@
+"""Tables as data frames of pandas: read like a file, and made for users."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.arguments import check_arguments
+from ..core.errors import InputError
+from ..core.extras import require_extra
+from ..core.names import POSE
+from .columns import (
+    COVARIANCE_AXES,
+    ROW,
+    TIMES,
+    Chunk,
+    Columns,
+    axis_of,
+    columns_to_read,
+    pack_covariances,
+    refuse_text,
+    row_chunks,
+    units_of,
+)
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+#: Largest deviation of times from those of one sampling rate, in steps; a board counts whole
+#: microseconds.
+LARGEST_JITTER = 0.1
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """A data frame that is read like a table in a file."""
+
+    frame: DataFrame
+
+    def __str__(self) -> str:
+        return "the data frame"
+
+
+def read_chunks(
+    table: FrameTable, needed: Sequence[str], optional: Sequence[str], rows: int
+) -> Iterator[Chunk]:
+    frame = table.frame
+    use, columns = columns_to_read(table, column_names(table), needed, optional), {}
+    for name in use:
+        try:
+            columns[name] = frame[name].to_numpy(np.float64, na_value=np.nan)
+        except (TypeError, ValueError):
+            raise refuse_text(table, name, frame[name].dtype) from None
+    yield from row_chunks(
+        len(frame), rows, 0, lambda part: {name: values[part] for name, values in columns.items()}
+    )
+
+
+def columns_of(frame: DataFrame) -> dict[str, Any]:
+    """The columns of a data frame by their names in text."""
+    return {str(name): frame[name].to_numpy() for name in frame.columns}
+
+
+def column_names(table: FrameTable) -> list[str]:
+    return [str(name) for name in table.frame.columns]
+
+
+def read_columns(table: FrameTable, names: Sequence[str]) -> dict[str, Any]:
+    return {name: table.frame[name].to_numpy() for name in names}
+
+
+def units_in(table: DataFrame) -> dict[str, str]:
+    """The units of a data frame's columns: those in its `attrs`, or by the columns' names."""
+    known = {f"unit of {name}": unit for name, unit in table.attrs.get("units", {}).items()}
+    return units_of(columns_of(table), known)
+
+
+def make_frame(
+    columns: Columns, about: Mapping[str, Any] | None = None, index: Any = None
+) -> DataFrame:
+    """A data frame of columns, with their units and the provenance in `attrs`.
+
+    index: of the frame whose rows they belong to; None for numbers from 0.
+    """
+    import pandas as pd
+
+    frame = pd.DataFrame({name: np.ravel(values) for name, values in columns.items()}, index)
+    frame.attrs |= {**(about or {}), "units": units_of(columns, about or {})}
+    return frame
+
+
+@check_arguments
+def to_xarray(table: DataFrame) -> Dataset:
+    """Make a dataset of xarray from a data frame with units, such as `facets.read_table` gives.
+
+    Parameters
+    ----------
+    table
+        The data frame. The first of its columns time_s, board_us, frequency_hz, position_mm and
+        position_deg is the dimension; without one it is the frame's index, as `row`.
+
+    Returns
+    -------
+    Dataset
+        A variable for each column, with the attribute `units`; covariances are variables (n, 6, 6),
+        mm and mrad. The provenance is in the attributes of the dataset.
+
+    Raises
+    ------
+    InputError
+        If xarray is not installed (the extra `xarray`).
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> solution = facets.solve(sensor, facets.readings(sensor, np.zeros((3, 8))))
+    >>> poses = facets.to_xarray(solution.to_frame(covariance=True))
+    >>> poses.tz_mm.units, poses.cov_pose.shape
+    ('mm', (3, 6, 6))
+    """
+    xarray = require_extra("xarray", "facets.to_xarray")
+    columns, units = columns_of(table), units_in(table)
+    dimensions = (axis_of(columns), *COVARIANCE_AXES)
+    variables = {}
+    coordinates: dict[str, Any] = {ROW: table.index} if ROW in dimensions else {}
+    for name, values in pack_covariances(columns).items():
+        known = {"units": units[name]} if name in units else {}
+        variables[name] = (dimensions[: values.ndim], values, known)
+        coordinates |= {axis: list(POSE) for axis in dimensions[1 : values.ndim]}
+    about = {key: value for key, value in table.attrs.items() if key != "units"}
+    dataset: Dataset = xarray.Dataset(variables, coordinates, about)
+    return dataset
+
+
+@check_arguments
+def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
+    """Make the list of dictionaries by which SDyPy's packages exchange signals (SEP005).
+
+    Parameters
+    ----------
+    table
+        A data frame with units and a column time_s or board_us, such as
+        `facets.read_table` gives.
+
+    Returns
+    -------
+    list of dict
+        One for each column of numbers that has a unit, but for times: `name`, `data`, `unit_str`,
+        and `fs` in Hz where the times are equally spaced, otherwise `time` in s.
+
+    Raises
+    ------
+    InputError
+        If the table has no column of times.
+
+    Examples
+    --------
+    >>> import pandas as pd, facets
+    >>> poses = pd.DataFrame({"time_s": [0.0, 0.5, 1.0], "tz_mm": [1.0, 2.0, 3.0]})
+    >>> facets.to_sep005(poses)
+    [{'name': 'tz_mm', 'data': array([1., 2., 3.]), 'unit_str': 'mm', 'fs': 2.0}]
+    """
+    axis = axis_of(columns_of(table))
+    if axis not in TIMES:
+        raise InputError(f"the table has no column of times; needed: {' or '.join(TIMES)}")
+    time = TIMES[axis] * table[axis].to_numpy(float)
+    even = np.linspace(time[0], time[-1], len(time)) if len(time) > 1 else np.empty(0)
+    step = np.diff(even[:2]).sum()
+    is_even = step > 0 and np.abs(time - even).max() <= LARGEST_JITTER * step
+    when: dict[str, Any] = {"fs": float(1 / step)} if is_even else {"time": time.tolist()}
+    if "recorded" in table.attrs:
+        when["start_timestamp"] = table.attrs["recorded"]
+    return [
+        {"name": name, "data": table[name].to_numpy(float), "unit_str": unit, **when}
+        for name, unit in units_in(table).items()
+        if unit not in ("s", "us")
+    ]

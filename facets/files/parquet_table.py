@@ -1,0 +1,136 @@
+"""Tables in Parquet: provenance in the metadata of the file, units in that of the columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from .columns import Chunk, Columns, columns_to_read, refuse_text, units_of
+
+#: The first bytes of a file, and its last.
+SIGNATURE = b"PAR1"
+KIND = "a Parquet table"
+
+
+def read_chunks(
+    path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
+) -> Iterator[Chunk]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        file = pq.ParquetFile(path)
+        use = columns_to_read(path, file.schema_arrow.names, needed, optional)
+        require_numbers(path, file.schema_arrow, use)
+        done = 0
+        for batch in file.iter_batches(rows, columns=use):
+            columns = {
+                name: column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+                for name, column in zip(batch.schema.names, batch.columns, strict=True)
+            }
+            size = path.stat().st_size * (done + len(batch)) // file.metadata.num_rows
+            lines = np.arange(done, done + len(batch)) + 1
+            done += len(batch)
+            yield Chunk(columns, lines, np.zeros(len(batch), dtype=bool), size)
+    except (pa.ArrowException, OSError) as error:
+        what = str(error).partition("\n")[0]
+        raise InputError(f"{path}: not a Parquet table of numbers: {what}") from None
+
+
+def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
+    """Raise `InputError` for columns of a Parquet table that are not of a numeric type."""
+    from pyarrow import types
+
+    kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_null)
+    for name in names:
+        kind = schema.field(name).type
+        if not any(is_kind(kind) for is_kind in kinds):
+            raise refuse_text(path, name, kind)
+
+
+def read_head(path: Path) -> dict[str, str]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        metadata = pq.read_schema(path).metadata or {}
+    except (pa.ArrowException, OSError):
+        return {}
+    return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+
+
+def column_names(path: Path) -> list[str]:
+    import pyarrow.parquet as pq
+
+    return [str(name) for name in pq.read_schema(path).names]
+
+
+def read_columns(path: Path, names: Sequence[str]) -> dict[str, Any]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path, columns=list(names))
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path}: cannot be read: {str(error).partition(chr(10))[0]}") from None
+    return {name: table[name].to_numpy() for name in names}
+
+
+def record_batch(columns: Columns) -> Any:
+    """The columns as a batch of Arrow."""
+    import pyarrow as pa
+
+    arrays = [arrow_column(values) for values in columns.values()]
+    return pa.RecordBatch.from_arrays(arrays, names=list(columns))
+
+
+def arrow_column(values: Any) -> Any:
+    """Make an Arrow column: numbers without a copy, texts one after the other.
+
+    `pyarrow.array` would first import pandas to check whether the values are a pandas series, which
+    takes longer than solving a small table.
+    """
+    import pyarrow as pa
+
+    array = np.asarray(values)
+    if array.ndim == 1 and array.size and array.dtype in (np.float64, np.int64):
+        memory = pa.py_buffer(np.ascontiguousarray(array))
+        return pa.Array.from_buffers(pa.from_numpy_dtype(array.dtype), array.size, [None, memory])
+    if array.ndim == 1 and array.size and array.dtype.kind == "U":
+        texts = [text.encode() for text in array.tolist()]
+        ends = np.cumsum([0, *map(len, texts)])
+        if ends[-1] < 2**31:
+            parts = [None, pa.py_buffer(ends.astype(np.int32)), pa.py_buffer(b"".join(texts))]
+            return pa.Array.from_buffers(pa.string(), array.size, parts)
+    return pa.array(values)
+
+
+def add_units(schema: Any, about: Mapping[str, str]) -> Any:
+    """Add each field's unit (key `unit`) and `about` to an Arrow schema."""
+    import pyarrow as pa
+
+    units = units_of(schema.names, about)
+    fields = [
+        field.with_metadata({"unit": units[field.name]}) if field.name in units else field
+        for field in schema
+    ]
+    return pa.schema(fields, metadata=dict(about))
+
+
+class ParquetWriter:
+    """Appends blocks of rows to a Parquet table, whose columns are those of the first block."""
+
+    def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
+        import pyarrow.parquet as pq
+
+        self.file = pq.ParquetWriter(path, add_units(record_batch(columns).schema, about))
+
+    def write(self, columns: Columns) -> None:
+        self.file.write_batch(record_batch(columns))
+
+    def close(self) -> None:
+        self.file.close()

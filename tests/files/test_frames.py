@@ -1,0 +1,77 @@
+"""Tables as data frames, and what other programs get of them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import facets
+from facets import InputError
+from facets.files import tables
+
+ABOUT = {"config": "paper", "unit of load": "kN"}
+COLUMNS = {
+    "time_s": np.array([0.0, 0.5, 1.0]),
+    "seq": np.array([1, 2, 2**60 + 1]),
+    "tz_mm": np.array([0.1, np.nan, 1 / 3]),
+    "load": np.array([1.0, 2.0, 3.0]),
+    "status": np.array(["converged", "", "no light"]),
+}
+
+
+@pytest.mark.parametrize("ending", tables.ENDINGS)
+def test_a_table_of_each_format_is_the_same_frame(tmp_path, ending):
+    tables.write_table(tmp_path / f"t{ending}", COLUMNS, ABOUT)
+    frame = facets.read_table(tmp_path / f"t{ending}")
+    for name, values in COLUMNS.items():
+        np.testing.assert_array_equal(frame[name].to_numpy(values.dtype), values)
+    units = {"time_s": "s", "tz_mm": "mm", "load": "kN"}
+    assert frame.attrs == {**ABOUT, "units": units}
+
+
+def test_what_is_no_number_in_a_column_of_numbers_is_missing(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("# seed: 1\na;word\n1;x\n# a comment\noops;y\n3\n")
+    frame = facets.read_table(str(path))
+    np.testing.assert_array_equal(frame.a, [1, np.nan, 3])
+    assert frame.word.tolist() == ["x", "y", ""]
+    path.write_text("a,b\n1,2\n3,4,5,6\n")
+    with pytest.raises(InputError, match=r"t\.csv: cannot be read as a table: .* line 2"):
+        facets.read_table(path)
+
+
+def test_frames_are_read_as_tables_are():
+    frame = pd.DataFrame({"a": [1, 2, 3], "temperature_c": [20, 293.15, None], "w": list("xyz")})
+    table = tables.FrameTable(frame)
+    first, second = tables.read_chunks(table, ["a"], ["temperature_c"], rows=2)
+    np.testing.assert_array_equal(first.columns["temperature_c"], [20, np.nan])
+    assert second.lines.tolist() == [3]
+    assert tables.read_words(table, "w") == ["x", "y", "z"]
+    for name, says in (("w", "column w holds"), ("z", "the data frame: missing columns: z")):
+        with pytest.raises(InputError, match=says):
+            list(tables.read_chunks(table, [name]))
+
+
+def test_signals_of_sep005_have_one_rate_or_times():
+    sep005 = pytest.importorskip("sdypy_sep005")
+    even = pd.DataFrame({"board_us": [0, 333, 667, 1000], "tz_mm": 1.0, "status": "x"})
+    even.attrs["recorded"] = "2026-11-26T06:00:00+00:00"
+    (signal,) = facets.to_sep005(even)
+    checked = sep005.Sep005Data.model_validate(signal)
+    assert (checked.name, checked.unit_str, checked.fs) == ("tz_mm", "mm", pytest.approx(3000))
+    assert checked.start_timestamp == even.attrs["recorded"]
+    (signal,) = facets.to_sep005(even.drop(index=1))
+    assert sep005.Sep005Data.model_validate(signal).time == [0, 667e-6, 1e-3]
+    with pytest.raises(InputError, match="no column of times; needed: time_s or board_us"):
+        facets.to_sep005(even[["tz_mm"]])
+
+
+def test_a_dataset_of_xarray_has_units_and_provenance():
+    pytest.importorskip("xarray")
+    frame = pd.DataFrame({"tz_mm": [1.0, 2.0]}, index=[5, 6])
+    frame.attrs = {"config": "paper", "units": {"tz_mm": "mm"}}
+    data = facets.to_xarray(frame)
+    assert (data.tz_mm.dims, data.tz_mm.units) == (("row",), "mm")
+    assert data.row.values.tolist() == [5, 6]
+    assert data.attrs == {"config": "paper"}
+    timed = facets.to_xarray(frame.assign(time_s=[0.0, 1.0]))
+    assert (timed.tz_mm.dims, timed.time_s.units) == (("time_s",), "s")
