@@ -26,8 +26,15 @@ GROUPS = {
     "environment": "the surroundings",
     "table": "the table",
 }
-#: How something moved during a calibration, as a verb: what does so acts on no later pose.
-COURSES = ("jumped", "drifted", "oscillated")
+#: How something moved during a calibration, as a verb, by key.
+COURSES = {
+    "jumped": "jumped",
+    "drifted": "drifted",
+    "oscillated": "oscillated",
+    "warmed": "followed the temperature",
+}
+#: What goes on in no later pose, or as the sensor's own temperature coefficients have it.
+OF_RUN = ("jumped", "drifted", "warmed")
 
 
 class Finding(NamedTuple):
@@ -47,7 +54,7 @@ class Trace(NamedTuple):
     the largest of a number of trials.  columns: (n, 9, q) in standard deviations of the readings.
     amounts: (q,) of the columns, in the units of the alternative.  at: the place of the best trial:
     the rows behind which it began and ended, a period in rows or mm, a place in mm; empty without
-    trials.
+    trials.  prior: information on the amounts before.
     """
 
     key: str
@@ -57,6 +64,7 @@ class Trace(NamedTuple):
     amounts: Floats
     trials: float = 1.0
     at: tuple[float, ...] = ()
+    prior: Floats | float = 0.0
 
     @property
     def score(self) -> float:
@@ -119,7 +127,7 @@ class Alternative:
     def persists(self) -> bool:
         """Whether it stays with the sensor, and so acts on every pose that is solved with it."""
         of_sensor = self.group in ("light", "facets", "detectors", "electronics")
-        return of_sensor and not self.key.endswith(COURSES)
+        return of_sensor and not self.key.endswith(OF_RUN)
 
 
 def capitalise(words: str) -> str:

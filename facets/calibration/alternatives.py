@@ -15,7 +15,7 @@ import numpy as np
 from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.units import Floats
 from . import columns
-from .alternative import Alternative, Trace
+from .alternative import COURSES, Alternative, Trace
 from .remainder import STEP_MARGIN, Remainder
 
 
@@ -78,12 +78,25 @@ def pose_size(amounts: Floats) -> str:
     return f"by {', '.join(sizes)}"
 
 
+def angles(amounts: Floats) -> str:
+    return f"by {1e6 * amounts[0]:.3g} and {1e6 * amounts[1]:.3g} urad"
+
+
+def supply_size(amounts: Floats) -> str:
+    return f"by up to {1e3 * np.abs(amounts).max():.2g} um"
+
+
+def turn_size(amounts: Floats) -> str:
+    return f"by {1e3 * amounts[0]:.3g} mrad"
+
+
 def share_size(amounts: Floats) -> str:
     return f"by {100 * amounts[0]:.3g} %"
 
 
-def lamp_size(amounts: Floats) -> str:
-    sizes = ", ".join(f"{1e3 * size:.2g}" for size in amounts[::3])
+def powers(amounts: Floats) -> str:
+    """The powers on three detectors, of the amounts of a lamp (9,) or of dark currents (3,)."""
+    sizes = ", ".join(f"{1e3 * size:.2g}" for size in amounts[:: len(amounts) // 3])
     return f"by {sizes} uW on A, B and C"
 
 
@@ -101,6 +114,9 @@ THINGS = (
               "let the mirror rest and look at that power over the other two")
         for n, k in enumerate(DETECTORS)
     ),
+    Thing("supply", "electronics", "all places together", columns.place_columns, 0.05, supply_size,
+          "look at the supply and the reference voltage of the amplifiers",
+          "let the mirror rest, and record all detectors"),
     Thing("seat", "reference", "the mirror on the reference", lambda remainder: remainder.by_pose,
           np.array([0.01] * 3 + [5e-5] * 3), pose_size,
           "fasten the mirror, and look for cables that pull",
@@ -108,11 +124,26 @@ THINGS = (
     Thing("beam", "light", "the beam", lambda remainder: remainder.by_beam, 0.01, lengths("x", "y"),
           "fasten the laser, and shield the beam from moving air",
           "let the mirror rest and look at all three spots"),
+    *(
+        Thing(f"facet_{k}", "facets", f"facet {k.upper()}",
+              partial(columns.unknown_columns,
+                      names=(f"facet_{k}.inclination", f"facet_{k}.azimuth")), 1e-3, angles,
+              "look how the facets are held",
+              "measure again with the mirror turned by 120 degrees on the reference (seat_deg)")
+        for k in DETECTORS
+    ),
+    Thing("polarisation", "light", "the light's polarisation",
+          partial(columns.effect_columns, series="light.polarization"), 0.3, turn_size,
+          "put a polariser behind the fibre or the laser",
+          "put a polariser into the beam", harmless=True),
     Thing("laser", "light", "the laser's power", columns.laser_columns, 0.05, share_size,
           "let the laser warm up, and look at its current", "let the mirror rest and look at the "
           "sum of the powers", harmless=True),
+    Thing("dark", "electronics", "the detectors' dark currents", columns.dark_columns, 1e-3, powers,
+          "look at the amplifiers' offsets, and measure in the dark",
+          "block the beam, and look at the powers that are left", stays=False),
     Thing("lamp", "environment", "light of a lamp on the detectors", columns.lamp_columns,
-          np.array([3e-3, 9e-3, 9e-3] * 3), lamp_size, "switch lamps off, or shield the detectors",
+          np.array([3e-3, 9e-3, 9e-3] * 3), powers, "switch lamps off, or shield the detectors",
           "block the beam, and look at the powers that are left", stays=False),
 )  # fmt: skip
 
@@ -148,8 +179,9 @@ def moving(thing: Thing) -> list[Alternative]:
         return f"{thing.size(np.hypot(*made.T))} at a period of {period:.4g} rows"
 
     def alternative(course: str, **parts: Any) -> Alternative:
-        return Alternative(f"{thing.key}.{course}", thing.group, f"{thing.words} {course}",
-                           thing.remedy, thing.apart, **parts)  # fmt: skip
+        words = f"{thing.words} {COURSES[course]}"
+        return Alternative(f"{thing.key}.{course}", thing.group, words, thing.remedy, thing.apart,
+                           **parts)  # fmt: skip
 
     def course(name: str, courses: Callable[[Remainder], Floats]) -> Callable[[Remainder], Trace]:
         return of_course(f"{thing.key}.{name}", thing.columns, courses, thing.sigma)
@@ -158,6 +190,7 @@ def moving(thing: Thing) -> list[Alternative]:
         alternative("jumped", test=switch, size=size_of_switch, refuses=not thing.harmless),
         alternative("drifted", test=course("drifted", columns.slow_drift)),
         alternative("oscillated", test=course("oscillated", columns.waves), size=size_of_wave),
+        alternative("warmed", test=course("warmed", columns.warmth)),
     ]
 
 
@@ -185,10 +218,28 @@ def of_reference(kind: str) -> Callable[[Remainder], Trace]:
     return test
 
 
+def test_cycles(axis: int) -> Callable[[Remainder], Trace]:
+    def test(remainder: Remainder) -> Trace:
+        made = remainder.by_pose[:, :, [axis]]
+        courses = columns.cycles(remainder, axis)
+        trace = remainder.test_courses(f"cyclic_{POSE[axis]}", made, courses, 1e-3)
+        span = float(np.ptp(remainder.data.pose[:, axis]))
+        return trace._replace(at=(span / float(columns.CYCLES[int(trace.at[0])]),))
+
+    return test
+
+
 def test_dust(remainder: Remainder) -> Trace:
+    """Look at the powers first, which lose most, for the place; then at all readings about it."""
+    (width, count), *finer = columns.DUST_WIDTHS
+    places = columns.beam_sigma(remainder) * columns.square_grid(width, count)
+    made = columns.power_columns(remainder, (0, 1, 2))
+    coarse = remainder.test_courses("dust", made, columns.shadows(remainder, places), 0.03)
+    if coarse.score < 0:
+        return coarse
     landing, sigma = columns.Landing(remainder), columns.beam_sigma(remainder)
-    middle, trials, best = np.zeros(2), 0, None
-    for width, count in columns.DUST_WIDTHS:  # over the whole beam, then closer about the best
+    middle, trials, best = places[int(coarse.at[0])], len(places), None
+    for width, count in finer:
         for place in middle + sigma * columns.square_grid(width, count):
             column = columns.dust_column(remainder, landing, place)
             trace = remainder.test("dust", column[:, :, None], 1.0)
@@ -275,11 +326,22 @@ ALTERNATIVES: tuple[Alternative, ...] = (
              "angles)"),
         )
     ),
+    *(
+        Alternative(f"cyclic_{POSE[n]}", "reference",
+                    f"the reference's {POSE[n]} has a cyclic error", OF_REFERENCE, TURN,
+                    test_cycles(n), lambda trace, remainder: f"{trace.at[0]:.2g} mm long")
+        for n in range(3)
+    ),
     # the clocks
     Alternative("clock", "time", "the clocks of reference and readings run apart",
                 "take both from one clock", "compare both clocks over an hour",
                 plain("clock", columns.clock_columns),
                 lambda trace, remainder: f"by {1e3 * trace.amounts[0]:.2g} ms over half the run"),
+    Alternative("skew", "time", "detectors are read at other times than the reference, or than "
+                "each other", "give the times at which each was read (sensor.light.delays_us)",
+                "move at half the speed", plain("skew", columns.moving_columns),
+                lambda trace, remainder: "by {:.3g}, {:.3g} and {:.3g} ms".format(
+                    *(1e3 * trace.amounts))),
     # the electronics
     Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
                 "reading before", "wait longer at each pose, or slow down",

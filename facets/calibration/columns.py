@@ -8,6 +8,7 @@ with the mirror's place: (m, n, w), m courses of w functions each, of which the 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,11 +27,13 @@ DEGREE = 4
 FRINGE_PERIODS_MM, FRINGE_DIRECTIONS = np.geomspace(0.12, 0.6, 14), 12
 #: Numbers of periods over the motion at which fringes of a detector's window are searched for.
 WINDOW_PERIODS = np.arange(2.0, 22.0, 0.5)
+#: Numbers of cycles of a reference's scale over its motion that are searched for.
+CYCLES = np.geomspace(2.5, 120, 120)
 #: Radii of an aperture that cuts the beam, in standard deviations of its irradiance.
 APERTURE_SIGMAS = np.linspace(2.0, 4.4, 9)
 #: Radius of a speck of dust in the beam's standard deviations; the places that are tried, and how
 #: far they reach, over the whole beam and then about the best.
-DUST_SIGMAS, DUST_WIDTHS = 0.3, ((2.4, 13), (0.3, 5), (0.1, 5))
+DUST_SIGMAS, DUST_WIDTHS = 0.3, ((2.4, 13), (0.6, 7), (0.15, 5))
 
 
 # ---- things that may move, drift or switch
@@ -44,10 +47,23 @@ def detector_columns(remainder: Remainder, k: int) -> Floats:
     return columns
 
 
+def place_columns(remainder: Remainder) -> Floats:
+    """The columns of all detectors' places."""
+    return np.concatenate([detector_columns(remainder, k) for k in range(3)], axis=2)
+
+
 def gain_columns(remainder: Remainder, k: int) -> Floats:
     columns = np.zeros((*remainder.noise.shape, 1))
     columns[:, 3 * k + 2, 0] = remainder.light[:, k]
     return columns
+
+
+def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
+    """The columns of some of the fit's own unknowns, where it has them all."""
+    places = [n for n, name in enumerate(remainder.fit.choice.names) if name in names]
+    if len(places) < len(names):
+        return np.zeros((*remainder.noise.shape, len(names)))
+    return remainder.likelihood.common[:, :, places]
 
 
 def laser_columns(remainder: Remainder) -> Floats:
@@ -55,6 +71,11 @@ def laser_columns(remainder: Remainder) -> Floats:
     columns = np.zeros((*remainder.noise.shape, 1))
     columns[:, 2::3, 0] = remainder.light
     return columns
+
+
+def dark_columns(remainder: Remainder) -> Floats:
+    """The columns of the dark current of each detector, as light on its middle."""
+    return lamp_columns(remainder)[:, :, ::3]
 
 
 def lamp_columns(remainder: Remainder) -> Floats:
@@ -90,6 +111,21 @@ def slow_drift(remainder: Remainder) -> Floats:
     return since
 
 
+def warmth(remainder: Remainder) -> Floats:
+    """One course of the temperature and its past; zero where the table has none."""
+    clock = remainder.data.clock
+    if clock is None or not clock[:, 1].any():
+        return np.zeros((1, len(remainder.noise), 1))
+    return clock[None, :, 1:]
+
+
+def cycles(remainder: Remainder, axis: int) -> Floats:
+    """Courses that repeat along an axis of the reference."""
+    place = remainder.data.pose[:, axis]
+    phase = 2 * np.pi * CYCLES[:, None] * place / max(float(np.ptp(place)), 1e-12)
+    return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
+
+
 def frequencies(remainder: Remainder) -> Floats:
     """Frequencies per row that a run tells apart, faster than a slow drift."""
     rows = float(np.ptp(remainder.row_numbers)) + 1
@@ -98,7 +134,12 @@ def frequencies(remainder: Remainder) -> Floats:
 
 def waves(remainder: Remainder) -> Floats:
     """Courses that go up and down at one frequency, also where the rows are too rare to follow."""
-    phase = 2 * np.pi * frequencies(remainder)[:, None] * remainder.row_numbers
+    return waves_at(tuple(frequencies(remainder).tolist()), tuple(remainder.row_numbers.tolist()))
+
+
+@lru_cache(maxsize=1)  # everything that moves may oscillate
+def waves_at(frequency: tuple[float, ...], rows: tuple[int, ...]) -> Floats:
+    phase = 2 * np.pi * np.array(frequency)[:, None] * np.array(rows)
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
 
 
@@ -248,6 +289,14 @@ def square_grid(width: float, count: int) -> Floats:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
+def shadows(remainder: Remainder, places: Floats) -> Floats:
+    """Courses of the light in specks at places (m, 2) of the mirror from its tip."""
+    sigma, offset = beam_sigma(remainder), place_in_beam(remainder)
+    apart = ((offset + places[:, None]) ** 2).sum(axis=2)
+    light: Floats = np.exp(-apart / 2 / sigma**2 / (1 + DUST_SIGMAS**2))[:, :, None]
+    return light
+
+
 def dust_column(remainder: Remainder, landing: Landing, place: Floats) -> Floats:
     """The column (n, 9) of a speck at a place (2,) of the mirror from its tip, mm, by the share of
     the light in it that it absorbs."""
@@ -330,13 +379,22 @@ def reference_terms(remainder: Remainder) -> dict[str, list[tuple[int, Floats]]]
     return terms | {"reference": known + mixed}
 
 
+def moving_columns(remainder: Remainder) -> Floats:
+    """The columns of each detector's delay, s; zero where the table is no motion in time."""
+    data, columns = remainder.data, np.zeros((*remainder.noise.shape, 3))
+    if data.velocity is None or data.clock is None:
+        return columns
+    moving = np.einsum("nij,nj->ni", remainder.by_pose, data.velocity)
+    for k in range(3):
+        columns[:, 3 * k : 3 * k + 3, k] = moving[:, 3 * k : 3 * k + 3]
+    return columns
+
+
 def clock_columns(remainder: Remainder) -> Floats:
     """The column of a reference that is later and later, s at the end of the run."""
-    data = remainder.data
-    if data.velocity is None or data.clock is None:
-        return np.zeros((*remainder.noise.shape, 1))
-    moving = np.einsum("nij,nj->ni", remainder.by_pose, data.velocity)
-    late: Floats = (moving * data.clock[:, :1])[:, :, None]
+    moving = moving_columns(remainder).sum(axis=2, keepdims=True)
+    clock = remainder.data.clock
+    late: Floats = moving if clock is None else moving * clock[:, :1, None]
     return late
 
 
@@ -357,12 +415,16 @@ def memory_columns(remainder: Remainder) -> Floats:
 
 def amplifier_columns(remainder: Remainder) -> Floats:
     """The columns of amplifiers whose gain grows with the current, by the share at a current of 1
-    mW of light, for each detector."""
+    mW of light, for each of the four electrodes of each detector."""
     raw = remainder.data.raw
-    columns = np.zeros((*raw.shape, 3))
+    columns = np.zeros((*raw.shape, 12))
     for k, half in enumerate(half_sizes(remainder.sensor)):
-        ratio, power = raw[:, 3 * k : 3 * k + 2] / half, raw[:, 3 * k + 2]
-        bend = ratio * (1 - ratio**2) * half / 2
-        columns[:, 3 * k : 3 * k + 2, k] = bend * power[:, None]
-        columns[:, 3 * k + 2, k] = power**2 * (2 + (ratio**2).sum(axis=1)) / 4
+        power = raw[:, 3 * k + 2]
+        for m in (0, 1):
+            ratio = raw[:, 3 * k + m] / half[m]
+            for n, sign in enumerate((-1, 1)):
+                current, column = power * (1 + sign * ratio) / 2, 4 * k + 2 * m + n
+                bent = sign * (1 - sign * ratio) * current**2 / power
+                columns[:, 3 * k + m, column] = half[m] * bent
+                columns[:, 3 * k + 2, column] = current**2 / 2
     return columns / remainder.noise[:, :, None]

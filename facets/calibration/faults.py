@@ -9,6 +9,7 @@ look like nothing in particular, and some of them hide in an unknown: a swapped 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from itertools import combinations, permutations
 from typing import Any, NamedTuple
@@ -26,6 +27,8 @@ from ..model.arrays import readings
 from .alternative import Alternative, Finding, capitalise
 from .bundle_adjustment import Data
 from .fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
+from .remainder import likeliest_states
+from .samples import row_numbers
 from .unknowns import Choice
 
 Change = Callable[[Data], Data]
@@ -41,6 +44,9 @@ PARTNERS = 6
 LEAST_REDUCTION, GOOD_SIGMAS, CLEAR_GAP = 0.4, 5.0, 3.0
 #: A fault that leaves chi-square within this factor of the best one's cannot be told from it.
 ALIKE_FACTOR = 1.5
+#: Rows are strays where their residuals are so many times those of the others; entering or leaving
+#: a block of them costs so many rows; how many there are at least, and at most.
+STRAY_FACTOR, STRAY_COST, LEAST_STRAY, MOST_STRAY_SHARE = 5.0, 4.0, 8, 0.6
 #: Residuals over the noise that no light of a bench leaves.
 WORST_LIGHT_SIGMAS = 17.0
 
@@ -273,16 +279,21 @@ def subsample(sensor: Sensor, data: Data, count: int) -> Data:
     return part._replace(noise=np.broadcast_to(noise, part.raw.shape))
 
 
+def short_fit_of(
+    sensor: Sensor, data: Data, chosen: Choice, steps: int
+) -> tuple[Task, Guess | None]:
+    """A fit after some steps; None where it makes no sensor."""
+    task = Task(sensor, data, chosen, 3.0)
+    with suppress(InputError, np.linalg.LinAlgError):
+        at = task.guess(task.start, solve_open_axes(data, sensor))
+        return task, task.settle(at, StoppingRule(steps))[0]
+    return task, None
+
+
 def short_fit(sensor: Sensor, data: Data, chosen: Choice, steps: int) -> float:
     """Chi-square for each reading after some steps."""
-    try:
-        task = Task(sensor, data, chosen, 3.0)
-        at, _, _ = task.settle(
-            task.guess(task.start, solve_open_axes(data, sensor)), StoppingRule(steps)
-        )
-    except (InputError, np.linalg.LinAlgError):
-        return np.inf
-    return mean_square(task, at)
+    task, at = short_fit_of(sensor, data, chosen, steps)
+    return np.inf if at is None else mean_square(task, at)
 
 
 def mean_square(task: Task, at: Guess) -> float:
@@ -349,7 +360,58 @@ def find_fault(
         double = trials.rank(pairs_of(single.partners, every))
         if double.explains(min(before, single.levels[0])):
             return double.explanation(before)
-    return single.explanation(before) if explains else None
+    if explains:
+        return single.explanation(before)
+    return find_stray_rows(sensor, data, chosen, float(before**0.5))
+
+
+def find_stray_rows(
+    sensor: Sensor, data: Data, chosen: Choice, before: float
+) -> Explanation | None:
+    """A block of rows that a fit to a third of the others does not describe, and the fault of the
+    table in it, if one mends them; None where there is no such block.  before: the residuals."""
+    count, at, used = len(data.raw), None, slice(0)
+    level = GOOD_SIGMAS**2
+    for n in range(3):
+        part = slice(n * count // 3, (n + 1) * count // 3)
+        task, tried = short_fit_of(
+            sensor, subsample(sensor, data.part(part), SAMPLES[1]), chosen, STEPS[1]
+        )
+        if tried is not None and mean_square(task, tried) < level:
+            at, level, used = tried, mean_square(task, tried), part
+    if at is None:
+        return None
+    sizes = row_residuals(sensor, data, chosen, at)
+    usual = float(np.median(sizes[used]))
+    block = likeliest_states(np.where(sizes > STRAY_FACTOR * usual, 1.0, -1.0), STRAY_COST)
+    if not LEAST_STRAY <= block.sum() <= MOST_STRAY_SHARE * count:
+        return None
+    numbers, rest = row_numbers(data)[block], data.part(block)
+    every = list(table_faults(sensor))
+    mended = sorted(
+        (float(np.median(row_residuals(sensor, undo(rest, (fault,)), chosen, at))), n)
+        for n, fault in enumerate(every)
+    )
+    words = f"rows {numbers[0]} to {numbers[-1]} do not belong to the others"
+    if mended[0][0] < STRAY_FACTOR * usual and CLEAR_GAP * mended[0][0] < mended[1][0]:
+        words += f" (in them, {every[mended[0][1]].words})"
+    remedy = "mend these rows, or leave them out: look for columns, units and rows that were moved"
+    fault = of_table(words, remedy, partial(leave_rows_out, numbers[0], numbers[-1]))
+    return Explanation((fault,), before, level**0.5, ())
+
+
+def leave_rows_out(first: int, last: int, data: Data) -> Data:
+    rows = row_numbers(data)
+    return data.part((rows < first) | (rows > last))
+
+
+def row_residuals(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
+    """The median residual (n,) of each row at the common unknowns of a fit to others."""
+    whole = subsample(sensor, data, len(data.raw))
+    task = Task(sensor, whole, chosen, 3.0)
+    left = task.guess(at.values, solve_open_axes(whole, sensor)).residual
+    sizes: Floats = np.nanmedian(np.abs(np.where(np.isfinite(whole.raw), left, np.nan)), axis=1)
+    return sizes
 
 
 def pairs_of(

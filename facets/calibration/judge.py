@@ -14,11 +14,13 @@ from functools import partial
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..model.arrays import EFFECTS
 from .alternative import Alternative, Trace
 from .alternatives import ALTERNATIVES, BY_KEY
 from .bundle_adjustment import Data
+from .fit import NORMAL_MEDIAN, Fit
 from .remainder import Remainder
 from .samples import model_accuracy, row_numbers
 
@@ -33,6 +35,8 @@ APART_CHANCE, APART_SIGMAS, APART_SHARE = 20.0, 2.0, 0.05
 #: Residuals of more than this chi-square a reading come of no light that effects describe but for
 #: their linear model; what explains this share of them is undone before effects are tried.
 LARGE_CHI_SQUARE, LARGE_SHARE, MOST_LARGE = 4.0, 0.4, 2
+#: The least ratio of the noise that residuals have to the stated one that counts.
+NOISY = 1.1
 #: How many things that may have jumped are tried as faults of the samples.
 STEPS_TRIED = 3
 #: What moves the poses by more than this share of what is stated forbids the use: what stays with
@@ -76,6 +80,12 @@ class Cause:
         return float(np.sqrt((effect[self.remainder.is_read] ** 2).mean()))
 
     @property
+    def is_most(self) -> bool:
+        """Whether it explains most of the residuals by itself, and stands for no group."""
+        is_large = self.best.fall > LARGE_SHARE * self.remainder.chi_square
+        return is_large and not self.alternatives[0].general
+
+    @property
     def is_small(self) -> bool:
         most = MOST_SHIFT if self.alternatives[0].persists else MOST_UNDONE_SHIFT
         return self.shift <= most
@@ -100,6 +110,17 @@ def restore_readings(data: Data, original: Data) -> Data:
     """Samples with the readings that the same rows of others have."""
     rows = np.searchsorted(row_numbers(original), row_numbers(data))
     return data._replace(raw=original.raw[rows])
+
+
+def noisy_remainder(sensor: Sensor, data: Data, result: Fit, robust: float | None) -> Remainder:
+    """The remainder with the noise of each reading that most residuals have, where that is larger
+    than the stated one: else whatever follows a few of them would explain the noise."""
+    remainder = Remainder(sensor, data, result, robust)
+    left = np.where(remainder.is_read, np.abs(remainder.left), np.nan)
+    size = np.maximum(NORMAL_MEDIAN * np.nanmedian(left, axis=0), 1.0)
+    if (size < NOISY).all():
+        return remainder
+    return Remainder(sensor, data._replace(noise=remainder.noise * size), result, robust)
 
 
 @one_thread
@@ -160,6 +181,10 @@ def clear_traces(remainder: Remainder) -> list[Trace]:
             trace = alternative.test(remainder)
         except InputError:  # the sensor's model has no such light
             continue
+        if trace.score <= limit:
+            continue
+        # what unknowns gain by being nearer to what was known before says nothing of the samples
+        trace = trace._replace(fall=float(remainder.sample_falls(trace).sum()))
         if trace.score > limit and is_visible(remainder, trace):
             traces.append(trace)
     traces.sort(key=lambda trace: -trace.score)

@@ -36,6 +36,8 @@ STEP_MARGIN = 8
 LAST_COURSES = 4
 #: How often sizes and states of something that switches are found in turn.
 SWITCH_ROUNDS = 6
+#: Of what switches more often than in this share of the samples nobody would say so.
+MOST_SWITCHES = 0.08
 
 
 class Remainder:
@@ -102,12 +104,14 @@ class Remainder:
         """The remainder in which the columns of some alternatives are unknowns, too."""
         rest = self
         for trace in traces:
-            rest = rest.extend(self.readable(trace.columns))
+            rest = rest.extend(self.readable(trace.columns), trace.prior)
         return rest
 
-    def extend(self, columns: Floats) -> Remainder:
-        """The remainder in which columns (n, 9, q) are unknowns, too."""
+    def extend(self, columns: Floats, prior: Floats | float = 0.0) -> Remainder:
+        """The remainder in which columns (n, 9, q) are unknowns, too.  prior: information on them
+        before."""
         whole, matrix, side = self.equations(columns)
+        known = np.broadcast_to(np.asarray(prior, dtype=float), side.shape)
         scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         level, ways = np.linalg.eigh(matrix / scale[:, None] / scale)
         ways = ways[:, level > LEAST_OWN_SHARE] / scale[:, None]
@@ -116,7 +120,7 @@ class Remainder:
         columns, side = columns @ ways, ways.T @ side
         weighted, flat = self.inverse @ columns, columns.reshape(-1, columns.shape[2])
         across = self.weighted.reshape(len(flat), -1).T @ flat
-        square = flat.T @ weighted.reshape(flat.shape)
+        square = flat.T @ weighted.reshape(flat.shape) + ways.T @ (known[:, None] * ways)
         rest, size = copy(self), len(self.matrix)
         rest.matrix = np.block([[self.matrix, across], [across.T, square]])
         rest.covariance = np.linalg.inv(rest.matrix)
@@ -162,7 +166,7 @@ class Remainder:
         whole, matrix, side = self.equations(columns)
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, side.shape)
         fall, amounts, count = falls_of(whole[None], matrix[None], side[None], prior)
-        return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0])
+        return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], prior=prior)
 
     def test_courses(
         self, key: str, columns: Floats, courses: Floats, sigma: Floats | float = np.inf
@@ -172,6 +176,8 @@ class Remainder:
         amounts (q,)."""
         columns, trials = self.readable(columns), len(courses)
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, columns.shape[2:])
+        if not courses.any() or not columns.any():
+            return Trace(key, 0.0, 0.0, columns, np.zeros(columns.shape[2]), 1.0, (0.0,))
         if courses.shape[2] > 1 and trials > LAST_COURSES:
             kept = self.screen_courses(columns, courses)
             trace = self.compare_courses(key, columns, courses[kept], prior)
@@ -211,7 +217,7 @@ class Remainder:
         best = int(np.argmax(fall))
         chosen = columns[:, :, :, None] * courses[best][:, None, None, :]
         return Trace(key, float(fall[best]), float(free[best]), chosen.reshape(rows, 9, size),
-                     amounts[best], trials, (float(best),))  # fmt: skip
+                     amounts[best], trials, (float(best),), np.repeat(prior, ways))  # fmt: skip
 
     def test_switching(
         self, columns: Floats, step: Trace, sigma: Floats | float = np.inf
@@ -233,6 +239,8 @@ class Remainder:
                 if not STEP_MARGIN <= state.sum() <= count - STEP_MARGIN:
                     break
                 switches = np.flatnonzero(np.diff(state.astype(int))) + 1
+                if len(switches) > MOST_SWITCHES * count:  # that is noise
+                    break
                 trace = self.test(step.key, columns * state[:, None, None], sigma)
                 trials = np.exp(min(len(switches) * np.log(count), count * np.log(2.0)))
                 trace = trace._replace(trials=float(trials), at=tuple(switches.astype(float)))

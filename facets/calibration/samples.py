@@ -9,6 +9,7 @@ removed if they are few. If they are many, something else is wrong, and all stay
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations, step_variances
 from ..estimation.dwells import mean, median
-from ..model.arrays import EFFECTS, edge_distance, is_near_edge, readings
+from ..model.arrays import EFFECTS, edge_distance, half_sizes, is_near_edge, readings
 from .alternative import Finding
 from .bundle_adjustment import OWN_COUNT, Data, deviations, states_of
 from .fit import NORMAL_MEDIAN, Fit, fit
@@ -110,6 +111,9 @@ MOST_EDGE_SHARE = 0.7
 #: Times whose steps differ by less than this share are even; a step is a gap that is so many times
 #: the usual one, where there are few.
 EVEN_STEPS, GAP_STEPS, MOST_GAPS = 0.1, 10.0, 3
+#: A current is saturated where this share of its values lies within its noise of the largest, and
+#: so many times as many as below.
+PILED_SHARE, PILED_FACTOR, LEAST_PILED = 0.03, 4.0, 12
 #: So few different poses tell nothing that could be trusted.
 MIN_POSES = 20
 
@@ -119,6 +123,7 @@ def faults(sensor: Sensor, data: Data) -> list[Finding]:
     findings = [
         *stuck_channels(sensor, data),
         *mixed_kinds(data),
+        *saturated_currents(sensor, data),
         *repeats(data),
         *still_axes(data),
         *untimed_channels(sensor, data),
@@ -185,6 +190,30 @@ def mixed_kinds(data: Data) -> list[Finding]:
                 "convert the recorded currents again."
             ))]  # fmt: skip
     return []
+
+
+def saturated_currents(sensor: Sensor, data: Data) -> list[Finding]:
+    """Findings on electrodes whose currents pile up at their largest, as of a saturated
+    amplifier."""
+    letters = []
+    noise = np.nanmedian(deviations(sensor, data), axis=0)
+    for k, half in enumerate(half_sizes(sensor)):
+        power = data.raw[:, 3 * k + 2]
+        for m, sign in product((0, 1), (-1, 1)):
+            current = remove_jumps((power * (1 + sign * data.raw[:, 3 * k + m] / half[m]))[:, None])
+            top = np.nanmax(current)
+            width = 4 * np.hypot(noise[3 * k + 2], np.nanmax(power) * noise[3 * k + m] / half[m])
+            piled, below = (
+                int((np.abs(current - top + n * width) < width / 2).sum()) for n in (0.5, 1.5)
+            )
+            if piled > max(PILED_SHARE * len(power), LEAST_PILED) and piled > PILED_FACTOR * below:
+                letters.append(DETECTORS[k].upper())
+    if not letters:
+        return []
+    return [Finding(True, (
+        f"Currents of detector {' and '.join(sorted(set(letters)))} pile up at their largest: an "
+        "amplifier is saturated. Use a range with room above the largest current, or less light."
+    ), ("saturated",))]  # fmt: skip
 
 
 def repeats(data: Data) -> list[Finding]:

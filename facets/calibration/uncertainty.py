@@ -175,20 +175,31 @@ def add_unseen_errors(
     return replace(sensor, calibration=joint)
 
 
-def add_shifts(sensor: Sensor, result: Fit, causes: list[Cause]) -> Sensor:
-    """The calibrated sensor whose uncertainty includes by how much causes that do not stay with it
-    may have moved its parameters."""
-    shifts = [
-        cause.remainder.shift_of_unknowns(cause.best)
-        for cause in causes
-        if not cause.alternatives[0].persists
-    ]
-    if not shifts:
+def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sensor:
+    """The calibrated sensor whose uncertainty includes that causes, or their rivals, are known by
+    the samples alone, and by how much those that do not stay with it may have moved its parameters.
+
+    remainder: of the fit to samples without the causes.
+    """
+    if not causes:
         return sensor
-    known = sensor.calibration
+    result, known = remainder.fit, sensor.calibration
     assert known is not None
-    names, square = list(result.choice.names), np.transpose(shifts) @ np.array(shifts)
-    part = np.array(sensor_covariance(names, result.all_values, square).covariance)
+    size = len(result.values)
+    traces = [
+        trace._replace(
+            columns=trace.columns * (cause.remainder.noise / remainder.noise)[:, :, None]
+        )
+        for cause in causes for trace in cause.traces
+    ]  # fmt: skip
+    beside = remainder.beside(traces)
+    extra = beside.covariance[:size, :size] - remainder.covariance[:size, :size]
+    for cause in causes:
+        if not cause.alternatives[0].persists:
+            shift = cause.remainder.shift_of_unknowns(cause.best)
+            extra += np.outer(shift, shift)
+    names = list(result.choice.names)
+    part = np.array(sensor_covariance(names, result.all_values, extra).covariance)
     matrix = np.array(known.covariance)
     matrix[: len(part), : len(part)] += part
     return replace(

@@ -37,6 +37,7 @@ from .judge import (
     Cause,
     judge,
     judge_large,
+    noisy_remainder,
     restore_readings,
     steps_as_changes,
     undo_causes,
@@ -62,7 +63,7 @@ from .search import (
 )
 from .table import split
 from .uncertainty import (
-    add_shifts,
+    add_causes,
     add_unseen_errors,
     centre_sigma,
     common_scatter,
@@ -85,6 +86,8 @@ WORST_LIGHT_CHI_SQUARE = 300.0
 #: standard uncertainties, where it is of no use to look for these effects beside it. On twenty rigs
 #: that had them all it went up to 17.
 ASTRAY_SIGMAS = 50.0
+#: Chi-square over that before, to which causes that are undone lower that of a plain fit.
+LEAST_CURE = 0.3
 #: How often effects and causes are found in turn.
 JUDGE_ROUNDS = 3
 #: The limit of residuals by which a bad fit shows what jumped.
@@ -127,13 +130,12 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
         return screened.verdict()
     plain, fault, causes = plain_fit(sensor, screened, chosen, settings), None, list[Cause]()
     if plain.hopeless and not plain.promising:
-        clean, causes = undo_large_causes(sensor, plain, chosen, settings)
-        if clean.promising or not clean.hopeless:
-            plain = clean
-        elif (fault := find_fault_of(sensor, plain, chosen)) is not None:
-            plain, causes = plain_fit(sensor, screened.undo(fault), chosen, settings), []
-        else:
-            plain = clean
+        clean, large = undo_large_causes(sensor, plain, chosen, settings)
+        is_cured = clean.promising or not clean.hopeless
+        if not is_cured and (fault := find_fault_of(sensor, plain, chosen)) is not None:
+            plain = plain_fit(sensor, screened.undo(fault), chosen, settings)
+        elif is_cured or clean.is_better_than(plain):
+            plain, causes = clean, large
     if astray := unsettled_findings(sensor, plain):
         return plain.verdict(astray if fault is None else [])
     done, causes = explain(sensor, plain, chosen, settings, causes)
@@ -217,6 +219,10 @@ class Plain:
     outliers: list[int]
     hopeless: bool
     promising: bool
+
+    def is_better_than(self, other: Plain) -> bool:
+        gained = self.fit.reduced_chi_square < LEAST_CURE * other.fit.reduced_chi_square
+        return self.fit.ended and gained
 
     @property
     def original(self) -> Data:
@@ -308,18 +314,23 @@ def explain(
     causes are undone in the samples, and effects and causes are found again, without effects that
     nothing calls for beside the causes, until the causes stay the same.
     """
-    original = plain.original
+    original, best = plain.original, None
     for _ in range(JUDGE_ROUNDS):
         done = extend(sensor, plain, settings)
+        if best is not None and not done.fit.ended:
+            break  # what was undone made it worse
         data = restore_readings(done.data, original) if causes else done.data
-        remainder = Remainder(done.sensor, data, done.fit, None if causes else settings.outliers)
+        robust = None if causes else settings.outliers
+        remainder = noisy_remainder(done.sensor, data, done.fit, robust)
         before, causes = [cause.best.key for cause in causes], judge(remainder)
+        best = done, causes
         needless = needless_effects(remainder, causes, done)
         if [cause.best.key for cause in causes] == before and not needless:
             break
         settings = replace(settings, effects=settings.effects | dict.fromkeys(needless, "off"))
         plain = plain_fit(sensor, plain.screened.without(causes), chosen, settings)
-    return done, causes
+    assert best is not None
+    return best
 
 
 def needless_effects(remainder: Remainder, causes: list[Cause], done: EffectSearch) -> list[str]:
@@ -341,8 +352,10 @@ def reasons(
 ) -> list[Finding]:
     """Why there is no result."""
     said = [] if fault is None or fault.finding in plain.screened.findings else [fault.finding]
-    if fault is None or done.fit.ended:
+    if done.fit.ended:
         said += cause_findings(causes)
+    elif fault is None:  # what is sure even so
+        said += cause_findings([cause for cause in causes if cause.is_most])
     if fault is not None or done.fit.ended:
         return said
     return [*said, unsettled_finding(done.fit), *pull_findings(done.sensor, done.fit)]
@@ -368,16 +381,19 @@ def validate(
     missed = model_error(result, data, done.sensor, done.scatter, causes)
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
-    as_stated = data._replace(sigma=plain.original.sigma)
-    stated = Remainder(done.sensor, as_stated, result, settings.outliers)
+    stated = remainder
+    if (data.sigma != plain.original.sigma).any():
+        as_stated = data._replace(sigma=plain.original.sigma)
+        stated = Remainder(done.sensor, as_stated, result, settings.outliers)
     common = common_scatter(stated)
     said += common_findings(common)
     made = add_unseen_errors(result.sensor, result, missed, centre, common)
-    made = add_shifts(made, result, causes)
+    made = add_causes(made, remainder, causes)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)
-    said += [] if causes else validation_findings(errors)  # samples held back have them, too
+    if all(cause.alternatives[0].persists for cause in causes):  # else what is held back has them
+        said += validation_findings(errors)
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
 
