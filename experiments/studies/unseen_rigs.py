@@ -16,12 +16,16 @@ follow from the readings and the reference's poses by less than the noise of one
 every axis. A rig is trusted and wrong if its calibration is trusted and its r.m.s. error in x or
 y is over twice the stated one, or in another axis over 1.25 times with under 88 % of the 95 %
 intervals holding.
+
+A fault is named where a finding names alternatives of its group alone, among others where it names
+alternatives of several groups and one of them is its own; which alternative it is, is printed.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +34,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
+from facets.calibration.alternative import Finding
+from facets.calibration.alternatives import ALTERNATIVES
+from facets.calibration.candidates import EVERY_EFFECT
+from facets.calibration.scatter import SCATTER
 from facets.calibration.table import choice, gather_samples
 from facets.calibration.unknowns import fold_mount
 from facets.calibration.verdict import verdict
@@ -70,6 +78,10 @@ TIMED_SHARE = 0.3
 
 Kind = Callable[[Rng], Fault]
 Faults = list[tuple[int, Fault]]
+
+
+#: How a fault may be told.
+WAYS = ("named", "among", "wrong", "unsaid")
 
 
 class Truth(NamedTuple):
@@ -317,7 +329,7 @@ class Trial(NamedTuple):
     errors over stated standard uncertainties.  seconds: of processor time."""
 
     is_trusted: bool
-    findings: list[str]
+    findings: list[Finding]
     over: Floats
     held: Floats
     beyond: Floats
@@ -338,9 +350,10 @@ def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> Trial:
         result = verdict(sensor, data, choice(sensor, settings), settings)
     except FacetsError as refusal:
         seconds = time.process_time() - start
-        return Trial(False, [f"! {refusal}"], nothing, nothing, nothing, seconds)
+        refused = [Finding(True, str(refusal), ("table",))]
+        return Trial(False, refused, nothing, nothing, nothing, seconds)
     seconds = time.process_time() - start
-    findings = [f"{'!' if finding.bad else '-'} {finding.words}" for finding in result.findings]
+    findings = result.findings
     if result.sensor is None:
         return Trial(False, findings, nothing, nothing, nothing, seconds)
     solved = solve(result.sensor, rig.readings)
@@ -365,8 +378,28 @@ def print_trial(rig: UnseenRig, trial: Trial) -> None:
     print(f"{rig.seed} {rig.name}: {word}, {trial.seconds:.1f} s  over {over}  held {held}  "
           f"beyond {beyond}")  # fmt: skip
     print_truth(rig)
+    for truth in rig.truth:
+        print(f"    {how_told(truth, trial.findings):5} {truth.group}: {truth.words}")
     for finding in trial.findings:
-        print(f"    {finding}", flush=True)
+        print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
+
+
+#: The group of each alternative, by key; faults of the table have their words for keys.
+GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
+GROUP_OF |= {"supply": "electronics", "clock_set": "time", "saturated": "electronics"}
+
+
+def how_told(truth: Truth, findings: list[Finding]) -> str:
+    """How the findings tell a fault: "named" by its group, "among" alternatives of several groups,
+    "wrong" where they name others only, or "unsaid"."""
+    groups = [
+        {GROUP_OF.get(key, "table") for key in part.causes} for part in findings if part.causes
+    ]
+    if {truth.group} in groups:
+        return "named"
+    if any(truth.group in group for group in groups):
+        return "among"
+    return "wrong" if groups else "unsaid"
 
 
 def print_truth(rig: UnseenRig) -> None:
@@ -383,6 +416,13 @@ def count_trials(pairs: list[tuple[UnseenRig, Trial]]) -> None:
         trusted = sum(trial.is_trusted for trial in trials)
         wrong = sum(trial.is_wrong for trial in trials)
         print(f"{len(trials)} rigs {label}: {trusted} trusted, {wrong} of them wrong")
+    told = Counter(
+        (truth.harmless, how_told(truth, trial.findings))
+        for rig, trial in pairs for truth in rig.truth
+    )  # fmt: skip
+    for is_harmless, label in ((False, "harmful"), (True, "harmless")):
+        counts = ", ".join(f"{told[is_harmless, way]} {way}" for way in WAYS)
+        print(f"{label} faults: {counts}")
 
 
 def main() -> None:

@@ -197,7 +197,10 @@ def step_finding(
     for name, value in clear_values(result, group).items():
         unit, factor = unit_of(name, result.sensor)
         told.append(f"{name.partition('.')[2]} {times * factor * value:.2g} {unit}")
-    return Finding(False, words.format(f"{', '.join(told)} {of}")) if told else None
+    if not told:
+        return None
+    key = group[0].partition(".")[0]
+    return Finding(False, words.format(f"{', '.join(told)} {of}"), (key,))
 
 
 def heat_lag_finding(result: Fit) -> Finding | None:
@@ -210,7 +213,7 @@ def heat_lag_finding(result: Fit) -> Finding | None:
         f"{1e3 * max(values):.2g} um for each kelvin by which they lag). What is written is what a "
         "steady temperature does: measure at steady temperatures, or put the thermometer on the "
         "head."
-    ))  # fmt: skip
+    ), ("temperature_lag",))  # fmt: skip
 
 
 #: Unknowns of a beam's profile.
@@ -263,7 +266,7 @@ def profile_finding(result: Fit) -> Finding | None:
             " It is not symmetric, perhaps by a second reflex: x and y may have an offset that is "
             "the same in all poses and that no reading shows; the stated uncertainty includes it."
         )
-    return Finding(False, words)
+    return Finding(False, words, ("profile",))
 
 
 def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
@@ -356,7 +359,7 @@ def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
     return [Finding(False, (
         f"{len(rows)} of {total} samples hold an outlier that no noise makes and were excluded "
         f"({kind} {listed}{more}): look at cables, dust, shutters and the reference there."
-    ))]  # fmt: skip
+    ), ("outliers",))]  # fmt: skip
 
 
 #: How many rows a sentence lists.
@@ -368,7 +371,7 @@ def common_findings(common: dict[str, float]) -> list[Finding]:
         f"The three detectors' {kind} scatter together, by {1e3 * size:.2g} um (r.m.s.): a supply "
         "or a reference voltage that they share, or a mirror that vibrates; facets noise at rest "
         "tells which. The stated uncertainties include it."
-    )) for kind, size in common.items()]  # fmt: skip
+    ), ("supply", "reference_scatter")) for kind, size in common.items()]  # fmt: skip
 
 
 def centre_findings(centre: float) -> list[Finding]:
