@@ -10,14 +10,18 @@ from .errors import InputError
 
 #: The extra that brings a package.
 EXTRAS = {
+    "SALib": "design",
     "aiohttp": "web",
     "casadi": "design",
     "distributed": "cluster",
+    "flint": "proof",
     "imageio": "scenes",
     "mcap": "mcap",
+    "mpmath": "bench",
     "nidaqmx": "ni",
     "openpyxl": "sheets",
     "plotly": "pages",
+    "pyarrow": "parquet",
     "pylablib": "thorlabs",
     "pylsl": "lsl",
     "pyuff": "uff",
@@ -46,5 +50,5 @@ def require_extra(module: str, purpose: str) -> Any:
             return import_module(module)
     except (ImportError, RuntimeError) as error:  # RuntimeError: its own library is not found
         raise InputError(
-            f"{purpose} needs {package}: pip install 'facets-6dof[{EXTRAS[package]}]' ({error})"
+            f'{purpose} needs {package}: pip install "facets-6dof[{EXTRAS[package]}]" ({error})'
         ) from None

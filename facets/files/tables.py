@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.names import READING_COLUMNS
 from ..core.plain_numbers import plain_number
 from ..core.units import (
@@ -65,6 +66,8 @@ def ending(path: Path) -> str:
         return ".csv"
     if not path.name.lower().endswith(ENDINGS):
         raise InputError(f"{path}: a table's name ends in .csv, .csv.gz or .parquet")
+    if path.suffix.lower() == ".parquet":
+        require_extra("pyarrow", str(path))
     return path.suffix.lower()
 
 
@@ -409,6 +412,26 @@ def arrow_column(values: Any) -> Any:
     return pa.array(values)
 
 
+def text_cells(values: Any) -> list[str]:
+    """Write a column's values as text; floats have the digits that give the same float again."""
+    import orjson
+
+    array = np.ascontiguousarray(values)
+    if array.dtype.kind in "biuf" and array.size and not np.isinf(array).any():
+        text = orjson.dumps(array, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+        return text[1:-1].replace("null", "nan").split(",")
+    texts = ["" if value is None else str(value) for value in array.tolist()]
+    if array.dtype.kind in "OU" and any(mark in "".join({*texts}) for mark in ',"\r\n'):
+        raise ValueError("a cell holds a comma, a quote or a line break")
+    return texts
+
+
+def text_lines(columns: Columns) -> str:
+    """Write rows as lines of CSV."""
+    rows = zip(*map(text_cells, columns.values()), strict=True)
+    return "".join(f"{','.join(row)}\n" for row in rows)
+
+
 class Writer:
     """Appends blocks of rows to a table, which is CSV or Parquet by the file's suffix."""
 
@@ -416,41 +439,38 @@ class Writer:
         self.path = path
         self.about = about
         self.file: Any = None
-        self.sink: Any = None
 
     def write(self, columns: Columns) -> None:
+        if self.path.suffix.lower() == ".parquet":
+            self.write_batch(columns)
+            return
+        if self.file is None:
+            self.open_text()
+            lines = [f"# {key}: {' '.join(value.split())}" for key, value in self.about.items()]
+            self.file.write("\n".join([*lines, ",".join(columns)]).encode() + b"\n")
+        self.file.write(text_lines(columns).encode())
+
+    def write_batch(self, columns: Columns) -> None:
         import pyarrow as pa
+        import pyarrow.parquet as pq
 
         arrays = [arrow_column(values) for values in columns.values()]
         batch = pa.RecordBatch.from_arrays(arrays, names=list(columns))
         if self.file is None:
-            self.open(batch.schema)
+            self.file = pq.ParquetWriter(self.path, add_units(batch.schema, self.about))
         self.file.write_batch(batch)
 
-    def open(self, schema: Any) -> None:
-        if self.path.suffix.lower() == ".parquet":
-            import pyarrow.parquet as pq
-
-            self.file = pq.ParquetWriter(self.path, add_units(schema, self.about))
-            return
-        import pyarrow as pa
-        import pyarrow.csv as pc
-
-        is_stream = self.path == STANDARD_STREAM
-        self.sink = sys.stdout.buffer if is_stream else pa.output_stream(str(self.path))
-        lines = [f"# {key}: {' '.join(value.split())}" for key, value in self.about.items()]
-        text = "\n".join([*lines, ",".join(schema.names)]) + "\n"
-        self.sink.write(text.encode())
-        options = pc.WriteOptions(include_header=False, quoting_style="none")
-        self.file = pc.CSVWriter(self.sink, schema, write_options=options)
+    def open_text(self) -> None:
+        if self.path == STANDARD_STREAM:
+            self.file = sys.stdout.buffer
+        else:
+            self.file = (gzip.open if self.path.suffix.lower() == ".gz" else open)(self.path, "wb")
 
     def close(self) -> None:
-        if self.file is not None:
-            self.file.close()
         if self.path == STANDARD_STREAM:
             sys.stdout.flush()
-        elif self.sink is not None:
-            self.sink.close()
+        elif self.file is not None:
+            self.file.close()
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from types import FrameType, TracebackType
 from typing import IO, Any
 
 from ..core.errors import OutputError
+from ..core.extras import require_extra
 from .completeness import require_complete
 
 #: The name of the standard input, and of the standard output.
@@ -53,6 +54,8 @@ def require_writable(path: Path) -> None:
     Tries to write in the nearest existing folder, because rights, a read-only disk and a full disk
     appear differently on different systems.
     """
+    if path.suffix.lower() == ".parquet":
+        require_extra("pyarrow", str(path))
     try:
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
