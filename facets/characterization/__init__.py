@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from . import ranges as ranges
     from . import resolution as resolution
     from . import response_findings as response_findings
+    from . import response_forms as response_forms
     from . import response_signals as response_signals
     from . import rest as rest
     from . import sensitivity as sensitivity
@@ -46,6 +47,7 @@ else:
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
             "response_findings": "find_limits find_peaks",
+            "response_forms": "FORMS ResponseForm",
             "response_signals": "build_signals",
             "rest": "find_faults reading_faults",
             "singularity": "direction_in_words measures samples search survey weakest_direction",
