@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from . import frequency_response as frequency_response
     from . import noise_report as noise_report
     from . import outlines as outlines
+    from . import pose_density as pose_density
     from . import propagation as propagation
     from . import random_poses as random_poses
     from . import ranges as ranges
@@ -42,6 +43,7 @@ else:
             "noise_model": "fit_noise",
             "noise_report": "longest_section",
             "outlines": "Boundary map_inside",
+            "pose_density": "density_at_rest",
             "positioning": "evaluate_positioning",
             "propagation": "MonteCarlo coverage_intervals propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",

@@ -127,6 +127,8 @@ KEY_UNITS = {
     "kohm": _multiply("kohm", 1e3, 1e-3),
     "nv_rthz": _multiply("", 1e-9, 1e9),
     "pa_rthz": _multiply("", 1e-12, 1e12),
+    "nm_rthz": _multiply("", 1e-6, 1e6),
+    "mk_rthz": _multiply("", 1e-3, 1e3),
 }
 KEY_UNITS |= {
     f"per_{name}": _divide(f"1/{KEY_UNITS[name].label}", KEY_UNITS[name].to_code(1.0))

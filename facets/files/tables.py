@@ -445,7 +445,7 @@ class Writer:
             self.write_batch(columns)
             return
         if self.file is None:
-            self.open_text()
+            self.file = self.open_text()
             lines = [f"# {key}: {' '.join(value.split())}" for key, value in self.about.items()]
             self.file.write("\n".join([*lines, ",".join(columns)]).encode() + b"\n")
         self.file.write(text_lines(columns).encode())
@@ -460,11 +460,10 @@ class Writer:
             self.file = pq.ParquetWriter(self.path, add_units(batch.schema, self.about))
         self.file.write_batch(batch)
 
-    def open_text(self) -> None:
+    def open_text(self) -> Any:
         if self.path == STANDARD_STREAM:
-            self.file = sys.stdout.buffer
-        else:
-            self.file = (gzip.open if self.path.suffix.lower() == ".gz" else open)(self.path, "wb")
+            return sys.stdout.buffer
+        return (gzip.open if self.path.suffix.lower() == ".gz" else open)(self.path, "wb")
 
     def close(self) -> None:
         if self.path == STANDARD_STREAM:
