@@ -143,12 +143,13 @@ def show_pose_noise(report: NoiseReport) -> None:
         channel = report.channel(column)
         white, flicker = channel.model.white.value, channel.model.flicker.value
         density = [1e3 * math.sqrt(white + flicker / f) for f in (1.0, report.rate / 2)]
-        deviations = [1e3 * channel.allan.at(tau) for tau in times]
+        deviations = [1e3 * channel.allan.interpolate(tau) for tau in times]
         unit = channel.unit.replace("u", "n", 1)
         rows.append([name, unit, *(f"{value:.3g}" for value in (*density, *deviations))])
     headings = ["axis", "", "at 1 Hz", f"at {report.rate / 2:.4g} Hz"]
     headings += [f"{tau:g} s" for tau in times]
     show_table(
-        "noise of the pose: density per sqrt(Hz) of white and flicker noise; Allan deviation by "
-        "averaging time", headings, rows, left=(0, 1),
+        f"noise of the pose, {1 / report.seconds:.3g} to {report.rate / 2:.4g} Hz: density per "
+        "sqrt(Hz) of white and flicker noise; Allan deviation by averaging time",
+        headings, rows, left=(0, 1),
     )  # fmt: skip

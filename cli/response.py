@@ -26,12 +26,11 @@ from .options import (
     output_folder,
 )
 from .options.places import choose_point
-from .parts.response_input import EstimateRequest, InputEstimate, estimate_input, read_columns
+from .parts.response_input import EstimateRequest, InputEstimate, estimate_inputs, read_columns
 from .results import ResultFolder
 from .sentences.response import show_estimate
 
 if TYPE_CHECKING:
-    from facets.characterization.frequency_response import FrequencyResponse
     from facets.characterization.response_forms import ResponseForm
     from facets.characterization.universal_file import InputChannel
 
@@ -147,41 +146,49 @@ def response(
     channels = input_channels(inputs, input_dof or [])
     chosen = characterization.response_forms.FORMS[form.value]
     require_universal(uff, chosen)
-    beginnings = [f"response-{name}" for name in inputs] if len(inputs) > 1 else ["response"]
-    names = [f"{begin}.{ending}" for begin in beginnings for ending in (table.value, plot.value)]
+    names = result_names(inputs, table, plot)
     place = output_folder(folder, measurement.stem, "response")
     results = ResultFolder(place, names, force, [measurement], [uff] if uff else [])
     columns, settings = read_columns(measurement, inputs, config)
     settings = choose_point(settings, point)
     body = settings.object or core.rigid_body.MIRROR
+    request = EstimateRequest(settings, str(measurement), resolution_hz, correct_bandwidth, chosen)
+    estimates = estimate_inputs(columns, inputs, request)
     origin = {"input": ", ".join(inputs), "form": form.value, "point": body.text}
-    request = EstimateRequest(settings, str(measurement), resolution_hz, correct_bandwidth)
-    estimates = [
-        estimate_input(columns, [name, *(other for other in inputs if other != name)], request)
-        for name in inputs
-    ]
-    responses = [each.receptance.in_form(chosen) for each in estimates]
+    origin["averages"] = f"{estimates[0].response.averages:.4g}"
     bandwidth = settings.electronics.bandwidth
     with results.publish(settings, more=origin) as paths:
-        files = zip(estimates, responses, paths[::2], paths[1::2], strict=True)
-        for each, converted, rows, picture in files:
-            results.write_table(rows, characterization.frequency_response.response_table(converted))
+        for each, rows, picture in zip(estimates, paths[::2], paths[1::2], strict=True):
+            frequency_response = characterization.frequency_response
+            results.write_table(rows, frequency_response.response_table(each.response))
             title = f"{form.value.replace('-', ' ').capitalize()}, {each.name}, {measurement.name}"
-            drawing = pictures.response.response_picture(converted, each.unit, title, bandwidth)
-            pictures.style.save(drawing, picture)
+            drawn = pictures.response.response_picture(each.response, each.unit, title, bandwidth)
+            pictures.style.save(drawn, picture)
         if uff is not None:
-            every = list(zip(responses, channels, strict=True))
-            universal = characterization.universal_file
-            output_node = universal.Node(node, body.point)
-            universal.write_universal_file(uff, every, output_node, results.about)
-    for each, converted in zip(estimates, responses, strict=True):
-        show_response(each, converted, bandwidth, body.text)
+            output_node = characterization.universal_file.Node(node, body.point)
+            every = [(each.response, at) for each, at in zip(estimates, channels, strict=True)]
+            characterization.universal_file.write_universal_file(
+                uff, every, output_node, results.about
+            )
+    for each in estimates:
+        show_response(each, bandwidth, body.text)
     results.name()
     if uff is not None:
         typer.echo(f"{uff}")
-    silent = characterization.response_findings.silent_axes
-    if any(silent(each.receptance).all() for each in estimates):
+    if has_silent_input(estimates):
         raise typer.Exit(FINDING)
+
+
+def has_silent_input(estimates: list[InputEstimate]) -> bool:
+    """Whether no axis answers to some input."""
+    silent = characterization.response_findings.silent_axes
+    return any(silent(each.receptance).all() for each in estimates)
+
+
+def result_names(inputs: list[str], table: TableKind, plot: PlotKind) -> list[str]:
+    """Names of a table and a picture for each input."""
+    beginnings = [f"response-{name}" for name in inputs] if len(inputs) > 1 else ["response"]
+    return [f"{begin}.{ending}" for begin in beginnings for ending in (table.value, plot.value)]
 
 
 def input_channels(inputs: list[str], places: list[str]) -> list[InputChannel]:
@@ -196,15 +203,13 @@ def input_channels(inputs: list[str], places: list[str]) -> list[InputChannel]:
     return [universal.InputChannel(name, *dof) for name, dof in zip(inputs, dofs, strict=True)]
 
 
-def show_response(
-    each: InputEstimate, converted: FrequencyResponse, bandwidth: float, point: str
-) -> None:
+def show_response(each: InputEstimate, bandwidth: float, point: str) -> None:
     """Print a response to an input, and what limits it."""
     findings = characterization.response_findings
     if each.signals.others.size:
         typer.echo(f"{each.name}, without what goes with the other inputs:")
     peaks = findings.find_peaks(each.receptance)
-    show_estimate(converted, each.signals, peaks, each.unit, point)
+    show_estimate(each.response, each.signals, peaks, each.unit, point)
     limits = findings.find_limits(each.receptance, each.signals, peaks, bandwidth)
     typer.echo("\n".join(f"  {text}" for text in limits))
 

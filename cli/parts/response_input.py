@@ -14,30 +14,45 @@ from .recordings import solve_recording
 
 if TYPE_CHECKING:
     from facets.characterization.frequency_response import FrequencyResponse
+    from facets.characterization.response_forms import ResponseForm
     from facets.characterization.response_signals import Columns, ResponseSignals
     from facets.config import Config
 
 
 class EstimateRequest(NamedTuple):
-    """How responses are estimated.  source: of the columns, for messages.  resolution: Hz."""
+    """How responses are estimated.  source: of the columns, for messages.  resolution: Hz.
+    form: of the responses."""
 
     settings: Config
     source: str
     resolution: float | None
     corrects_bandwidth: bool
+    form: ResponseForm
 
 
 class InputEstimate(NamedTuple):
-    """The receptances of the six axes for an input.  name: its column.  unit: of the input."""
+    """The responses of the six axes to an input, and their receptances.  name: the input's column.
+    unit: of the input."""
 
     name: str
     unit: str
     signals: ResponseSignals
     receptance: FrequencyResponse
+    response: FrequencyResponse
+
+
+def estimate_inputs(
+    columns: Columns, inputs: list[str], request: EstimateRequest
+) -> list[InputEstimate]:
+    """Estimate the responses to each input, without what goes with the others."""
+    return [
+        estimate_input(columns, [name, *(other for other in inputs if other != name)], request)
+        for name in inputs
+    ]
 
 
 def estimate_input(columns: Columns, inputs: list[str], request: EstimateRequest) -> InputEstimate:
-    """Estimate the receptances for the first of the inputs, without what goes with the others."""
+    """Estimate the responses to the first of the inputs, without what goes with the others."""
     settings, name = request.settings, inputs[0]
     body = settings.object or core.rigid_body.MIRROR
     signals = characterization.response_signals.build_signals(
@@ -52,7 +67,7 @@ def estimate_input(columns: Columns, inputs: list[str], request: EstimateRequest
         signals.stimulus, signals.motion, signals.stretches, request.resolution, channel,
         signals.others,
     )  # fmt: skip
-    return InputEstimate(name, unit, signals, receptance)
+    return InputEstimate(name, unit, signals, receptance, receptance.convert(request.form))
 
 
 def read_columns(data: Path, inputs: list[str], config: str | None) -> tuple[Columns, Config]:

@@ -26,7 +26,7 @@ class Allan:
     low: Floats
     high: Floats
 
-    def at(self, tau: float) -> float:
+    def interpolate(self, tau: float) -> float:
         """The deviation at an averaging time, s, between the computed ones."""
         return float(np.exp(np.interp(np.log(tau), np.log(self.tau), np.log(self.deviation))))
 

@@ -123,7 +123,7 @@ class FrequencyResponse:
     form: ResponseForm = RECEPTANCE
     multiple_coherence: Floats | None = None
 
-    def in_form(self, form: ResponseForm) -> FrequencyResponse:
+    def convert(self, form: ResponseForm) -> FrequencyResponse:
         """Return a receptance in another form."""
         h1, h2 = (form.convert(self.frequency, values) for values in (self.h1, self.h2))
         return replace(self, h1=h1, h2=h2, form=form)
@@ -317,33 +317,13 @@ def estimate_response(
     outputs were measured.  others: (n, q) other inputs, whose parts are taken out. Raises
     `InputError` if there are not two averages, or if the stimulus goes with the others.
     """
-    from scipy.signal import get_window
-
-    rate = stretches.rate
     others = np.empty((len(stimulus), 0)) if others is None else others
-    longest = int((stretches.stops - stretches.starts).max(initial=0))
     period = 0 if others.size else find_period(stimulus, stretches)
-    length = segment_length(stretches, resolution, period)
-    if length < MIN_SEGMENT_SAMPLES:
-        raise InputError(
-            f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
-            f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
-        )
-    window = get_window("boxcar" if period else "hann", min(length, longest))
-    starts = segment_starts(stretches, length, length if period else None)
-    averages = float(sum(map(len, starts))) if period else count_averages(starts, window)
-    averages -= others.shape[1]
-    if averages < 2:
-        raise InputError(
-            f"there are {averages:.3g} averages of segments of {length / rate:.4g} s, too few for "
-            f"a coherence (the longest part without a gap has {longest / rate:.4g} s); allowed: 2 "
-            "or more. Record for longer, or give a larger --resolution-hz"
-        )
+    options, averages, left_out = choose_segments(stretches, resolution, period, others.shape[1])
+    rate, length = stretches.rate, len(options.window)
     for x in (stimulus, *others.T):
         if np.ptp(x[np.isfinite(x)]) == 0:
             raise InputError("the input does not change; name the column of a changing input")
-    detrend = "constant" if period else "linear"
-    options = SegmentOptions(np.concatenate(starts), window, rate, detrend)
     spectra = separate_spectra(np.column_stack([stimulus, others]), outputs, options)
     lines = np.arange(SKIPPED_LINES, len(spectra.frequency))
     if period:  # elsewhere there is neither force nor leakage, only noise
@@ -360,13 +340,46 @@ def estimate_response(
     noise = np.full(g_yy.shape[1], np.nan) if channel.deviation is None else channel.deviation
     gain = np.abs(factor) ** 2
     density = gain * noise_spectrum(frequency, noise, rate, channel.bandwidth)
-    segments = sum(len(values) for values in starts)
-    possible = max(0, (stretches.span - length) // (length if period else length // 2) + 1)
     return FrequencyResponse(
-        frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages, segments,
-        max(0, possible - segments), rate / length, counts, channel.is_corrected, period / rate,
+        frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages,
+        len(options.starts), left_out, rate / length, counts, channel.is_corrected, period / rate,
         multiple_coherence=1 - (1 - coherence) * shares if others.size else None,
     )  # fmt: skip
+
+
+def choose_segments(
+    stretches: Stretches, resolution: float | None, period: int, others: int
+) -> tuple[SegmentOptions, float, int]:
+    """Choose the segments, and return with them the number of independent averages that is left
+    beside some other inputs, and the number of segments that gaps prevent.
+
+    period: of the input, samples; 0 if it has none.
+    """
+    from scipy.signal import get_window
+
+    rate = stretches.rate
+    longest = int((stretches.stops - stretches.starts).max(initial=0))
+    length = segment_length(stretches, resolution, period)
+    if length < MIN_SEGMENT_SAMPLES:
+        raise InputError(
+            f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
+            f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
+        )
+    window = get_window("boxcar" if period else "hann", min(length, longest))
+    hop = length if period else length // 2
+    starts = segment_starts(stretches, length, hop)
+    count = sum(map(len, starts))
+    averages = (count if period else count_averages(starts, window)) - others
+    if averages < 2:
+        raise InputError(
+            f"there are {averages:.3g} averages of segments of {length / rate:.4g} s, too few for "
+            f"a coherence (the longest part without a gap has {longest / rate:.4g} s); allowed: 2 "
+            "or more. Record for longer, or give a larger --resolution-hz"
+        )
+    possible = max(0, (stretches.span - length) // hop + 1)
+    detrend = "constant" if period else "linear"
+    options = SegmentOptions(np.concatenate(starts), window, rate, detrend)
+    return options, float(averages), max(0, possible - count)
 
 
 class SegmentOptions(NamedTuple):

@@ -47,14 +47,7 @@ def resolution_columns(
     or None for none."""
     rows = [resolution_row(row, i) for row in resolutions for i in range(len(POSE))]
     columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
-    fine = np.array([unit_of(name).fine_factor for name in POSE])
-    columns |= {
-        f"density_{name}_per_rthz": np.concatenate([fine * d.amplitude(f) for d in densities])
-        for name, f in FREQUENCIES.items()
-    } | {
-        f"allan_{name}": np.concatenate([fine * d.allan_deviation(tau) for d in densities])
-        for name, tau in AVERAGING_TIMES.items()
-    }
+    columns |= noise_columns(densities)
     if coverage is not None:
         places = zip(*(row.coverage(coverage) for row in resolutions), strict=True)
         for place, numbers in zip(("at_rest", "worst", "worst_in_box"), places, strict=True):
@@ -62,6 +55,18 @@ def resolution_columns(
             columns[f"expanded_{place}"] = factor * columns[f"u_{place}"]
             columns |= {f"k_{place}": factor, f"degrees_of_freedom_{place}": freedom}
     return columns
+
+
+def noise_columns(densities: Sequence[PoseDensity]) -> dict[str, Floats]:
+    """Amplitude densities and Allan deviations, one row for each estimator and axis; um, urad."""
+    fine = np.array([unit_of(name).fine_factor for name in POSE])
+    return {
+        f"density_{name}_per_rthz": np.concatenate([fine * d.amplitude(f) for d in densities])
+        for name, f in FREQUENCIES.items()
+    } | {
+        f"allan_{name}": np.concatenate([fine * d.allan_deviation(tau) for d in densities])
+        for name, tau in AVERAGING_TIMES.items()
+    }
 
 
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:

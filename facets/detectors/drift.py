@@ -38,7 +38,8 @@ def draw_power_law(
     scale = np.sqrt(density / frequency**exponent * size / (4 * step))
     spectrum = np.concatenate([np.zeros((1, len(density))), scale * (parts[0] + 1j * parts[1])])
     drawn: Floats = np.fft.irfft(spectrum, size, axis=0)[:count]
-    return drawn - drawn[0]
+    drawn -= drawn[:1].copy()
+    return drawn
 
 
 def draw_beam_and_temperature(

@@ -56,7 +56,7 @@ def test_errors_and_noise_go_with_the_form():
     found = estimate_response(force, moved, stretches, 4, OutputChannel(np.full(6, 1e-4)))
     turn = 2 * np.pi * found.frequency
     receptance, mobility, stiffness = (
-        response_table(found.in_form(FORMS[name]))
+        response_table(found.convert(FORMS[name]))
         for name in ("receptance", "mobility", "dynamic-stiffness")
     )
     for ending in ("u_h1_tz", "noise_tz"):

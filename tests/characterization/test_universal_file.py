@@ -62,7 +62,7 @@ def test_forms_and_partial_coherences_say_what_they_are(tmp_path):
         (estimate_response(force, moved, stretches, 2.0, others=forces[:, [1 - n]]), name)
         for n, (force, name) in enumerate(zip(forces.T, ("a_n", "b_n"), strict=True))
     ]
-    sets = [(found.in_form(FORMS["accelerance"]), InputChannel(name)) for found, name in both]
+    sets = [(found.convert(FORMS["accelerance"]), InputChannel(name)) for found, name in both]
     write_universal_file(path, sets, Node(1, (0.0, 0.0, 0.0)), ABOUT)
     functions = pyuff.UFF(str(path)).read_sets()[3:]
     assert len(functions) == 24

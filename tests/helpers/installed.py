@@ -3,9 +3,9 @@
     python tests/helpers/installed.py [--lowest | --only-build FOLDER]
 
 Builds a wheel of the files that git knows, a source distribution, and a wheel of that, and compares
-what they hold. Installs the wheel without extras into a fresh
-environment in a temporary folder whose path has spaces, and runs there the tests that are marked
-`plain`; then with its extras into another one, for those that are marked `wheel` or `installed`.
+what they hold. Installs the wheel without extras into a fresh environment in a temporary folder
+whose path has spaces, and runs there the tests that are marked `plain`; then with its extras into
+another one, for those that are marked `wheel` or `installed`.
 
 --only-build: leaves the source distribution and the wheel in a folder, and tries nothing.
 --lowest: with the oldest versions that `pyproject.toml` allows instead of the newest; a bound that
@@ -40,8 +40,12 @@ PACKAGES = {
 }
 #: Studies that no command needs: they stand beside the tests of an installed package.
 STUDIES = "experiments/studies/"
-#: Extras of the environment for the tests of the whole: `stages` has the peers of virtual stages.
-EXTRAS = ("all", "stages")
+#: The environments: name, extras, and marks of the tests that run there. `stages` has the peers of
+#: virtual stages.
+ENVIRONMENTS = (
+    ("plain", (), ("plain",)),
+    ("whole", ("all", "stages"), ("installed", "wheel")),
+)
 PYTEST = ("-n", "auto", "--dist", "worksteal", "--durations=12")
 
 
@@ -147,11 +151,11 @@ def at_its_bound(text: str) -> str:
     return str(requirement)
 
 
-def marked_files(folder: Path) -> list[str]:
+def marked_files(folder: Path, marks: Sequence[str]) -> list[str]:
     """List the files with a marked test; other files may need more than the group `test`."""
     files = sorted((folder / "tests").rglob("test_*.py"))
-    marks = re.compile(r"pytest\.mark\.(installed|plain|wheel)\b")
-    return [str(file.relative_to(folder)) for file in files if marks.search(file.read_text())]
+    marked = re.compile(rf"pytest\.mark\.({'|'.join(marks)})\b")
+    return [str(file.relative_to(folder)) for file in files if marked.search(file.read_text())]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -172,18 +176,16 @@ def main(arguments: Sequence[str]) -> int:
             if name.split("/")[0] not in PACKAGES or name.startswith(STUDIES)
         ]  # fmt: skip
         tests = copy_files([*beside, "experiments/README.md"], folder / "no checkout")
-        words = [*marked_files(tests), *(a for a in arguments if a != "--lowest")]
+        words = [argument for argument in arguments if argument != "--lowest"]
         if lowest:  # what they bring beside themselves is newer than they know
             words += ["-W", "default::DeprecationWarning"]
         environment_variables = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-        for name, extras, marks in (
-            ("plain", (), "plain"),
-            ("whole", EXTRAS, "installed or wheel and not plain"),
-        ):
+        for name, extras, marks in ENVIRONMENTS:
             programs = environment(wheel, settings, folder / f"a {name} one", extras, lowest)
-            chosen = ["-m", f"({marks}){' and not slow' if lowest else ''}"]
+            chosen = f"({' or '.join(marks)}){'' if name == 'plain' else ' and not plain'}"
+            chosen += " and not slow" * lowest
             done = subprocess.run(
-                [programs / "pytest", *PYTEST, *chosen, *words],
+                [programs / "pytest", *PYTEST, "-m", chosen, *marked_files(tests, marks), *words],
                 cwd=tests, env=environment_variables, check=False,
             )  # fmt: skip
             if done.returncode:
