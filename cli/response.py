@@ -48,7 +48,7 @@ Measurement = Annotated[
     Path,
     typer.Argument(
         metavar="RECORDING",
-        help="Folder written by `facets acquire`, or a table (CSV or Parquet) with time_s, the "
+        help="Folder written by `facets acquire`, or a table (CSV, Parquet, HDF5 or TDMS) with time_s, "
         "pose's columns tx_mm ... yaw_mrad and the input's column; a table needs --config.",
     ),
 ]
