@@ -48,8 +48,9 @@ Measurement = Annotated[
     Path,
     typer.Argument(
         metavar="RECORDING",
-        help="Folder written by `facets acquire`, or a table (CSV, Parquet, HDF5 or TDMS) with time_s, "
-        "pose's columns tx_mm ... yaw_mrad and the input's column; a table needs --config.",
+        help="Folder written by `facets acquire`, or a table (CSV, Parquet, HDF5 or TDMS) with "
+        "time_s, the pose's columns tx_mm ... yaw_mrad and the input's column; a table "
+        "needs --config.",
     ),
 ]
 Inputs = Annotated[
