@@ -63,7 +63,7 @@ layers: .venv/developed tree
 # of tests/conftest.py.
 PYTEST = $(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 quick: .venv/developed
-	$(PYTEST) -m "not study and not wheel and not slow"
+	$(PYTEST) -m "not study and not wheel and not plain and not slow"
 
 unit: .venv/developed
 	$(PYTEST)
@@ -143,7 +143,7 @@ vendor:
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet uv
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable ".[design,scenes]"
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable ".[bench,design,scenes]"
 	touch $@
 
 .venv/developed: .venv/installed

@@ -11,7 +11,7 @@ import typer
 
 import facets
 from facets import bench as benchmarks
-from facets import files, model, pictures
+from facets import core, files, model, pictures
 
 from .console import show_table
 from .options import Force, Look, Quick, Style, folder_option, seed_option
@@ -44,6 +44,8 @@ def bench(
     table for each study, the facts of the machine (machine.json) and two pictures into the
     folder. --quick takes under a minute.
     """
+    for package in ("mpmath", "casadi"):
+        core.extras.require_extra(package, "facets bench")
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
     files.tables.refuse_to_overwrite([folder / name for name in names], force)
     about = facts(seed)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from facets import design, files, pictures
+from facets import core, design, files, pictures
 from facets.core.errors import InputError
 
 from .console import load_config
@@ -162,6 +162,8 @@ def explore(
     if output is not None:
         raise InputError(f"-o {output}: -o is the file that --pick writes; the folder is --folder")
     require_page(report, force)
+    if certify:
+        core.extras.require_extra("flint", "--certify")
     design.exploration.require_same(settings, place, force)
     job = Exploration(settings, space, place, plot.value, report)
     if front:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from facets import core
+
 from .console import FINDING, load_config
 from .options import (
     Certify,
@@ -113,6 +115,8 @@ def jacobian(
     exit status 1 if this is not proved. Without --box the box holds the whole range, if that
     can be proved.
     """
+    if certify:
+        core.extras.require_extra("flint", "--certify")
     settings = load_config(config)
     place = output_folder(folder, settings.name, "jacobian")
     request = SurveyRequest(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,8 +11,9 @@ import typer
 import facets
 from facets import characterization, files, live, pictures
 from facets import config as configuration
+from facets.core.names import POSE, STATE_COLUMNS
 
-from .console import FINDING, show_progress
+from .console import FINDING, show_progress, show_table
 from .options import (
     ConfigOption,
     Force,
@@ -27,6 +29,9 @@ from .parts.recordings import solve_recording
 if TYPE_CHECKING:
     from facets.characterization.noise_report import NoiseReport
     from facets.config import Config
+
+#: Averaging times of the Allan deviations that are printed, as far as a recording has them.
+AVERAGING_TIMES_S = (0.1, 1.0, 10.0, 100.0, 1000.0)
 
 
 def noise(
@@ -120,9 +125,31 @@ def show_channels(report: NoiseReport) -> None:
             f"{channel.configured:.3g})  white {model.white_deviation:.3g}  drift "
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )
+    show_pose_noise(report)
     if not report.faults:
         typer.echo(
             f"  sensor.noise: position_um {1e3 * report.position:.4g} at {report.at_power:g} mW, "
             f"power_uw {1e3 * report.power:.4g}; {1e6 * report.common:.3g} ppm are common to the "
             "powers"
         )
+
+
+def show_pose_noise(report: NoiseReport) -> None:
+    """Print the density of each axis by the fitted model, and its Allan deviation."""
+    times = [tau for tau in AVERAGING_TIMES_S if tau <= report.seconds / 4]
+    rows = []
+    for name in POSE:
+        column = STATE_COLUMNS[POSE.index(name)]
+        channel = report.channel(column)
+        white, flicker = channel.model.white.value, channel.model.flicker.value
+        density = [1e3 * math.sqrt(white + flicker / f) for f in (1.0, report.rate / 2)]
+        deviations = [1e3 * channel.allan.interpolate(tau) for tau in times]
+        unit = channel.unit.replace("u", "n", 1)
+        rows.append([name, unit, *(f"{value:.3g}" for value in (*density, *deviations))])
+    headings = ["axis", "", "at 1 Hz", f"at {report.rate / 2:.4g} Hz"]
+    headings += [f"{tau:g} s" for tau in times]
+    show_table(
+        f"noise of the pose, {1 / report.seconds:.3g} to {report.rate / 2:.4g} Hz: density per "
+        "sqrt(Hz) of white and flicker noise; Allan deviation by averaging time",
+        headings, rows, left=(0, 1),
+    )  # fmt: skip

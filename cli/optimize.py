@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from facets import config as configuration
-from facets import design, files
+from facets import core, design, files
 
 from .console import FINDING, load_config
 from .options import (
@@ -70,6 +70,9 @@ def optimize(
     volume, the ranges and the uncertainties are those of the object's displacement from its pose at
     the mirror's zero.
     """
+    core.extras.require_extra("casadi", "the search for a layout")
+    if certify:
+        core.extras.require_extra("flint", "--certify")
     settings = choose_point(load_config(config), point)
     path = output or Path(f"{settings.name}-optimum.yaml")
     require_yaml(path)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from facets import files
+from facets import core, files
 
 from .console import FINDING
 from .options import Force, Look, Quick, Style, completion, folder_option
@@ -42,6 +42,8 @@ def reproduce(
     from facets.experiments.reproduce import select_experiments
 
     wanted = select_experiments(names or [])
+    if "uniqueness" in wanted:
+        core.extras.require_extra("flint", "uniqueness")
     report = folder / "report.html"
     files.tables.refuse_to_overwrite([report], force)
     files.tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)

@@ -30,7 +30,9 @@ from .parts.trials import DEFAULT_COVERAGE, PosesTable, TrialCount, TrialRequest
 from .results import ResultFolder
 
 if TYPE_CHECKING:
+    from facets.characterization.pose_density import PoseDensity
     from facets.characterization.resolution import Resolution
+    from facets.config import Config
 
 
 def resolution(
@@ -73,15 +75,22 @@ def resolution(
     resolutions = characterization.resolution.resolve(
         settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)
     )
+    densities = [
+        characterization.pose_density.density_at_rest(
+            settings.sensor, row.how, settings.electronics.bandwidth, settings.object
+        )
+        for row in resolutions
+    ]
     report_object(settings)
     show(resolutions, coverage)
+    show_densities(resolutions, densities, settings)
     stated = {}
     if coverage is not None:
         stated = estimation.uncertainty.describe_coverage(settings.sensor, coverage)
         report_coverage(stated)
     propagated = request.run(states)
     with results.publish(settings, more=stated) as (table, picture, _, *beside):
-        columns = characterization.tables.resolution_columns(resolutions, coverage)
+        columns = characterization.tables.resolution_columns(resolutions, densities, coverage)
         results.write_table(table, columns)
         pictures.style.save(pictures.resolution.budget_picture(resolutions), picture)
         request.write(beside, propagated)
@@ -120,3 +129,40 @@ def show(resolutions: list[Resolution], coverage: float | None = None) -> None:
     finer = resolutions[0].worst / resolutions[-1].worst
     gains = ", ".join(f"{name} {gain:.3g}" for name, gain in zip(POSE, finer, strict=True))
     typer.echo(f"with the beam known, finer than the paper's inversion by: {gains}\n")
+
+
+def show_densities(
+    resolutions: list[Resolution], densities: list[PoseDensity], settings: Config
+) -> None:
+    """Print the noise at rest by frequency and by averaging time, the beam free and known."""
+    import numpy as np
+
+    stated, band = characterization.pose_density, settings.electronics.bandwidth
+    units = [core.units.unit_of(name) for name in POSE]
+    headings = [
+        "",
+        *(f"{name} n{unit.fine_unit[1:]}" for name, unit in zip(POSE, units, strict=True)),
+    ]
+    nano = np.array([1e3 * unit.fine_factor for unit in units])
+    density, deviation = [], []
+    for row, noise in zip(resolutions, densities, strict=True):
+        if row.how.name in ("beam free", "beam known"):
+            for frequency in stated.FREQUENCIES.values():
+                cells = [f"{value:.3g}" for value in nano * noise.amplitude(frequency)]
+                density.append([f"{row.how.name}, {frequency:g} Hz", *cells])
+            for tau in stated.AVERAGING_TIMES.values():
+                cells = [f"{value:.3g}" for value in nano * noise.allan_deviation(tau)]
+                deviation.append([f"{row.how.name}, {tau:g} s", *cells])
+    show_table("noise at rest per sqrt(Hz), by frequency", headings, density)
+    show_table("Allan deviation at rest, by averaging time", headings, deviation)
+    if settings.sensor.drift == core.sensor.Drift():
+        text = (
+            "the configuration has no sensor.drift. Do not compare it with a measured density or "
+            "drift, which has slow noise in it; the configuration bench-drift has some."
+        )
+        report_lines(f"This is a white floor alone, of readings of {band:g} Hz bandwidth: {text}")
+    else:
+        report_lines(
+            f"This is the white noise of readings of {band:g} Hz bandwidth, and the slow noise of "
+            "sensor.drift."
+        )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from facets import characterization, design, files, pictures, proof
+from facets import characterization, core, design, files, pictures, proof
 from facets import config as configuration
 
 from ..console import FINDING, leave_out_picture, show_progress, show_table
@@ -52,6 +52,7 @@ class Exploration:
 
 def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bool) -> None:
     """Compute the designs that are missing in the folder."""
+    core.extras.require_extra("SALib", "the sensitivity")
     space, folder = job.space, job.folder
     if scheduler:
         typer.echo(design.exploration.cluster_words(scheduler))

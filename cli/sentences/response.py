@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from facets import core
 from facets.core.names import POSE
 
 from ..console import show_table
@@ -24,7 +23,10 @@ def show_estimate(
     unit: str,
     point: str,
 ) -> None:
-    """Print the estimate's frame, and the peaks."""
+    """Print the estimate's frame, and the peaks.
+
+    estimate: in the form that is shown.  peaks: of the receptance.
+    """
     lines = estimate.frequency[estimate.is_excited]
     typer.echo(
         f"{len(signals.stimulus)} rows at {estimate.rate:.6g} Hz: {estimate.segments} segments, "
@@ -32,18 +34,27 @@ def show_estimate(
         f"the input has power from {lines.min():.4g} to {lines.max():.4g} Hz"
     )
     typer.echo(f"{point}")
-    per = f" per {unit}" if unit else ""
+    form = estimate.form
     rows = []
     for peak in peaks:
-        fine = core.units.unit_of(peak.axis)
-        error = estimate.coverage_factor * estimate.random_error[peak.line, POSE.index(peak.axis)]
+        place = peak.line, POSE.index(peak.axis)
+        error = estimate.coverage_factor * estimate.random_error[place]
         rows.append([
-            f"{peak.frequency:.5g}", peak.axis, f"{fine.fine_factor * peak.size:.4g}",
-            f"{fine.fine_unit}{per}", f"{100 * error:.2g} %", f"{peak.width:.3g}",
-            f"{estimate.coherence[peak.line, POSE.index(peak.axis)]:.4f}",
+            f"{peak.frequency:.5g}", peak.axis,
+            f"{form.factor(peak.axis) * abs(estimate.h1[place]):.4g}",
+            form.unit_text(peak.axis, unit), f"{100 * error:.2g} %", f"{peak.width:.3g}",
+            f"{estimate.coherence[place]:.4f}",
         ])  # fmt: skip
     if rows:
-        headings = ("Hz", "axis", "|H1|", "", "random (95 %)", "width, Hz", "coherence")
+        headings = (
+            "Hz",
+            "axis",
+            "1/|H1|" if form.is_inverse else "|H1|",
+            "",
+            "random (95 %)",
+            "width, Hz",
+            "coherence",
+        )
         show_table("peaks, at lines of the estimate", headings, rows, left=(1, 3))
     else:
         typer.echo("No peak stands out of its surroundings by a factor of 3.")

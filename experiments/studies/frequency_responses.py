@@ -122,7 +122,7 @@ def show_modes(records: int, seed: int) -> None:
         for n in range(records):
             response = measure(RECORD, np.random.default_rng([seed, n]), RESOLUTION_HZ)
             channel, node = InputChannel("force_n"), Node(1, (0.0, 0.0, 0.0))
-            write_universal_file(path, response, channel, node, {})
+            write_universal_file(path, [(response, channel)], node, {})
             model = EMA.Model(lower=20, upper=300, pol_order_high=24)
             model.read_uff(str(path))
             with contextlib.redirect_stderr(io.StringIO()):

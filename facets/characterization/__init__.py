@@ -10,11 +10,13 @@ if TYPE_CHECKING:
     from . import frequency_response as frequency_response
     from . import noise_report as noise_report
     from . import outlines as outlines
+    from . import pose_density as pose_density
     from . import propagation as propagation
     from . import random_poses as random_poses
     from . import ranges as ranges
     from . import resolution as resolution
     from . import response_findings as response_findings
+    from . import response_forms as response_forms
     from . import response_signals as response_signals
     from . import rest as rest
     from . import sensitivity as sensitivity
@@ -41,11 +43,13 @@ else:
             "noise_model": "fit_noise",
             "noise_report": "longest_section",
             "outlines": "Boundary map_inside",
+            "pose_density": "density_at_rest",
             "positioning": "evaluate_positioning",
             "propagation": "MonteCarlo coverage_intervals propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
             "response_findings": "find_limits find_peaks",
+            "response_forms": "FORMS ResponseForm",
             "response_signals": "build_signals",
             "rest": "find_faults reading_faults",
             "singularity": "direction_in_words measures samples search survey weakest_direction",

@@ -26,6 +26,10 @@ class Allan:
     low: Floats
     high: Floats
 
+    def interpolate(self, tau: float) -> float:
+        """The deviation at an averaging time, s, between the computed ones."""
+        return float(np.exp(np.interp(np.log(tau), np.log(self.tau), np.log(self.deviation))))
+
 
 def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
     """Compute the Allan deviations of a signal.

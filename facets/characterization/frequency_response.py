@@ -13,27 +13,32 @@ small. The random error of |H| (Bendat and Piersol, Random Data, 4th edition, se
 n averages; the phase has as much in rad. Here n - 1 stands for n, because the incoherent part of
 the output is itself estimated from n averages and the input's line takes one of them. Overlapping
 segments share samples: n is the number of independent segments with the same variance.
+
+With several inputs, the response to each of them is estimated from conditioned spectra (ibid.,
+chapter 7): those of this input and of the outputs without the parts that go with the other inputs.
+H1, H2 and the coherence, then called partial, follow from these as above, and each other input
+takes one of the n averages. The multiple coherence is the share of an output's power that goes with
+all inputs together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import ANGLES, FINE_UNITS, POSE
-from ..core.units import Booleans, Floats, Integers
+from ..core.names import POSE
+from ..core.units import Booleans, Complexes, Floats, Integers
 from ..estimation.uncertainty import coverage_factor
 from ..files.frame_table import make_frame
+from .response_forms import RECEPTANCE, ResponseForm
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Complexes = NDArray[np.complex128]
 #: Averages that the default segment length aims at.
 DEFAULT_AVERAGES = 32.0
 #: Shortest segment, samples.
@@ -48,6 +53,9 @@ LARGEST_JITTER = 0.1
 EXCITED_SHARE = 1e-4
 #: An input is periodic if it correlates with itself a period later by this or more.
 PERIODIC_LIKENESS = 0.98
+#: Responses to several inputs are told apart if this share of an input's power does not go with the
+#: others, in the median line.
+SEPARATE_SHARE = 1e-3
 #: Segments that are transformed at once.
 SEGMENTS_AT_ONCE = 64
 
@@ -96,7 +104,9 @@ class FrequencyResponse:
     input_averages: (m,) number of equal segments that would give the input's density the same
     scatter.  is_corrected: whether the electronics' low pass is divided out, of the densities of
     output and noise, too.  period: of a periodic input, s, to whose lines the frequencies are
-    restricted; else 0.
+    restricted; else 0.  form: of h1 and h2; densities are always those of displacements.
+    multiple_coherence: (m, d) with all of several inputs; then input, output, h1, h2 and coherence
+    are those without the parts that go with the other inputs. None of a single input.
     """
 
     frequency: Floats
@@ -114,6 +124,13 @@ class FrequencyResponse:
     input_averages: Floats
     is_corrected: bool = False
     period: float = 0.0
+    form: ResponseForm = RECEPTANCE
+    multiple_coherence: Floats | None = None
+
+    def convert(self, form: ResponseForm) -> FrequencyResponse:
+        """Return a receptance in another form."""
+        h1, h2 = (form.convert(self.frequency, values) for values in (self.h1, self.h2))
+        return replace(self, h1=h1, h2=h2, form=form)
 
     @property
     def random_error(self) -> Floats:
@@ -139,9 +156,10 @@ class FrequencyResponse:
 
     @property
     def noise_floor(self) -> Floats:
-        """|H1| (m, d) that the outputs' own noise alone gives, root mean square."""
-        floor: Floats = np.sqrt(self.noise_density / self.input_density[:, None] / self.averages)
-        return floor
+        """|H1| (m, d) that the outputs' own noise alone gives, root mean square; one over that of
+        an inverse form."""
+        floor = np.sqrt(self.noise_density / self.input_density[:, None] / self.averages)
+        return np.abs(self.form.convert(self.frequency, floor))
 
     @property
     def significant_coherence(self) -> float:
@@ -299,42 +317,28 @@ def estimate_response(
     stretches: Stretches,
     resolution: float | None = None,
     channel: OutputChannel = PERFECT_CHANNEL,
+    others: Floats | None = None,
 ) -> FrequencyResponse:
     """Estimate the responses of outputs (n, d) to a stimulus (n,), by rows of `stretches`.
 
     resolution: distance of lines, Hz; chosen for about 32 averages if None.  channel: how the
-    outputs were measured. Raises `InputError` if there are not two averages.
+    outputs were measured.  others: (n, q) other inputs, whose parts are taken out. Raises
+    `InputError` if there are not two averages, or if the stimulus goes with the others.
     """
-    from scipy.signal import get_window
-
-    rate = stretches.rate
-    longest = int((stretches.stops - stretches.starts).max(initial=0))
-    period = find_period(stimulus, stretches)
-    length = segment_length(stretches, resolution, period)
-    if length < MIN_SEGMENT_SAMPLES:
-        raise InputError(
-            f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
-            f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
-        )
-    window = get_window("boxcar" if period else "hann", min(length, longest))
-    starts = segment_starts(stretches, length, length if period else None)
-    averages = float(sum(map(len, starts))) if period else count_averages(starts, window)
-    if averages < 2:
-        raise InputError(
-            f"there are {averages:.3g} averages of segments of {length / rate:.4g} s, too few for "
-            f"a coherence (the longest part without a gap has {longest / rate:.4g} s); allowed: 2 "
-            "or more. Record for longer, or give a larger --resolution-hz"
-        )
-    detrend = "constant" if period else "linear"
-    rows = np.concatenate(starts)
-    densities = average_spectra(stimulus, outputs, rows, window, rate, detrend)
-    lines = np.arange(SKIPPED_LINES, len(densities[0]))
+    others = np.empty((len(stimulus), 0)) if others is None else others
+    period = 0 if others.size else find_period(stimulus, stretches)
+    options, averages, left_out = choose_segments(stretches, resolution, period, others.shape[1])
+    rate, length = stretches.rate, len(options.window)
+    for x in (stimulus, *others.T):
+        if np.ptp(x[np.isfinite(x)]) == 0:
+            raise InputError("the input does not change; name the column of a changing input")
+    spectra = separate_spectra(np.column_stack([stimulus, others]), outputs, options)
+    lines = np.arange(SKIPPED_LINES, len(spectra.frequency))
     if period:  # elsewhere there is neither force nor leakage, only noise
-        power = densities[1][1:]
+        power = spectra.g_xx[1:]
         lines = 1 + np.flatnonzero(power >= EXCITED_SHARE * power.max())
-    frequency, g_xx, g_xy, g_yy, counts = (values[lines] for values in densities)
-    if np.ptp(stimulus[np.isfinite(stimulus)]) == 0:
-        raise InputError("the input does not change; name the column of a changing input")
+    chosen = Spectra(*(values[lines] for values in spectra))  # type: ignore[arg-type]
+    frequency, g_xx, g_xy, g_yy, counts, shares = chosen
     factor = np.exp(2j * np.pi * frequency * channel.delay)[:, None]
     if channel.is_corrected:
         factor = factor / low_pass(frequency, channel.bandwidth)[:, None]
@@ -344,25 +348,105 @@ def estimate_response(
     noise = np.full(g_yy.shape[1], np.nan) if channel.deviation is None else channel.deviation
     gain = np.abs(factor) ** 2
     density = gain * noise_spectrum(frequency, noise, rate, channel.bandwidth)
-    segments = sum(len(values) for values in starts)
-    possible = max(0, (stretches.span - length) // (length if period else length // 2) + 1)
     return FrequencyResponse(
-        frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages, segments,
-        max(0, possible - segments), rate / length, counts, channel.is_corrected, period / rate,
+        frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages,
+        len(options.starts), left_out, rate / length, counts, channel.is_corrected, period / rate,
+        multiple_coherence=1 - (1 - coherence) * shares if others.size else None,
     )  # fmt: skip
 
 
+def choose_segments(
+    stretches: Stretches, resolution: float | None, period: int, others: int
+) -> tuple[SegmentOptions, float, int]:
+    """Choose the segments, and return with them the number of independent averages that is left
+    beside some other inputs, and the number of segments that gaps prevent.
+
+    period: of the input, samples; 0 if it has none.
+    """
+    from scipy.signal import get_window
+
+    rate = stretches.rate
+    longest = int((stretches.stops - stretches.starts).max(initial=0))
+    length = segment_length(stretches, resolution, period)
+    if length < MIN_SEGMENT_SAMPLES:
+        raise InputError(
+            f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
+            f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
+        )
+    window = get_window("boxcar" if period else "hann", min(length, longest))
+    hop = length if period else length // 2
+    starts = segment_starts(stretches, length, hop)
+    count = sum(map(len, starts))
+    averages = (count if period else count_averages(starts, window)) - others
+    if averages < 2:
+        raise InputError(
+            f"there are {averages:.3g} averages of segments of {length / rate:.4g} s, too few for "
+            f"a coherence (the longest part without a gap has {longest / rate:.4g} s); allowed: 2 "
+            "or more. Record for longer, or give a larger --resolution-hz"
+        )
+    possible = max(0, (stretches.span - length) // hop + 1)
+    detrend = "constant" if period else "linear"
+    options = SegmentOptions(np.concatenate(starts), window, rate, detrend)
+    return options, float(averages), max(0, possible - count)
+
+
+class SegmentOptions(NamedTuple):
+    """How segments are transformed.  starts: their first rows.  detrend: "constant" or "linear"."""
+
+    starts: Integers
+    window: Floats
+    rate: float
+    detrend: str
+
+
+class Spectra(NamedTuple):
+    """Densities at frequencies (m,) of an input (m,), of it and each output (m, d), and of the
+    outputs (m, d).  counts: (m,) as `FrequencyResponse.input_averages`.  shares: (m, d) of the
+    outputs' power that do not go with other inputs."""
+
+    frequency: Floats
+    g_xx: Floats
+    g_xy: Complexes
+    g_yy: Floats
+    counts: Floats
+    shares: Floats
+
+
+def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -> Spectra:
+    """Average the spectra of the first of the inputs (n, q) and of the outputs (n, d), and take out
+    of both what goes with the other inputs."""
+    q, both = inputs.shape[1], np.column_stack([inputs, outputs])
+    every = [average_spectra(x, both, options) for x in inputs.T]
+    frequency, whole, _, autos, counts = every[0]
+    cross = np.stack([spectra[2] for spectra in every], axis=1)  # (m, q, q + d)
+    rest, kept = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
+    parts = np.linalg.solve(rest, kept)  # of the first input and the outputs, over each other input
+    g_xx = whole - (kept[:, :, 0].conj() * parts[:, :, 0]).sum(axis=1).real
+    excited = whole >= EXCITED_SHARE * whole.max()
+    if np.median(g_xx[excited] / whole[excited]) < SEPARATE_SHARE:
+        raise InputError(
+            "an input goes with the other inputs at most frequencies (coherence above "
+            f"{1 - SEPARATE_SHARE:g}), so that their responses cannot be told apart; drive the "
+            "body by forces that are independent of each other, or name one input"
+        )
+    g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", kept[:, :, 0].conj(), parts[:, :, 1:])
+    g_yy = autos[:, q:] - (kept[:, :, 1:].conj() * parts[:, :, 1:]).sum(axis=1).real
+    with np.errstate(invalid="ignore"):  # an output may be zero in all rows
+        return Spectra(frequency, g_xx, g_xy, g_yy, counts, g_yy / autos[:, q:])
+
+
 def average_spectra(
-    stimulus: Floats, outputs: Floats, starts: Integers, window: Floats, rate: float, detrend: str
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    stimulus: Floats, outputs: Floats, chosen: SegmentOptions
+) -> tuple[Floats, Floats, Complexes, Floats, Floats]:
     """Frequencies (m,) and averaged densities: of the stimulus (m,), of the stimulus and each
     output (m, d), and of the outputs (m, d); and (m,) the segments with input, as
     `FrequencyResponse.input_averages`."""
     from scipy.signal import csd, welch
 
+    starts, window, rate, detrend = chosen
     rows = np.arange(len(window))
     options = {"window": window, "nperseg": len(window), "noverlap": 0, "detrend": detrend}
-    sums: list[Floats] | None = None
+    sums: list[Any] | None = None
     frequency = np.zeros(0)
     for part in np.array_split(starts, -(-len(starts) // SEGMENTS_AT_ONCE)):
         x = stimulus[part[:, None] + rows]
@@ -378,22 +462,23 @@ def average_spectra(
 
 
 def response_table(response: FrequencyResponse) -> dict[str, Floats]:
-    """The responses as columns: um and urad per unit of the input, a row for each frequency."""
+    """The responses as columns, in the units of their form: a row for each frequency."""
     columns: dict[str, Floats] = {
         "frequency_hz": response.frequency,
         "input_density": response.input_density,
         "excited": response.is_excited.astype(np.float64),
     }
+    several = response.multiple_coherence
     for n, axis in enumerate(POSE):
-        fine = "urad" if axis in ANGLES else "um"
-        scale = 1 / FINE_UNITS[n]
+        unit, scale = response.form.unit_of(axis), response.form.factor(axis)
         columns |= {
-            f"h1_{axis}_real_{fine}": scale * response.h1[:, n].real,
-            f"h1_{axis}_imag_{fine}": scale * response.h1[:, n].imag,
-            f"h2_{axis}_real_{fine}": scale * response.h2[:, n].real,
-            f"h2_{axis}_imag_{fine}": scale * response.h2[:, n].imag,
-            f"u_h1_{axis}_{fine}": scale * response.uncertainty[:, n],
+            f"h1_{axis}_real_{unit}": scale * response.h1[:, n].real,
+            f"h1_{axis}_imag_{unit}": scale * response.h1[:, n].imag,
+            f"h2_{axis}_real_{unit}": scale * response.h2[:, n].real,
+            f"h2_{axis}_imag_{unit}": scale * response.h2[:, n].imag,
+            f"u_h1_{axis}_{unit}": scale * response.uncertainty[:, n],
             f"coherence_{axis}": response.coherence[:, n],
-            f"noise_{axis}_{fine}": scale * response.noise_floor[:, n],
+            **({} if several is None else {f"multiple_coherence_{axis}": several[:, n]}),
+            f"noise_{axis}_{unit}": scale * response.noise_floor[:, n],
         }
     return columns

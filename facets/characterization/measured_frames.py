@@ -117,8 +117,8 @@ def measure_response(
     np.float64(2.0)
     """
     table = FrameTable(poses)
-    columns = read_signal_table(table, column)
-    signals = build_signals(columns, column, config.object or MIRROR, config, str(table))
+    columns = read_signal_table(table, [column])
+    signals = build_signals(columns, [column], config.object or MIRROR, config, str(table))
     output = OutputChannel(signals.deviation, config.electronics.bandwidth)
     return estimate_response(
         signals.stimulus, signals.motion, signals.stretches, resolution_hz, output

@@ -139,15 +139,9 @@ def budgets_of_rows(
     sigma = np.sqrt(parts.sum(axis=-1))
     matrix = jacobian(sensor, states)
     known = np.isfinite(matrix).all(axis=(1, 2))
+    beam, _ = prior_sigmas(knowledge)
     rows = matrix[known] / sigma[known][:, :, None]
-    beam, power = prior_sigmas(knowledge)
-    if power > 0:
-        rows = add_power_column(sensor, rows, reading[known] / sigma[known])
-    if eight:
-        rows = rows[:, :8]
-    rows = apply_priors(rows, [beam, beam, power][: rows.shape[2] - 6])
-    units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * (rows.shape[2] - 6))
-    gain = (np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None])[:, :6]
+    gain = estimator_gains(sensor, rows, reading[known] / sigma[known], knowledge, eight)
     if body is not None:
         gain = displacement_slopes(states[known, :6], body) @ gain
     out = np.full((len(states), 6, len(sources(sensor, knowledge))), np.nan)
@@ -165,6 +159,25 @@ def budgets_of_rows(
         cross = moved @ np.array(sensor.calibration.covariance)
         out[known, :, -1] = (cross * moved).sum(axis=2)
     return out
+
+
+def estimator_gains(
+    sensor: Sensor, rows: Floats, weighted: Floats, knowledge: Knowledge, eight: bool
+) -> Floats:
+    """Gains (n, 6, r) from weighted readings, and after these the priors, to the pose.
+
+    rows: (n, 9, 8) Jacobians over the readings' standard deviations.  weighted: (n, 9) the readings
+    over these.
+    """
+    beam, power = prior_sigmas(knowledge)
+    if power > 0:
+        rows = add_power_column(sensor, rows, weighted)
+    if eight:
+        rows = rows[:, :8]
+    rows = apply_priors(rows, [beam, beam, power][: rows.shape[2] - 6])
+    units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * (rows.shape[2] - 6))
+    gain: Floats = (np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None])[:, :6]
+    return gain
 
 
 def add_power_column(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:

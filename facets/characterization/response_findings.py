@@ -12,6 +12,7 @@ from ..core.units import Booleans, Floats, unit_of
 from .frequency_response import (
     SKIPPED_LINES,
     FrequencyResponse,
+    SegmentOptions,
     average_spectra,
     low_pass,
     segment_starts,
@@ -185,15 +186,15 @@ def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> 
         return
     length = round(response.rate / response.resolution)
     rows = np.concatenate(segment_starts(signals.stretches, length))
-    options = rows, get_window("hann", length), response.rate, "linear"
+    options = SegmentOptions(rows, get_window("hann", length), response.rate, "linear")
     known = signals.stimulus[signals.usable]
     x = np.where(signals.usable, (signals.stimulus - known.mean()) / np.ptp(known), 0.0)
     for power, name in ((2, "square"), (3, "cube")):
         both = np.column_stack([x**power, signals.motion])
         _, g_xx, g_x, g_yy, _ = (
-            density[SKIPPED_LINES:] for density in average_spectra(x, both, *options)
+            density[SKIPPED_LINES:] for density in average_spectra(x, both, options)
         )
-        g_r = average_spectra(x**power, signals.motion, *options)[2][SKIPPED_LINES:]
+        g_r = average_spectra(x**power, signals.motion, options)[2][SKIPPED_LINES:]
         rest = g_yy - np.abs(g_x) ** 2 / g_xx[:, None]
         cross = g_r - np.conj(g_x[:, :1]) * g_x[:, 1:] / g_xx[:, None]
         coherence = np.abs(cross) ** 2 / (rest[:, :1] * rest[:, 1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -32,13 +33,15 @@ LARGEST_INPUT = 1e30
 class ResponseSignals:
     """Signals of n rows for a frequency response.
 
-    stimulus: (n,) the input.  motion: (n, 6) displacement of the object from its mean pose, in its
-    own axes there, mm and rad.  usable: (n,) whether a row has both.  deviation: (6,) standard
-    deviation of the motion by the sensor's noise in one sample; NaN if not known.  saturated,
-    misfits: numbers of rows with a saturated detector, and with a residual beyond chance.
+    stimulus: (n,) the input.  others: (n, q) the other inputs.  motion: (n, 6) displacement of the
+    object from its mean pose, in its own axes there, mm and rad.  usable: (n,) whether a row has
+    all of them.  deviation: (6,) standard deviation of the motion by the sensor's noise in one
+    sample; NaN if not known.  saturated, misfits: numbers of rows with a saturated detector, and
+    with a residual beyond chance.
     """
 
     stimulus: Floats
+    others: Floats
     motion: Floats
     usable: Booleans
     stretches: Stretches
@@ -47,14 +50,14 @@ class ResponseSignals:
     misfits: int
 
 
-def read_signal_table(path: Source, column: str) -> Columns:
-    """Read the columns of a table that a frequency response needs.
+def read_signal_table(path: Source, inputs: Sequence[str]) -> Columns:
+    """Read the columns of a table that a frequency response to inputs needs.
 
-    Raises `InputError` without a column of times, of a pose or of the input.
+    Raises `InputError` without a column of times, of a pose or of an input.
     """
     optional = (*TIMES, *STATE_COLUMNS[6:], "flags", "misfit")
     parts = [chunk.columns for chunk in
-             read_chunks(path, (column, *STATE_COLUMNS[:6]), optional)]  # fmt: skip
+             read_chunks(path, (*inputs, *STATE_COLUMNS[:6]), optional)]  # fmt: skip
     if not parts:
         raise InputError(f"{path}: no rows")
     if not any(name in parts[0] for name in TIMES):
@@ -65,9 +68,9 @@ def read_signal_table(path: Source, column: str) -> Columns:
 
 
 def build_signals(
-    columns: Columns, column: str, body: MeasuredObject, config: Config, name: str
+    columns: Columns, inputs: Sequence[str], body: MeasuredObject, config: Config, name: str
 ) -> ResponseSignals:
-    """Build the signals from columns of poses, times and the input.
+    """Build the signals from columns of poses, times and inputs; the first input is the stimulus.
 
     body: the point of interest.  config: configuration of the sensor, for its noise.  name: name of
     the columns' source, for messages.
@@ -77,8 +80,8 @@ def build_signals(
     poses = np.stack(
         [columns[key] * STATE_UNITS[n] for n, key in enumerate(STATE_COLUMNS[:6])], axis=1
     )
-    stimulus = columns[column].astype(float)
-    usable = np.isfinite(poses).all(axis=1) & (np.abs(stimulus) < LARGEST_INPUT)
+    stimuli = np.column_stack([columns[column] for column in inputs]).astype(float)
+    usable = np.isfinite(poses).all(axis=1) & (np.abs(stimuli) < LARGEST_INPUT).all(axis=1)
     stretches = find_stretches(time, usable, name)
     mean = poses[usable].mean(axis=0)
     motion, _, _ = object_displacements(poses, mean, body)
@@ -90,7 +93,9 @@ def build_signals(
     none = np.zeros(len(time))
     saturated = int((columns.get("flags", none).astype(np.int64) & SATURATED > 0).sum())
     misfits = int((columns.get("misfit", none) > 0).sum())
-    return ResponseSignals(stimulus, motion, usable, stretches, deviation, saturated, misfits)
+    return ResponseSignals(
+        stimuli[:, 0], stimuli[:, 1:], motion, usable, stretches, deviation, saturated, misfits
+    )
 
 
 def noise_deviation(config: Config, state: Floats, used: Booleans, body: MeasuredObject) -> Floats:

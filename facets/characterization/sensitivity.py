@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.extras import require_extra
+
 
 class Index(NamedTuple):
     """A first-order Sobol index, and half the width of its 95 % interval."""
@@ -27,8 +29,7 @@ def sensitivity(
     table: columns of completely evaluated designs; impossible designs may be among them. An index
     is an estimate, so that a small one can be below zero, within its interval.
     """
-    from SALib.analyze import rbd_fast
-
+    rbd_fast = require_extra("SALib.analyze.rbd_fast", "the sensitivity")
     good = np.isfinite(table["range_tz_mm"])
     if good.sum() < MIN_DESIGNS:
         return {}

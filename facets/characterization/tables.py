@@ -10,6 +10,7 @@ import numpy as np
 from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Floats, ascii_unit, unit_of
 from .outlines import Boundary
+from .pose_density import AVERAGING_TIMES, FREQUENCIES, PoseDensity
 from .propagation import PropagationResult
 from .ranges import CAUSES
 from .resolution import Resolution
@@ -37,12 +38,16 @@ def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
 
 
 def resolution_columns(
-    resolutions: Sequence[Resolution], coverage: float | None = None
+    resolutions: Sequence[Resolution],
+    densities: Sequence[PoseDensity],
+    coverage: float | None = None,
 ) -> dict[str, Any]:
-    """Resolutions, one row for each estimator and axis; um and urad.  coverage: probability of
-    expanded uncertainties, with their coverage factors, or None for none."""
+    """Resolutions, one row for each estimator and axis; um and urad.  densities: of the noise of
+    each estimator.  coverage: probability of expanded uncertainties, with their coverage factors,
+    or None for none."""
     rows = [resolution_row(row, i) for row in resolutions for i in range(len(POSE))]
     columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    columns |= noise_columns(densities)
     if coverage is not None:
         places = zip(*(row.coverage(coverage) for row in resolutions), strict=True)
         for place, numbers in zip(("at_rest", "worst", "worst_in_box"), places, strict=True):
@@ -50,6 +55,18 @@ def resolution_columns(
             columns[f"expanded_{place}"] = factor * columns[f"u_{place}"]
             columns |= {f"k_{place}": factor, f"degrees_of_freedom_{place}": freedom}
     return columns
+
+
+def noise_columns(densities: Sequence[PoseDensity]) -> dict[str, Floats]:
+    """Amplitude densities and Allan deviations, one row for each estimator and axis; um, urad."""
+    fine = np.array([unit_of(name).fine_factor for name in POSE])
+    return {
+        f"density_{name}_per_rthz": np.concatenate([fine * d.amplitude(f) for d in densities])
+        for name, f in FREQUENCIES.items()
+    } | {
+        f"allan_{name}": np.concatenate([fine * d.allan_deviation(tau) for d in densities])
+        for name, tau in AVERAGING_TIMES.items()
+    }
 
 
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Write frequency response functions as a universal file (UFF) for programs of modal analysis.
 
 Dataset 151 is the header, 164 the units (SI), 15 the node, and dataset 58, "function at nodal
-degree of freedom", is there for each response (function type 4) and each coherence (type 6).
+degree of freedom", is there for each response (function type 4) and each coherence (type 6), of
+several inputs the partial one.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from ..files.whole import Whole
 from .frequency_response import FrequencyResponse
 
 #: Types of data in a universal file.
-FREQUENCY, DISPLACEMENT, ACCELERATION, FORCE, UNKNOWN = 18, 8, 12, 13, 0
+FREQUENCY, DISPLACEMENT, VELOCITY, ACCELERATION, FORCE, UNKNOWN = 18, 8, 11, 12, 13, 0
 FRF, COHERENCE = 4, 6
+#: The type of a motion by its derivative, and what that adds to its SI unit.
+MOTIONS = ((DISPLACEMENT, ""), (VELOCITY, "/s"), (ACCELERATION, "/s^2"))
 #: By the ending of the input's column: its type, its SI unit, and one of it in that unit.
 INPUTS = {
     "n": (FORCE, "N", 1.0), "mn": (FORCE, "N", 1e-3), "kn": (FORCE, "N", 1e3),
@@ -70,19 +73,19 @@ def read_input_dof(text: str) -> tuple[int, int]:
 
 def write_universal_file(
     path: Path,
-    response: FrequencyResponse,
-    stimulus: InputChannel,
+    responses: Sequence[tuple[FrequencyResponse, InputChannel]],
     node: Node,
     about: Mapping[str, str],
 ) -> None:
-    """Write responses of the pose of a node, the point of interest, to an input.
+    """Write responses of the pose of a node, the point of interest, to one or several inputs.
 
     about: provenance.
     """
     pyuff = require_extra("pyuff", f"--uff {path}")
     sets = [*head_sets(node, about)]
-    for function in (FRF, COHERENCE):
-        sets += [function_set(response, axis, function, stimulus, node, about) for axis in POSE]
+    for response, stimulus in responses:
+        for function in (FRF, COHERENCE):
+            sets += [function_set(response, axis, function, stimulus, node, about) for axis in POSE]
     with Whole(path) as temporary:
         pyuff.UFF(str(temporary)).write_sets(sets, "overwrite")
 
@@ -119,7 +122,8 @@ def function_set(
     node: Node,
     about: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Dataset 58 of one axis: its response in m or rad per SI unit of the input, or its coherence.
+    """Dataset 58 of one axis: its response in m or rad (over s, s^2) per SI unit of the input, or a
+    coherence.
 
     Lines from 0 Hz on, as methods by inverse transforms need them; those that are not estimated,
     below the first one and where a periodic input has none, are zero.
@@ -128,14 +132,16 @@ def function_set(
     n, step = POSE.index(axis), response.resolution
     lines = np.round(response.frequency / step).astype(int)
     length = 1.0 if axis in ANGLES else 1e-3
-    values = response.coherence[:, n] if function == COHERENCE else (
-        response.h1[:, n] * length / scale
-    )  # fmt: skip
-    known = np.nan_to_num(values)
+    is_response = function == FRF
+    values = response.h1 * length / scale if is_response else response.coherence
+    known = np.nan_to_num(values[:, n])
     data = np.zeros(lines[-1] + 1, known.dtype)
     data[lines] = known
     window = "no" if response.period else "Hann"
-    words = "Coherence" if function == COHERENCE else "Frequency response function H1"
+    coherence = "Coherence" if response.multiple_coherence is None else "Partial coherence"
+    words = "Frequency response function H1" if is_response else coherence
+    motion, per_time = MOTIONS[response.form.order]
+    si_unit = ("rad" if axis in ANGLES else "m") + per_time
     return {
         "type": 58, "binary": 0, "func_type": function,
         "id1": f"{words} of {axis} by {stimulus.column}"[:80],
@@ -147,12 +153,12 @@ def function_set(
         "ref_ent_name": "NONE", "ref_node": stimulus.node, "ref_dir": stimulus.direction,
         "abscissa_spacing": 1, "abscissa_spec_data_type": FREQUENCY,
         "abscissa_axis_lab": "Frequency", "abscissa_axis_units_lab": "Hz",
-        "ordinate_spec_data_type": DISPLACEMENT if function == FRF else UNKNOWN,
-        "ordinate_axis_lab": axis, "ordinate_axis_units_lab":
-            "NONE" if function == COHERENCE else "rad" if axis in ANGLES else "m",
-        "orddenom_spec_data_type": kind if function == FRF else UNKNOWN,
+        "ordinate_spec_data_type": motion if is_response else UNKNOWN,
+        "ordinate_axis_lab": axis,
+        "ordinate_axis_units_lab": si_unit if is_response else "NONE",
+        "orddenom_spec_data_type": kind if is_response else UNKNOWN,
         "orddenom_axis_lab": stimulus.column[:20],
-        "orddenom_axis_units_lab": unit if function == FRF else "NONE",
+        "orddenom_axis_units_lab": unit if is_response else "NONE",
         "z_axis_spec_data_type": UNKNOWN,
         "x": step * np.arange(len(data)), "data": data,
     }  # fmt: skip

@@ -16,6 +16,7 @@ from ..core.sensor import (
     BenchLight,
     Calibration,
     Correction,
+    Drift,
     Electronics,
     Facet,
     Grid,
@@ -189,6 +190,13 @@ SENSOR = KeyBlock(
                 "what follows the temperature, written by `facets calibrate`; counts for "
                 "readings with temperature_c, a column or a channel",
                 block_of(Thermal),
+            ),
+            (
+                "drift",
+                "drift",
+                "slow noise that `facets simulate` draws and `facets resolution` states; off "
+                "unless given",
+                block_of(Drift),
             ),
             (
                 "calibration",

@@ -10,16 +10,20 @@ from .errors import InputError
 
 #: The extra that brings a package.
 EXTRAS = {
+    "SALib": "design",
     "aiohttp": "web",
     "casadi": "design",
     "distributed": "cluster",
+    "flint": "proof",
     "h5py": "hdf5",
     "imageio": "scenes",
     "mcap": "mcap",
+    "mpmath": "bench",
     "nidaqmx": "ni",
     "nptdms": "tdms",
     "openpyxl": "sheets",
     "plotly": "pages",
+    "pyarrow": "parquet",
     "pylablib": "thorlabs",
     "pylsl": "lsl",
     "pyuff": "uff",
@@ -49,5 +53,5 @@ def require_extra(module: str, purpose: str) -> Any:
             return import_module(module)
     except (ImportError, RuntimeError) as error:  # RuntimeError: its own library is not found
         raise InputError(
-            f"{purpose} needs {package}: pip install 'facets-6dof[{EXTRAS[package]}]' ({error})"
+            f'{purpose} needs {package}: pip install "facets-6dof[{EXTRAS[package]}]" ({error})'
         ) from None

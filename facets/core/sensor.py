@@ -850,6 +850,54 @@ class Thermal:
 
 @check_arguments
 @dataclass(frozen=True)
+class Drift:
+    """Slow noise beside the white noise of the readings, by one-sided densities at 1 Hz.
+
+    flicker_corner: frequency at which the 1/f noise of the amplifiers equals their white noise, Hz;
+    counts with `Sensor.electronics`. air: of the places psi and zeta of each spot, mm/sqrt(Hz),
+    falling as 1/sqrt(f). pointing: of the beam's position in x and in y, mm/sqrt(Hz), falling as
+    1/f: a random walk. temperature: K/sqrt(Hz), falling as 1/f; the coefficients of `Thermal` carry
+    it to the beam and the places.
+    """
+
+    flicker_corner: float = key(
+        "flicker_corner_hz",
+        0.0,
+        "frequency at which the amplifiers' 1/f noise equals their white noise",
+        ge=0,
+        le=1e6,
+    )
+    air: float = key(
+        "air_nm_rthz",
+        0.0,
+        "noise of each spot's place by the air, nm/sqrt(Hz) at 1 Hz, falling as 1/sqrt(f)",
+        ge=0,
+        le=1e9,
+    )
+    pointing: float = key(
+        "pointing_nm_rthz",
+        0.0,
+        "random walk of the beam's position in x and in y, nm/sqrt(Hz) at 1 Hz, falling as 1/f",
+        ge=0,
+        le=1e9,
+    )
+    temperature: float = key(
+        "temperature_mk_rthz",
+        0.0,
+        "random walk of the temperature, mK/sqrt(Hz) at 1 Hz, falling as 1/f; the coefficients of "
+        "`sensor.temperature` carry it to the beam and the places",
+        ge=0,
+        le=1e6,
+    )
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            _require(0 <= value < math.inf, one.name, value, "0 or more, and finite")
+
+
+@check_arguments
+@dataclass(frozen=True)
 class Calibration:
     """The covariance of the sensor's parameters after a calibration.
 
@@ -882,7 +930,7 @@ class Sensor:
     electronics: if given, noise follows from it instead of from `noise`. calibration: if given, its
     uncertainty is part of every pose's uncertainty. imperfections: effects in simulations only.
     light: effects in the model of every reading. thermal: what follows the temperature, where a
-    table of readings has it.
+    table of readings has it. drift: slow noise, in simulations and in stated densities.
 
     Seen from above the facets follow each other counter-clockwise, each by less than half a turn
     from the one before; otherwise they do not form a pyramid.
@@ -898,6 +946,7 @@ class Sensor:
     imperfections: Imperfections = Imperfections()
     light: BenchLight = BenchLight()
     thermal: Thermal = Thermal()
+    drift: Drift = Drift()
 
     def __post_init__(self) -> None:
         both = self.apertures.cut and self.imperfections != Imperfections()

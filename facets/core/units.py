@@ -22,6 +22,7 @@ __all__ = ["FINE_UNITS", "STATE_UNITS"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
+Complexes = NDArray[np.complex128]
 
 MICRO = "µ"
 #: Values of one unit in the code's unit: mm for lengths, rad for angles, mW for powers.
@@ -115,6 +116,9 @@ KEY_UNITS = {
     "hz": KeyUnit("Hz"),
     "mm_s": KeyUnit("mm/s"),
     "mm_s2": KeyUnit("mm/s^2"),
+    "m_s2": _divide("m/s^2", 1e-3),
+    "mrad_s": _divide("mrad/s", MRAD),
+    "rad_s2": KeyUnit("rad/s^2"),
     "v": KeyUnit("V"),
     "k": KeyUnit("K"),
     "n": KeyUnit("N"),
@@ -123,6 +127,12 @@ KEY_UNITS = {
     "kohm": _multiply("kohm", 1e3, 1e-3),
     "nv_rthz": _multiply("", 1e-9, 1e9),
     "pa_rthz": _multiply("", 1e-12, 1e12),
+    "nm_rthz": _multiply("", 1e-6, 1e6),
+    "mk_rthz": _multiply("", 1e-3, 1e3),
+}
+KEY_UNITS |= {
+    f"per_{name}": _divide(f"1/{KEY_UNITS[name].label}", KEY_UNITS[name].to_code(1.0))
+    for name in ("um", "urad", "mm_s", "mrad_s", "m_s2", "rad_s2")
 }
 
 #: Least and largest plausible value of a column or a key, by the end of its name. Other values are

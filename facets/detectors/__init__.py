@@ -9,6 +9,7 @@ __getattr__ = load_on_use(
             "SATURATED UNEQUAL counts_per_ampere counts_to_readings counts_to_xy_sum "
             "readings_to_counts"
         ),
+        "drift": "draw_power_law",
         "electrodes": "fractions places",
         "noise": (
             "ELECTRIC add_noise electrode_currents fullness least_light power_floor "

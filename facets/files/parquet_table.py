@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from .columns import Chunk, Columns, columns_to_read, refuse_text, units_of
 
 #: The first bytes of a file, and its last.
@@ -16,12 +17,15 @@ SIGNATURE = b"PAR1"
 KIND = "a Parquet table"
 
 
+def require_arrow(path: Path) -> tuple[Any, Any]:
+    """Import pyarrow and its module for Parquet. Raises `InputError` without the extra."""
+    return require_extra("pyarrow", str(path)), require_extra("pyarrow.parquet", str(path))
+
+
 def read_chunks(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, pq = require_arrow(path)
     try:
         file = pq.ParquetFile(path)
         use = columns_to_read(path, file.schema_arrow.names, needed, optional)
@@ -53,9 +57,7 @@ def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
 
 
 def read_head(path: Path) -> dict[str, str]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, pq = require_arrow(path)
     try:
         metadata = pq.read_schema(path).metadata or {}
     except (pa.ArrowException, OSError):
@@ -64,15 +66,12 @@ def read_head(path: Path) -> dict[str, str]:
 
 
 def column_names(path: Path) -> list[str]:
-    import pyarrow.parquet as pq
-
+    _, pq = require_arrow(path)
     return [str(name) for name in pq.read_schema(path).names]
 
 
 def read_columns(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, pq = require_arrow(path)
     try:
         table = pq.read_table(path, columns=list(names))
     except (pa.ArrowException, OSError) as error:
@@ -125,8 +124,7 @@ class ParquetWriter:
     """Appends blocks of rows to a Parquet table, whose columns are those of the first block."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
-        import pyarrow.parquet as pq
-
+        _, pq = require_arrow(path)
         self.file = pq.ParquetWriter(path, add_units(record_batch(columns).schema, about))
 
     def write(self, columns: Columns) -> None:

@@ -33,7 +33,7 @@ from .columns import MissingColumnsError as MissingColumnsError
 from .columns import unit_of_column as unit_of_column
 from .frame_table import FrameTable, make_frame
 from .hdf5_table import Hdf5Writer
-from .parquet_table import ParquetWriter, record_batch
+from .parquet_table import ParquetWriter
 from .whole import STANDARD_STREAM
 from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
@@ -368,34 +368,47 @@ def read_frame(path: Path) -> DataFrame:
     return make_frame(read_columns(path), read_head(path))
 
 
+def text_cells(values: Any) -> list[str]:
+    """Write a column's values as text; floats have the digits that give the same float again."""
+    import orjson
+
+    array = np.ascontiguousarray(values)
+    if array.dtype.kind in "biuf" and array.size and not np.isinf(array).any():
+        text = orjson.dumps(array, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+        return text[1:-1].replace("null", "nan").split(",")
+    texts = ["" if value is None else str(value) for value in array.tolist()]
+    if array.dtype.kind in "OU" and any(mark in "".join({*texts}) for mark in ',"\r\n'):
+        raise ValueError("a cell holds a comma, a quote or a line break")
+    return texts
+
+
 class CsvWriter:
     """Appends blocks of rows to a table of text, whose columns are those of the first block."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
-        import pyarrow as pa
-        import pyarrow.csv as pc
-
         self.is_stream = path == STANDARD_STREAM
-        self.sink: Any = sys.stdout.buffer if self.is_stream else pa.output_stream(str(path))
+        self.file = self.open_text(path)
         lines = [
             f"# {key}: {' '.join(value.split())}"
             for key, value in about.items()
             if key != CONFIGURATION
         ]
-        self.sink.write("\n".join([*lines, ",".join(columns)]).encode() + b"\n")
-        options = pc.WriteOptions(include_header=False, quoting_style="none")
-        schema = record_batch(columns).schema
-        self.file = pc.CSVWriter(self.sink, schema, write_options=options)
+        self.file.write("\n".join([*lines, ",".join(columns)]).encode() + b"\n")
+
+    def open_text(self, path: Path) -> Any:
+        if self.is_stream:
+            return sys.stdout.buffer
+        return (gzip.open if path.suffix.lower() == ".gz" else open)(path, "wb")
 
     def write(self, columns: Columns) -> None:
-        self.file.write_batch(record_batch(columns))
+        rows = zip(*map(text_cells, columns.values()), strict=True)
+        self.file.write("".join(f"{','.join(row)}\n" for row in rows).encode())
 
     def close(self) -> None:
-        self.file.close()
         if self.is_stream:
             sys.stdout.flush()
         else:
-            self.sink.close()
+            self.file.close()
 
 
 #: Writers of formats other than CSV, by the suffixes of their files.

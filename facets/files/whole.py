@@ -22,7 +22,7 @@ from ..core.extras import require_extra
 from .completeness import require_complete
 
 #: Modules of extras that write a kind of file, by its suffix.
-WRITERS = {".h5": "h5py", ".mcap": "mcap.writer"}
+WRITERS = {".h5": "h5py", ".mcap": "mcap.writer", ".parquet": "pyarrow"}
 #: The name of the standard input, and of the standard output.
 STANDARD_STREAM = Path("-")
 

@@ -13,10 +13,11 @@ from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.rigid_body import MIRROR, MeasuredObject
-from ..core.sensor import Sensor
+from ..core.sensor import Drift, Sensor
 from ..core.settings import Config, Solve
 from ..core.units import Floats
 from ..detectors.correction import invert_correction
+from ..detectors.drift import draw_beam_and_temperature, draw_readings
 from ..detectors.noise import add_noise, fullness
 from ..detectors.skew import align
 from ..estimation.measurement import Measurement
@@ -93,7 +94,14 @@ def read_detectors(
     """Readings (n, 9) of a simulated bench, whether spots reach their detectors (n, 3), and whether
     these are saturated (n, 3)."""
     state = add_pointing_jitter(sensor, truth, rng) if noise else truth
+    drifts = noise and sensor.drift != Drift() and len(time) > 1
+    step = (time[-1] - time[0]) / max(len(time) - 1, 1)
+    if drifts:
+        shift, warmer = draw_beam_and_temperature(sensor, len(time), step, rng)
+        state = np.column_stack([state[:, :6], state[:, 6:] + shift])
     exact = delayed_readings(sensor, time, truth, state)
+    if drifts:
+        exact = exact + draw_readings(sensor, exact, warmer, step, rng)
     reached = is_on_detector(sensor, exact)
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))

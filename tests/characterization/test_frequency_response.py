@@ -70,6 +70,66 @@ def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
     assert 0.935 < (apart < found.coverage_factor).mean() < 0.965
 
 
+def two_forces(count):
+    """Two forces with a common part, and a body that answers to both, in noise."""
+    from scipy import signal
+
+    rng = np.random.default_rng(5)
+    forces = rng.standard_normal((count, 2))
+    forces[:, 1] += 0.7 * signal.lfilter([1], [1, -0.5], forces[:, 0])
+    ways = [signal.iirpeak(frequency, 3, fs=RATE) for frequency in (90, 210)]
+    parts = [signal.lfilter(*way, force) for way, force in zip(ways, forces.T, strict=True)]
+    moved = sum(parts) + 0.3 * rng.standard_normal(count)
+    return forces, moved[:, None], ways
+
+
+def test_two_inputs_are_told_apart_and_each_lies_within_its_random_error():
+    from scipy import signal
+
+    forces, moved, ways = two_forces(120_000)
+    held = []
+    for n, way in enumerate(ways):
+        given = forces[:, n], moved, even(120_000), 1.0, OutputChannel()
+        both = estimate_response(*given, forces[:, [1 - n]])
+        true = np.abs(signal.freqz(*way, both.frequency, fs=RATE)[1])
+        apart = [np.abs(np.abs(found.h1[:, 0]) - true) / found.uncertainty[:, 0]
+                 for found in (both, estimate_response(*given))]  # fmt: skip
+        held.append((apart[0] < both.coverage_factor)[true > 0.15])
+    assert apart[1].max() > 9  # alone, a force has the other's part that goes with it
+    assert 0.92 < np.concatenate(held).mean() < 0.98
+
+
+def test_partial_and_multiple_coherence_are_those_of_the_inverse_and_the_determinants():
+    """Of the whole matrix of spectra, as Welch's method of SciPy has them."""
+    from scipy import signal
+
+    forces, moved, _ = two_forces(20_000)
+    length = 500
+    every = np.column_stack([forces, moved])
+    matrix = np.array([
+        [signal.csd(a, b, RATE, "hann", length, detrend="linear")[1][2:] for b in every.T]
+        for a in every.T
+    ]).transpose(2, 0, 1)  # fmt: skip
+    inverse = np.linalg.inv(matrix)
+    partial = np.abs(inverse[:, :2, 2]) ** 2
+    partial /= (inverse[:, [0, 1], [0, 1]] * inverse[:, 2, 2, None]).real
+    determinants = [np.linalg.det(m).real for m in (matrix, matrix[:, :2, :2])]
+    multiple = 1 - determinants[0] / determinants[1] / matrix[:, 2, 2].real
+    for n in (0, 1):
+        found = estimate_response(
+            forces[:, n], moved, even(len(moved)), RATE / length, others=forces[:, [1 - n]]
+        )
+        assert found.coherence[:, 0] == pytest.approx(partial[:, n], rel=1e-9)
+        assert found.multiple_coherence[:, 0] == pytest.approx(multiple, rel=1e-9)
+
+
+def test_inputs_that_are_one_signal_are_refused(shaken):
+    force, moved = shaken
+    almost = force + 1e-3 * np.random.default_rng(1).standard_normal(len(force))
+    with pytest.raises(InputError, match="cannot be told apart"):
+        estimate_response(force, moved, even(len(force)), others=almost[:, None])
+
+
 def test_the_noise_floor_is_what_noise_alone_gives(shaken):
     noise = NOISE * np.random.default_rng(8).standard_normal((BODY.samples, 3))
     found = estimate_response(shaken[0], noise, even(BODY.samples), 0.5, OutputChannel(NOISE))

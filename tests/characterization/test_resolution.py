@@ -6,7 +6,13 @@ from sensors import SENSORS
 
 import facets
 from facets import Estimator, Knowledge, Rules, budgets, uncertainties
-from facets.characterization import estimators, resolution_columns, resolve, sources
+from facets.characterization import (
+    density_at_rest,
+    estimators,
+    resolution_columns,
+    resolve,
+    sources,
+)
 
 SENSOR = facets.Sensor()
 PLACES = np.zeros((5, 8))
@@ -81,7 +87,8 @@ def test_the_worst_is_that_of_the_axis_own_range_and_of_the_box(resolved):
 
 
 def test_a_table_has_um_and_urad(resolved):
-    table = resolution_columns(resolved)
+    densities = [density_at_rest(SENSOR, row.how, 1e3) for row in resolved]
+    table = resolution_columns(resolved, densities)
     known = table["estimator"] == "beam known"
     assert table["axis"][known].tolist() == list(facets.POSE)
     assert table["unit"][known].tolist() == ["um"] * 3 + ["urad"] * 3

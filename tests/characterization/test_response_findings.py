@@ -128,7 +128,7 @@ def test_the_noise_of_the_signals_is_that_at_the_point():
     columns |= {"time_s": rows / 1000, "force_n": rows}
     columns |= {"misfit": rows < 5, "flags": np.where(rows < 3, SATURATED, 0)}
     body = MeasuredObject(point=(0.0, 0.0, 40.0))
-    signals = build_signals(columns, "force_n", body, config, "it")
+    signals = build_signals(columns, ["force_n"], body, config, "it")
     known = config.solve.knowledge(config.sensor)
     expected = facets.uncertainties(config.sensor, state, known, body)
     assert signals.deviation == pytest.approx(expected, rel=1e-3)  # turned by some mrad

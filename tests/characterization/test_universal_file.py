@@ -9,6 +9,7 @@ import pytest
 
 from facets import InputError
 from facets.characterization import (
+    FORMS,
     InputChannel,
     Node,
     estimate_response,
@@ -30,7 +31,7 @@ def test_a_file_has_nodes_directions_units_and_types(tmp_path):
         rng.standard_normal(4000), rng.standard_normal((4000, 6)), stretches, 2.0
     )
     place = Node(7, (1.0, 0.0, 50.0))
-    write_universal_file(path, response, InputChannel("force_mn", 2, -3), place, ABOUT)
+    write_universal_file(path, [(response, InputChannel("force_mn", 2, -3))], place, ABOUT)
     file = pyuff.UFF(str(path))
     assert file.get_set_types().tolist() == [151, 164, 15, *[58] * 12]
     head, units, places, *functions = file.read_sets()
@@ -49,6 +50,28 @@ def test_a_file_has_nodes_directions_units_and_types(tmp_path):
         assert function["x"] == pytest.approx(2.0 * np.arange(len(values)))
     assert functions[5]["ordinate_axis_units_lab"].strip() == "rad"
     assert functions[2]["id1"].strip() == "Frequency response function H1 of tz by force_mn"
+
+
+@pytest.mark.installed
+def test_forms_and_partial_coherences_say_what_they_are(tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    rng, path = np.random.default_rng(1), tmp_path / "body.uff"
+    stretches = find_stretches(np.arange(4000) / 1000, np.ones(4000, bool), "it")
+    forces, moved = rng.standard_normal((4000, 2)), rng.standard_normal((4000, 6))
+    both = [
+        (estimate_response(force, moved, stretches, 2.0, others=forces[:, [1 - n]]), name)
+        for n, (force, name) in enumerate(zip(forces.T, ("a_n", "b_n"), strict=True))
+    ]
+    sets = [(found.convert(FORMS["accelerance"]), InputChannel(name)) for found, name in both]
+    write_universal_file(path, sets, Node(1, (0.0, 0.0, 0.0)), ABOUT)
+    functions = pyuff.UFF(str(path)).read_sets()[3:]
+    assert len(functions) == 24
+    response, coherence = functions[14], functions[20]
+    assert (response["ordinate_spec_data_type"], response["orddenom_spec_data_type"]) == (12, 13)
+    assert response["ordinate_axis_units_lab"].strip() == "m/s^2"
+    turn = 2 * np.pi * response["x"][2:]
+    assert response["data"][2:] == pytest.approx(-(turn**2) * both[1][0].h1[:, 2] / 1e3)
+    assert coherence["id1"].strip() == "Partial coherence of tz by b_n"
 
 
 def test_where_the_input_acts_is_read():

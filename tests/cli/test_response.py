@@ -145,3 +145,49 @@ def test_a_body_that_does_not_answer_is_a_finding(run, tmp_path):
     drawn = (tmp_path / "results" / "still-response" / "response.svg").read_text()
     assert "the sensor's noise alone (95 %)" in drawn
     assert "low pass of the electronics" in drawn
+
+
+def test_each_of_two_inputs_has_its_response_in_the_form_asked_for(run, tmp_path):
+    count = 4000
+    rng = np.random.default_rng(1)
+    push, pull = rng.standard_normal((2, count))
+    columns = {"time_s": np.arange(count) / 1000, "push_n": push, "pull_n": pull}
+    for name in ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
+        columns[name] = 1e-4 * rng.standard_normal(count)
+    columns["tz_mm"] += 1e-2 * push + 2e-2 * pull
+    pd.DataFrame(columns).to_csv("it.csv", index=False)
+    words = ("response", "it.csv", "--config", "paper", "--input", "push_n", "--input", "pull_n")
+    more = (
+        "--form",
+        "accelerance",
+        "--uff",
+        "it.uff",
+        "--input-dof",
+        "2:tz",
+        "--input-dof",
+        "3:-tz",
+    )
+    status, out, err = run(*words, *more, "-d", "out")
+    assert (status, err) == (0, "")
+    assert "pull_n, without what goes with the other inputs:" in out
+    for name, size in (("push_n", 1e-5), ("pull_n", 2e-5)):
+        table = pd.read_csv(f"out/response-{name}.csv", comment="#")
+        h1 = np.hypot(table["h1_tz_real_m_s2"], table["h1_tz_imag_m_s2"])
+        turn = 2 * np.pi * table["frequency_hz"]
+        assert (h1 / turn**2 / size).median() == pytest.approx(1, rel=0.01)
+        assert table["coherence_tz"].median() > 0.99
+        assert table["multiple_coherence_tz"].median() > 0.999
+        assert (tmp_path / "out" / f"response-{name}.png").exists()
+    for more, text in (
+        (("--form", "apparent-mass", "--uff", "a.uff"), "give --form receptance, mobility or"),
+        (("--input-dof", "2:tz"), "--input-dof is given 1 times and --input 2 times"),
+        (("--input", "push_n"), "push_n is given twice"),
+    ):
+        status, _, err = run(*words, *more)
+        assert (status, text in err) == (2, True), err
+    assert run(*words[:-2], "--form", "dynamic-stiffness", "-d", "one")[0] == 0
+    table = pd.read_csv("one/response.csv", comment="#")
+    assert "multiple_coherence_tz" not in table
+    assert np.hypot(
+        table["h1_tz_real_per_um"], table["h1_tz_imag_per_um"]
+    ).median() == pytest.approx(0.1, rel=0.3)

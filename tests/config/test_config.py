@@ -335,7 +335,7 @@ def test_text_that_is_not_utf8_is_an_error_with_its_line(write):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("papr", "did you mean 'paper'.*shipped names: bench, bench-light, catalogue"),
+        ("papr", "did you mean 'paper'.*shipped names: bench, bench-drift, bench-light, catalogue"),
         ("nothere.yaml", "no such file"),
         (".", "folder"),
         ("x" * 300, "too long"),

@@ -7,7 +7,7 @@ import pytest
 
 import facets
 from facets import Rules
-from facets.characterization import estimators, resolution_columns, resolve
+from facets.characterization import density_at_rest, estimators, resolution_columns, resolve
 from facets.core import READING_COLUMNS
 from facets.estimation import coverage_factor, effective_degrees_of_freedom, region_factor
 from facets.files import write_table
@@ -97,7 +97,9 @@ def test_solve_writes_expanded_uncertainties(tmp_path, run_in_process):
 
 def test_resolution_has_expanded_uncertainties():
     """The command of them is one of `tests/helpers/chains.py`."""
-    row = resolution_columns(resolve(SENSOR, Rules(), estimators(0.005)[-1:]), 0.95)
+    resolutions = resolve(SENSOR, Rules(), estimators(0.005)[-1:])
+    densities = [density_at_rest(SENSOR, resolutions[0].how, 1e3)]
+    row = resolution_columns(resolutions, densities, 0.95)
     exact = facets.solve(SENSOR, facets.readings(SENSOR, np.zeros(8)), beam="known")
     for name, expected in (
         ("degrees_of_freedom_at_rest", exact.degrees_of_freedom[2]),

@@ -173,7 +173,7 @@ def test_a_dash_is_the_standard_input_and_output(tmp_path):
     )
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, cwd=tmp_path, input=b"b,a\n1,2\n", stdout=-1, check=True)
-    assert done.stdout == b"# seed: 1\na,b\n2,1\n"
+    assert done.stdout == b"# seed: 1\na,b\n2.0,1.0\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -185,7 +185,9 @@ def test_a_table_says_how_it_was_made_and_parquet_the_units(tmp_path):
     for name in ("t.csv", "t.parquet"):
         tables.write_table(tmp_path / name, columns, about)
     text = (tmp_path / "t.csv").read_text()
-    assert text.startswith("# command: facets solve\n# seed: 3\nv_tx_mm_s,u_yaw_urad,status\n1,2,")
+    assert text.startswith(
+        "# command: facets solve\n# seed: 3\nv_tx_mm_s,u_yaw_urad,status\n1.0,2.0,"
+    )
     schema = pq.read_schema(tmp_path / "t.parquet")
     assert schema.metadata[b"seed"] == b"3"
     units = [schema.field(name).metadata for name in columns]

@@ -31,6 +31,18 @@ FILES = {
         """,
 }
 
+#: The commands that need no extra.
+PLAIN = """
+    simulate paper --motion multi-axis -d 'a motion'
+    solve paper 'a motion/readings.csv' -o 'poses again.csv' --beam known
+    range-map paper --axes tx,ty -d 'a range'
+    resolution paper -d 'a resolution'
+    jacobian paper -d 'a jacobian'
+    emulate bench --motion wobble --rate 250 --folder 'virtual bench' &
+    acquire bench --port 'virtual bench/board' --samples 500 -d 'a run' --plain
+    replay 'a run' --compare -o 'a run again.csv'
+    """
+
 #: Commands by chain. `&`: runs until the chain ends.
 CHAINS = {
     "motion": """
@@ -88,6 +100,45 @@ CHAINS = {
         config schema
         """,
 }
+
+#: What the commands of `NEEDS` are given.
+GIVEN = {
+    "board.bin": "",
+    "readings.csv": "psi_a_mm\n1\n",
+    "readings.parquet": "PAR1",
+    "readings.tdms": "TDSm",
+}
+
+#: A package that an extra brings, and a command that needs it.
+NEEDS = [
+    ("SALib", ["explore", "layout", "-d", "y"]),
+    ("mpmath", ["bench", "-d", "y"]),
+    ("flint", ["jacobian", "paper", "-d", "y", "--certify"]),
+    ("flint", ["optimize", "layout", "-o", "x.yaml"]),
+    ("flint", ["explore", "layout", "-d", "y", "--certify"]),
+    ("flint", ["reproduce", "-d", "y"]),
+    ("pyarrow", ["solve", "paper", "readings.parquet", "-o", "x.csv"]),
+    ("pyarrow", ["simulate", "paper", "-d", "y", "--table", "parquet"]),
+    ("h5py", ["simulate", "paper", "-d", "y", "--table", "h5"]),
+    ("h5py", ["solve", "paper", "readings.csv", "-o", "x.h5"]),
+    ("h5py", ["replay", "rec", "-o", "x.h5"]),
+    ("nptdms", ["solve", "paper", "readings.tdms"]),
+    ("mcap", ["replay", "rec", "-o", "x.mcap"]),
+    ("pylsl", ["replay", "rec", "--publish", "lsl:x"]),
+    ("aiohttp", ["replay", "rec", "--web", "0"]),
+    ("pylsl", ["acquire", "bench", "--port", "file:board.bin", "--publish", "lsl:x"]),
+    ("aiohttp", ["acquire", "bench", "--port", "file:board.bin", "--web", "0"]),
+    ("nidaqmx", ["acquire", "bench", "--port", "ni:Dev1/ai0:11"]),
+    ("pylablib", ["acquire", "bench", "--port", "thorlabs:1,2,3"]),
+    ("openpyxl", ["optimize", "layout", "-o", "x.yaml", "--sheets", "x.xlsx"]),
+    ("plotly", ["explore", "layout", "--report", "x.html"]),
+    ("pyvista", ["render", "paper", "-o", "x.png"]),
+    ("pyvista", ["render", "paper", "-o", "x.gltf"]),
+    ("imageio", ["render", "paper", "--motion", "multi-axis", "-o", "x.mp4"]),
+    ("casadi", ["optimize", "layout", "-o", "x.yaml"]),
+    ("casadi", ["explore", "layout", "--front", "-d", "y"]),
+    ("distributed", ["explore", "layout", "--scheduler", "tcp://127.0.0.1:1"]),
+]
 
 
 def lines(chain: str) -> list[str]:

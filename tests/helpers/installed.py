@@ -3,8 +3,9 @@
     python tests/helpers/installed.py [--lowest | --only-build FOLDER]
 
 Builds a wheel of the files that git knows, a source distribution, and a wheel of that, and compares
-what they hold. Installs the wheel with its extras into a fresh environment in a temporary folder
-whose path has spaces, and runs there the tests that are marked `wheel` or `installed`.
+what they hold. Installs the wheel without extras into a fresh environment in a temporary folder
+whose path has spaces, and runs there the tests that are marked `plain`; then with its extras into
+another one, for those that are marked `wheel` or `installed`.
 
 --only-build: leaves the source distribution and the wheel in a folder, and tries nothing.
 --lowest: with the oldest versions that `pyproject.toml` allows instead of the newest; a bound that
@@ -21,7 +22,7 @@ import sys
 import tempfile
 import tomllib
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +40,13 @@ PACKAGES = {
 }
 #: Studies that no command needs: they stand beside the tests of an installed package.
 STUDIES = "experiments/studies/"
-#: Extras that are not for users, or need a driver by the maker of some hardware.
-LEFT_OUT = ("ni", "thorlabs")
+#: The environments: name, extras, and marks of the tests that run there. `stages` has the peers of
+#: virtual stages.
+ENVIRONMENTS = (
+    ("plain", (), ("plain",)),
+    ("whole", ("all", "stages"), ("installed", "wheel")),
+)
+PYTEST = ("-n", "auto", "--dist", "worksteal", "--durations=12")
 
 
 def run(*words: str | Path, cwd: Path) -> None:
@@ -107,23 +113,33 @@ def build(names: Sequence[str], folder: Path) -> Path:
     return wheel
 
 
-def environment(wheel: Path, settings: dict[str, Any], folder: Path, lowest: bool) -> Path:
+def environment(
+    wheel: Path, settings: dict[str, Any], folder: Path, extras: Sequence[str], lowest: bool
+) -> Path:
     """Install the wheel in a fresh environment, compiled as by pip; return its program folder."""
     project, tools = settings["project"], settings["dependency-groups"]["test"]
-    extras = [name for name in project["optional-dependencies"] if name not in LEFT_OUT]
     asked = [f"{project['name']}[{','.join(extras)}] @ {wheel.as_uri()}", *tools]
     if lowest:
-        needed = [*tools, *project["dependencies"]]
-        needed += [text for name in extras for text in project["optional-dependencies"][name]]
+        needed = [*tools, *project["dependencies"], *needed_by(extras, project)]
         asked = [asked[0], *map(at_its_bound, needed)]
-    run(UV, "venv", "--quiet", "--python", sys.executable, folder / "an environment", cwd=folder)
-    programs = folder / "an environment" / ("Scripts" if os.name == "nt" else "bin")
+    run(UV, "venv", "--quiet", "--python", sys.executable, folder, cwd=folder.parent)
+    programs = folder / ("Scripts" if os.name == "nt" else "bin")
     resolution = ["--resolution", "lowest-direct"] if lowest else []
     run(
         UV, "pip", "install", "--quiet", "--compile-bytecode", "--python", programs / "python",
         *resolution, *asked, cwd=folder,
     )  # fmt: skip
     return programs
+
+
+def needed_by(extras: Iterable[str], project: dict[str, Any]) -> Iterator[str]:
+    """List what extras need, and the extras of the project that they bring."""
+    for text in (text for name in extras for text in project["optional-dependencies"][name]):
+        requirement = Requirement(text)
+        if requirement.name == project["name"]:
+            yield from needed_by(requirement.extras, project)
+        else:
+            yield text
 
 
 def at_its_bound(text: str) -> str:
@@ -135,11 +151,11 @@ def at_its_bound(text: str) -> str:
     return str(requirement)
 
 
-def marked_files(folder: Path) -> list[str]:
+def marked_files(folder: Path, marks: Sequence[str]) -> list[str]:
     """List the files with a marked test; other files may need more than the group `test`."""
     files = sorted((folder / "tests").rglob("test_*.py"))
-    marks = re.compile(r"pytest\.mark\.(installed|wheel)\b")
-    return [str(file.relative_to(folder)) for file in files if marks.search(file.read_text())]
+    marked = re.compile(rf"pytest\.mark\.({'|'.join(marks)})\b")
+    return [str(file.relative_to(folder)) for file in files if marked.search(file.read_text())]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -154,22 +170,27 @@ def main(arguments: Sequence[str]) -> int:
             for built in (build(names, folder), *folder.glob("from sdist/*.tar.gz")):
                 print(shutil.copy(built, target))
             return 0
-        programs = environment(build(names, folder), settings, folder, lowest)
+        wheel = build(names, folder)
         beside = [
             name for name in names
             if name.split("/")[0] not in PACKAGES or name.startswith(STUDIES)
         ]  # fmt: skip
         tests = copy_files([*beside, "experiments/README.md"], folder / "no checkout")
-        words = ["-n", "auto", "--dist", "worksteal", "--durations=12"]
-        words += ["-m", f"wheel or installed{' and not slow' if lowest else ''}"]
+        words = [argument for argument in arguments if argument != "--lowest"]
         if lowest:  # what they bring beside themselves is newer than they know
             words += ["-W", "default::DeprecationWarning"]
-        words += marked_files(tests)
         environment_variables = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-        return subprocess.run(
-            [programs / "pytest", *words, *(a for a in arguments if a != "--lowest")],
-            cwd=tests, env=environment_variables, check=False,
-        ).returncode  # fmt: skip
+        for name, extras, marks in ENVIRONMENTS:
+            programs = environment(wheel, settings, folder / f"a {name} one", extras, lowest)
+            chosen = f"({' or '.join(marks)}){'' if name == 'plain' else ' and not plain'}"
+            chosen += " and not slow" * lowest
+            done = subprocess.run(
+                [programs / "pytest", *PYTEST, "-m", chosen, *marked_files(tests, marks), *words],
+                cwd=tests, env=environment_variables, check=False,
+            )  # fmt: skip
+            if done.returncode:
+                return done.returncode
+        return 0
 
 
 if __name__ == "__main__":

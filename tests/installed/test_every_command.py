@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -13,13 +14,15 @@ import sys
 import sysconfig
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
-from chains import CHAINS, run_chain
+from chains import CHAINS, GIVEN, NEEDS, PLAIN, command_names, run_chain, run_lines
 from programs import GUARD
 
 import facets
+from facets.core.extras import EXTRAS
 
 pytestmark = pytest.mark.wheel
 
@@ -115,3 +118,41 @@ def test_two_processes_may_compile_first_at_the_same_time(tmp_path):
 def test_a_module_is_the_program(tmp_path):
     asked = [sys.executable, "-m", "facets", "--version"]
     assert run(asked, tmp_path) == run([PROGRAM, "--version"], tmp_path)
+
+
+@pytest.mark.plain
+def test_a_plain_installation_has_no_package_of_an_extra():
+    installed = {each.name.lower() for each in distributions()}
+    assert "pandas" in installed
+    assert not installed & {name.lower() for name in (*EXTRAS, "python-flint")}
+
+
+@pytest.mark.plain
+def test_seven_commands_need_no_extra(tmp_path):
+    run_lines(
+        [shlex.split(line) for line in PLAIN.strip().splitlines()],
+        lambda words: run([PROGRAM, *words], tmp_path),
+        lambda words: running(words, tmp_path),
+    )
+
+
+@pytest.mark.plain
+@pytest.mark.parametrize("name", [*command_names()])
+def test_help_and_completion_need_no_extra(name, tmp_path):
+    assert "Usage: " in run([PROGRAM, *name.split(), "--help"], tmp_path)
+    words = {"COMP_WORDS": f"facets {name} --", "COMP_CWORD": str(1 + len(name.split()))}
+    assert "--help" in run([PROGRAM], tmp_path, _FACETS_COMPLETE="complete_bash", **words)
+
+
+@pytest.mark.plain
+@pytest.mark.parametrize("words", [words for _, words in NEEDS if "rec" not in words])
+def test_a_command_that_lacks_an_extra_says_what_to_type(words, tmp_path):
+    for name, text in GIVEN.items():
+        (tmp_path / name).write_text(text)
+    before = sorted(tmp_path.rglob("*"))
+    done = subprocess.run(
+        [PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert re.fullmatch(r'error: .+: pip install "facets-6dof\[[a-z0-9]+\]" \(.+\)\n', done.stderr)
+    assert sorted(tmp_path.rglob("*")) == before

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zlib
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +32,22 @@ def join_columns(parts: list[Columns]) -> Columns:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def make_batch(columns: Columns) -> Any:
-    """Make an Arrow batch of columns, with their CRC in each row."""
-    import pyarrow as pa
+def stream_parts(columns: Columns) -> tuple[bytes, bytes]:
+    """Return the head and the batch of an Arrow stream of columns, with their CRC in each row."""
+    import nanoarrow as na
+    from nanoarrow.ipc import StreamWriter
 
     count = len(next(iter(columns.values())))
-    proof = np.full(count, crc_of(columns), np.uint32)
-    return pa.RecordBatch.from_pydict({**columns, CRC: proof})
+    proven = {**columns, CRC: np.full(count, crc_of(columns), np.uint32)}
+    arrays = [na.c_array(np.ascontiguousarray(column)) for column in proven.values()]
+    fields = dict(zip(proven, (na.Schema(array.schema) for array in arrays), strict=True))
+    schema = na.struct(fields, nullable=False)
+    batch = na.c_array_from_buffers(schema, count, [None], null_count=0, children=arrays)
+    stream = BytesIO()
+    StreamWriter.from_writable(stream).write_stream(na.c_array_stream(batch))
+    data = stream.getvalue()
+    head = 8 + int.from_bytes(data[4:8], "little")  # a mark, the size of what follows, the schema
+    return data[:head], data[head:]
 
 
 def crc_of(columns: Columns) -> int:
@@ -46,33 +57,27 @@ def crc_of(columns: Columns) -> int:
     return crc
 
 
-def schema_of(batch: Any) -> bytes:
-    """Return the bytes with which a stream of batches like this one begins."""
-    data: bytes = batch.schema.serialize().to_pybytes()
-    return data
-
-
 def recorded_poses(folder: Path) -> Columns:
     """Return the poses that a recording holds and that can be proven, in the samples' order.
 
     A batch that is not as it was written is left out; past a torn end nothing can be read. Status
     is the number of a `facets.Status`.
     """
-    import pyarrow as pa
+    import nanoarrow as na
+    from nanoarrow.ipc import InputStream
 
     parts: list[Columns] = []
-    try:
-        with pa.OSFile(str(folder / "poses.arrows")) as file:
-            reader = pa.ipc.open_stream(file)
-            while True:
-                batch = reader.read_next_batch()
-                batch.validate(full=True)
-                part = {name: batch[name].to_numpy() for name in batch.schema.names}
-                proof = part.pop(CRC, None)
-                if proof is not None and len(proof) and (proof == crc_of(part)).all():
-                    parts.append(part)
-    except (StopIteration, pa.ArrowException, OSError, ValueError, MemoryError):
-        pass
+    with (
+        suppress(OSError, RuntimeError, ValueError, MemoryError),
+        InputStream.from_path(str(folder / "poses.arrows")) as stream,
+        na.c_array_stream(stream) as batches,
+    ):
+        for batch in batches:
+            arrays = {child.schema.name: na.Array(child) for child in batch.children}
+            part = {name: np.asarray(array.to_pysequence()) for name, array in arrays.items()}
+            proof = part.pop(CRC, None)
+            if proof is not None and len(proof) and (proof == crc_of(part)).all():
+                parts.append(part)
     if not parts:
         return {}
     poses = join_columns(parts)

@@ -85,9 +85,7 @@ class Recording(ClosedAtExit, Sink):
             self.begin(meta, resolved)
         except OSError as error:
             raise DiskError(f"{folder}: cannot be written: {error.strerror}") from None
-        import pyarrow as pa
-
-        pa.RecordBatch.from_pydict({"": np.zeros(1)})  # loads what it needs before poses come
+        pose_table.stream_parts({"": np.zeros(1)})  # loads what it needs before poses come
         self.has_schema = self.closed = False
         self.waiting: list[RunPoses] = []
         self.written = time.monotonic()
@@ -176,14 +174,15 @@ class Recording(ClosedAtExit, Sink):
         self.written = time.monotonic()
         if not self.waiting:
             return
-        rows = pose_table.make_batch(pose_table.recorded_columns(join_poses(self.waiting)))
+        columns = pose_table.recorded_columns(join_poses(self.waiting))
         self.waiting = []
-        head = b"" if self.has_schema else pose_table.schema_of(rows)
-        if self.put("poses.arrows", head, rows.serialize().to_pybytes()):
+        count = len(columns["seq"])
+        head, rows = pose_table.stream_parts(columns)
+        if self.put("poses.arrows", b"" if self.has_schema else head, rows):
             self.has_schema = True
-            self.poses_written += len(rows)
+            self.poses_written += count
         else:
-            self.poses_refused += len(rows)
+            self.poses_refused += count
 
     def sync(self) -> None:
         """Let the system put all written bytes on the disk."""

@@ -53,13 +53,13 @@ def draw_axis(
     panels: Any, response: FrequencyResponse, name: str, unit: str, bandwidth: float
 ) -> None:
     """Draw size, phase and coherence of one axis in three panels."""
-    n, hues, fine = POSE.index(name), chosen_hues(), style.unit_of(name)
-    frequency, hue = response.frequency, chosen_hues().axes[name]
-    size = fine.fine_factor * np.abs(response.h1[:, n])
+    n, hues, form = POSE.index(name), chosen_hues(), response.form
+    frequency, hue, scale = response.frequency, chosen_hues().axes[name], form.factor(name)
+    size = scale * np.abs(response.h1[:, n])
     half = response.coverage_factor * response.random_error[:, n]
     is_seen = response.coherence[:, n] > response.significant_coherence
     flat = len(frequency) > VECTOR_LINES
-    floor = NOISE_95 * fine.fine_factor * response.noise_floor[:, n]
+    floor = NOISE_95 ** (-1 if form.is_inverse else 1) * scale * response.noise_floor[:, n]
     sizes, phases, coherences = panels
     known = frequency[response.is_excited]
     shown = max(frequency[0], 0.7 * known.min()), min(frequency[-1], 1.3 * known.max())
@@ -73,25 +73,29 @@ def draw_axis(
             ]
         )
     )
-    sizes.fill_between(frequency, least, floor, color=hues.grey, alpha=0.45, lw=0)
+    top = 2 * float(np.nanmax(size[response.is_excited]))
+    sizes.fill_between(
+        frequency, top if form.is_inverse else least, floor, color=hues.grey, alpha=0.45, lw=0
+    )
     sizes.fill_between(frequency, size * np.maximum(1 - half, 1e-3), size * (1 + half),
                        color=hue, alpha=0.25, lw=0, where=is_seen, rasterized=flat)  # fmt: skip
-    h2 = fine.fine_factor * np.abs(response.h2[:, n])
+    h2 = scale * np.abs(response.h2[:, n])
     sizes.plot(frequency, keep(h2, is_seen), color=hues.ink, lw=0.5, rasterized=flat)
     sizes.plot(frequency, size, color=hues.grey, lw=0.5, rasterized=flat)
     sizes.plot(frequency, keep(size, is_seen), color=hue, rasterized=flat)
-    largest = float(np.nanmax(size[response.is_excited]))
-    if largest > 0:  # an axis that is zero in all rows has no size to show
-        sizes.set_ylim(least, 2 * largest)
-    sizes.set_ylabel(f"|H|, {fine.fine_unit}{f' per {unit}' if unit else ''}")
+    if top > 0:  # an axis that is zero in all rows has no size to show
+        sizes.set_ylim(least, top)
+    sizes.set_ylabel(f"{'1/' if form.is_inverse else ''}|H|, {form.unit_text(name, unit)}")
     angle = np.degrees(np.angle(response.h1[:, n]))
     phases.plot(frequency, keep(angle, is_seen), ".", ms=1.2, color=hue, rasterized=flat)
     phases.set(ylim=(-200, 200), yticks=(-180, 0, 180), ylabel="phase, °")
-    phases.plot(frequency, np.degrees(np.angle(low_pass(frequency, bandwidth))), "--",
-                color=hues.alarm, lw=1.0)  # fmt: skip
+    lag = np.degrees(np.angle(low_pass(frequency, bandwidth)))
+    phases.plot(frequency, -lag if form.is_inverse else lag, "--", color=hues.alarm, lw=1.0)
     if bandwidth < frequency[-1]:
         sizes.axvline(bandwidth, color=hues.alarm, ls="--", lw=1.0)
     coherences.plot(frequency, response.coherence[:, n], color=hue, lw=0.7, rasterized=flat)
+    if response.multiple_coherence is not None:
+        coherences.plot(frequency, response.multiple_coherence[:, n], color=hues.ink, lw=0.5)
     coherences.axhline(response.significant_coherence, color=hues.grey, lw=0.8)
     coherences.set(ylim=(0, 1.05), yticks=(0, 0.5), ylabel="coher.")
     for panel in panels:
@@ -126,6 +130,9 @@ def legend(picture: Figure, response: FrequencyResponse, bandwidth: float) -> No
     if np.isfinite(response.noise_density).any():
         handles.append(Patch(color=hues.grey, alpha=0.45))
         texts.append("the sensor's noise alone (95 %)")
+    if response.multiple_coherence is not None:
+        handles.append(Line2D([], [], color=hues.ink, lw=0.5))
+        texts.append("coherence with all inputs (multiple)")
     if not response.is_excited.all():
         handles.append(Patch(facecolor="none", edgecolor=hues.rule, hatch="////"))
         texts.append("hardly any input")
