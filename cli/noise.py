@@ -13,7 +13,7 @@ from facets import characterization, files, live, pictures
 from facets import config as configuration
 from facets.core.names import POSE, STATE_COLUMNS
 
-from .console import FINDING, show_progress, show_table
+from .console import FINDING, show_progress, show_table, wrap
 from .options import (
     ConfigOption,
     Force,
@@ -126,6 +126,14 @@ def show_channels(report: NoiseReport) -> None:
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )
     show_pose_noise(report)
+    if report.shared:
+        first, other, size = report.shared[0]
+        typer.echo(wrap(
+            f"- The noises of detectors go together (correlation {size:.2g} of {first} and "
+            f"{other}, {len(report.shared)} pairs in all), as by a supply or a reference voltage "
+            "that they share, or a mirror that vibrates. `solve` takes them as independent, unless "
+            "`calibrate` found what they share; the poses' own noise above has all of it."
+        ))  # fmt: skip
     if not report.faults:
         typer.echo(
             f"  sensor.noise: position_um {1e3 * report.position:.4g} at {report.at_power:g} mW, "

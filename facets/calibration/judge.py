@@ -37,6 +37,8 @@ APART_CHANCE, APART_SIGMAS, APART_SHARE = 20.0, 2.0, 0.05
 LARGE_CHI_SQUARE, LARGE_SHARE, MOST_LARGE = 4.0, 0.4, 2
 #: The least ratio of the noise that residuals have to the stated one that counts.
 NOISY = 1.1
+#: Steps that are not told from steady light, which no effect has yet.
+LIKE_STEADY_LIGHT = ("lamp.jumped", "dark.jumped")
 #: How many things that may have jumped are tried as faults of the samples.
 STEPS_TRIED = 3
 #: What moves the poses by more than this share of what is stated forbids the use: what stays with
@@ -130,8 +132,8 @@ def steps_as_changes(remainder: Remainder) -> list[Alternative]:
     steps = []
     for trace in clear_traces(remainder):
         cause = Cause((trace,), remainder, 0.0)
-        part = cause.alternatives[0]  # a lamp is not told from steady light that no effect has yet
-        if part.refuses and part.group != "environment" and len(trace.at) == 1:
+        part = cause.alternatives[0]
+        if part.refuses and part.key not in LIKE_STEADY_LIGHT and len(trace.at) == 1:
             change = partial(undo_causes, causes=[cause])
             steps.append(replace(part, words=cause.clauses[0], change=change))
     return steps[:STEPS_TRIED]

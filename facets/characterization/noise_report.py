@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,9 @@ CHANNELS = {
 }
 #: Largest number of samples, from the beginning: seven minutes at 10 kHz.
 MAX_SAMPLES = 1 << 22
+#: Correlations of noises that count: at least this, and beyond chance by so many standard
+#: deviations.
+LEAST_SHARED, SHARED_SIGMAS = 0.1, 5.0
 #: A jump of the time by more than this number of samples ends a section.
 JUMP_SAMPLES = 100
 
@@ -64,6 +68,19 @@ class NoiseReport:
     power: float
     common: float
     faults: list[str]
+
+    @property
+    def shared(self) -> list[tuple[str, str, float]]:
+        """Pairs of places on different detectors whose noises go together beyond chance, and their
+        correlation, the largest first. The powers have the laser's noise in common."""
+        least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(self.samples))
+        places = [n for n, name in enumerate(READING_COLUMNS) if not name.startswith("power")]
+        pairs = [
+            (READING_COLUMNS[i], READING_COLUMNS[j], float(self.correlation[i, j]))
+            for i, j in combinations(places, 2)
+            if i // 3 != j // 3 and abs(self.correlation[i, j]) > least
+        ]
+        return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
     def channel(self, name: str) -> Channel:
         return next(channel for channel in self.channels if channel.name == name)

@@ -193,8 +193,9 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused():
         visit(poses, axis="X")
     with pytest.raises(InputError, match=r"stands still . times"):
         visit(still, None)
-    for scale in (1000, 1 / 1000, 0.5, 1.25, 2):  # of 2: diameters
-        with pytest.raises(InputError, match="check the unit"):
+    for scale, words in ((1000, "given in um"), (1 / 1000, "given in m,"), (0.5, "half of the way"),
+                         (1.25, "check the unit"), (2, "diameters, or twice")):  # fmt: skip
+        with pytest.raises(InputError, match=words):
             visit(poses, scale * UP_AND_DOWN)
     with pytest.raises(InputError, match=r"leans by 11 degrees from the object's Z; allowed: 10"):
         evaluate_axis(SENSOR, KNOWN, leaning, AxisTest("Z", shortest_s=0.1))

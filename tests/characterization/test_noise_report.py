@@ -18,12 +18,14 @@ REST = facets.readings(BENCH.sensor, np.zeros(8))
 NOISE = np.tile([CENTROID, CENTROID, POWER], 3)
 
 
-def stream(yaw=0.0):
-    """The bytes of a mirror whose readings have white noise, one of them a drift, one mains."""
+def stream(yaw=0.0, shared=0.0):
+    """The bytes of a mirror whose readings have white noise, one of them a drift, one mains, and
+    whose zetas share some."""
     states = np.zeros((COUNT, 8))
     states[:, 5] = yaw
     readings = facets.readings(BENCH.sensor, states)
     readings += NOISE * np.random.default_rng(8).standard_normal((COUNT, 9))
+    readings[:, 1::3] += shared * np.random.default_rng(9).standard_normal((COUNT, 1))
     readings[:, 4] += MAINS * np.sin(2 * np.pi * 50 * TIME)
     readings[:, 0] += 1e-3 * TIME
     counts = readings_to_counts(BENCH.sensor, BENCH.electronics, readings)
@@ -52,6 +54,7 @@ def test_known_noise_is_found_and_the_configuration_takes_it(record, tmp_path):
     run = record(stream())
     status, out, _ = run("--folder", "noise", "--write", "noise.yaml")
     assert status == 0
+    assert "go together" not in out
     assert f"{COUNT - 3} samples, 8.191 s at 1000 Hz, 3 missing" in out
     table = pandas.read_csv(tmp_path / "noise" / "noise.csv", comment="#", index_col="channel")
     assert table.sigma_white["zeta_c_mm"] == pytest.approx(1e3 * CENTROID, rel=0.05)
@@ -60,6 +63,13 @@ def test_known_noise_is_found_and_the_configuration_takes_it(record, tmp_path):
     assert (tmp_path / "noise" / "noise.html").read_text().count("<svg") == 3
     sensor = facets.load(tmp_path / "noise.yaml").sensor
     assert facets.standard_deviations(sensor, REST) == pytest.approx(NOISE, rel=0.1)
+
+
+@pytest.mark.slow
+def test_noise_that_detectors_share_is_told(record):
+    _, out, _ = record(stream(shared=CENTROID))()
+    assert "The noises of detectors go together (correlation 0.5" in out
+    assert "3 pairs in all" in out
 
 
 @pytest.mark.slow
