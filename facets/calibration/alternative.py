@@ -51,10 +51,11 @@ class Trace(NamedTuple):
     """The part of the residuals that an alternative would explain.
 
     key: of the alternative.  fall: of chi-square, by `free` columns beside those of the unknowns,
-    the largest of a number of trials.  columns: (n, 9, q) in standard deviations of the readings.
-    amounts: (q,) of the columns, in the units of the alternative.  at: the place of the best trial:
-    the rows behind which it began and ended, a period in rows or mm, a place in mm; empty without
-    trials.  prior: information on the amounts before.
+    the largest of a number of trials, whose logarithm is `log_trials`.  columns: (n, 9, q) in
+    standard deviations of the readings.  amounts: (q,) of the columns, in the units of the
+    alternative.  at: the place of the best trial: the rows behind which it began and ended, a
+    period in rows or mm, a place in mm; empty without trials.  prior: information on the amounts
+    before.
     """
 
     key: str
@@ -62,14 +63,14 @@ class Trace(NamedTuple):
     free: float
     columns: Floats
     amounts: Floats
-    trials: float = 1.0
+    log_trials: float = 0.0
     at: tuple[float, ...] = ()
     prior: Floats | float = 0.0
 
     @property
     def score(self) -> float:
         """Minus the logarithm of the chance of such a fall where the alternative is absent."""
-        return -log_chance(self.fall, self.free) - float(np.log(self.trials))
+        return -log_chance(self.fall, self.free) - self.log_trials
 
     @property
     def effect(self) -> Floats:

@@ -16,7 +16,7 @@ from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.units import Floats
 from . import columns
 from .alternative import COURSES, Alternative, Trace
-from .remainder import STEP_MARGIN, Remainder
+from .remainder import Remainder
 
 
 def plain(
@@ -157,8 +157,10 @@ def moving(thing: Thing) -> list[Alternative]:
 
     def jump(remainder: Remainder) -> Trace:
         made, key = thing.columns(remainder), f"{thing.key}.jumped"
-        step = remainder.test_courses(key, made, columns.steps(remainder), thing.sigma)
-        return step._replace(at=(step.at[0] + STEP_MARGIN,))
+        courses = columns.steps(remainder)
+        step = remainder.test_courses(key, made, courses, thing.sigma)
+        first = np.argmax(courses[int(step.at[0]), :, 0] > 0)
+        return step._replace(at=(float(first),))
 
     def switch(remainder: Remainder) -> Trace:
         made = thing.columns(remainder)
@@ -213,7 +215,8 @@ def facets_of(amounts: Floats) -> str:
 def of_reference(kind: str) -> Callable[[Remainder], Trace]:
     def test(remainder: Remainder) -> Trace:
         terms = columns.reference_terms(remainder)[kind]
-        return remainder.test(kind, columns.reference_columns(remainder, terms), 1.0)
+        made = columns.reference_columns(remainder, terms)
+        return remainder.test(kind, made, 1.0, LEAST_OF_REFERENCE)
 
     return test
 
@@ -249,7 +252,7 @@ def test_dust(remainder: Remainder) -> Trace:
         assert best is not None
         middle = np.array(best.at)
     assert best is not None
-    return best._replace(trials=trials)
+    return best._replace(log_trials=float(np.log(trials)))
 
 
 def test_aperture(remainder: Remainder) -> Trace:
@@ -260,7 +263,7 @@ def test_aperture(remainder: Remainder) -> Trace:
     best = max(range(len(traces)), key=lambda n: traces[n].fall * whole[n])
     traces[best] = traces[best]._replace(fall=traces[best].fall * whole[best])
     radius = float(columns.APERTURE_SIGMAS[best]) * columns.beam_sigma(remainder)
-    return traces[best]._replace(trials=len(traces), at=(radius,))
+    return traces[best]._replace(log_trials=float(np.log(len(traces))), at=(radius,))
 
 
 def test_fringes(remainder: Remainder) -> Trace:
@@ -273,6 +276,9 @@ def test_fringes(remainder: Remainder) -> Trace:
 #: Shares of the reading before that a detector keeps, and by which an amplifier's gain grows at a
 #: milliwatt of light, 1 sigma.
 MEMORY_SIGMA, BEND_SIGMA = 0.005, 0.1
+#: Errors of the reference of which parameters of the sensor explain all but this share of the
+#: square are left out: an error of the model would be magnified.
+LEAST_OF_REFERENCE = 5e-4
 CAMERA = "look at the beam with a camera"
 MICROSCOPE = "look at the mirror with a microscope"
 TURN = "measure again with the mirror turned by 120 degrees on the reference (seat_deg)"

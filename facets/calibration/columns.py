@@ -18,6 +18,9 @@ from ..model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
 from .bundle_adjustment import evaluate_turned_mirror
 from .remainder import STEP_MARGIN, Remainder
 
+#: Numbers that the courses of a table may take; of longer tables fewer steps and frequencies are
+#: tried.
+MOST_VALUES = 4_000_000
 #: A slow drift is a polynomial of this degree over the run; what follows it better is no step.
 DRIFT_DEGREE = 5
 #: Powers of x and y up to which the powers may follow the mirror's place.
@@ -98,7 +101,8 @@ def lamp_columns(remainder: Remainder) -> Floats:
 def steps(remainder: Remainder) -> Floats:
     """Courses that begin at one of the samples and stay."""
     count = len(remainder.noise)
-    first = np.arange(STEP_MARGIN, count - STEP_MARGIN)
+    every = max(1, count**2 // MOST_VALUES)
+    first = np.arange(STEP_MARGIN, count - STEP_MARGIN, every)
     behind: Floats = (np.arange(count) >= first[:, None]).astype(float)
     return behind[:, :, None]
 
@@ -129,7 +133,8 @@ def cycles(remainder: Remainder, axis: int) -> Floats:
 def frequencies(remainder: Remainder) -> Floats:
     """Frequencies per row that a run tells apart, faster than a slow drift."""
     rows = float(np.ptp(remainder.row_numbers)) + 1
-    return np.arange(DRIFT_DEGREE + 1, rows) / (2 * rows)
+    every = max(1, int(2 * rows) * len(remainder.noise) // MOST_VALUES)
+    return np.arange(DRIFT_DEGREE + 1, rows, every) / (2 * rows)
 
 
 def waves(remainder: Remainder) -> Floats:

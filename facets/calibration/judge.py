@@ -16,6 +16,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
+from ..estimation.dwells import median
 from ..model.arrays import EFFECTS
 from .alternative import Alternative, Trace
 from .alternatives import ALTERNATIVES, BY_KEY
@@ -37,6 +38,8 @@ APART_CHANCE, APART_SIGMAS, APART_SHARE = 20.0, 2.0, 0.05
 LARGE_CHI_SQUARE, LARGE_SHARE, MOST_LARGE = 4.0, 0.4, 2
 #: The least ratio of the noise that residuals have to the stated one that counts.
 NOISY = 1.1
+#: How many times larger than the model's accuracy an effect in the powers is, of what is no light.
+POWER_FACTOR = 4.0
 #: Steps that are not told from steady light, which no effect has yet.
 LIKE_STEADY_LIGHT = ("lamp.jumped", "dark.jumped")
 #: How many things that may have jumped are tried as faults of the samples.
@@ -98,9 +101,12 @@ class Cause:
 
 
 def undo_causes(data: Data, causes: list[Cause]) -> Data:
-    """Samples without what causes do to their readings."""
+    """Samples without what causes do to their readings; what stands for a group is left, since it
+    could be anything."""
     raw, numbers = data.raw.copy(), row_numbers(data)
     for cause in causes:
+        if cause.alternatives[0].general:
+            continue
         known = cause.remainder.row_numbers
         rows = np.searchsorted(known, numbers).clip(max=len(known) - 1)
         effect = np.nan_to_num(cause.best.effect * cause.remainder.noise)[rows]
@@ -119,7 +125,7 @@ def noisy_remainder(sensor: Sensor, data: Data, result: Fit, robust: float | Non
     than the stated one: else whatever follows a few of them would explain the noise."""
     remainder = Remainder(sensor, data, result, robust)
     left = np.where(remainder.is_read, np.abs(remainder.left), np.nan)
-    size = np.maximum(NORMAL_MEDIAN * np.nanmedian(left, axis=0), 1.0)
+    size = np.nan_to_num(np.maximum(NORMAL_MEDIAN * median(left), 1.0), nan=1.0)
     if (size < NOISY).all():
         return remainder
     return Remainder(sensor, data._replace(noise=remainder.noise * size), result, robust)
@@ -197,12 +203,16 @@ def clear_traces(remainder: Remainder) -> list[Trace]:
 
 
 def is_visible(remainder: Remainder, trace: Trace) -> bool:
-    """Whether the readings show more of an effect than the model of real light errs by."""
+    """Whether the readings show more of an effect than the model of real light errs by; of what is
+    no light, the powers show little."""
     if not any(name in EFFECTS for name in remainder.fit.choice.names):
         return True
-    effect = remainder.visible_effect(trace)
-    size = np.sqrt(np.nanmean(np.where(remainder.is_read, effect, np.nan) ** 2, axis=0))
-    return bool((size > model_accuracy(remainder.data)).any())
+    effect = np.where(remainder.is_read, remainder.visible_effect(trace), 0.0)
+    count = np.maximum(remainder.is_read.sum(axis=0), 1)
+    size = np.sqrt((effect**2).sum(axis=0) / count) / model_accuracy(remainder.data)
+    if BY_KEY[trace.key].group not in ("light", "facets"):
+        size[2::3] /= POWER_FACTOR
+    return bool((size > 1).any())
 
 
 def beats(better: Trace, other: Trace, remainder: Remainder) -> bool:

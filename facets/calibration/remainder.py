@@ -159,13 +159,19 @@ class Remainder:
 
     # ---- what the residuals follow
 
-    def test(self, key: str, columns: Floats, sigma: Floats | float = np.inf) -> Trace:
+    def test(
+        self,
+        key: str,
+        columns: Floats,
+        sigma: Floats | float = np.inf,
+        least: float = LEAST_OWN_SHARE,
+    ) -> Trace:
         """The fall that columns (n, 9, q) bring.  sigma: prior standard uncertainty of their
-        amounts."""
+        amounts.  least: share of the square of a direction that is left beside the unknowns."""
         columns = self.readable(columns)
         whole, matrix, side = self.equations(columns)
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, side.shape)
-        fall, amounts, count = falls_of(whole[None], matrix[None], side[None], prior)
+        fall, amounts, count = falls_of(whole[None], matrix[None], side[None], prior, least)
         return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], prior=prior)
 
     def test_courses(
@@ -177,11 +183,13 @@ class Remainder:
         columns, trials = self.readable(columns), len(courses)
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, columns.shape[2:])
         if not courses.any() or not columns.any():
-            return Trace(key, 0.0, 0.0, columns, np.zeros(columns.shape[2]), 1.0, (0.0,))
+            return Trace(key, 0.0, 0.0, columns, np.zeros(columns.shape[2]), 0.0, (0.0,))
         if courses.shape[2] > 1 and trials > LAST_COURSES:
             kept = self.screen_courses(columns, courses)
             trace = self.compare_courses(key, columns, courses[kept], prior)
-            return trace._replace(trials=trials, at=(float(kept[int(trace.at[0])]),))
+            return trace._replace(
+                log_trials=float(np.log(trials)), at=(float(kept[int(trace.at[0])]),)
+            )
         return self.compare_courses(key, columns, courses, prior)
 
     def screen_courses(self, columns: Floats, courses: Floats) -> Integers:
@@ -217,7 +225,8 @@ class Remainder:
         best = int(np.argmax(fall))
         chosen = columns[:, :, :, None] * courses[best][:, None, None, :]
         return Trace(key, float(fall[best]), float(free[best]), chosen.reshape(rows, 9, size),
-                     amounts[best], trials, (float(best),), np.repeat(prior, ways))  # fmt: skip
+                     amounts[best], float(np.log(trials)), (float(best),),
+                     np.repeat(prior, ways))  # fmt: skip
 
     def test_switching(
         self, columns: Floats, step: Trace, sigma: Floats | float = np.inf
@@ -242,8 +251,8 @@ class Remainder:
                 if len(switches) > MOST_SWITCHES * count:  # that is noise
                     break
                 trace = self.test(step.key, columns * state[:, None, None], sigma)
-                trials = np.exp(min(len(switches) * np.log(count), count * np.log(2.0)))
-                trace = trace._replace(trials=float(trials), at=tuple(switches.astype(float)))
+                cost = len(switches) * float(np.log(count))
+                trace = trace._replace(log_trials=cost, at=tuple(switches.astype(float)))
                 if trace.score > best.score:
                     best, best_state = trace, state
                 own = np.einsum("nij,i,j->n", squares, trace.amounts, trace.amounts)
@@ -285,7 +294,11 @@ class Remainder:
 
 
 def falls_of(
-    whole: Floats, matrix: Floats, side: Floats, prior: Floats | None = None
+    whole: Floats,
+    matrix: Floats,
+    side: Floats,
+    prior: Floats | None = None,
+    least: float = LEAST_OWN_SHARE,
 ) -> tuple[Floats, Floats, Floats]:
     """Falls (m,), amounts (m, q) and numbers of columns (m,) that the unknowns do not explain.
 
@@ -299,8 +312,9 @@ def falls_of(
     alone = matrix / scale[:, :, None] / scale[:, None, :]
     level, ways = np.linalg.eigh(alone + known / scale[:, :, None] / scale[:, None, :])
     aim = (np.swapaxes(ways, 1, 2) @ (side / scale)[:, :, None])[:, :, 0]
-    free = np.einsum("mij,mik,mkj->mj", ways, alone, ways) / np.maximum(level, 1e-300)
-    is_free = level > LEAST_OWN_SHARE
+    share = np.einsum("mij,mik,mkj->mj", ways, alone, ways)
+    free = share / np.maximum(level, 1e-300)
+    is_free = share > least
     level = np.where(is_free, level, 1.0)
     step = np.where(is_free, aim / level, 0.0)
     amounts = (ways @ step[:, :, None])[:, :, 0] / scale
