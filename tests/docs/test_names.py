@@ -29,6 +29,7 @@ COLUMNS = re.compile(
     r"|(expanded|k)_(at_rest|worst)"
     r"|cov_(object_|displacement_)?(tx_tx_mm2|tx_(roll|pitch)_mm_mrad|yaw_yaw_mrad2)"
     r"|cov_(object|displacement)"
+    r"|density_(10mhz|1hz|100hz)_per_rthz|allan_(1|100|1000)s"
 )
 
 
