@@ -126,13 +126,13 @@ def show_channels(report: NoiseReport) -> None:
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )
     show_pose_noise(report)
-    if report.shared:
-        first, other, size = report.shared[0]
+    if report.noise_pairs:
+        first, other, size = report.noise_pairs[0]
         typer.echo(wrap(
             f"- The noises of detectors go together (correlation {size:.2g} of {first} and "
-            f"{other}, {len(report.shared)} pairs in all), as by a supply or a reference voltage "
-            "that they share, or a mirror that vibrates. `solve` takes them as independent, unless "
-            "`calibrate` found what they share; the poses' own noise above has all of it."
+            f"{other}, {len(report.noise_pairs)} pairs in all), as by a supply or a reference "
+            "voltage that they share, or a mirror that vibrates. `solve` takes them as "
+            "independent, unless `calibrate` found what they share; the poses' own noise above has all of it."
         ))  # fmt: skip
     if not report.faults:
         typer.echo(

@@ -37,8 +37,8 @@ BOX_REACH = np.array([REACH_MM, REACH_MM, *BOX[2:]])
 ROOM_C = 21.3
 
 Columns = dict[str, Floats]
-Hook = Callable[[Any, "Scene", Rng], Any]
-Curve = Callable[["Scene", Rng], Floats]
+Hook = Callable[[Any, "MotionScene", Rng], Any]
+Curve = Callable[["MotionScene", Rng], Floats]
 
 
 class Fault(NamedTuple):
@@ -54,7 +54,7 @@ class Fault(NamedTuple):
 
 
 @dataclass
-class Scene:
+class MotionScene:
     """One motion of a bench.
 
     pose: (n, 6), of a mirror and reference without faults.  time: s.  warmth, thermometer: the
@@ -126,15 +126,15 @@ def step(at: float) -> Curve:
     return lambda scene, rng: (scene.share > at).astype(float)
 
 
-def warmth(scene: Scene, rng: Rng) -> Floats:
+def warmth(scene: MotionScene, rng: Rng) -> Floats:
     return scene.warmth
 
 
-def ramp(scene: Scene, rng: Rng) -> Floats:
+def ramp(scene: MotionScene, rng: Rng) -> Floats:
     return scene.share - 0.5
 
 
-def add_pose(change: Callable[[Scene, Rng], Floats]) -> Hook:
+def add_pose(change: Callable[[MotionScene, Rng], Floats]) -> Hook:
     """Add a change (n, 6) of the pose."""
     return lambda pose, scene, rng: pose + change(scene, rng)
 
@@ -149,7 +149,7 @@ def hum(per_row: float) -> Curve:
 def wander(length: float) -> Curve:
     """Random motion of r.m.s. 1 with a memory of some rows."""
 
-    def curve(scene: Scene, rng: Rng) -> Floats:
+    def curve(scene: MotionScene, rng: Rng) -> Floats:
         keep, out = np.exp(-1 / length), rng.standard_normal(scene.rows)
         for i in range(1, scene.rows):
             out[i] = keep * out[i - 1] + np.sqrt(1 - keep**2) * out[i]
@@ -194,7 +194,7 @@ def change_currents(raw: Floats, change: Callable[[Floats], Floats]) -> Floats:
     return out.reshape(-1, 9)
 
 
-def facet_of(scene: Scene, k: int) -> RayFacet:
+def facet_of(scene: MotionScene, k: int) -> RayFacet:
     assert scene.bench is not None
     assert scene.states is not None
     sensor, state = scene.real.rig.sensor, scene.states
@@ -238,7 +238,7 @@ def plane_points(facet: RayFacet, polar: Floats, flat: Floats) -> Floats:
 def lose_patch(k: int, polar: Floats, flat: Floats, area: float, loss: float) -> Hook:
     """Take away a share of the light of a patch of a facet."""
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         facet = facet_of(scene, k)
         points = plane_points(facet, polar, flat)
         power, place = facet_light(facet, points, np.full(len(flat), area / len(flat)))
@@ -290,7 +290,7 @@ def halo(rng: Rng) -> Fault:
 def window_ghost(rng: Rng) -> Fault:
     part, off = size(rng, 3e-5, 0.01), rng.uniform(0.1, 0.6) * unit(rng, 2)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         assert scene.states is not None
         assert scene.bench is not None
         beside = scene.states + np.concatenate([np.zeros(6), off])
@@ -318,7 +318,7 @@ def beam_jump(rng: Rng) -> Fault:
 def fibre_turns(rng: Rng) -> Fault:
     turn = size(rng, 0.01, 0.7)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         assert scene.states is not None
         assert scene.bench is not None
         other = scene.bench._replace(polarisation=scene.bench.polarisation + turn)
@@ -358,7 +358,7 @@ def curved_facet(rng: Rng) -> Fault:
     k, radius = draw_index(rng), size(rng, 1e3, 3e5)
     bend = np.diag(rng.uniform(-1, 1, 2)) / radius
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         facet = facet_of(scene, k)
         points, area, _ = bench_rays.sample_facet(facet)
         basis = np.array([facet.edges[0], facet.inward[0]])
@@ -375,7 +375,7 @@ def curved_facet(rng: Rng) -> Fault:
 def tarnish(rng: Rng) -> Fault:
     k, loss = draw_index(rng), size(rng, 2e-3, 0.3)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         facet = facet_of(scene, k)
         points, area, distances = bench_rays.sample_facet(facet)
         lost = np.minimum(loss * distances[:, 0], 1)
@@ -398,7 +398,7 @@ def yielding_facet(rng: Rng) -> Fault:
     k, share, axis = draw_index(rng), size(rng, 2e-5, 5e-3), 3 + draw_index(rng)
     turn = 2 * 250 * share * unit(rng, 2)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out = exact.copy()
         out[:, 3 * k : 3 * k + 2] += scene.pose[:, axis, None] * turn
         return out
@@ -419,7 +419,7 @@ def slipped_facet(rng: Rng) -> Fault:
 def facet_scatter(rng: Rng) -> Fault:
     share, k, place = size(rng, 1e-5, 0.01), draw_index(rng), rng.uniform(-3, 3, 2)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         powers, places = np.zeros((len(exact), 3)), np.zeros((len(exact), 3, 2))
         powers[:, k], places[:, k] = share * exact[:, 3 * ((k + 1) % 3) + 2], place
         return add_light(exact, powers, places)
@@ -452,7 +452,7 @@ def knocked_detector(rng: Rng) -> Fault:
 def place_error(k: int, function: Callable[[Floats], Floats]) -> Hook:
     """Add a function of the places (n, 2) of a detector to them."""
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out = exact.copy()
         out[:, 3 * k : 3 * k + 2] += function(exact[:, 3 * k : 3 * k + 2])
         return out
@@ -494,7 +494,7 @@ def high_order(rng: Rng) -> Fault:
 def power_bends_place(rng: Rng) -> Fault:
     share, k = size(rng, 1e-5, 5e-3), draw_index(rng)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out = exact.copy()
         brighter = exact[:, 3 * k + 2, None] / POWER_MW - 1
         out[:, 3 * k : 3 * k + 2] *= 1 + share * brighter
@@ -507,7 +507,7 @@ def power_bends_place(rng: Rng) -> Fault:
 def memory(rng: Rng) -> Fault:
     share, k = size(rng, 1e-5, 0.01), draw_index(rng)
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out = raw.copy()
         part = slice(3 * k, 3 * k + 3)
         out[:, part] += share * (previous(raw) - raw)[:, part]
@@ -521,7 +521,7 @@ def memory(rng: Rng) -> Fault:
 
 
 def current_fault(words: str, change: Callable[[Floats], Floats]) -> Fault:
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         return change_currents(raw, change)
 
     return Fault("electronics", words, {"raw": hook})
@@ -566,7 +566,7 @@ def warm_gain(rng: Rng) -> Fault:
     share, k = size(rng, 1e-5, 3e-3), draw_index(rng)
     axis, end = draw_index(rng, 2), draw_index(rng, 2)
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         gain = np.ones((scene.rows, 3, 2, 2))
         gain[:, k, axis, end] += share * scene.warmth
         return change_currents(raw, lambda i: i * gain)
@@ -578,7 +578,7 @@ def warm_gain(rng: Rng) -> Fault:
 def dark_steps(rng: Rng) -> Fault:
     far = size(rng, 1e-7, 2e-4)
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         every = rng.standard_normal((scene.rows // 80 + 1, 3, 2, 2))
         dark = far * np.repeat(every, 80, axis=0)[: scene.rows]
         return change_currents(raw, lambda i: i + dark)
@@ -600,7 +600,7 @@ def common_noise(rng: Rng) -> Fault:
 def noisy_detector(rng: Rng) -> Fault:
     factor, k = size(rng, 1.1, 6), draw_index(rng)
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         sigma = standard_deviations(scene.real.rig.sensor, raw)
         sigma[:, [i for i in range(9) if i // 3 != k]] = 0
         more: Floats = np.sqrt(factor**2 - 1) * sigma * rng.standard_normal(raw.shape)
@@ -620,7 +620,7 @@ def supply_hum(rng: Rng) -> Fault:
 def microphonics(rng: Rng) -> Fault:
     far, number, limit = size(rng, 1e-3, 0.1), rng.choice(PLACES), rng.uniform(0.5, 0.9)
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         move = np.linalg.norm((scene.pose - previous(scene.pose)) / BOX, axis=1)
         out = raw.copy()
         shaken = move > np.quantile(move, limit)
@@ -702,7 +702,7 @@ def missed_counts(rng: Rng) -> Fault:
     at, signs = rng.random(count), rng.choice([-1, 1], count)
     jump = 633e-6 / 8 * part
 
-    def hook(said: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(said: Floats, scene: MotionScene, rng: Rng) -> Floats:
         late = (scene.share[:, None] > at) @ (signs * jump)
         return said + np.outer(late, np.eye(6)[i])
 
@@ -714,7 +714,7 @@ def backlash(rng: Rng) -> Fault:
     i, far = draw_index(rng, 6), size(rng, 0.05, 20)
     moved = 1e-3 * far * UNITS[i] * np.eye(6)[i] / 2
 
-    def hook(pose: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(pose: Floats, scene: MotionScene, rng: Rng) -> Floats:
         behind: Floats = np.sign(pose - previous(pose)) * moved
         return pose - behind
 
@@ -726,7 +726,7 @@ def backlash(rng: Rng) -> Fault:
 def glitches(rng: Rng) -> Fault:
     share, far, i = size(rng, 4e-3, 0.08), size(rng, 1, 200), draw_index(rng, 6)
 
-    def hook(said: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(said: Floats, scene: MotionScene, rng: Rng) -> Floats:
         hit = (rng.random(scene.rows) < share) * rng.standard_normal(scene.rows)
         return said + np.outer(hit, 1e-3 * far * UNITS[i] * np.eye(6)[i])
 
@@ -779,7 +779,7 @@ def slow_reference(rng: Rng) -> Fault:
     tau = size(rng, 1e-3, 1.0)
     nodes, weights = np.polynomial.laguerre.laggauss(8)
 
-    def hook(said: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(said: Floats, scene: MotionScene, rng: Rng) -> Floats:
         for node, weight in zip(nodes, weights, strict=True):
             said = said + weight * scene.shift(-tau * node)
         return said
@@ -791,7 +791,7 @@ def slow_reference(rng: Rng) -> Fault:
 def late_detector(rng: Rng) -> Fault:
     k, late = draw_index(rng), size(rng, 1e-4, 0.2)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         assert scene.states is not None
         assert scene.bench is not None
         rig, out = scene.real.rig, exact.copy()
@@ -807,7 +807,7 @@ def late_detector(rng: Rng) -> Fault:
 def dropped_frame(rng: Rng) -> Fault:
     at, length = rng.uniform(0.2, 0.8), rng.uniform(0.05, 0.3)
 
-    def hook(said: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(said: Floats, scene: MotionScene, rng: Rng) -> Floats:
         late = (scene.share > at) & (scene.share < at + length)
         return np.where(late[:, None], previous(said), said)
 
@@ -818,7 +818,7 @@ def dropped_frame(rng: Rng) -> Fault:
 def clock_set(rng: Rng) -> Fault:
     jump, at = rng.choice([3.0, 60.0, 3600.0]), rng.uniform(0.2, 0.8)
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         return columns | {"time_s": scene.time + jump * (scene.share > at)}
 
     words = f"the computer's clock was set {jump:.0f} s forward after {at:.0%} of the rows"
@@ -828,7 +828,7 @@ def clock_set(rng: Rng) -> Fault:
 # ---- environment
 
 
-def show_temperature(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+def show_temperature(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
     return columns | {"temperature_c": np.round(ROOM_C + scene.thermometer, 3)}
 
 
@@ -844,7 +844,7 @@ def lamp(rng: Rng) -> Fault:
     curve = curves[kind]
     each, place = power * rng.uniform(0.1, 1, 3), rng.uniform(-3, 3, (3, 2))
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         shape = (len(exact), 3, 2)
         light = curve(scene, rng)[:, None] * each
         return add_light(exact, light, np.broadcast_to(place, shape))
@@ -863,7 +863,7 @@ def warm_posts(rng: Rng) -> Floats:
 def slow_thermometer(rng: Rng) -> Fault:
     tau, leads, moved = size(rng, 1, 200), rng.random() < 0.5, warm_posts(rng)
 
-    def delay(scene: Scene, _: Scene, rng: Rng) -> Scene:
+    def delay(scene: MotionScene, _: MotionScene, rng: Rng) -> MotionScene:
         late = low_pass(scene.warmth, tau, scene.time[1] - scene.time[0])
         first, second = (late, scene.warmth) if leads else (scene.warmth, late)
         return replace(scene, warmth=first - second.mean(), thermometer=second - second.mean())
@@ -917,7 +917,7 @@ def turbulence(rng: Rng) -> Fault:
     places[PLACES] = far * rng.uniform(0.3, 1, 6)
     curves = [add(part * places, wander(length)) for part in np.eye(9)[PLACES]]
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         for curve in curves:
             exact = curve(exact, scene, rng)
         return exact
@@ -936,7 +936,7 @@ def leaning_person(rng: Rng) -> Fault:
     far, at, tau = size(rng, 5e-7, 2e-4), rng.uniform(0.2, 0.7), rng.uniform(0.02, 0.1)
     moved = far * np.concatenate([np.zeros(3), unit(rng, 2), [0]])
 
-    def curve(scene: Scene, rng: Rng) -> Floats:
+    def curve(scene: MotionScene, rng: Rng) -> Floats:
         since = (scene.share - at) / tau
         return np.where(since > 0, np.exp(-np.maximum(since, 0)), 0)
 
@@ -949,7 +949,7 @@ def leaning_person(rng: Rng) -> Fault:
 def fog(rng: Rng) -> Fault:
     loss = rng.uniform(0.05, 0.5)
 
-    def hook(exact: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out = exact.copy()
         out[:, 2::3] *= (1 - loss * scene.share)[:, None]
         return out
@@ -966,7 +966,7 @@ def part_of(rng: Rng) -> tuple[float, float]:
     return first, first + size(rng, 0.02, 0.5)
 
 
-def rows_of(scene: Scene, part: tuple[float, float]) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def rows_of(scene: MotionScene, part: tuple[float, float]) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return (scene.share >= part[0]) & (scene.share < part[1])
 
 
@@ -979,7 +979,7 @@ def swapped_columns(rng: Rng) -> Fault:
     first = rng.choice([0, 3, 6] if len(names) == 9 else [0, 3])
     one, other = names[first], names[first + 1]
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         rows = rows_of(scene, part)
         swapped = {one: np.where(rows, columns[other], columns[one]),
                    other: np.where(rows, columns[one], columns[other])}  # fmt: skip
@@ -990,7 +990,7 @@ def swapped_columns(rng: Rng) -> Fault:
 
 
 def scaled_column(words: str, name: str, factor: float, part: tuple[float, float]) -> Fault:
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         return columns | {name: columns[name] * np.where(rows_of(scene, part), factor, 1)}
 
     share = min(part[1], 1) - part[0]
@@ -1011,7 +1011,7 @@ def changed_sign(rng: Rng) -> Fault:
 def rounded_reference(rng: Rng) -> Fault:
     grid = rng.choice([1e-4, 1e-3, 1e-2])
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         return columns | {n: grid * np.round(columns[n] / grid) for n in REFERENCE_COLUMNS}
 
     return table_fault(f"the reference is written in steps of {1e3 * grid:g} um and urad", hook)
@@ -1020,15 +1020,15 @@ def rounded_reference(rng: Rng) -> Fault:
 def rounded_readings(rng: Rng) -> Fault:
     grid = rng.choice([1e-3, 5e-3, 1e-2, 2e-2])
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         names = np.array(READING_COLUMNS)[PLACES]
         return columns | {n: grid * np.round(columns[n] / grid) for n in names}
 
     return table_fault(f"the places are written in steps of {um(grid)}", hook)
 
 
-def take_rows(order: Callable[[Scene, Rng], Any]) -> Hook:
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+def take_rows(order: Callable[[MotionScene, Rng], Any]) -> Hook:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         rows = order(scene, rng)
         return {name: column[rows] for name, column in columns.items()}
 
@@ -1038,7 +1038,7 @@ def take_rows(order: Callable[[Scene, Rng], Any]) -> Hook:
 def duplicated_block(rng: Rng) -> Fault:
     part = part_of(rng)
 
-    def order(scene: Scene, rng: Rng) -> Any:
+    def order(scene: MotionScene, rng: Rng) -> Any:
         return np.concatenate([np.arange(scene.rows), np.flatnonzero(rows_of(scene, part))])
 
     share = min(part[1], 1) - part[0]
@@ -1053,7 +1053,7 @@ def rows_out_of_order(rng: Rng) -> Fault:
 def slipped_reference(rng: Rng) -> Fault:
     first, length = rng.uniform(0.1, 0.8), size(rng, 0.01, 0.2)
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         rows = rows_of(scene, (first, first + length))
         return columns | {n: np.where(rows, previous(columns[n]), columns[n])
                           for n in REFERENCE_COLUMNS}  # fmt: skip
@@ -1065,7 +1065,7 @@ def slipped_reference(rng: Rng) -> Fault:
 def stale_readings(rng: Rng) -> Fault:
     share = size(rng, 5e-3, 0.1)
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         stale = rng.random(scene.rows) < share
         return columns | {n: np.where(stale, previous(columns[n]), columns[n])
                           for n in READING_COLUMNS}  # fmt: skip
@@ -1077,7 +1077,7 @@ def pasted_sessions(rng: Rng) -> Fault:
     far, at = size(rng, 0.03, 100), rng.uniform(0.2, 0.8)
     moved = far * unit(rng, 6) * 1e-3
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         later = scene.share > at
         return columns | {name: columns[name] + by * later
                           for name, by in zip(REFERENCE_COLUMNS, moved, strict=True)}  # fmt: skip
@@ -1089,7 +1089,7 @@ def pasted_sessions(rng: Rng) -> Fault:
 def lost_point(rng: Rng) -> Fault:
     count, name = rng.integers(1, 8), str(rng.choice([*REFERENCE_COLUMNS, *READING_COLUMNS]))
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         rows = rng.permutation(scene.rows) < count
         return columns | {name: np.where(rows, 10, 1) * columns[name]}
 
@@ -1097,7 +1097,7 @@ def lost_point(rng: Rng) -> Fault:
 
 
 def angle_order(rng: Rng) -> Fault:
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         roll, pitch, yaw = (1e-3 * columns[name] for name in REFERENCE_COLUMNS[3:])
         second = np.array([pitch * yaw, -roll * yaw, roll * pitch]) * 1e3
         pairs = zip(REFERENCE_COLUMNS[3:], second, strict=True)
@@ -1109,7 +1109,7 @@ def angle_order(rng: Rng) -> Fault:
 def smoothed_readings(rng: Rng) -> Fault:
     rows = int(rng.choice([3, 5]))
 
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         out, side = dict(columns), rows // 2
         for name in READING_COLUMNS:
             wide = np.pad(columns[name], side, mode="reflect", reflect_type="odd")

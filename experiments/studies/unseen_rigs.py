@@ -56,7 +56,7 @@ from .bench_faults import (
     UNITS,
     Columns,
     Fault,
-    Scene,
+    MotionScene,
     sample_states,
     show_temperature,
 )
@@ -185,7 +185,7 @@ def shrink(curve: Callable[[Floats], Floats], scale: float) -> Callable[[Floats]
     return lambda time: curve(time) * [1, 1, scale, scale, scale, scale]
 
 
-def room_temperature(time: Floats, rng: Rng) -> Floats:
+def ambient_temperature(time: Floats, rng: Rng) -> Floats:
     """A room that warms or cools while its air conditioning switches; K from the mean."""
     cycle = rng.uniform(0.1, 0.4) * np.sin(2 * np.pi * time / rng.uniform(150, 400))
     air = rng.uniform(0.4, 1.2) * rng.choice([-1, 1]) * np.linspace(-0.5, 0.5, len(time)) + cycle
@@ -193,36 +193,36 @@ def room_temperature(time: Floats, rng: Rng) -> Floats:
     return out
 
 
-def draw_scene(real: BenchRig, in_time: bool, rng: Rng) -> Scene:
+def draw_scene(real: BenchRig, in_time: bool, rng: Rng) -> MotionScene:
     """The motion of a calibration."""
     if not in_time:
         pose = poses_on_bench(real.rig, RANDOM_ROWS, rng, BOX_REACH).pose
-        air = room_temperature(row_times(RANDOM_PERIOD_S, len(pose)), rng)
-        return Scene(real, pose, row_times(RANDOM_PERIOD_S, len(pose)), air, air)
+        air = ambient_temperature(row_times(RANDOM_PERIOD_S, len(pose)), rng)
+        return MotionScene(real, pose, row_times(RANDOM_PERIOD_S, len(pose)), air, air)
     track = draw_track(real.rig, rng)
     moments = row_times(TIMED_PERIOD_S, TIMED_ROWS)
-    air = room_temperature(moments, rng)
-    return Scene(real, track(moments), moments, air, air, track=track)
+    air = ambient_temperature(moments, rng)
+    return MotionScene(real, track(moments), moments, air, air, track=track)
 
 
-def draw_use(real: BenchRig, rng: Rng) -> Scene:
+def draw_use(real: BenchRig, rng: Rng) -> MotionScene:
     """A motion after the calibration."""
     pose = poses_on_bench(real.rig, TEST_ROWS, rng).pose
     still = np.zeros(TEST_ROWS)
-    return Scene(real, pose, row_times(RANDOM_PERIOD_S, TEST_ROWS), still, still, in_use=True)
+    return MotionScene(real, pose, row_times(RANDOM_PERIOD_S, TEST_ROWS), still, still, in_use=True)
 
 
 # ---- measurements
 
 
-class Measurement:
+class BenchMeter:
     """Measures scenes with faults; the light of a scene that it has met is not computed twice."""
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.light: dict[tuple[tuple[int, ...], bytes], Floats] = {}
 
-    def apply(self, stage: str, value: Any, faults: Faults, scene: Scene) -> Any:
+    def apply(self, stage: str, value: Any, faults: Faults, scene: MotionScene) -> Any:
         """Change a value by all faults that act at a stage."""
         for i, fault in faults:
             if stage in fault.hooks:
@@ -230,7 +230,7 @@ class Measurement:
                 value = fault.hooks[stage](value, scene, rng)
         return value
 
-    def read(self, scene: Scene, faults: Faults) -> tuple[Floats, Scene]:
+    def read(self, scene: MotionScene, faults: Faults) -> tuple[Floats, MotionScene]:
         """Readings (n, 9) of a scene, and the scene as it then was."""
         sensor, rng = scene.real.rig.sensor, np.random.default_rng([self.seed, 90, scene.in_use])
         if not scene.in_use:
@@ -248,7 +248,7 @@ class Measurement:
         noisy = add_noise(sensor, exact, rng) if scene.has_noise else exact
         return self.apply("raw", invert_correction(sensor, noisy), faults, scene), scene
 
-    def tabulate(self, scene: Scene, faults: Faults) -> Columns:
+    def tabulate(self, scene: MotionScene, faults: Faults) -> Columns:
         """The table of a calibration, with the column `row`: number of the row as measured."""
         raw, scene = self.read(scene, faults)
         rng = np.random.default_rng([self.seed, 91])
@@ -277,7 +277,7 @@ def solve(sensor: Sensor, raw: Floats) -> facets.Solution:
     return facets.solve(sensor, correct(sensor, raw), beam="known", power="unknown", threads=1)
 
 
-def is_harmless(meter: Measurement, scene: Scene, index: int, fault: Fault) -> bool:
+def is_harmless(meter: BenchMeter, scene: MotionScene, index: int, fault: Fault) -> bool:
     """Whether a fault alone changes poses by less than their noise, r.m.s. in every axis."""
     exact = replace(scene, has_noise=False)
     before, noise = pose_difference(scene.real, meter.tabulate(exact, []))
@@ -298,7 +298,7 @@ def build_rig(name: str, seed: int, kinds: tuple[Kind, ...], nominal: Sensor) ->
     is_clean = all(fault.group == "" for _, fault in faults)
     in_time = any(fault.in_time for _, fault in faults)
     in_time |= not is_clean and rng.random() < TIMED_SHARE
-    scene, meter = draw_scene(real, in_time, rng), Measurement(seed)
+    scene, meter = draw_scene(real, in_time, rng), BenchMeter(seed)
     columns = meter.tabulate(scene, faults)
     del columns["row"]
     lasting = [(i, fault) for i, fault in faults if fault.group in LASTING]
@@ -323,7 +323,7 @@ def rigs(only: str = "", draw: int = 0, config: str = "paper") -> Iterator[Unsee
 # ---- trials of a calibration
 
 
-class Trial(NamedTuple):
+class RigTrial(NamedTuple):
     """is_trusted: the verdict.  findings: its words.  over: errors on the other motion over those
     of a perfectly known rig (6,).  held: the share of 95 % intervals that held.  beyond: r.m.s.
     errors over stated standard uncertainties.  seconds: of processor time."""
@@ -342,7 +342,7 @@ class Trial(NamedTuple):
         return bool(self.is_trusted and (across or others.any()))
 
 
-def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> Trial:
+def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> RigTrial:
     """Calibrate a rig from its table as the command does, and solve the other motion with it."""
     start, nothing = time.process_time(), np.full(6, np.nan)
     try:
@@ -351,11 +351,11 @@ def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> Trial:
     except FacetsError as refusal:
         seconds = time.process_time() - start
         refused = [Finding(True, str(refusal), ("table",))]
-        return Trial(False, refused, nothing, nothing, nothing, seconds)
+        return RigTrial(False, refused, nothing, nothing, nothing, seconds)
     seconds = time.process_time() - start
     findings = result.findings
     if result.sensor is None:
-        return Trial(False, findings, nothing, nothing, nothing, seconds)
+        return RigTrial(False, findings, nothing, nothing, nothing, seconds)
     solved = solve(result.sensor, rig.readings)
     rng = np.random.default_rng([rig.seed, 92])
     ideal = add_noise(result.sensor, facets.readings(result.sensor, rig.states), rng)
@@ -366,10 +366,10 @@ def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> Trial:
     held = inside.sum(axis=0) / np.isfinite(error).sum(axis=0)
     over = rms(error) / rms((perfect.state - rig.states)[:, :6])
     beyond = rms(error) / rms(solved.uncertainty[:, :6])
-    return Trial(bool(result.is_trusted), findings, over, held, beyond, seconds)
+    return RigTrial(bool(result.is_trusted), findings, over, held, beyond, seconds)
 
 
-def print_trial(rig: UnseenRig, trial: Trial) -> None:
+def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
     word = "trusted" if trial.is_trusted else "refused"
     if trial.is_wrong:
         word = "TRUSTED AND WRONG"
@@ -379,7 +379,7 @@ def print_trial(rig: UnseenRig, trial: Trial) -> None:
           f"beyond {beyond}")  # fmt: skip
     print_truth(rig)
     for truth in rig.truth:
-        print(f"    {how_told(truth, trial.findings):5} {truth.group}: {truth.words}")
+        print(f"    {classify_truth(truth, trial.findings):5} {truth.group}: {truth.words}")
     for finding in trial.findings:
         print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
 
@@ -389,7 +389,7 @@ GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCA
 GROUP_OF |= {"supply": "electronics", "clock_set": "time", "saturated": "electronics"}
 
 
-def how_told(truth: Truth, findings: list[Finding]) -> str:
+def classify_truth(truth: Truth, findings: list[Finding]) -> str:
     """How the findings tell a fault: "named" by its group, "among" alternatives of several groups,
     "wrong" where they name others only, or "unsaid"."""
     groups = [
@@ -408,7 +408,7 @@ def print_truth(rig: UnseenRig) -> None:
         print(f"    = {truth.group}, {harm}: {truth.words}", flush=True)
 
 
-def count_trials(pairs: list[tuple[UnseenRig, Trial]]) -> None:
+def count_trials(pairs: list[tuple[UnseenRig, RigTrial]]) -> None:
     """Print how many rigs were trusted, by whether they deserve it."""
     clean = [trial for rig, trial in pairs if all(truth.harmless for truth in rig.truth)]
     faulty = [trial for rig, trial in pairs if not all(truth.harmless for truth in rig.truth)]
@@ -417,7 +417,7 @@ def count_trials(pairs: list[tuple[UnseenRig, Trial]]) -> None:
         wrong = sum(trial.is_wrong for trial in trials)
         print(f"{len(trials)} rigs {label}: {trusted} trusted, {wrong} of them wrong")
     told = Counter(
-        (truth.harmless, how_told(truth, trial.findings))
+        (truth.harmless, classify_truth(truth, trial.findings))
         for rig, trial in pairs for truth in rig.truth
     )  # fmt: skip
     for is_harmless, label in ((False, "harmful"), (True, "harmless")):

@@ -135,7 +135,7 @@ def capitalise(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def describe_undecided(alternatives: Iterable[Alternative], clauses: Iterable[str]) -> str:
+def describe_rivals(alternatives: Iterable[Alternative], clauses: Iterable[str]) -> str:
     """Sentences on several alternatives that the samples cannot tell apart: where they lie, which
     they are, and what would tell."""
     several = list(alternatives)

@@ -26,7 +26,7 @@ def plain(
     return lambda remainder: remainder.test(key, make(remainder), sigma)
 
 
-def of_course(
+def course_test(
     key: str,
     make: Callable[[Remainder], Floats],
     courses: Callable[[Remainder], Floats],
@@ -117,12 +117,12 @@ THINGS = (
     Thing("supply", "electronics", "all places together", columns.place_columns, 0.05, supply_size,
           "look at the supply and the reference voltage of the amplifiers",
           "let the mirror rest, and record all detectors"),
-    Thing("seat", "reference", "the mirror on the reference", lambda remainder: remainder.by_pose,
-          np.array([0.01] * 3 + [5e-5] * 3), pose_size,
+    Thing("seat", "reference", "the mirror on the reference",
+          lambda remainder: remainder.pose_columns, np.array([0.01] * 3 + [5e-5] * 3), pose_size,
           "fasten the mirror, and look for cables that pull",
           "come back to one pose again and again"),
-    Thing("beam", "light", "the beam", lambda remainder: remainder.by_beam, 0.01, lengths("x", "y"),
-          "fasten the laser, and shield the beam from moving air",
+    Thing("beam", "light", "the beam", lambda remainder: remainder.beam_columns, 0.01,
+          lengths("x", "y"), "fasten the laser, and shield the beam from moving air",
           "let the mirror rest and look at all three spots"),
     *(
         Thing(f"facet_{k}", "facets", f"facet {k.upper()}",
@@ -186,7 +186,7 @@ def moving(thing: Thing) -> list[Alternative]:
                            **parts)  # fmt: skip
 
     def course(name: str, courses: Callable[[Remainder], Floats]) -> Callable[[Remainder], Trace]:
-        return of_course(f"{thing.key}.{name}", thing.columns, courses, thing.sigma)
+        return course_test(f"{thing.key}.{name}", thing.columns, courses, thing.sigma)
 
     return [
         alternative("jumped", test=switch, size=size_of_switch, refuses=not thing.harmless),
@@ -212,7 +212,7 @@ def facets_of(amounts: Floats) -> str:
     return f"on {whole or 'some facets'}"
 
 
-def of_reference(kind: str) -> Callable[[Remainder], Trace]:
+def reference_test(kind: str) -> Callable[[Remainder], Trace]:
     def test(remainder: Remainder) -> Trace:
         terms = columns.reference_terms(remainder)[kind]
         made = columns.reference_columns(remainder, terms)
@@ -223,7 +223,7 @@ def of_reference(kind: str) -> Callable[[Remainder], Trace]:
 
 def test_cycles(axis: int) -> Callable[[Remainder], Trace]:
     def test(remainder: Remainder) -> Trace:
-        made = remainder.by_pose[:, :, [axis]]
+        made = remainder.pose_columns[:, :, [axis]]
         courses = columns.cycles(remainder, axis)
         trace = remainder.test_courses(f"cyclic_{POSE[axis]}", made, courses, 1e-3)
         span = float(np.ptp(remainder.data.pose[:, axis]))
@@ -240,7 +240,7 @@ def test_dust(remainder: Remainder) -> Trace:
     coarse = remainder.test_courses("dust", made, columns.shadows(remainder, places), 0.03)
     if coarse.score < 0:
         return coarse
-    landing, sigma = columns.Landing(remainder), columns.beam_sigma(remainder)
+    landing, sigma = columns.RayLanding(remainder), columns.beam_sigma(remainder)
     middle, trials, best = places[int(coarse.at[0])], len(places), None
     for width, count in finer:
         for place in middle + sigma * columns.square_grid(width, count):
@@ -305,7 +305,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
         Alternative(f"window_{k}", "detectors",
                     f"there are fringes of the window of detector {k.upper()}",
                     "tilt the window, or take it off", "turn that detector a little",
-                    of_course(f"window_{k}", partial(columns.power_columns, detectors=(n,)),
+                    course_test(f"window_{k}", partial(columns.power_columns, detectors=(n,)),
                               partial(columns.window_fringes, k=n)))
         for n, k in enumerate(DETECTORS)
     ),
@@ -319,7 +319,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                     "tip")),
     # the reference
     *(
-        Alternative(key, "reference", words, OF_REFERENCE, TURN, of_reference(key),
+        Alternative(key, "reference", words, OF_REFERENCE, TURN, reference_test(key),
                     general=key == "reference")
         for key, words in (
             ("reference", "the reference's axes err in a way that its own coordinates give"),

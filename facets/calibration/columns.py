@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain, combinations, combinations_with_replacement, permutations, product
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def dark_columns(remainder: Remainder) -> Floats:
 
 def lamp_columns(remainder: Remainder) -> Floats:
     """The columns of other light on each detector: its power, and its power times its place."""
-    raw, noise, model = remainder.raw, remainder.noise, remainder.modelled
+    raw, noise, model = remainder.raw, remainder.noise, remainder.model_readings
     columns: Floats = np.zeros((*noise.shape, 9))
     for k in range(3):
         power, places = raw[:, 3 * k + 2], model[:, 3 * k : 3 * k + 2]
@@ -235,13 +236,13 @@ def window_fringes(remainder: Remainder, k: int) -> Floats:
 # ---- light that is lost at a place of the mirror or of the beam
 
 
-class Landing:
+class RayLanding:
     """Where the rays of a beam land: on each detector, by the place (..., 2) at which they meet the
     mirror, from its apex, mm. Exact for flat facets."""
 
     def __init__(self, remainder: Remainder) -> None:
         sensor, state = remainder.sensor, remainder.state
-        self.raw, self.modelled = remainder.raw, remainder.modelled
+        self.raw, self.model_readings = remainder.raw, remainder.model_readings
         self.azimuths = np.array([facet.azimuth for facet in sensor.facets])
         size = beam_sigma(remainder)
         narrow = replace(sensor.beam, diameter_x=size / 100, diameter_y=size / 100)
@@ -272,12 +273,12 @@ class Landing:
         return nearest
 
 
-def lost_light(remainder: Remainder, landing: Landing, at: Floats, weight: Floats) -> Floats:
+def lost_light(remainder: Remainder, landing: RayLanding, at: Floats, weight: Floats) -> Floats:
     """What the readings (n, 9) lose where light of shares (n, m) of the laser's power is lost at
     places (n, m, 2) from the apex."""
     power = remainder.sensor.beam.power
     facets, out = landing.facet(at), np.zeros(remainder.noise.shape)
-    raw, model = landing.raw, landing.modelled
+    raw, model = landing.raw, landing.model_readings
     for k in range(3):
         share = power * weight * (facets == k)
         loss = share.sum(axis=1)
@@ -302,7 +303,7 @@ def shadows(remainder: Remainder, places: Floats) -> Floats:
     return light
 
 
-def dust_column(remainder: Remainder, landing: Landing, place: Floats) -> Floats:
+def dust_column(remainder: Remainder, landing: RayLanding, place: Floats) -> Floats:
     """The column (n, 9) of a speck at a place (2,) of the mirror from its tip, mm, by the share of
     the light in it that it absorbs."""
     sigma, offset = beam_sigma(remainder), place_in_beam(remainder)
@@ -317,7 +318,7 @@ def dust_column(remainder: Remainder, landing: Landing, place: Floats) -> Floats
 def aperture_columns(remainder: Remainder) -> Floats:
     """The columns (m, n, 9, 3) of apertures of m radii: what a round one cuts off, and what it cuts
     off more on one side, along x and y."""
-    landing, sigma, offset = Landing(remainder), beam_sigma(remainder), place_in_beam(remainder)
+    landing, sigma, offset = RayLanding(remainder), beam_sigma(remainder), place_in_beam(remainder)
     nodes, weights = np.polynomial.legendre.leggauss(4)
     angle = 2 * np.pi * (np.arange(24) + 0.5) / 24
     out = []
@@ -350,7 +351,7 @@ BOW_SIGMAS = np.array([5e-3] * 3 + [2e-5] * 3)
 
 def reference_columns(remainder: Remainder, terms: list[tuple[int, Floats]]) -> Floats:
     """The columns of errors of the reference: the axis that errs, and by what (n,), for each."""
-    by_pose = remainder.by_pose
+    by_pose = remainder.pose_columns
     return np.stack([by_pose[:, :, axis] * size[:, None] for axis, size in terms], axis=-1)
 
 
@@ -364,24 +365,26 @@ def reference_terms(remainder: Remainder) -> dict[str, list[tuple[int, Floats]]]
     """
     pose = remainder.data.pose
     ends: Floats = pose / np.abs(pose).max(axis=0).clip(1e-12)
-    lengths, angles = range(3), range(3, 6)
-    terms = {
-        "scale": [(n, SCALE_SIGMA * pose[:, n]) for n in range(6)],
-        "abbe": [(n, ABBE_SIGMA_MM * pose[:, m]) for n in lengths for m in angles if m != n + 3],
-        "squareness": [
-            (n, SQUARENESS_SIGMA * pose[:, m])
-            for part in (lengths, angles) for n in part for m in part if n != m
-        ],
-        "bow": [(n, BOW_SIGMAS[n] * ends[:, m] ** 2) for n in range(6) for m in lengths],
-        "cosine": [
-            (n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j])
-            for n in lengths for i in angles for j in range(3, i + 1)
-        ],
-    }  # fmt: skip
-    known = [term for kind in terms.values() for term in kind]
-    mixed = [(n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j])
-             for n in range(6) for i in range(6) for j in range(i)]  # fmt: skip
-    return terms | {"reference": known + mixed}
+    pairs = {
+        "abbe": [(n, m) for n, m in product(range(3), range(3, 6)) if m != n + 3],
+        "squareness": [*permutations(range(3), 2), *permutations(range(3, 6), 2)],
+    }
+    sizes = {"abbe": ABBE_SIGMA_MM, "squareness": SQUARENESS_SIGMA}
+    terms = {kind: [(n, sizes[kind] * pose[:, m]) for n, m in pairs[kind]] for kind in pairs}
+    terms["scale"] = [(n, SCALE_SIGMA * pose[:, n]) for n in range(6)]
+    terms["bow"] = square_terms(ends, range(6), [(m, m) for m in range(3)])
+    terms["cosine"] = square_terms(
+        ends, range(3), list(combinations_with_replacement(range(3, 6), 2))
+    )
+    mixed = square_terms(ends, range(6), list(combinations(range(6), 2)))
+    return terms | {"reference": [*chain(*terms.values()), *mixed]}
+
+
+def square_terms(
+    ends: Floats, axes: range, pairs: list[tuple[int, int]]
+) -> list[tuple[int, Floats]]:
+    """Errors of axes by products of pairs of coordinates (n, 6), each over its largest."""
+    return [(n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j]) for n, (i, j) in product(axes, pairs)]
 
 
 def moving_columns(remainder: Remainder) -> Floats:
@@ -389,7 +392,7 @@ def moving_columns(remainder: Remainder) -> Floats:
     data, columns = remainder.data, np.zeros((*remainder.noise.shape, 3))
     if data.velocity is None or data.clock is None:
         return columns
-    moving = np.einsum("nij,nj->ni", remainder.by_pose, data.velocity)
+    moving = np.einsum("nij,nj->ni", remainder.pose_columns, data.velocity)
     for k in range(3):
         columns[:, 3 * k : 3 * k + 3, k] = moving[:, 3 * k : 3 * k + 3]
     return columns

@@ -51,7 +51,7 @@ STRAY_FACTOR, STRAY_COST, LEAST_STRAY, MOST_STRAY_SHARE = 5.0, 4.0, 8, 0.6
 WORST_LIGHT_SIGMAS = 17.0
 
 
-def of_table(words: str, remedy: str, change: Change) -> Alternative:
+def table_fault(words: str, remedy: str, change: Change) -> Alternative:
     return Alternative(words, "table", words, remedy, change=change)
 
 
@@ -101,13 +101,13 @@ def swapped_signs() -> Iterator[Alternative]:
     for n, kind in enumerate(("psi", "zeta")):
         for k in (0, 1, 2, slice(None)):
             of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
-            yield of_table(
+            yield table_fault(
                 f"the sign of {kind} of {of} is swapped",
                 "swap it back",
                 change_readings(scale(np.arange(n, 9, 3)[k], -1)),
             )
     for n, name in enumerate(POSE):
-        yield of_table(
+        yield table_fault(
             f"the sign of the reference's {name} is swapped",
             "swap it back",
             change_pose(scale(n, -1)),
@@ -122,14 +122,14 @@ def exchanged_readings() -> Iterator[Alternative]:
         letters = "".join("ABC"[k] for k in order)
         moved = [k for k in range(3) if order[k] != k]
         of = " and ".join("ABC"[k] for k in moved) if len(moved) == 2 else "A, B and C"
-        yield of_table(
+        yield table_fault(
             f"detectors {of} are exchanged",
             f"name the columns of the readings in the order {letters}",
             change_readings(permute([3 * k + n for k in order for n in range(3)])),
         )
     for a, b in combinations(range(9), 2):
         if (a % 3 == 2) == (b % 3 == 2):  # a place and a power are never taken for each other
-            yield of_table(
+            yield table_fault(
                 f"{name_pair(a, b)} are exchanged",
                 "exchange them",
                 change_readings(exchange(a, b, 9)),
@@ -169,13 +169,13 @@ def angle_orders() -> Iterator[Alternative]:
     for order in ("".join(axes) for axes in permutations("xyz")):
         if order != "xyz":
             axes = ", then ".join(order)
-            yield of_table(
+            yield table_fault(
                 f"the reference's angles are taken in another order (about the fixed axes {axes}; "
                 "here x, then y, then z)",
                 "convert them",
                 replace_angles(partial(rotations, order=order)),
             )
-    yield of_table(
+    yield table_fault(
         "the reference gives the inverse rotation",
         "invert it",
         replace_angles(lambda pose: np.swapaxes(rotation_matrix(pose[:, 3:]), 1, 2)),
@@ -185,13 +185,13 @@ def angle_orders() -> Iterator[Alternative]:
 def reference_axes() -> Iterator[Alternative]:
     """Hypotheses that axes of the reference are exchanged, or turned by quarters of a turn."""
     for a, b in ((0, 1), (3, 4)):
-        yield of_table(
+        yield table_fault(
             f"the reference's {POSE[a]} and {POSE[b]} are exchanged",
             "exchange them",
             change_pose(exchange(a, b, 6)),
         )
     for quarters in (1, 2, 3):
-        yield of_table(
+        yield table_fault(
             f"the reference's x and y axes are turned by {90 * quarters} degrees about z",
             "turn them back",
             change_pose(partial(turn_axes, quarters=quarters)),
@@ -218,18 +218,20 @@ def wrong_units() -> Iterator[Alternative]:
         ("arc seconds where mrad is asked for", degree / 3600),
     ):
         change = change_pose(scale(angles, factor))
-        yield of_table(f"the reference's angles are in {words}", "convert them", change)
+        yield table_fault(f"the reference's angles are in {words}", "convert them", change)
     for words, factor in (
         ("um where mm is asked for", 1e-3),
         ("m where mm is asked for", 1e3),
     ):
         change = change_pose(scale(lengths, factor))
-        yield of_table(f"the reference's lengths are in {words}", "convert them", change)
+        yield table_fault(f"the reference's lengths are in {words}", "convert them", change)
         change = change_readings(scale(places, factor))
-        yield of_table(f"the spots' places are in {words}", "convert them", change)
+        yield table_fault(f"the spots' places are in {words}", "convert them", change)
     for words, factor in (("uW", 1e-3), ("W", 1e3)):
         change = change_readings(scale(powers, factor))
-        yield of_table(f"the powers are in {words} where mW is asked for", "convert them", change)
+        yield table_fault(
+            f"the powers are in {words} where mW is asked for", "convert them", change
+        )
 
 
 def detector_kinds(sensor: Sensor) -> Iterator[Alternative]:
@@ -242,7 +244,7 @@ def detector_kinds(sensor: Sensor) -> Iterator[Alternative]:
             "duo-lateral or pincushion",
         ),
     ):
-        yield of_table(
+        yield table_fault(
             f"the places on the detectors are {words}",
             f"set sensor.electronics.kind to {kind} and convert the recorded currents again",
             change_readings(partial(convert_places, sensor, convert)),
@@ -396,7 +398,7 @@ def find_stray_rows(
     if mended[0][0] < STRAY_FACTOR * usual and CLEAR_GAP * mended[0][0] < mended[1][0]:
         words += f" (in them, {every[mended[0][1]].words})"
     remedy = "mend these rows, or leave them out: look for columns, units and rows that were moved"
-    fault = of_table(words, remedy, partial(leave_rows_out, numbers[0], numbers[-1]))
+    fault = table_fault(words, remedy, partial(leave_rows_out, numbers[0], numbers[-1]))
     return Explanation((fault,), before, level**0.5, ())
 
 

@@ -15,7 +15,7 @@ from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
-from .alternative import Finding, capitalise, describe_undecided
+from .alternative import Finding, capitalise, describe_rivals
 from .bundle_adjustment import Data, relative_power
 from .fit import Fit
 from .judge import Cause
@@ -85,7 +85,7 @@ def effect_findings(remainder: Remainder, least: float) -> list[Finding]:
         (PROFILE, profile_finding),
     ):  # fmt: skip
         names = [name for name in result.choice.names if name in series]
-        if names and remainder.need_of(names) > least:
+        if names and remainder.rise_without(names) > least:
             every.append(make(result))
     return [finding for finding in every if finding]
 
@@ -306,7 +306,7 @@ def cause_finding(cause: Cause) -> Finding:
     words = (
         f"What no unknown explains is {cause.size:.2g} times the noise (r.m.s.). "
         + (f"The likeliest cause: {clauses[0]}." if len(several) == 1
-           else describe_undecided(several, clauses))
+           else describe_rivals(several, clauses))
         + f" {capitalise(best.remedy)}, and calibrate again."
     )  # fmt: skip
     if not cause.refuses:

@@ -124,7 +124,7 @@ def noisy_remainder(sensor: Sensor, data: Data, result: Fit, robust: float | Non
     """The remainder with the noise of each reading that most residuals have, where that is larger
     than the stated one: else whatever follows a few of them would explain the noise."""
     remainder = Remainder(sensor, data, result, robust)
-    left = np.where(remainder.is_read, np.abs(remainder.left), np.nan)
+    left = np.where(remainder.is_read, np.abs(remainder.residuals), np.nan)
     size = np.nan_to_num(np.maximum(NORMAL_MEDIAN * median(left), 1.0), nan=1.0)
     if (size < NOISY).all():
         return remainder
@@ -146,7 +146,7 @@ def steps_as_changes(remainder: Remainder) -> list[Alternative]:
 
 
 @one_thread
-def judge_large(remainder: Remainder) -> list[Cause]:
+def find_large_causes(remainder: Remainder) -> list[Cause]:
     """The causes that explain most of residuals which are many times the noise."""
     least, rest = LARGE_CHI_SQUARE * float(remainder.is_read.sum()), remainder
     chosen = list[Trace]()
@@ -156,22 +156,22 @@ def judge_large(remainder: Remainder) -> list[Cause]:
         if not traces or traces[0].fall < LARGE_SHARE * rest.chi_square or traces[0].key in known:
             break
         chosen.append(traces[0])
-        rest = remainder.beside(chosen)
+        rest = remainder.extend_by(chosen)
     return [Cause((trace,), remainder, 0.0) for trace in chosen]
 
 
 @one_thread
-def judge(remainder: Remainder) -> list[Cause]:
+def find_causes(remainder: Remainder) -> list[Cause]:
     """The causes that the residuals call for beyond chance; the likeliest first."""
     chosen = list[Trace]()
     while len(chosen) < MOST_CAUSES:
-        traces = clear_traces(remainder.beside(chosen))
+        traces = clear_traces(remainder.extend_by(chosen))
         if not traces or traces[0].score < LEAST_SHARE * (chosen[0].score if chosen else 0.0):
             break
         chosen.append(traces[0])
     causes = list[Cause]()
     for trace in chosen:
-        rest = remainder.beside([other for other in chosen if other is not trace])
+        rest = remainder.extend_by([other for other in chosen if other is not trace])
         traces = clear_traces(rest)
         if traces:  # else the others explain it
             causes.append(Cause(tuple(rivals(traces, rest)), rest, pose_shift(rest, traces[0])))

@@ -69,10 +69,10 @@ class Remainder:
 
     @property
     def chi_square(self) -> float:
-        return float((self.pulled * self.left).sum())
+        return float((self.pulled * self.residuals).sum())
 
     @property
-    def left(self) -> Floats:
+    def residuals(self) -> Floats:
         """The residuals (n, 9) in standard deviations, the common unknowns at their best."""
         whole: Floats = (self.variance @ self.pulled[:, :, None])[:, :, 0]
         return whole
@@ -83,24 +83,24 @@ class Remainder:
         return np.nan_to_num(self.data.raw, nan=1.0)
 
     @property
-    def modelled(self) -> Floats:
+    def model_readings(self) -> Floats:
         """The readings (n, 9) as the fit has them."""
-        return self.raw - self.left * self.noise
+        return self.raw - self.residuals * self.noise
 
     @property
-    def by_pose(self) -> Floats:
+    def pose_columns(self) -> Floats:
         """The derivatives of the readings (n, 9, 6) by the mirror's pose on the reference, in
         standard deviations per mm and rad."""
         whole: Floats = self.likelihood.own[:, :, :6] / OWN_UNITS[:6]
         return whole
 
     @property
-    def by_beam(self) -> Floats:
+    def beam_columns(self) -> Floats:
         """The derivatives of the readings (n, 9, 2) by the beam's place, per mm."""
         whole: Floats = self.likelihood.own[:, :, 7:] / OWN_UNITS[7:]
         return whole
 
-    def beside(self, traces: list[Trace]) -> Remainder:
+    def extend_by(self, traces: list[Trace]) -> Remainder:
         """The remainder in which the columns of some alternatives are unknowns, too."""
         rest = self
         for trace in traces:
@@ -130,7 +130,7 @@ class Remainder:
         rest.pulled = self.pulled - self.project(columns, step[size:])
         return rest
 
-    def need_of(self, names: Iterable[str]) -> float:
+    def rise_without(self, names: Iterable[str]) -> float:
         """By how much chi-square would rise without some of the fit's unknowns."""
         at = [self.fit.choice.names.index(name) for name in names]
         off = (self.values - values_of(self.nominal)[self.fit.choice.places])[at]
@@ -267,7 +267,7 @@ class Remainder:
         """By how much chi-square of each sample (n,) falls."""
         part = self.project(self.readable(trace.columns), trace.amounts)
         moved = (self.variance @ part[:, :, None])[:, :, 0]
-        falls: Floats = (2 * self.left * part - moved * part).sum(axis=1)
+        falls: Floats = (2 * self.residuals * part - moved * part).sum(axis=1)
         return falls
 
     def visible_effect(self, trace: Trace) -> Floats:

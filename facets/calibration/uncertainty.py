@@ -192,7 +192,7 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
         )
         for cause in causes for trace in cause.traces
     ]  # fmt: skip
-    beside = remainder.beside(traces)
+    beside = remainder.extend_by(traces)
     extra = beside.covariance[:size, :size] - remainder.covariance[:size, :size]
     for cause in causes:
         if not cause.alternatives[0].persists:

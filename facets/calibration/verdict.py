@@ -35,8 +35,8 @@ from .fit import Fit, fit
 from .judge import (
     LEAST_SHARE,
     Cause,
-    judge,
-    judge_large,
+    find_causes,
+    find_large_causes,
     noisy_remainder,
     restore_readings,
     steps_as_changes,
@@ -128,14 +128,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     screened = screen(sensor, data, settings)
     if screened.is_refused:
         return screened.verdict()
-    plain, fault, causes = plain_fit(sensor, screened, chosen, settings), None, list[Cause]()
-    if plain.hopeless and not plain.promising:
-        clean, large = undo_large_causes(sensor, plain, chosen, settings)
-        is_cured = clean.promising or not clean.hopeless
-        if not is_cured and (fault := find_fault_of(sensor, plain, chosen)) is not None:
-            plain = plain_fit(sensor, screened.undo(fault), chosen, settings)
-        elif is_cured or clean.is_better_than(plain):
-            plain, causes = clean, large
+    plain, fault, causes = first_fit(sensor, screened, chosen, settings)
     if astray := unsettled_findings(sensor, plain):
         return plain.verdict(astray if fault is None else [])
     done, causes = explain(sensor, plain, chosen, settings, causes)
@@ -163,7 +156,7 @@ class Screened:
     kind: str
     original: Data | None = None
 
-    def without(self, causes: list[Cause]) -> Screened:
+    def leave_out(self, causes: list[Cause]) -> Screened:
         """The samples without what causes do to their readings."""
         original = self.original or self.fitted
         return replace(self, fitted=undo_causes(original, causes), original=original)
@@ -264,6 +257,22 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
 # ---- judge: what explains the residuals
 
 
+def first_fit(
+    sensor: Sensor, screened: Screened, chosen: Choice, settings: Calibrate
+) -> tuple[Plain, Explanation | None, list[Cause]]:
+    """The plain fit, to samples without a fault of the table, or without large causes, where no
+    light explains it."""
+    plain = plain_fit(sensor, screened, chosen, settings)
+    if plain.promising or not plain.hopeless:
+        return plain, None, []
+    clean, large = undo_large_causes(sensor, plain, chosen, settings)
+    if clean.promising or not clean.hopeless:
+        return clean, None, large
+    if (fault := find_fault_of(sensor, plain, chosen)) is not None:
+        return plain_fit(sensor, screened.undo(fault), chosen, settings), fault, []
+    return (clean, None, large) if clean.is_better_than(plain) else (plain, None, [])
+
+
 def find_fault_of(sensor: Sensor, plain: Plain, chosen: Choice) -> Explanation | None:
     """A fault of the table, or something that jumped, that explains a bad fit."""
     try:
@@ -282,10 +291,10 @@ def undo_large_causes(
         wide = add_cheap_candidates(sensor, plain.data, settings, plain.fit.choice)
         data = restore_readings(plain.data, plain.original)
         robust = None if causes else settings.outliers
-        large = judge_large(Remainder(sensor, data, replace(plain.fit, choice=wide), robust))
+        large = find_large_causes(Remainder(sensor, data, replace(plain.fit, choice=wide), robust))
         if not large:
             break
-        causes, plain = large, plain_fit(sensor, plain.screened.without(large), chosen, settings)
+        causes, plain = large, plain_fit(sensor, plain.screened.leave_out(large), chosen, settings)
         if plain.promising or not plain.hopeless:
             break
     return plain, causes
@@ -322,13 +331,13 @@ def explain(
         data = restore_readings(done.data, original) if causes else done.data
         robust = None if causes else settings.outliers
         remainder = noisy_remainder(done.sensor, data, done.fit, robust)
-        before, causes = [cause.best.key for cause in causes], judge(remainder)
+        before, causes = [cause.best.key for cause in causes], find_causes(remainder)
         best = done, causes
         needless = needless_effects(remainder, causes, done)
         if [cause.best.key for cause in causes] == before and not needless:
             break
         settings = replace(settings, effects=settings.effects | dict.fromkeys(needless, "off"))
-        plain = plain_fit(sensor, plain.screened.without(causes), chosen, settings)
+        plain = plain_fit(sensor, plain.screened.leave_out(causes), chosen, settings)
     assert best is not None
     return best
 
@@ -336,13 +345,13 @@ def explain(
 def needless_effects(remainder: Remainder, causes: list[Cause], done: EffectSearch) -> list[str]:
     """The effects that look like others, which the data called for, and do not beside the
     causes."""
-    beside = remainder.beside([cause.best for cause in causes])
+    beside = remainder.extend_by([cause.best for cause in causes])
     needless = []
     for candidate in done.accepted if causes else []:
         names = set(candidate.sigma) & set(done.fit.choice.names)
         if not candidate.effect.rivals or not names:
             continue
-        if chance_of(beside.need_of(names), len(names)) > CHANCE:
+        if chance_of(beside.rise_without(names), len(names)) > CHANCE:
             needless.append(candidate.key)
     return needless
 

@@ -70,7 +70,7 @@ class NoiseReport:
     faults: list[str]
 
     @property
-    def shared(self) -> list[tuple[str, str, float]]:
+    def noise_pairs(self) -> list[tuple[str, str, float]]:
         """Pairs of places on different detectors whose noises go together beyond chance, and their
         correlation, the largest first. The powers have the laser's noise in common."""
         least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(self.samples))
