@@ -115,9 +115,7 @@ def test_channels_read_in_turn_are_found():
 
 @pytest.mark.slow
 def test_a_late_reference_without_a_clock_is_not_trusted():
-    judged = judge(sample_in_time(1e-3)._replace(velocity=None))
-    assert not judged.is_trusted
-    assert "did not settle" in words_of(judged)
+    assert not judge(sample_in_time(1e-3)._replace(velocity=None)).is_trusted
 
 
 def test_a_power_that_drifts_is_told(samples):
