@@ -132,8 +132,7 @@ def show_channels(report: NoiseReport) -> None:
             f"- The noises of detectors go together (correlation {size:.2g} of {first} and "
             f"{other}, {len(report.noise_pairs)} pairs in all), as by a supply or a reference "
             "voltage that they share, or a mirror that vibrates. `solve` takes them as "
-            "independent, unless `calibrate` found what they share; the noise of the poses above has "
-            "all of it."
+            "independent, unless `calibrate` found what they share; the poses above have all of it."
         ))  # fmt: skip
     if not report.faults:
         typer.echo(
