@@ -118,6 +118,17 @@ class Verdict:
     def is_trusted(self) -> bool:
         return self.sensor is not None and not any(finding.bad for finding in self.findings)
 
+    def refuse(self) -> Verdict:
+        """The verdict on samples that fit only without what explains most of their residuals: it
+        could be something else."""
+        if not self.is_trusted:
+            return self
+        words = (
+            "The samples fit only without what is said below, which is many times the noise and "
+            "could be something else that looks like it: mend that first."
+        )
+        return replace(self, findings=[Finding(True, words), *self.findings])
+
 
 @one_thread
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
@@ -128,15 +139,16 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     screened = screen(sensor, data, settings)
     if screened.is_refused:
         return screened.verdict()
-    plain, fault, causes = first_fit(sensor, screened, chosen, settings)
+    plain, fault, large = first_fit(sensor, screened, chosen, settings)
     if astray := unsettled_findings(sensor, plain):
         return plain.verdict(astray if fault is None else [])
-    done, causes = explain(sensor, plain, chosen, settings, causes)
+    done, causes = explain(sensor, plain, chosen, settings, large)
     if fault is None and plain.promising and is_suspicious(done.sensor, done.fit):
         fault = find_fault_of(sensor, plain, chosen)
     if fault is not None or not done.fit.ended:
         return plain.verdict(reasons(plain, fault, causes, done), done)
-    return validate(sensor, plain, done, causes, settings)
+    result = validate(sensor, plain, done, causes, settings)
+    return result.refuse() if large else result
 
 
 # ---- screen: the table alone
