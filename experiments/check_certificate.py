@@ -43,8 +43,8 @@ CELLS, RAYS, PARTS = 8, 24, 3
 #: Largest number of times that a cell is quartered to verify the bounds of the light.
 DEPTH = 8
 #: Blocks that a sensor's configuration may have.
-BLOCKS = ("beam", "mirror", "psd", "noise", "electronics", "apertures", "imperfections", "light",
-          "temperature", "calibration")  # fmt: skip
+BLOCKS = ("beam", "mirror", "psd", "noise", "drift", "electronics", "apertures", "imperfections",
+          "light", "temperature", "calibration")  # fmt: skip
 #: Largest rounding difference between a parameter and its key, relative for magnitudes above 1.
 ROUNDED = 1e-12
 

@@ -54,8 +54,8 @@ def test_schema_is_json(tmp_path):
 def test_list_names_what_is_shipped(tmp_path):
     lines = command("config", "list", cwd=tmp_path).stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == [
-        "bench", "bench-light", "catalogue", "fig4", "layout", "market", "paper", "parts",
-        "rig", "shaker", "singular", "skewed", "stage-test", "tilt-stage",
+        "bench", "bench-drift", "bench-light", "catalogue", "fig4", "layout", "market", "paper",
+        "parts", "rig", "shaker", "singular", "skewed", "stage-test", "tilt-stage",
     ]  # fmt: skip
 
 
