@@ -337,6 +337,11 @@ class Explanation(NamedTuple):
             f"{capitalise(remedies)}, and calibrate again.{rest}"
         ), tuple(fault.key for fault in self.faults))  # fmt: skip
 
+    @property
+    def is_block(self) -> bool:
+        """Whether it is a block of rows of which only that is known."""
+        return self.faults[0].words.startswith("rows ")
+
     def undo(self, data: Data) -> Data:
         """The samples without the faults."""
         return undo(data, self.faults)

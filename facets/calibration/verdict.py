@@ -280,9 +280,10 @@ def first_fit(
     clean, large = undo_large_causes(sensor, plain, chosen, settings)
     if clean.promising or not clean.hopeless:
         return clean, None, large
-    if (fault := find_fault_of(sensor, plain, chosen)) is not None:
+    is_better, fault = clean.is_better_than(plain), find_fault_of(sensor, plain, chosen)
+    if fault is not None and not (fault.is_block and is_better):
         return plain_fit(sensor, screened.undo(fault), chosen, settings), fault, []
-    return (clean, None, large) if clean.is_better_than(plain) else (plain, None, [])
+    return (clean, None, large) if is_better else (plain, None, [])
 
 
 def find_fault_of(sensor: Sensor, plain: Plain, chosen: Choice) -> Explanation | None:
