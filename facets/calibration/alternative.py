@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Of fewer columns than this nothing is left beside the unknowns and what was known before.
 MIN_COUNT = 0.1
+#: How many rows a sentence lists.
+MOST_ROWS_LISTED = 12
 #: The groups of alternatives, in words.
 GROUPS = {
     "light": "the light",

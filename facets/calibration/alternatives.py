@@ -15,7 +15,7 @@ import numpy as np
 from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.units import Floats
 from . import columns
-from .alternative import COURSES, Alternative, Trace
+from .alternative import COURSES, MOST_ROWS_LISTED, Alternative, Trace
 from .remainder import Remainder
 
 
@@ -109,7 +109,7 @@ THINGS = (
     ),
     *(
         Thing(f"gain_{k}", "electronics", f"the gain of detector {k.upper()}",
-              partial(columns.gain_columns, k=n), 0.03, share_size,
+              partial(columns.power_columns, detectors=(n,)), 0.03, share_size,
               "look at its amplifier and its plugs",
               "let the mirror rest and look at that power over the other two")
         for n, k in enumerate(DETECTORS)
@@ -194,10 +194,6 @@ def moving(thing: Thing) -> list[Alternative]:
         alternative("oscillated", test=course("oscillated", columns.waves), size=size_of_wave),
         alternative("warmed", test=course("warmed", columns.warmth)),
     ]
-
-
-#: How many rows a sentence lists.
-MOST_ROWS_LISTED = 12
 
 
 # ---- what stays as it is

@@ -56,12 +56,6 @@ def place_columns(remainder: Remainder) -> Floats:
     return np.concatenate([detector_columns(remainder, k) for k in range(3)], axis=2)
 
 
-def gain_columns(remainder: Remainder, k: int) -> Floats:
-    columns = np.zeros((*remainder.noise.shape, 1))
-    columns[:, 3 * k + 2, 0] = remainder.light[:, k]
-    return columns
-
-
 def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
     """The columns of some of the fit's own unknowns, where it has them all."""
     places = [n for n, name in enumerate(remainder.fit.choice.names) if name in names]
@@ -72,9 +66,8 @@ def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
 
 def laser_columns(remainder: Remainder) -> Floats:
     """The column of the laser's power, by its share."""
-    columns = np.zeros((*remainder.noise.shape, 1))
-    columns[:, 2::3, 0] = remainder.light
-    return columns
+    whole: Floats = power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
+    return whole
 
 
 def dark_columns(remainder: Remainder) -> Floats:
@@ -296,7 +289,8 @@ def square_grid(width: float, count: int) -> Floats:
 
 
 def shadows(remainder: Remainder, places: Floats) -> Floats:
-    """Courses of the light in specks at places (m, 2) of the mirror from its tip."""
+    """Courses of the light in specks at places (m, 2) of the mirror from its tip, over that of one
+    in the beam's middle."""
     sigma, offset = beam_sigma(remainder), place_in_beam(remainder)
     apart = ((offset + places[:, None]) ** 2).sum(axis=2)
     light: Floats = np.exp(-apart / 2 / sigma**2 / (1 + DUST_SIGMAS**2))[:, :, None]
@@ -306,13 +300,10 @@ def shadows(remainder: Remainder, places: Floats) -> Floats:
 def dust_column(remainder: Remainder, landing: RayLanding, place: Floats) -> Floats:
     """The column (n, 9) of a speck at a place (2,) of the mirror from its tip, mm, by the share of
     the light in it that it absorbs."""
-    sigma, offset = beam_sigma(remainder), place_in_beam(remainder)
-    size = (DUST_SIGMAS * sigma) ** 2
-    wide = sigma**2 + size
-    apart = ((offset + place) ** 2).sum(axis=1)
-    share = size / wide * np.exp(-apart / 2 / wide)
-    at = np.broadcast_to(place, (len(offset), 1, 2))
-    return lost_light(remainder, landing, at, share[:, None])
+    largest = DUST_SIGMAS**2 / (1 + DUST_SIGMAS**2)
+    share = largest * shadows(remainder, place[None])[0]
+    at = np.broadcast_to(place, (len(share), 1, 2))
+    return lost_light(remainder, landing, at, share)
 
 
 def aperture_columns(remainder: Remainder) -> Floats:

@@ -1,8 +1,7 @@
-"""Findings on a fit, in sentences: causes, chi-square, outliers, patterns and pulls.
+"""Findings on a fit, in sentences: causes, chi-square, outliers and pulls.
 
-A model that lacks an effect leaves residuals larger than the noise, mostly in a pattern: of one
-detector, of one reading, along a place, the time or an axis. Each finding is a sentence with the
-likely cause and what to do, and says whether it forbids to use the result.
+Each finding is a sentence with the likely cause and what to do, and says whether it forbids to use
+the result.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
-from .alternative import Finding, capitalise, describe_rivals
+from .alternative import MOST_ROWS_LISTED, Finding, capitalise, describe_rivals
 from .bundle_adjustment import Data, relative_power
 from .fit import Fit
 from .judge import Cause
@@ -360,10 +359,6 @@ def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
         f"{len(rows)} of {total} samples hold an outlier that no noise makes and were excluded "
         f"({kind} {listed}{more}): look at cables, dust, shutters and the reference there."
     ), ("outliers",))]  # fmt: skip
-
-
-#: How many rows a sentence lists.
-MOST_ROWS_LISTED = 12
 
 
 def common_findings(common: dict[str, float]) -> list[Finding]:

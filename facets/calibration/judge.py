@@ -48,8 +48,8 @@ STEPS_TRIED = 3
 #: the sensor, and what does not, which is undone and of which the uncertainty has the shift.
 MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 3.0
 #: Unknowns of a run that are no part of the sensor.
-OF_RUN = ("lever.", "apex.", "seat_", "reference.", "backlash.", "lag.", "time.", "temperature.",
-          "past_", "ahead.")  # fmt: skip
+RUN_UNKNOWNS = ("lever.", "apex.", "seat_", "reference.", "backlash.", "lag.", "time.",
+                "temperature.", "past_", "ahead.")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ def pose_shift(remainder: Remainder, trace: Trace) -> float:
     """
     like = remainder.likelihood
     names = remainder.fit.choice.names
-    kept = np.array([not name.startswith(OF_RUN) for name in names])
+    kept = np.array([not name.startswith(RUN_UNKNOWNS) for name in names])
     common = like.common * kept
     if BY_KEY[trace.key].persists:
         error = trace.effect
