@@ -231,12 +231,12 @@ def test_cycles(axis: int) -> Callable[[Remainder], Trace]:
 def test_dust(remainder: Remainder) -> Trace:
     """Look at the powers first, which lose most, for the place; then at all readings about it."""
     (width, count), *finer = columns.DUST_WIDTHS
-    places = columns.beam_sigma(remainder) * columns.square_grid(width, count)
+    places = columns.beam_sigma(remainder.sensor) * columns.square_grid(width, count)
     made = columns.power_columns(remainder, (0, 1, 2))
     coarse = remainder.test_courses("dust", made, columns.shadows(remainder, places), 0.03)
     if coarse.score < 0:
         return coarse
-    landing, sigma = columns.RayLanding(remainder), columns.beam_sigma(remainder)
+    landing, sigma = columns.RayLanding(remainder), columns.beam_sigma(remainder.sensor)
     middle, trials, best = places[int(coarse.at[0])], len(places), None
     for width, count in finer:
         for place in middle + sigma * columns.square_grid(width, count):
@@ -258,7 +258,7 @@ def test_aperture(remainder: Remainder) -> Trace:
     whole = [0.3 < trace.amounts[0] < 3 for trace in traces]  # 1 is what the radius cuts off
     best = max(range(len(traces)), key=lambda n: traces[n].fall * whole[n])
     traces[best] = traces[best]._replace(fall=traces[best].fall * whole[best])
-    radius = float(columns.APERTURE_SIGMAS[best]) * columns.beam_sigma(remainder)
+    radius = float(columns.APERTURE_SIGMAS[best]) * columns.beam_sigma(remainder.sensor)
     return traces[best]._replace(log_trials=float(np.log(len(traces))), at=(radius,))
 
 

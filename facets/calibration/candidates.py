@@ -1,7 +1,7 @@
 """The effects that a calibration may add to the plain fit, each declared in one place.
 
 Effects of the light are declared on the fields of `core.sensor.BenchLight`; a new effect of the
-detectors or of the run needs one entry in `EVERY_EFFECT`. The search in `effect_search` tries them
+detectors or of the run needs one entry in `EVERY_EFFECT`. The search in `search` tries them
 in this order.
 """
 

@@ -193,9 +193,9 @@ def power_columns(remainder: Remainder, detectors: tuple[int, ...]) -> Floats:
     return columns
 
 
-def beam_sigma(remainder: Remainder) -> float:
-    beam = remainder.sensor.beam
-    return float(np.sqrt(beam.diameter_x * beam.diameter_y)) / 4
+def beam_sigma(sensor: Sensor) -> float:
+    """The standard deviation of the Gaussian part of the beam, mm; the mean of both directions."""
+    return float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
 
 
 def place_in_beam(remainder: Remainder) -> Floats:
@@ -206,7 +206,7 @@ def place_in_beam(remainder: Remainder) -> Floats:
 
 def fringes(remainder: Remainder) -> Floats:
     """Courses of fringes that stand in the beam: the light at the apex follows its place there."""
-    place, sigma = place_in_beam(remainder), beam_sigma(remainder)
+    place, sigma = place_in_beam(remainder), beam_sigma(remainder.sensor)
     envelope = np.exp(-(place**2).sum(axis=1) / 2 / sigma**2)
     angle = np.arange(FRINGE_DIRECTIONS) * np.pi / FRINGE_DIRECTIONS
     along = place @ np.array([np.cos(angle), np.sin(angle)])
@@ -237,7 +237,7 @@ class RayLanding:
         sensor, state = remainder.sensor, remainder.state
         self.raw, self.model_readings = remainder.raw, remainder.model_readings
         self.azimuths = np.array([facet.azimuth for facet in sensor.facets])
-        size = beam_sigma(remainder)
+        size = beam_sigma(remainder.sensor)
         narrow = replace(sensor.beam, diameter_x=size / 100, diameter_y=size / 100)
         thin = replace(sensor, beam=narrow, light=BenchLight())
         self.origin, self.slope = np.empty((3, len(state), 2)), np.empty((3, len(state), 2, 2))
@@ -291,7 +291,7 @@ def square_grid(width: float, count: int) -> Floats:
 def shadows(remainder: Remainder, places: Floats) -> Floats:
     """Courses of the light in specks at places (m, 2) of the mirror from its tip, over that of one
     in the beam's middle."""
-    sigma, offset = beam_sigma(remainder), place_in_beam(remainder)
+    sigma, offset = beam_sigma(remainder.sensor), place_in_beam(remainder)
     apart = ((offset + places[:, None]) ** 2).sum(axis=2)
     light: Floats = np.exp(-apart / 2 / sigma**2 / (1 + DUST_SIGMAS**2))[:, :, None]
     return light
@@ -309,7 +309,8 @@ def dust_column(remainder: Remainder, landing: RayLanding, place: Floats) -> Flo
 def aperture_columns(remainder: Remainder) -> Floats:
     """The columns (m, n, 9, 3) of apertures of m radii: what a round one cuts off, and what it cuts
     off more on one side, along x and y."""
-    landing, sigma, offset = RayLanding(remainder), beam_sigma(remainder), place_in_beam(remainder)
+    landing, offset = RayLanding(remainder), place_in_beam(remainder)
+    sigma = beam_sigma(remainder.sensor)
     nodes, weights = np.polynomial.legendre.leggauss(4)
     angle = 2 * np.pi * (np.arange(24) + 0.5) / 24
     out = []

@@ -51,8 +51,8 @@ STRAY_FACTOR, STRAY_COST, LEAST_STRAY, MOST_STRAY_SHARE = 5.0, 4.0, 8, 0.6
 WORST_LIGHT_SIGMAS = 17.0
 
 
-def table_fault(words: str, remedy: str, change: Change) -> Alternative:
-    return Alternative(words, "table", words, remedy, change=change)
+def table_fault(words: str, remedy: str, change: Change, general: bool = False) -> Alternative:
+    return Alternative(words, "table", words, remedy, change=change, general=general)
 
 
 def table_faults(sensor: Sensor) -> Iterator[Alternative]:
@@ -340,7 +340,7 @@ class Explanation(NamedTuple):
     @property
     def is_block(self) -> bool:
         """Whether it is a block of rows of which only that is known."""
-        return self.faults[0].words.startswith("rows ")
+        return self.faults[0].general
 
     def undo(self, data: Data) -> Data:
         """The samples without the faults."""
@@ -403,7 +403,8 @@ def find_stray_rows(
     if mended[0][0] < STRAY_FACTOR * usual and CLEAR_GAP * mended[0][0] < mended[1][0]:
         words += f" (in them, {every[mended[0][1]].words})"
     remedy = "mend these rows, or leave them out: look for columns, units and rows that were moved"
-    fault = table_fault(words, remedy, partial(leave_rows_out, numbers[0], numbers[-1]))
+    leave_out = partial(leave_rows_out, numbers[0], numbers[-1])
+    fault = table_fault(words, remedy, leave_out, general=True)
     return Explanation((fault,), before, level**0.5, ())
 
 

@@ -3,7 +3,7 @@ some.
 
 The frame is the reference's: its axes are those of the world, whose origin lies on the beam and at
 the apex's height while the reference is at zero; and the mirror's own axes are those that the
-reference moves. So every parameter can be determined in principle; `identifiability` describes what
+reference moves. So every parameter can be determined in principle; `motions` describes what
 a motion does not determine.
 
 The most probable values minimise

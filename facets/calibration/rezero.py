@@ -461,10 +461,13 @@ class StopComparison:
         back = covariance @ slopes.T @ weights
         cost = float(residuals @ weights @ residuals + known @ change**2)
         beside = weights - weights @ slopes @ back  # what the changes do not take up
-        causes = self.explain(beside, beside @ residuals + back.T @ (known * change))
+        pulled = beside @ residuals + back.T @ (known * change)
+        causes = self.explain(weights, beside, pulled)
         return covariance, -back @ apart @ self.known, cost, causes
 
-    def explain(self, beside: Floats, pulled: Floats) -> list[tuple[Alternative, str]]:
+    def explain(
+        self, weights: Floats, beside: Floats, pulled: Floats
+    ) -> list[tuple[Alternative, str]]:
         """What else would explain the residuals: a motion of the mirror along one axis, or a
         detector that moved; see `remainder`."""
         moved = jacobian(self.sensor, self.states)[:, :, :6].reshape(-1, 6)
@@ -474,8 +477,8 @@ class StopComparison:
             tried.append((BY_KEY[f"detector_{letter}.jumped"], [0, 1], place))
         scores = []
         for alternative, axes, columns in tried:
-            square, side = columns.T @ beside @ columns, columns.T @ pulled
-            whole = columns.T @ columns
+            whole, square = (columns.T @ part @ columns for part in (weights, beside))
+            side = columns.T @ pulled
             fall, amounts, count = falls_of(whole[None], square[None], side[None])
             chance = log_chance(float(fall[0]), float(count[0])) + np.log(len(tried))
             size = np.zeros(6) if alternative is SEAT else np.zeros(2)

@@ -36,7 +36,7 @@ from .bundle_adjustment import (
     own_information,
     states_of,
 )
-from .columns import effect_columns
+from .columns import beam_sigma, effect_columns
 from .findings import profile_size, residual_sizes
 from .fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
 from .judge import Cause
@@ -48,8 +48,6 @@ from .unknowns import PLACE, fold_mount, spline_error, values_of
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
     from ..core.knowledge import Knowledge
-    from ..core.sensor import Sensor
-    from .bundle_adjustment import Data
 
 
 def model_error(
@@ -115,9 +113,8 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
         sigma = ORDER_3_PER_SHARE * share / 2  # each of four numbers
         square = remainder.second_moment(effect_columns(remainder, "asymmetry"), sigma)
         share = CENTRE_PER_SHARE * float(np.sqrt(square)) / ORDER_3_PER_SHARE
-    beam_sigma = float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
     asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.fit, "asymmetry")
-    return beam_sigma * float(np.hypot(share, asymmetry))
+    return beam_sigma(sensor) * float(np.hypot(share, asymmetry))
 
 
 def covariance_factor(result: Fit) -> float:
@@ -132,7 +129,7 @@ TOGETHER_SIGMAS = 4.0
 def common_scatter(remainder: Remainder) -> dict[str, float]:
     """Standard deviations by which the three detectors' places scatter together, by kind, mm.
 
-    A score test: what P y follows, see `unmodelled`, against what independent noise leaves there.
+    A score test: what P y follows, see `remainder`, against what independent noise leaves there.
     A mirror that vibrates against the reference does the same, so the reference's stated
     uncertainty counts.
     """
@@ -297,6 +294,10 @@ UNSEEN = {
     "accuracy of the model": MODEL_ERROR,
     "middle of the light": LIGHT_CENTRE,
 }
+#: What `add_causes` adds.
+CAUSES = "what the findings name"
+#: Share of a variance below which a rest of it is an error of rounding.
+ROUNDING = 1e-9
 #: The coverage probability of expanded uncertainties.
 COVERAGE = 0.95
 
@@ -327,17 +328,19 @@ def calibration_budget(
     written."""
     assert made.calibration is not None
     parts, names = fitted_parts(Task(nominal, data, result.choice, robust), result)
-    factor = covariance_factor(result)
-    written = np.diag(np.array(made.calibration.covariance))
-    sensor = {}
+    factor, sensor = covariance_factor(result), dict[str, Floats]()
+    written = np.array(made.calibration.covariance)
     for source, part in parts.items():
         covariance = np.array(sensor_covariance(names, result.all_values, factor * part).covariance)
         beside = len(written) - len(covariance)
         sensor[source] = np.pad(covariance, (0, beside))
     for source, kinds in UNSEEN.items():
-        is_kind = [name in kinds for name in made.calibration.names]
-        if any(is_kind):
-            sensor[source] = np.diag(np.where(is_kind, written, 0.0))
+        is_kind = np.array([name in kinds for name in made.calibration.names])
+        if is_kind.any():
+            sensor[source] = np.where(np.outer(is_kind, is_kind), written, 0.0)
+    rest: Floats = written - sum(sensor.values())
+    if (np.diag(rest) > ROUNDING * np.diag(written)).any():
+        sensor[CAUSES] = rest
     # An earlier calibration of which the values are known was itself estimated by residuals.
     estimated = (READINGS,) if result.choice.joint is None else (READINGS, PRIOR)
     freedom = made.calibration.degrees_of_freedom or result.freedom

@@ -71,6 +71,20 @@ def test_degrees_of_freedom_are_those_of_the_estimated_part():
     assert (parts.estimated, parts.freedom) == ((uncertainty.READINGS, uncertainty.PRIOR), 5.0)
 
 
+def test_the_sources_are_all_of_what_is_written():
+    """An Abbe offset of the reference widens the uncertainty, by a part that no source of the fit
+    has; a rig without a fault has no such part."""
+    abbe = {"mirror": lambda pose, rng: np.outer(2.0 * pose[:, 5], np.eye(6)[1])}
+    for fault in (abbe, {}):
+        judged = judge(sample_rig(240, **fault)[1])
+        parts = uncertainty.calibration_budget(
+            judged.search.sensor, judged.fitted, judged.fit, judged.sensor, 3.0
+        )
+        written = np.array(judged.sensor.calibration.covariance)
+        np.testing.assert_allclose(np.diag(sum(parts.sensor.values())), np.diag(written), rtol=1e-9)
+        assert (uncertainty.CAUSES in parts.sensor) == bool(fault)
+
+
 def test_a_misfit_is_a_source_of_its_own():
     judged = judge(sample_rig(60)[1])
     known = judged.sensor.calibration
