@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from facets.calibration.bundle_adjustment import Data, states_of
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
@@ -1098,10 +1099,11 @@ def lost_point(rng: Rng) -> Fault:
 
 def angle_order(rng: Rng) -> Fault:
     def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
-        roll, pitch, yaw = (1e-3 * columns[name] for name in REFERENCE_COLUMNS[3:])
-        second = np.array([pitch * yaw, -roll * yaw, roll * pitch]) * 1e3
-        pairs = zip(REFERENCE_COLUMNS[3:], second, strict=True)
-        return columns | {name: columns[name] + by for name, by in pairs}
+        names = REFERENCE_COLUMNS[3:]
+        angles = np.column_stack([columns[name] for name in names])
+        turned = Rotation.from_euler("xyz", 1e-3 * angles)  # about fixed axes, x first
+        said = 1e3 * turned.as_euler("zyx")[:, ::-1]
+        return columns | dict(zip(names, said.T, strict=True))
 
     return table_fault("the stage turns about its axes in the other order than the table's", hook)
 

@@ -18,7 +18,8 @@ y is over twice the stated one, or in another axis over 1.25 times with under 88
 intervals holding.
 
 A fault is named where a finding names alternatives of its group alone, among others where it names
-alternatives of several groups and one of them is its own; which alternative it is, is printed.
+alternatives of several groups and one of them is its own; which alternative it is, is printed. It
+is told wrongly where no finding does so and one names groups of which the rig has no fault.
 """
 
 from __future__ import annotations
@@ -379,27 +380,50 @@ def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
           f"beyond {beyond}")  # fmt: skip
     print_truth(rig)
     for truth in rig.truth:
-        print(f"    {classify_truth(truth, trial.findings):5} {truth.group}: {truth.words}")
+        print(f"    {classify_truth(truth, rig, trial.findings):5} {truth.group}: {truth.words}")
     for finding in trial.findings:
         print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
 
 
 #: The group of each alternative, by key; faults of the table have their words for keys.
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
-GROUP_OF |= {"supply": "electronics", "clock_set": "time", "saturated": "electronics"}
+GROUP_OF |= {"supply": "electronics", "clock_set": "time", "saturated": "electronics",
+             "spikes": "electronics"}  # fmt: skip
+#: What says where rows are wrong, and not why.
+NO_CAUSE = "outliers"
 
 
-def classify_truth(truth: Truth, findings: list[Finding]) -> str:
+def named_groups(findings: list[Finding]) -> list[set[str]]:
+    """The groups that each finding names which names any."""
+    return [
+        {group for key in part.causes for group in groups_of(key)}
+        for part in findings if part.causes
+    ]  # fmt: skip
+
+
+def groups_of(key: str) -> tuple[str, ...]:
+    """The groups of an alternative: a block of rows may come of a clock, too, and what moves the
+    beam or the mirror of the surroundings."""
+    if key.startswith("rows "):
+        return ("table", "time")
+    if key.startswith(("beam", "seat", "reference_scatter")):
+        return (GROUP_OF[key], "environment")
+    return (NO_CAUSE,) if key == NO_CAUSE else (GROUP_OF.get(key, "table"),)
+
+
+def classify_truth(truth: Truth, rig: UnseenRig, findings: list[Finding]) -> str:
     """How the findings tell a fault: "named" by its group, "among" alternatives of several groups,
-    "wrong" where they name others only, or "unsaid"."""
-    groups = [
-        {GROUP_OF.get(key, "table") for key in part.causes} for part in findings if part.causes
-    ]
-    if {truth.group} in groups:
+    "wrong" where one names groups of which the rig has no fault, or "unsaid"."""
+    groups = named_groups(findings)
+    alone = [{truth.group}, {truth.group, "environment"}]
+    if any(group in alone for group in groups):
+        return "named"
+    if truth.group == "table" and {NO_CAUSE} in groups:
         return "named"
     if any(truth.group in group for group in groups):
         return "among"
-    return "wrong" if groups else "unsaid"
+    faulty = {truth.group for truth in rig.truth} | {NO_CAUSE}
+    return "wrong" if any(group.isdisjoint(faulty) for group in groups) else "unsaid"
 
 
 def print_truth(rig: UnseenRig) -> None:
@@ -417,9 +441,14 @@ def count_trials(pairs: list[tuple[UnseenRig, RigTrial]]) -> None:
         wrong = sum(trial.is_wrong for trial in trials)
         print(f"{len(trials)} rigs {label}: {trusted} trusted, {wrong} of them wrong")
     told = Counter(
-        (truth.harmless, classify_truth(truth, trial.findings))
+        (truth.harmless, classify_truth(truth, rig, trial.findings))
         for rig, trial in pairs for truth in rig.truth
     )  # fmt: skip
+    sentences = Counter(
+        "wrong" if group.isdisjoint({truth.group for truth in rig.truth} | {NO_CAUSE}) else "right"
+        for rig, trial in pairs for group in named_groups(trial.findings)
+    )  # fmt: skip
+    print(f"sentences that name a cause: {sentences['right']} right, {sentences['wrong']} wrong")
     for is_harmless, label in ((False, "harmful"), (True, "harmless")):
         counts = ", ".join(f"{told[is_harmless, way]} {way}" for way in WAYS)
         print(f"{label} faults: {counts}")

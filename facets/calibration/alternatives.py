@@ -6,7 +6,7 @@ What an alternative does to the readings: `columns`. How it is judged: `remainde
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.units import Floats
 from . import columns
 from .alternative import COURSES, MOST_ROWS_LISTED, Alternative, Trace
+from .faults import angle_orders
 from .remainder import Remainder
 
 
@@ -34,6 +35,33 @@ def course_test(
 ) -> Callable[[Remainder], Trace]:
     """The test of columns that act by the best of several courses."""
     return lambda remainder: remainder.test_courses(key, make(remainder), courses(remainder), sigma)
+
+
+#: Frequencies between the neighbours of the best one.
+FINER = 17
+
+
+def wave_test(
+    key: str,
+    make: Callable[[Remainder], Floats],
+    courses: Callable[[Remainder, Floats], Floats],
+    grid: Callable[[Remainder], Floats],
+    sigma: Floats | float = np.inf,
+) -> Callable[[Remainder], Trace]:
+    """The test of columns that act by a wave of the best frequency of a grid, or beside it; the
+    place of the trace is that frequency."""
+
+    def test(remainder: Remainder) -> Trace:
+        made, tried = make(remainder), grid(remainder)
+        trace = remainder.test_courses(key, made, courses(remainder, tried), sigma)
+        n, chances = int(trace.at[0]), trace.log_trials
+        if trace.score > 0:
+            tried = np.linspace(tried[max(n - 1, 0)], tried[min(n + 1, len(tried) - 1)], FINER)
+            trace = remainder.test_courses(key, made, courses(remainder, tried), sigma)
+            n = int(trace.at[0])
+        return trace._replace(log_trials=chances, at=(float(tried[n]),))
+
+    return test
 
 
 # ---- what moves, drifts or switches
@@ -177,8 +205,7 @@ def moving(thing: Thing) -> list[Alternative]:
 
     def size_of_wave(trace: Trace, remainder: Remainder) -> str:
         made = trace.amounts.reshape(-1, 2)
-        period = 1 / columns.frequencies(remainder)[int(trace.at[0])]
-        return f"{thing.size(np.hypot(*made.T))} at a period of {period:.4g} rows"
+        return f"{thing.size(np.hypot(*made.T))} at a period of {1 / trace.at[0]:.4g} rows"
 
     def alternative(course: str, **parts: Any) -> Alternative:
         words = f"{thing.words} {COURSES[course]}"
@@ -191,9 +218,11 @@ def moving(thing: Thing) -> list[Alternative]:
     return [
         alternative("jumped", test=switch, size=size_of_switch, refuses=not thing.harmless),
         alternative("drifted", test=course("drifted", columns.slow_drift)),
-        alternative("oscillated", test=course("oscillated", columns.waves), size=size_of_wave),
+        alternative("oscillated", size=size_of_wave,
+                    test=wave_test(f"{thing.key}.oscillated", thing.columns, columns.waves,
+                                   columns.frequencies, thing.sigma)),
         alternative("warmed", test=course("warmed", columns.warmth)),
-    ]
+    ]  # fmt: skip
 
 
 # ---- what stays as it is
@@ -217,15 +246,28 @@ def reference_test(kind: str) -> Callable[[Remainder], Trace]:
     return test
 
 
-def test_cycles(axis: int) -> Callable[[Remainder], Trace]:
+def change_test(fault: Alternative) -> Callable[[Remainder], Trace]:
+    """The test of a change of the reference's poses that is small for these samples."""
+
     def test(remainder: Remainder) -> Trace:
-        made = remainder.pose_columns[:, :, [axis]]
-        courses = columns.cycles(remainder, axis)
-        trace = remainder.test_courses(f"cyclic_{POSE[axis]}", made, courses, 1e-3)
-        span = float(np.ptp(remainder.data.pose[:, axis]))
-        return trace._replace(at=(span / float(columns.CYCLES[int(trace.at[0])]),))
+        assert fault.change is not None
+        moved = fault.change(remainder.data).pose - remainder.data.pose
+        trace = remainder.test(fault.key, remainder.pose_columns @ moved[:, :, None])
+        return trace if 0.5 < trace.amounts[0] < 1.5 else trace._replace(fall=0.0)  # 1 is the whole
 
     return test
+
+
+def cycle_test(n: int) -> Callable[[Remainder], Trace]:
+    def make(remainder: Remainder) -> Floats:
+        return remainder.pose_columns[:, :, [n]]
+
+    courses, grid = partial(columns.cycles, axis=n), lambda remainder: columns.CYCLES
+    return wave_test(f"cyclic_{POSE[n]}", make, courses, grid, 1e-3)
+
+
+def size_of_cycle(trace: Trace, remainder: Remainder, axis: int) -> str:
+    return f"{np.ptp(remainder.data.pose[:, axis]) / trace.at[0]:.2g} mm long"
 
 
 def test_dust(remainder: Remainder) -> Trace:
@@ -267,6 +309,11 @@ def test_fringes(remainder: Remainder) -> Trace:
     trace = remainder.test_courses("fringes", made, columns.fringes(remainder))
     periods = np.tile(columns.FRINGE_PERIODS_MM, columns.FRINGE_DIRECTIONS)
     return trace._replace(at=(float(periods[int(trace.at[0])]),))
+
+
+def test_averaged(remainder: Remainder) -> Trace:
+    trace = remainder.test("averaged", columns.averaged_columns(remainder))
+    return trace if trace.amounts[0] > 0 else trace._replace(fall=0.0)  # else that is noise
 
 
 #: Shares of the reading before that a detector keeps, and by which an amplifier's gain grows at a
@@ -328,10 +375,11 @@ ALTERNATIVES: tuple[Alternative, ...] = (
              "angles)"),
         )
     ),
+    *(replace(fault, test=change_test(fault)) for fault in angle_orders()),
     *(
         Alternative(f"cyclic_{POSE[n]}", "reference",
                     f"the reference's {POSE[n]} has a cyclic error", OF_REFERENCE, TURN,
-                    test_cycles(n), lambda trace, remainder: f"{trace.at[0]:.2g} mm long")
+                    cycle_test(n), partial(size_of_cycle, axis=n))
         for n in range(3)
     ),
     # the clocks
@@ -351,6 +399,10 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 plain("memory", columns.memory_columns, MEMORY_SIGMA),
                 lambda trace, remainder: (
                     f"up to {100 * np.abs(trace.amounts).max():.2g} %")),
+    Alternative("averaged", "table", "the readings were averaged or filtered, and the reference "
+                "was not", "record both alike", "move at half the speed", test_averaged,
+                lambda trace, remainder: (
+                    f"(as over {np.sqrt(1 + 12 * trace.amounts[0]):.2g} rows)")),
     Alternative("amplifiers", "electronics", "the amplifiers bend (their gain changes with the "
                 "current)", "use a lower range of the amplifiers, or let calibrate.before.bend_um "
                 "vary", "halve the laser's power",

@@ -77,7 +77,8 @@ class Data(NamedTuple):
     deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials for the
     laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where none is
     known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9) the
-    readings of that row. rows: (n,) number of rows of the table in a sample's mean; None where each
+    readings of that row. next_step: (n, 6) by how much the reference moves to the row behind. rows:
+    (n,) number of rows of the table in a sample's mean; None where each
     sample is one row. number: (n,) the table's row, from 1, or the number of the stand where rows
     were averaged. temperature: the mean one, degrees Celsius.
     """
@@ -95,6 +96,7 @@ class Data(NamedTuple):
     approach: Floats | None = None
     step: Floats | None = None
     before: Floats | None = None
+    next_step: Floats | None = None
     rows: Floats | None = None
     number: NDArray[np.int64] | None = None
     temperature: float | None = None
@@ -179,15 +181,17 @@ LEAST_STEP_SIGMAS = 4.0
 
 
 def add_approach(data: Data) -> Data:
-    """Add each axis's last step, its direction, and the readings before it; the rows are in the
-    order of the motion."""
+    """Add each axis's last step and next one, its direction, and the readings before it; the rows
+    are in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
     sign = np.where(np.abs(step) > LEAST_STEP_SIGMAS * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
-    before = np.concatenate([data.raw[:1], data.raw[:-1]])
     return data._replace(
-        approach=np.take_along_axis(sign, latest, axis=0), step=step, before=before
+        approach=np.take_along_axis(sign, latest, axis=0),
+        step=step,
+        next_step=np.concatenate([step[1:], np.zeros((1, 6))]),
+        before=np.concatenate([data.raw[:1], data.raw[:-1]]),
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..core.sensor import BenchLight, Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
-from .bundle_adjustment import evaluate_turned_mirror
+from .bundle_adjustment import evaluate_turned_mirror, states_of
 from .remainder import STEP_MARGIN, Remainder
 
 #: Numbers that the courses of a table may take; of longer tables fewer steps and frequencies are
@@ -32,7 +32,7 @@ FRINGE_PERIODS_MM, FRINGE_DIRECTIONS = np.geomspace(0.12, 0.6, 14), 12
 #: Numbers of periods over the motion at which fringes of a detector's window are searched for.
 WINDOW_PERIODS = np.arange(2.0, 22.0, 0.5)
 #: Numbers of cycles of a reference's scale over its motion that are searched for.
-CYCLES = np.geomspace(2.5, 120, 120)
+CYCLES = np.arange(2.5, 120, 0.5)
 #: Radii of an aperture that cuts the beam, in standard deviations of its irradiance.
 APERTURE_SIGMAS = np.linspace(2.0, 4.4, 9)
 #: Radius of a speck of dust in the beam's standard deviations; the places that are tried, and how
@@ -117,10 +117,10 @@ def warmth(remainder: Remainder) -> Floats:
     return clock[None, :, 1:]
 
 
-def cycles(remainder: Remainder, axis: int) -> Floats:
-    """Courses that repeat along an axis of the reference."""
+def cycles(remainder: Remainder, numbers: Floats, axis: int) -> Floats:
+    """Courses that repeat a number of times along an axis of the reference."""
     place = remainder.data.pose[:, axis]
-    phase = 2 * np.pi * CYCLES[:, None] * place / max(float(np.ptp(place)), 1e-12)
+    phase = 2 * np.pi * numbers[:, None] * place / max(float(np.ptp(place)), 1e-12)
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
 
 
@@ -131,12 +131,12 @@ def frequencies(remainder: Remainder) -> Floats:
     return np.arange(DRIFT_DEGREE + 1, rows, every) / (2 * rows)
 
 
-def waves(remainder: Remainder) -> Floats:
+def waves(remainder: Remainder, frequency: Floats) -> Floats:
     """Courses that go up and down at one frequency, also where the rows are too rare to follow."""
-    return waves_at(tuple(frequencies(remainder).tolist()), tuple(remainder.row_numbers.tolist()))
+    return waves_at(tuple(frequency.tolist()), tuple(remainder.row_numbers.tolist()))
 
 
-@lru_cache(maxsize=1)  # everything that moves may oscillate
+@lru_cache(maxsize=2)  # everything that moves may oscillate
 def waves_at(frequency: tuple[float, ...], rows: tuple[int, ...]) -> Floats:
     phase = 2 * np.pi * np.array(frequency)[:, None] * np.array(rows)
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
@@ -411,6 +411,23 @@ def memory_columns(remainder: Remainder) -> Floats:
         columns[:, 3 * k : 3 * k + 2, 2 * k] = before[:, 3 * k : 3 * k + 2]
         columns[:, 3 * k + 2, 2 * k + 1] = before[:, 3 * k + 2]
     return columns / remainder.noise[:, :, None]
+
+
+def averaged_columns(remainder: Remainder) -> Floats:
+    """The column of readings of a motion that were averaged over rows, by the mean square of the
+    rows' distance."""
+    data, result = remainder.data, remainder.fit
+    if data.velocity is None or data.step is None or data.next_step is None:
+        return np.zeros((*remainder.noise.shape, 1))
+    own, values, sensor = result.own_values, result.all_values, remainder.sensor
+    before, here, behind = (
+        evaluate_turned_mirror(
+            sensor, data, states_of(data._replace(pose=data.pose + step), own, values), readings
+        )
+        for step in (-data.step, np.zeros(6), data.next_step)
+    )
+    column = (before + behind) / 2 - here
+    return (column / remainder.noise)[:, :, None]
 
 
 def amplifier_columns(remainder: Remainder) -> Floats:

@@ -34,6 +34,8 @@ from .unknowns import Choice
 Change = Callable[[Data], Data]
 ColumnChange = Callable[[Floats], Floats]
 
+#: The places among the nine readings.
+PLACES = [0, 1, 3, 4, 6, 7]
 #: Samples and steps of a first trial and of a last, for so many of the hypotheses.
 SAMPLES, STEPS, LAST_TRIALS = (30, 120), (4, 12), 4
 #: How many of the best may be one of two faults.
@@ -59,6 +61,7 @@ def table_faults(sensor: Sensor) -> Iterator[Alternative]:
     yield from swapped_signs()
     yield from exchanged_readings()
     yield from angle_orders()
+    yield from shifted_rows()
     yield from reference_axes()
     yield from wrong_units()
     yield from detector_kinds(sensor)
@@ -182,6 +185,25 @@ def angle_orders() -> Iterator[Alternative]:
     )
 
 
+def shifted_rows() -> Iterator[Alternative]:
+    """Hypotheses that the reference's rows stand one row beside those of the readings."""
+    for words, by in (("below", 1), ("above", -1)):
+        yield table_fault(
+            f"the reference's rows stand one row {words} where they belong",
+            "move them",
+            partial(shift_reference, by=by),
+        )
+
+
+def shift_reference(data: Data, by: int) -> Data:
+    """The samples with the poses that stand `by` rows below, without those that have none."""
+    numbers = row_numbers(data)
+    place = np.searchsorted(numbers, numbers + by).clip(max=len(numbers) - 1)
+    has = numbers[place] == numbers + by
+    shifted = data._replace(pose=data.pose[place], velocity=None).part(has)
+    return shifted if has.any() else data
+
+
 def reference_axes() -> Iterator[Alternative]:
     """Hypotheses that axes of the reference are exchanged, or turned by quarters of a turn."""
     for a, b in ((0, 1), (3, 4)):
@@ -210,7 +232,7 @@ def turn_axes(pose: Floats, quarters: int) -> Floats:
 def wrong_units() -> Iterator[Alternative]:
     """Hypotheses that lengths, angles or powers are given in another unit."""
     degree = np.pi / 180 * 1000
-    lengths, angles, powers, places = slice(3), slice(3, 6), slice(2, 9, 3), [0, 1, 3, 4, 6, 7]
+    lengths, angles, powers = slice(3), slice(3, 6), slice(2, 9, 3)
     for words, factor in (
         ("degrees where mrad is asked for", degree),
         ("rad where mrad is asked for", 1e3),
@@ -225,7 +247,7 @@ def wrong_units() -> Iterator[Alternative]:
     ):
         change = change_pose(scale(lengths, factor))
         yield table_fault(f"the reference's lengths are in {words}", "convert them", change)
-        change = change_readings(scale(places, factor))
+        change = change_readings(scale(PLACES, factor))
         yield table_fault(f"the spots' places are in {words}", "convert them", change)
     for words, factor in (("uW", 1e-3), ("W", 1e3)):
         change = change_readings(scale(powers, factor))
@@ -355,10 +377,8 @@ def find_fault(
     Single faults are tried first; two at once only where no single one leaves residuals as small as
     real light and scatter do.  causes: further alternatives that change the samples.
     """
-    trials = Trials(
-        sensor, chosen, subsample(sensor, data, SAMPLES[0]), subsample(sensor, data, SAMPLES[1])
-    )
-    before = trials.last_trial(())
+    trials = Trials(sensor, data, chosen)
+    before = trials.trial((), 1)
     every = [*table_faults(sensor), *causes]
     single = trials.rank([(hypothesis,) for hypothesis in every])
     explains = single.explains(before)
@@ -378,7 +398,7 @@ def find_stray_rows(
     """A block of rows that a fit to a third of the others does not describe, and the fault of the
     table in it, if one mends them; None where there is no such block.  before: the residuals."""
     count, at, used = len(data.raw), None, slice(0)
-    level = GOOD_SIGMAS**2
+    level = WORST_LIGHT_SIGMAS**2
     for n in range(3):
         part = slice(n * count // 3, (n + 1) * count // 3)
         task, tried = short_fit_of(
@@ -400,11 +420,14 @@ def find_stray_rows(
         for n, fault in enumerate(every)
     )
     words = f"rows {numbers[0]} to {numbers[-1]} do not belong to the others"
-    if mended[0][0] < STRAY_FACTOR * usual and CLEAR_GAP * mended[0][0] < mended[1][0]:
+    is_clear = mended[0][0] < STRAY_FACTOR * usual and CLEAR_GAP * mended[0][0] < mended[1][0]
+    if is_clear:
         words += f" (in them, {every[mended[0][1]].words})"
+    elif level > LEAST_REDUCTION * before**2:
+        return None
     remedy = "mend these rows, or leave them out: look for columns, units and rows that were moved"
     leave_out = partial(leave_rows_out, numbers[0], numbers[-1])
-    fault = table_fault(words, remedy, leave_out, general=True)
+    fault = table_fault(words, remedy, leave_out, general=not is_clear)
     return Explanation((fault,), before, level**0.5, ())
 
 
@@ -414,11 +437,13 @@ def leave_rows_out(first: int, last: int, data: Data) -> Data:
 
 
 def row_residuals(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
-    """The median residual (n,) of each row at the common unknowns of a fit to others."""
+    """The largest residual (n,) of each row's places at the common unknowns of a fit to others; the
+    laser's power is not known."""
     whole = subsample(sensor, data, len(data.raw))
     task = Task(sensor, whole, chosen, 3.0)
     left = task.guess(at.values, solve_open_axes(whole, sensor)).residual
-    sizes: Floats = np.nanmedian(np.abs(np.where(np.isfinite(whole.raw), left, np.nan)), axis=1)
+    left[~np.isfinite(whole.raw)] = 0.0
+    sizes: Floats = np.abs(left[:, PLACES]).max(axis=1)
     return sizes
 
 
@@ -437,25 +462,21 @@ def pairs_of(
 
 
 class Trials(NamedTuple):
-    """Short fits with faults undone.  small, large: the samples of a first trial and of a last."""
+    """Short fits with faults undone."""
 
     sensor: Sensor
+    data: Data
     chosen: Choice
-    small: Data
-    large: Data
 
-    def first_trial(self, faults: tuple[Alternative, ...]) -> float:
-        """Chi-square for each reading after a few steps with a few samples."""
-        return short_fit(self.sensor, undo(self.small, faults), self.chosen, STEPS[0])
-
-    def last_trial(self, faults: tuple[Alternative, ...]) -> float:
-        """Chi-square for each reading after more steps with more samples."""
-        return short_fit(self.sensor, undo(self.large, faults), self.chosen, STEPS[1])
+    def trial(self, faults: tuple[Alternative, ...], n: int) -> float:
+        """Chi-square for each reading after a first trial (0) or a last one (1)."""
+        data = subsample(self.sensor, undo(self.data, faults), SAMPLES[n])
+        return short_fit(self.sensor, data, self.chosen, STEPS[n])
 
     def rank(self, several: list[tuple[Alternative, ...]]) -> Ranking:
         """Give each of several faults a first trial, and the best of them a last one."""
-        first = sorted((self.first_trial(faults), n) for n, faults in enumerate(several))
-        last = sorted((self.last_trial(several[n]), n) for _, n in first[:LAST_TRIALS])
+        first = sorted((self.trial(faults, 0), n) for n, faults in enumerate(several))
+        last = sorted((self.trial(several[n], 1), n) for _, n in first[:LAST_TRIALS])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],

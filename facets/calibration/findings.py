@@ -24,6 +24,8 @@ from .scatter import FAR_SIGMAS, PLACES, POWERS, SCATTER, Scatter, far_unknowns
 from .table import unit_of
 from .unknowns import BACKLASH, LAG, PAST
 
+#: The places among the nine readings, and the share of outliers in one of them that is no chance.
+PLACES_READ, ONE_READING_SHARE = (0, 1, 3, 4, 6, 7), 0.03
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST_SIGMAS = 3.0
 
@@ -117,6 +119,14 @@ def spike_finding(result: Fit) -> Finding | None:
         return None
     share = beyond / total
     words = f"{count} of {total} samples hold an outlier ({chance:.0f} would by chance)"
+    each = (result.weights < 1).sum(axis=0)
+    most = max(PLACES_READ, key=lambda n: each[n])
+    if each[most] > ONE_READING_SHARE * total and each[most] > beyond / 2:
+        return Finding(True, (
+            f"{words}, {each[most]} of them in {KINDS[most % 3]} of detector "
+            f"{DETECTORS[most // 3].upper()}: its noise is larger than the configuration says, or "
+            "not even; look at its cable, plug and amplifier."
+        ), ("spikes",))  # fmt: skip
     if share > MOST_OUTLIER_SHARE:
         return Finding(True, (
             f"{words}: these are no spikes but a misfit of the model or a noise that is larger "

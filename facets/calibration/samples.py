@@ -291,6 +291,46 @@ def time_gaps(data: Data) -> list[Finding]:
     ), ("clock_set",))]  # fmt: skip
 
 
+#: What is written in the same unit: its columns among those of readings and poses, and the unit.
+WRITTEN = {
+    "places": ([0, 1, 3, 4, 6, 7], "um", 1e3),
+    "powers": ([2, 5, 8], "uW", 1e3),
+    "reference's lengths": ([9, 10, 11], "um", 1e3),
+    "reference's angles": ([12, 13, 14], "urad", 1e6),
+}
+#: The share of the noise that the steps have at least in which numbers are written, to be told.
+LEAST_STEP_SHARE = 0.3
+
+
+def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
+    """Add the steps in which numbers are written to their noise, where they are a part of it."""
+    noise = deviations(sensor, data)
+    own = np.hstack([np.nanmedian(noise, axis=0), data.sigma])
+    steps = np.array([written_step(column) for column in np.hstack([data.raw, data.pose]).T])
+    sizes = steps / np.sqrt(12)
+    sizes[~(sizes > LEAST_STEP_SHARE * own)] = 0.0
+    findings = [
+        Finding(False, (
+            f"The {words} are written in steps of {factor * steps[columns].max():.2g} {unit}: "
+            "write more digits. The steps count as noise."
+        ), ("written_steps",))
+        for words, (columns, unit, factor) in WRITTEN.items() if sizes[columns].any()
+    ]  # fmt: skip
+    if findings:
+        noise, sigma = np.hypot(noise, sizes[:9]), np.hypot(data.sigma, sizes[9:])
+        data = data._replace(noise=noise, sigma=sigma)
+    return data, findings
+
+
+def written_step(values: Floats) -> float:
+    """The step of which all values (n,) are whole multiples; 0 where there is none."""
+    apart = np.diff(np.unique(np.round(values[np.isfinite(values)], 12)))
+    if len(apart) < MIN_POSES:
+        return 0.0
+    times = apart / apart.min()
+    return float(apart.min()) if (np.abs(times - np.round(times)) < EVEN_STEPS).all() else 0.0
+
+
 def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
     """Exclude the readings of a detector whose spot lies over the edge of its sensitive area.
 
@@ -341,8 +381,8 @@ def average_equal_poses(sensor: Sensor, data: Data) -> Data:
         same = group.ravel() == n
         raw[n] = [mean(column) for column in data.raw[same].T]
         there = np.isfinite(data.raw[same])
-        count = np.maximum(there.sum(axis=0), 1)
-        sigma[n] = np.nanmean(np.where(there, noise[same], np.nan), axis=0) / np.sqrt(count)
+        with np.errstate(invalid="ignore"):  # no reading at all
+            sigma[n] = np.where(there, noise[same], 0.0).sum(axis=0) / there.sum(axis=0) ** 1.5
     whole = np.bincount(group.ravel(), rows)
     order = np.argsort(first)
     return merged._replace(raw=raw, noise=sigma, rows=whole.astype(float)).part(order)

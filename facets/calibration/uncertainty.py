@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.knowledge import Prior
-from ..core.names import ANGLES, DETECTORS, KINDS, POSE
+from ..core.names import ANGLES, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
@@ -50,18 +50,21 @@ if TYPE_CHECKING:
     from ..core.knowledge import Knowledge
 
 
-def model_error(
-    result: Fit, data: Data, sensor: Sensor, scatter: Scatter, causes: list[Cause]
-) -> dict[str, float]:
-    """Standard deviations of what the model misses in the readings, by name, mm and mW.
+def misfit_covariance(
+    result: Fit,
+    data: Data,
+    sensor: Sensor,
+    scatter: Scatter,
+    causes: list[Cause],
+    common: dict[str, float],
+) -> Floats:
+    """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the residuals
+    show beyond chance, of a cause that is not known or that stays with the sensor, and what a
+    detector's spline leaves open.
 
-    MISFIT: what the residuals show beyond chance, of a cause that is not known or that stays with
-    the sensor, and what a detector's spline leaves open.  MODEL_ERROR: of the model of real light
-    itself.
-
-    The unknowns take up a part of it, as they do of the noise, and a larger one, since what a model
-    misses changes smoothly from pose to pose: what is seen is put up by the share of noise that
-    stays in the residuals once more.
+    common: see `common_scatter`.  The unknowns take up a part of it, as they do of the noise, and a
+    larger one, since what a model misses changes smoothly from pose to pose: what is seen is put up
+    by the share of noise that stays in the residuals once more.
     """
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
     more = np.array([scatter.size_of(PLACES), scatter.size_of(PLACES), scatter.size_of(POWERS)] * 3)
@@ -70,18 +73,15 @@ def model_error(
         sizes = residual_sizes(result, data)
         share = float(result.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
+    spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
+    matrix: Floats = np.diag(missed**2 + spline**2)
     for cause in causes:
         if cause.alternatives[0].persists:
             effect = cause.best.effect * cause.remainder.noise
-            missed = np.hypot(missed, np.sqrt((effect**2).mean(axis=0)))
-    missed = np.hypot(
-        missed, spline_error(sensor, data.raw, result.choice.names, result.covariance)
-    )
-    exact = np.zeros(9)
-    if any(name in EFFECTS for name in result.choice.names):
-        exact = model_accuracy(data, PLACE_SIGMA_MM)
-    named = zip((*MISFIT, *MODEL_ERROR), (*missed, *exact), strict=True)
-    return {name: float(size) for name, size in named if size > 0}
+            matrix += effect.T @ effect / len(effect)
+    for m, kind in enumerate(KINDS):
+        matrix[m::3, m::3] += common.get(kind, 0.0) ** 2
+    return matrix
 
 
 #: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
@@ -148,27 +148,26 @@ def common_scatter(remainder: Remainder) -> dict[str, float]:
 
 
 def add_unseen_errors(
-    sensor: Sensor, result: Fit, missed: dict[str, float], centre: float, common: dict[str, float]
+    sensor: Sensor, result: Fit, data: Data, misfit: Floats, centre: float
 ) -> Sensor:
-    """The calibrated sensor whose uncertainty includes what the model misses in readings (`missed`,
-    by name), the uncertainty of the light's middle (`centre`, mm), and what places of all detectors
-    have in common (see `common_scatter`)."""
+    """The calibrated sensor whose uncertainty includes what the model misses in readings (`misfit`:
+    the covariance, see `misfit_covariance`), what the model of real light itself errs by, and the
+    uncertainty of the light's middle (`centre`, mm)."""
+    from scipy.linalg import block_diag
+
     known = sensor.calibration
     assert known is not None
-    together = {kind: [f"misfit_{k}.{kind}" for k in DETECTORS] for kind in common}
-    missed = dict.fromkeys((name for names in together.values() for name in names), 0.0) | missed
-    if centre:
-        missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
-    if not missed:
-        return sensor
-    factor, size = covariance_factor(result), len(known.names)
-    matrix = np.zeros((size + len(missed),) * 2)
-    matrix[:size, :size] = factor * np.array(known.covariance)
-    matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))
-    names = (*known.names, *missed)
-    for kind, group in together.items():
-        matrix[np.ix_(*[[names.index(name) for name in group]] * 2)] += common[kind] ** 2
-    joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
+    exact = np.zeros(9)
+    if any(name in EFFECTS for name in result.choice.names):
+        exact = model_accuracy(data, PLACE_SIGMA_MM)
+    unseen = block_diag(misfit, np.diag(exact**2), centre**2 * np.eye(2))
+    more = np.flatnonzero(np.diag(unseen) > 0)
+    names = np.array([*MISFIT, *MODEL_ERROR, *LIGHT_CENTRE])[more]
+    fitted = covariance_factor(result) * np.array(known.covariance)
+    matrix = block_diag(fitted, unseen[np.ix_(more, more)])
+    joint = replace(
+        known, names=(*known.names, *names.tolist()), covariance=tuple(map(tuple, matrix.tolist()))
+    )
     return replace(sensor, calibration=joint)
 
 

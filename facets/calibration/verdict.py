@@ -30,6 +30,7 @@ from .findings import (
     outlier_findings,
     pull_findings,
     scatter_findings,
+    spike_finding,
 )
 from .fit import Fit, fit
 from .judge import (
@@ -45,6 +46,7 @@ from .judge import (
 from .remainder import Remainder
 from .samples import (
     add_converter_steps,
+    add_written_steps,
     average_equal_poses,
     exclude_edge_readings,
     exclude_outliers,
@@ -67,7 +69,7 @@ from .uncertainty import (
     add_unseen_errors,
     centre_sigma,
     common_scatter,
-    model_error,
+    misfit_covariance,
     validation_table,
 )
 from .unknowns import DELAY, Choice
@@ -145,6 +147,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     done, causes = explain(sensor, plain, chosen, settings, large)
     if fault is None and plain.promising and is_suspicious(done.sensor, done.fit):
         fault = find_fault_of(sensor, plain, chosen)
+        causes = causes if fault is None else []  # these are of samples with the fault
     if fault is not None or not done.fit.ended:
         return plain.verdict(reasons(plain, fault, causes, done), done)
     result = validate(sensor, plain, done, causes, settings)
@@ -192,10 +195,9 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     """Check the columns, leave out readings over an edge, and hold samples back."""
     kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
-    whole, lost = exclude_edge_readings(
-        sensor, remove_duplicates(add_approach(data._replace(number=row_numbers(data))))
-    )
-    early += lost
+    whole, coarse = add_written_steps(sensor, data._replace(number=row_numbers(data)))
+    whole, lost = exclude_edge_readings(sensor, remove_duplicates(add_approach(whole)))
+    early += coarse + lost
     if len(whole.raw) < MIN_SAMPLES:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
         return Screened(whole, whole.part(slice(0)), early, kind)
@@ -304,7 +306,9 @@ def undo_large_causes(
         wide = add_cheap_candidates(sensor, plain.data, settings, plain.fit.choice)
         data = restore_readings(plain.data, plain.original)
         robust = None if causes else settings.outliers
-        large = find_large_causes(Remainder(sensor, data, replace(plain.fit, choice=wide), robust))
+        with np.errstate(over="ignore", invalid="ignore"):  # where the fit went astray
+            result = replace(plain.fit, choice=wide)
+            large = find_large_causes(Remainder(sensor, data, result, robust))
         if not large:
             break
         causes, plain = large, plain_fit(sensor, plain.screened.leave_out(large), chosen, settings)
@@ -400,7 +404,6 @@ def validate(
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
     said += [*effect_findings(remainder, least), *scatter_findings(done.scatter, least)]
     said += findings(done.sensor, result, data) + plain.screened.findings
-    missed = model_error(result, data, done.sensor, done.scatter, causes)
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
     stated = remainder
@@ -409,7 +412,8 @@ def validate(
         stated = Remainder(done.sensor, as_stated, result, settings.outliers)
     common = common_scatter(stated)
     said += common_findings(common)
-    made = add_unseen_errors(result.sensor, result, missed, centre, common)
+    misfit = misfit_covariance(result, data, done.sensor, done.scatter, causes, common)
+    made = add_unseen_errors(result.sensor, result, data, misfit, centre)
     made = add_causes(made, remainder, causes)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
@@ -426,7 +430,9 @@ def unsettled_finding(result: Fit) -> Finding:
 
 def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
     """Whether a fit is so bad that faults of the data are looked for."""
-    return not plain.ended or plain.excess > 0 or bool(pull_findings(sensor, plain))
+    spikes = spike_finding(plain)
+    is_worse = plain.excess > 0 or bool(spikes and spikes.bad)
+    return not plain.ended or is_worse or bool(pull_findings(sensor, plain))
 
 
 def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:

@@ -63,6 +63,14 @@ def stick_but_for_a_jump(raw, pose):
     raw[17, 6] += 4.0
 
 
+def swap_a_sign_in_some_rows(raw, pose):
+    raw[60:85, 4] *= -1
+
+
+def slip_by_a_row(raw, pose):
+    pose[21:46] = pose[20:45].copy()
+
+
 def repeat_six_rows(raw, pose):
     for rows in (raw, pose):
         rows[:] = rows[np.arange(COUNT) % 6]
@@ -79,6 +87,16 @@ def repeat_six_rows(raw, pose):
             marks=pytest.mark.slow,
         ),
         (give_angles_in_urad, "angles are in urad"),
+        (
+            swap_a_sign_in_some_rows,
+            "rows 61 to 84 do not belong to the others (in them, the sign "
+            "of zeta of detector B is swapped)",
+        ),
+        pytest.param(
+            slip_by_a_row,
+            "(in them, the reference's rows stand one row below where they belong)",
+            marks=pytest.mark.slow,
+        ),
         (convert_pincushion_currents_as_another_kind, "sensor.electronics.kind to pincushion"),
         (stick, "zeta of detector B is stuck"),
         (stick_but_for_a_jump, "psi of detector C is stuck"),
@@ -92,6 +110,34 @@ def test_a_fault_of_the_table_is_named_and_not_trusted(samples, spoil, words):
     judged = judge(spoilt, CONFIG.calibrate)
     assert not judged.is_trusted
     assert words in words_of(judged)
+
+
+def test_angles_in_another_order_are_named_where_they_are_small(samples):
+    """They then lie within what real light leaves."""
+    pose = samples.pose.copy()
+    pose[:, 3:] = Rotation.from_euler("xyz", pose[:, 3:]).as_euler("zxy")[:, [1, 2, 0]]
+    judged = judge(samples._replace(pose=pose))
+    assert "(about the fixed axes z, then x, then y; here x, then y, then z)" in words_of(judged)
+
+
+def test_readings_that_were_averaged_are_named():
+    data = sample_in_time(count=400)
+    raw = data.raw.copy()
+    raw[1:-1] = (raw[:-2] + raw[1:-1] + raw[2:]) / 3
+    words = words_of(judge(data._replace(raw=raw)))
+    assert (
+        "the readings were averaged or filtered, and the reference was not (as over 3 rows)"
+        in words
+    )
+
+
+def test_numbers_with_few_digits_count_as_noise(samples):
+    raw = samples.raw.copy()
+    places = np.arange(9) % 3 < 2
+    raw[:, places] = np.round(raw[:, places] / 0.02) * 0.02
+    judged = judge(samples._replace(raw=raw))
+    assert "The places are written in steps of 20 um" in words_of(judged)
+    assert "scatter" not in words_of(judged)
 
 
 def test_a_late_reference_is_found():

@@ -104,8 +104,16 @@ def test_every_fault_is_undone():
     """Which also says that no two of them are the same, and that none is left out."""
     poses = spoilt_poses()
     tried = list(faults.table_faults(SENSOR))
-    assert len({(fault.words, fault.remedy) for fault in tried}) == len(tried) == 60
+    assert len({(fault.words, fault.remedy) for fault in tried}) == len(tried) == 62
     for fault in tried:
+        if "rows stand" in fault.words:
+            data = Data(RAW, POSE, np.ones(6), np.zeros((5, 2)))
+            below = "below" in fault.words
+            spoilt = data._replace(pose=np.roll(POSE, 1 if below else -1, axis=0))
+            data = data.part(slice(0, -1) if below else slice(1, None))
+            assert fault.change(spoilt).raw == pytest.approx(data.raw)
+            assert fault.change(spoilt).pose == pytest.approx(data.pose)
+            continue
         if "reference" in fault.words:
             raw, pose = RAW, poses.pop(fault.words)
         else:

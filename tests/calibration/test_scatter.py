@@ -67,7 +67,9 @@ def test_many_outliers_are_none():
     judged = judge(data)
     assert not judged.is_trusted
     assert not judged.search.outliers
-    assert "these are no spikes but a misfit" in words_of(judged)
+    assert "of them in psi of detector A: its noise is larger than the configuration says" in (
+        words_of(judged)
+    )
 
 
 # ---- what follows the motion

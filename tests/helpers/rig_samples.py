@@ -66,21 +66,22 @@ def sample_rig(
 
 def move(at):
     """Return the poses (n, 6) of a motion at times in seconds."""
-    cycles, phase = np.array([5.2, 8.4, 6.8, 11.6, 13.2, 9.2]), np.arange(6)
-    return 0.9 * rigs.BOX * np.sin(2 * np.pi * cycles * at[:, None] + phase)
+    turns = 2 * np.pi * np.array([5.2, 8.4, 6.8, 11.6, 13.2, 9.2]) * at[:, None] + np.arange(6)
+    waves = [np.sin(times * turns) for times in (1.0, 1.3, 1.7, 2.3)]
+    return 0.35 * rigs.BOX * np.sum(waves, axis=0)
 
 
-def sample_in_time(late=0.0, delays=(0.0, 0.0, 0.0)):
-    """150 samples at 1 kHz.  late: by how much the reference is.  delays: after which each detector
+def sample_in_time(late=0.0, delays=(0.0, 0.0, 0.0), count=150):
+    """Samples at 1 kHz.  late: by how much the reference is.  delays: after which each detector
     is read where the mirror then is; all in seconds."""
-    rng, time = np.random.default_rng(2), np.arange(150) / 1000
-    rig, zero = rigs.draw_rig(NOMINAL, rng), np.zeros((150, 9))
+    rng, time = np.random.default_rng(2), np.arange(count) / 1000
+    rig, zero = rigs.draw_rig(NOMINAL, rng), np.zeros((count, 9))
     exact = zero.copy()
     for k, delay in enumerate(delays):
         there = Data(zero, move(time + delay), rigs.REFERENCE, zero[:, :2])
         reading = facets.readings(rig.sensor, states_of(there, zero, rig.values))
         exact[:, 3 * k : 3 * k + 3] = reading[:, 3 * k : 3 * k + 3]
-    said = move(time - late) + rigs.REFERENCE * rng.standard_normal((150, 6))
+    said = move(time - late) + rigs.REFERENCE * rng.standard_normal((count, 6))
     raw = invert_correction(rig.sensor, add_noise(rig.sensor, exact, rng))
     return Data(raw, said, rigs.REFERENCE, zero[:, :2], velocity=velocities(time, said))
 
