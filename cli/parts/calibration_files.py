@@ -21,7 +21,7 @@ from ..console import FINDING, free_output, wrap
 from ..options import require_html, require_yaml
 
 if TYPE_CHECKING:
-    from facets.calibration.fit import Fit
+    from facets.calibration.fitting.fit import Fit
     from facets.calibration.verdict import Verdict
     from facets.config import Config
     from facets.core.sensor import Sensor

@@ -14,7 +14,7 @@ from ..sentences.calibration import show_lost_uncertainties, show_verdict, show_
 from .calibration_files import CalibrationFiles
 
 if TYPE_CHECKING:
-    from facets.calibration.bundle_adjustment import Data
+    from facets.calibration.fitting.bundle_adjustment import Data
     from facets.calibration.verdict import Verdict
     from facets.config import Config
     from facets.core.calibrate import Calibrate

@@ -11,9 +11,9 @@ from facets import calibration
 from ..console import show_table, wrap
 
 if TYPE_CHECKING:
+    from facets.calibration.fitting.unknowns import Choice
     from facets.calibration.motions import Direction
     from facets.calibration.search import EffectSearch
-    from facets.calibration.unknowns import Choice
     from facets.calibration.verdict import Verdict
     from facets.config import Config
 
@@ -36,7 +36,7 @@ def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
     known = settings.sensor.calibration
     lost = [] if known is None else [
         name for name in known.names
-        if name in calibration.unknowns.OF_SENSOR and name not in unknowns.names
+        if name in calibration.fitting.unknowns.OF_SENSOR and name not in unknowns.names
         and name != "beam.power"
     ]  # fmt: skip
     if lost:

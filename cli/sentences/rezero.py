@@ -73,7 +73,7 @@ def refuse(zero: NewZero) -> NoReturn:
     if len(several) == 1:
         cause = f" The likeliest cause: {clauses[0]}."
     elif several:
-        cause = f" {calibration.alternative.describe_rivals(several, clauses)}"
+        cause = f" {calibration.alternatives.alternative.describe_rivals(several, clauses)}"
     words = (
         f"! These changes do not explain the readings.{cause} Nothing was written. Bring the "
         "mirror to the stop again; if the result stays, calibrate."

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
-from facets.calibration.unknowns import ALL, assign_values, values_of
+from facets.calibration.fitting.unknowns import ALL, assign_values, values_of
 from facets.characterization.axis_report import AxisReport, evaluate_axis
 from facets.characterization.axis_visits import PoseSeries
 from facets.characterization.error_motions import AxisTest, Commands, fit_errors

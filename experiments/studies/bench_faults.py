@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from facets.calibration.bundle_adjustment import Data, states_of
+from facets.calibration.fitting.bundle_adjustment import Data, states_of
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from facets.core.units import Floats
 from facets.detectors.noise import standard_deviations

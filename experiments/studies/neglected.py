@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
-from facets.calibration.bundle_adjustment import Choice, Data
-from facets.calibration.fit import fit
+from facets.calibration.fitting.bundle_adjustment import Choice, Data
+from facets.calibration.fitting.fit import fit
 from facets.core.sensor import BenchLight, Imperfections, Sensor
 from facets.core.units import Booleans, Floats
 from facets.detectors.correction import correct

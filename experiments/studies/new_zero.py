@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 import facets
-from facets.calibration.bundle_adjustment import states_of
+from facets.calibration.fitting.bundle_adjustment import states_of
+from facets.calibration.fitting.unknowns import fold_mount
 from facets.calibration.rezero import (
     ChangePriors,
     NewZero,
@@ -28,7 +29,6 @@ from facets.calibration.rezero import (
     renew_zero,
 )
 from facets.calibration.table import choice
-from facets.calibration.unknowns import fold_mount
 from facets.calibration.verdict import verdict
 from facets.core.sensor import Sensor
 from facets.core.units import Floats

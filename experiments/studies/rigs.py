@@ -22,11 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 import facets
-from facets.calibration.bundle_adjustment import Data, states_of
-from facets.calibration.fit import Fit, fit
-from facets.calibration.table import choice as choice_of
-from facets.calibration.table import clock, velocities
-from facets.calibration.unknowns import (
+from facets.calibration.fitting.bundle_adjustment import Data, states_of
+from facets.calibration.fitting.fit import Fit, fit
+from facets.calibration.fitting.unknowns import (
     ALL,
     MOUNT,
     MOUNTING,
@@ -37,6 +35,8 @@ from facets.calibration.unknowns import (
     fold_mount,
     values_of,
 )
+from facets.calibration.table import choice as choice_of
+from facets.calibration.table import clock, velocities
 from facets.calibration.verdict import Verdict, verdict
 from facets.core.sensor import Sensor
 from facets.core.units import Floats

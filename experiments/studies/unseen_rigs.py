@@ -35,12 +35,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
-from facets.calibration.alternative import Finding
-from facets.calibration.alternatives import ALTERNATIVES
+from facets.calibration.alternatives.alternative import Finding
+from facets.calibration.alternatives.entries import ALTERNATIVES
+from facets.calibration.alternatives.scatter import SCATTER
 from facets.calibration.candidates import EVERY_EFFECT
-from facets.calibration.scatter import SCATTER
+from facets.calibration.fitting.unknowns import fold_mount
 from facets.calibration.table import choice, gather_samples
-from facets.calibration.unknowns import fold_mount
 from facets.calibration.verdict import verdict
 from facets.core.calibrate import Calibrate
 from facets.core.errors import FacetsError

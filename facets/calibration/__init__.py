@@ -3,24 +3,24 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import alternative as alternative
+    from . import alternatives as alternatives
+    from . import fitting as fitting
     from . import motions as motions
     from . import reference_join as reference_join
     from . import rezero as rezero
     from . import table as table
     from . import uncertainty as uncertainty
-    from . import unknowns as unknowns
     from . import verdict as verdict
 else:
     __getattr__ = load_on_use(
         __name__,
         {
-            "bundle_adjustment": (
+            "fitting.bundle_adjustment": (
                 "Data OWN_COUNT OWN_UNITS eliminate_own_unknowns "
                 "linearise_model own_sigma predict_readings states_of"
             ),
-            "fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
-            "scatter": "fit_steady_laser",
+            "fitting.fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
+            "alternatives.scatter": "fit_steady_laser",
             "motions": (
                 "choose_poses information mean_reduction pose_information short_order travel "
                 "weak_directions"
@@ -30,10 +30,10 @@ else:
                 "CHANGES ChangePriors LEAST_CHANCE StopReadings average_stop renew_zero "
                 "stop_readings"
             ),
-            "samples": "add_converter_steps",
+            "fitting.samples": "add_converter_steps",
             "table": (
                 "REFERENCE choice choose_groups gather_samples read recording_time velocities"
             ),
-            "unknowns": "ALL Choice PLACE assign_values block fold_mount values_of",
+            "fitting.unknowns": "ALL Choice PLACE assign_values block fold_mount values_of",
         },
     )

@@ -16,10 +16,10 @@ import numpy as np
 from ..core.names import DETECTORS
 from ..core.sensor import LIGHT_CANDIDATES, LIGHT_EFFECTS, Sensor
 from ..model.kinds import lit_kind
-from .alternative import Alternative
-from .bundle_adjustment import Data
+from .alternatives.alternative import Alternative
+from .fitting.bundle_adjustment import Data
+from .fitting.unknowns import BACKLASH, CLOCKS, DELAY, OF_DRIFT, SKEW, SPLINE, Choice
 from .table import bends
-from .unknowns import BACKLASH, CLOCKS, DELAY, OF_DRIFT, SKEW, SPLINE, Choice
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate

@@ -13,19 +13,20 @@ import numpy as np
 from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..detectors import temperature
 from ..model.arrays import EFFECTS
-from .alternative import MOST_ROWS_LISTED, Finding, capitalise, describe_rivals
-from .bundle_adjustment import Data, relative_power
-from .fit import Fit
-from .judge import Cause
-from .remainder import Remainder
-from .samples import MOST_OUTLIER_SHARE
-from .scatter import FAR_SIGMAS, PLACES, POWERS, SCATTER, Scatter, far_unknowns
+from .alternatives.alternative import MOST_ROWS_LISTED, Finding, capitalise, describe_rivals
+from .alternatives.judge import Cause
+from .alternatives.remainder import Remainder
+from .alternatives.scatter import FAR_SIGMAS, PLACES, POWERS, SCATTER, Scatter, far_unknowns
+from .fitting.bundle_adjustment import Data, relative_power
+from .fitting.fit import Fit
+from .fitting.samples import MOST_OUTLIER_SHARE
+from .fitting.unknowns import BACKLASH, LAG, PAST
 from .table import unit_of
-from .unknowns import BACKLASH, LAG, PAST
 
-#: The places among the nine readings, and the share of outliers in one of them that is no chance.
-PLACES_READ, ONE_READING_SHARE = (0, 1, 3, 4, 6, 7), 0.03
+#: The share of outliers in one place that is no chance.
+ONE_PLACE_SHARE = 0.03
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST_SIGMAS = 3.0
 
@@ -120,8 +121,8 @@ def spike_finding(result: Fit) -> Finding | None:
     share = beyond / total
     words = f"{count} of {total} samples hold an outlier ({chance:.0f} would by chance)"
     each = (result.weights < 1).sum(axis=0)
-    most = max(PLACES_READ, key=lambda n: each[n])
-    if each[most] > ONE_READING_SHARE * total and each[most] > beyond / 2:
+    most = max(temperature.PLACES, key=lambda n: each[n])
+    if each[most] > ONE_PLACE_SHARE * total and each[most] > beyond / 2:
         return Finding(True, (
             f"{words}, {each[most]} of them in {KINDS[most % 3]} of detector "
             f"{DETECTORS[most // 3].upper()}: its noise is larger than the configuration says, or "

@@ -21,7 +21,7 @@ from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
 from ..model.arrays import readings
-from .bundle_adjustment import (
+from .fitting.bundle_adjustment import (
     OWN_COUNT,
     OWN_UNITS,
     Data,
@@ -29,9 +29,9 @@ from .bundle_adjustment import (
     linearise_model,
     own_sigma,
 )
-from .fit import solve_open_axes
+from .fitting.fit import solve_open_axes
+from .fitting.unknowns import ALL, PLACE, Choice, values_of
 from .table import choice
-from .unknowns import ALL, PLACE, Choice, values_of
 
 #: How much of a pattern is not told, at least, for it to be named; and how large a part of another
 #: direction is, at least, to be named.

@@ -21,11 +21,11 @@ from ..core.units import Floats
 from ..detectors.correction import correct
 from ..estimation.solver import solve
 from ..estimation.table import BEAM_UNCERTAINTIES
-from .bundle_adjustment import Data
-from .fit import fit
-from .samples import remove_jumps
+from .checks import remove_jumps
+from .fitting.bundle_adjustment import Data
+from .fitting.fit import fit
+from .fitting.unknowns import DELAY, PLACE
 from .table import BEAM, REFERENCE, RUN, choice, gather_samples, whole_table
-from .unknowns import DELAY, PLACE
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate

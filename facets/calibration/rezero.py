@@ -46,14 +46,13 @@ from ..estimation.solver import solve
 from ..estimation.uncertainty import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
-from .alternative import Alternative, log_chance
-from .alternatives import BY_KEY, lengths
-from .bundle_adjustment import Data
-from .fit import GAINS
-from .judge import APART_CHANCE
-from .remainder import falls_of
-from .samples import add_converter_steps
-from .search import chance_of
+from .alternatives.alternative import Alternative, chance_of, log_chance
+from .alternatives.entries import BY_KEY, lengths
+from .alternatives.judge import APART_CHANCE
+from .alternatives.remainder import falls_of
+from .fitting.bundle_adjustment import Data
+from .fitting.fit import GAINS
+from .fitting.samples import add_converter_steps
 from .table import REFERENCE, whole_table
 
 if TYPE_CHECKING:

@@ -22,14 +22,13 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
-from .bundle_adjustment import (
-    Data,
-    Linear,
-    Normal,
-    deviations,
-    eliminate_own_unknowns,
-    linearise_model,
-    own_sigma,
+from .alternatives.alternative import chance_of
+from .alternatives.scatter import (
+    BEAM_SCATTER,
+    NO_SCATTER,
+    Scatter,
+    fit_steady_laser,
+    fit_with_scatter,
 )
 from .candidates import (
     POLARISATIONS,
@@ -39,10 +38,18 @@ from .candidates import (
     candidates,
     effects_without_columns,
 )
-from .fit import NORMAL_MEDIAN, Fit, StoppingRule, fit, prior_information
-from .samples import LEAST_WEIGHT, exclude_outliers
-from .scatter import BEAM_SCATTER, NO_SCATTER, Scatter, fit_steady_laser, fit_with_scatter
-from .unknowns import PLACE, Choice, assign_values, values_of
+from .fitting.bundle_adjustment import (
+    Data,
+    Linear,
+    Normal,
+    deviations,
+    eliminate_own_unknowns,
+    linearise_model,
+    own_sigma,
+)
+from .fitting.fit import NORMAL_MEDIAN, Fit, StoppingRule, fit, prior_information
+from .fitting.samples import LEAST_WEIGHT, exclude_outliers
+from .fitting.unknowns import PLACE, Choice, assign_values, values_of
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -148,13 +155,6 @@ def predict(equations: FoldEquations, names: Iterable[str]) -> Prediction:
         step = np.linalg.solve(matrix - here + prior, side - aim)
         left_out += level - 2 * aim @ step + step @ here @ step
     return Prediction(float(after), float(left_out))
-
-
-def chance_of(fall: float, count: int) -> float:
-    """Probability of a fall of chi-square at least as large by `count` idle unknowns."""
-    from scipy.special import chdtrc
-
-    return float(chdtrc(count, max(fall, 0.0)))
 
 
 def rank_candidates(

@@ -27,9 +27,9 @@ from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
-from .bundle_adjustment import Data
-from .fit import Fit
-from .unknowns import (
+from .fitting.bundle_adjustment import Data
+from .fitting.fit import Fit
+from .fitting.unknowns import (
     BACKLASH,
     CLOCKS,
     DRIFTS,

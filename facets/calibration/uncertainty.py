@@ -27,7 +27,12 @@ from ..estimation.solution import Solution
 from ..estimation.solver import solve
 from ..estimation.uncertainty import effective_degrees_of_freedom
 from ..model.arrays import EFFECTS, readings
-from .bundle_adjustment import (
+from .alternatives.columns import beam_sigma, effect_columns
+from .alternatives.judge import Cause
+from .alternatives.remainder import Remainder
+from .alternatives.scatter import PLACES, POWERS, Scatter, is_doubtful
+from .findings import profile_size, residual_sizes
+from .fitting.bundle_adjustment import (
     OWN_COUNT,
     OWN_UNITS,
     Data,
@@ -36,14 +41,9 @@ from .bundle_adjustment import (
     own_information,
     states_of,
 )
-from .columns import beam_sigma, effect_columns
-from .findings import profile_size, residual_sizes
-from .fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
-from .judge import Cause
-from .remainder import Remainder
-from .samples import PLACE_SIGMA_MM, model_accuracy
-from .scatter import PLACES, POWERS, Scatter, is_doubtful
-from .unknowns import PLACE, fold_mount, spline_error, values_of
+from .fitting.fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
+from .fitting.samples import PLACE_SIGMA_MM, model_accuracy
+from .fitting.unknowns import PLACE, fold_mount, spline_error, values_of
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate

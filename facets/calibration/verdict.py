@@ -17,10 +17,22 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..estimation.estimates import compile_for
-from .alternative import Finding
-from .bundle_adjustment import Data, add_approach, add_power_polynomials
+from .alternatives.alternative import Finding, chance_of
+from .alternatives.faults import Explanation, find_fault
+from .alternatives.judge import (
+    LEAST_SHARE,
+    Cause,
+    find_causes,
+    find_large_causes,
+    noisy_remainder,
+    restore_readings,
+    steps_as_changes,
+    undo_causes,
+)
+from .alternatives.remainder import Remainder
+from .alternatives.scatter import fit_steady_laser
 from .candidates import DELAY_SIGMA_S, tried_kinds
-from .faults import Explanation, find_fault
+from .checks import add_written_steps, check_columns, exclude_edge_readings
 from .findings import (
     cause_findings,
     centre_findings,
@@ -32,34 +44,20 @@ from .findings import (
     scatter_findings,
     spike_finding,
 )
-from .fit import Fit, fit
-from .judge import (
-    LEAST_SHARE,
-    Cause,
-    find_causes,
-    find_large_causes,
-    noisy_remainder,
-    restore_readings,
-    steps_as_changes,
-    undo_causes,
-)
-from .remainder import Remainder
-from .samples import (
+from .fitting.bundle_adjustment import Data, add_approach, add_power_polynomials
+from .fitting.fit import Fit, fit
+from .fitting.samples import (
     add_converter_steps,
-    add_written_steps,
     average_equal_poses,
-    exclude_edge_readings,
     exclude_outliers,
-    faults,
     remove_duplicates,
     row_numbers,
 )
-from .scatter import fit_steady_laser
+from .fitting.unknowns import DELAY, Choice
 from .search import (
     CHANCE,
     EffectSearch,
     add_cheap_candidates,
-    chance_of,
     reachable_chi_square,
     search,
 )
@@ -72,7 +70,6 @@ from .uncertainty import (
     misfit_covariance,
     validation_table,
 )
-from .unknowns import DELAY, Choice
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -194,7 +191,7 @@ class Screened:
 def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     """Check the columns, leave out readings over an edge, and hold samples back."""
     kind = "rows" if data.noise is None else "stands"
-    early = faults(sensor, data)
+    early = check_columns(sensor, data)
     whole, coarse = add_written_steps(sensor, data._replace(number=row_numbers(data)))
     whole, lost = exclude_edge_readings(sensor, remove_duplicates(add_approach(whole)))
     early += coarse + lost

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..calibration.bundle_adjustment import Data
-from ..calibration.fit import Fit, StoppingRule, fit
+from ..calibration.fitting.bundle_adjustment import Data
+from ..calibration.fitting.fit import Fit, StoppingRule, fit
+from ..calibration.fitting.unknowns import MOUNTING, Choice, assign_values, fold_mount, values_of
 from ..calibration.table import choice
-from ..calibration.unknowns import MOUNTING, Choice, assign_values, fold_mount, values_of
 from ..characterization.ranges import axis_ranges, clearances
 from ..core.errors import InputError
 from ..core.rules import Rules

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..calibration.bundle_adjustment import Data
-from ..calibration.fit import prior_information
+from ..calibration.fitting.bundle_adjustment import Data
+from ..calibration.fitting.fit import prior_information
 from ..calibration.motions import information
 from ..core.small_matrices import one_thread
 from ..core.units import Booleans, Floats

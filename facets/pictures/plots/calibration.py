@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...calibration.bundle_adjustment import Data
-    from ...calibration.fit import Fit
+    from ...calibration.fitting.bundle_adjustment import Data
+    from ...calibration.fitting.fit import Fit
 
 #: Ends of the scale of residuals, standard deviations.
 ENDS = 3.0

@@ -19,14 +19,14 @@ from copy import copy
 
 import numpy as np
 
-from ..core.sensor import Sensor
-from ..core.units import Booleans, Floats, Integers
+from ...core.sensor import Sensor
+from ...core.units import Booleans, Floats, Integers
+from ..fitting.bundle_adjustment import OWN_UNITS, Data, own_sigma, states_of
+from ..fitting.fit import Fit, Task
+from ..fitting.samples import row_numbers
+from ..fitting.unknowns import assign_values, values_of
 from .alternative import Trace
-from .bundle_adjustment import OWN_UNITS, Data, own_sigma, states_of
-from .fit import Fit, Task
-from .samples import row_numbers
 from .scatter import NAMES, UNMEASURED_SIGMA, Likelihood
-from .unknowns import assign_values, values_of
 
 #: A direction of columns that the unknowns explain but for this share of its square is left out.
 LEAST_OWN_SHARE = 1e-6

@@ -24,14 +24,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.names import DETECTORS
-from ..core.sensor import Calibration, Sensor, Thermal
-from ..core.small_matrices import one_thread
-from ..core.units import Floats
-from ..detectors.calibrated import TEMPERATURE
-from ..detectors.correction import correct
-from ..estimation.solver import solve
+from ...core.errors import InputError
+from ...core.names import DETECTORS
+from ...core.sensor import Calibration, Sensor, Thermal
+from ...core.small_matrices import one_thread
+from ...core.units import Floats
+from ...detectors.calibrated import TEMPERATURE
+from ...detectors.correction import correct
+from ...estimation.solver import solve
 from .bundle_adjustment import (
     OWN_COUNT,
     OWN_UNITS,

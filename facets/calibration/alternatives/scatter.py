@@ -23,16 +23,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
-from ..core.names import POSE
-from ..core.sensor import Sensor
-from ..core.small_matrices import one_thread
-from ..core.units import Floats
+from ...core.errors import InputError
+from ...core.names import POSE
+from ...core.sensor import Sensor
+from ...core.small_matrices import one_thread
+from ...core.units import Floats
+from ..fitting.bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
+from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
+from ..fitting.samples import LEAST_WEIGHT
+from ..fitting.unknowns import MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
 from .alternative import Alternative
-from .bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
-from .fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
-from .samples import LEAST_WEIGHT
-from .unknowns import MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
 
 #: What may scatter: the reference's six, the laser's power, the beam's two, and the detectors'
 #: readings of places and of powers beside their noise.

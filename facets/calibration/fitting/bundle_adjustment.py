@@ -17,21 +17,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import FINE_UNITS
-from ..core.rigid_body import (
+from ...core.names import FINE_UNITS
+from ...core.rigid_body import (
     angle_axes,
     angle_rates,
     cross_matrix,
     rotation_angles,
     rotation_matrix,
 )
-from ..core.sensor import Sensor
-from ..core.units import Floats
-from ..detectors.correction import NAMES, correct, correction_slopes
-from ..detectors.noise import standard_deviations
-from ..detectors.temperature import PLACES
-from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, replace_effects
-from ..model.beam_shape import SHAPE
+from ...core.sensor import Sensor
+from ...core.units import Floats
+from ...detectors.correction import NAMES, correct, correction_slopes
+from ...detectors.noise import standard_deviations
+from ...detectors.temperature import PLACES
+from ...model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, replace_effects
+from ...model.beam_shape import SHAPE
 from .unknowns import (
     ALL,
     BACKLASH,

@@ -16,26 +16,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.names import KINDS, POSE
-from ..core.rigid_body import rotation_angles, rotation_matrix
-from ..core.sensor import Sensor
-from ..core.units import Floats
-from ..detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
-from ..detectors.noise import standard_deviations
-from ..model.arrays import readings
+from ...core.errors import InputError
+from ...core.names import KINDS, POSE
+from ...core.rigid_body import rotation_angles, rotation_matrix
+from ...core.sensor import Sensor
+from ...core.units import Floats
+from ...detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
+from ...detectors.noise import standard_deviations
+from ...detectors.temperature import PLACES
+from ...model.arrays import readings
+from ..fitting.bundle_adjustment import Data
+from ..fitting.fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
+from ..fitting.samples import row_numbers
+from ..fitting.unknowns import Choice
 from .alternative import Alternative, Finding, capitalise
-from .bundle_adjustment import Data
-from .fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
 from .remainder import likeliest_states
-from .samples import row_numbers
-from .unknowns import Choice
 
 Change = Callable[[Data], Data]
 ColumnChange = Callable[[Floats], Floats]
 
-#: The places among the nine readings.
-PLACES = [0, 1, 3, 4, 6, 7]
 #: Samples and steps of a first trial and of a last, for so many of the hypotheses.
 SAMPLES, STEPS, LAST_TRIALS = (30, 120), (4, 12), 4
 #: How many of the best may be one of two faults.

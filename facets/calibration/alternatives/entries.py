@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.names import ANGLES, DETECTORS, POSE
-from ..core.units import Floats
+from ...core.names import ANGLES, DETECTORS, POSE
+from ...core.units import Floats
 from . import columns
 from .alternative import COURSES, MOST_ROWS_LISTED, Alternative, Trace
 from .faults import angle_orders
@@ -311,7 +311,7 @@ def test_fringes(remainder: Remainder) -> Trace:
     return trace._replace(at=(float(periods[int(trace.at[0])]),))
 
 
-def test_averaged(remainder: Remainder) -> Trace:
+def test_averaging(remainder: Remainder) -> Trace:
     trace = remainder.test("averaged", columns.averaged_columns(remainder))
     return trace if trace.amounts[0] > 0 else trace._replace(fall=0.0)  # else that is noise
 
@@ -400,7 +400,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 lambda trace, remainder: (
                     f"up to {100 * np.abs(trace.amounts).max():.2g} %")),
     Alternative("averaged", "table", "the readings were averaged or filtered, and the reference "
-                "was not", "record both alike", "move at half the speed", test_averaged,
+                "was not", "record both alike", "move at half the speed", test_averaging,
                 lambda trace, remainder: (
                     f"(as over {np.sqrt(1 + 12 * trace.amounts[0]):.2g} rows)")),
     Alternative("amplifiers", "electronics", "the amplifiers bend (their gain changes with the "

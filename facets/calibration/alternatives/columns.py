@@ -13,10 +13,10 @@ from itertools import chain, combinations, combinations_with_replacement, permut
 
 import numpy as np
 
-from ..core.sensor import BenchLight, Sensor
-from ..core.units import Floats
-from ..model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
-from .bundle_adjustment import evaluate_turned_mirror, states_of
+from ...core.sensor import BenchLight, Sensor
+from ...core.units import Floats
+from ...model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
+from ..fitting.bundle_adjustment import evaluate_turned_mirror, states_of
 from .remainder import STEP_MARGIN, Remainder
 
 #: Numbers that the courses of a table may take; of longer tables fewer steps and frequencies are

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.units import Floats
+from ...core.units import Floats
 
 if TYPE_CHECKING:
-    from .bundle_adjustment import Data
+    from ..fitting.bundle_adjustment import Data
 
 #: Of fewer columns than this nothing is left beside the unknowns and what was known before.
 MIN_COUNT = 0.1
@@ -81,13 +81,20 @@ class Trace(NamedTuple):
         return whole
 
 
+def chance_of(fall: float, count: float) -> float:
+    """Probability of a fall of chi-square at least as large by a number of idle columns."""
+    from scipy.special import chdtrc
+
+    return float(chdtrc(count, max(fall, 0.0)))
+
+
 def log_chance(fall: float, count: float) -> float:
-    """Logarithm of the chance that chi-square of a number of columns is larger than a fall."""
-    from scipy.special import chdtrc, gammaln
+    """The logarithm of `chance_of`, also where that is below the least number."""
+    from scipy.special import gammaln
 
     if count < MIN_COUNT:  # the unknowns explain all columns
         return 0.0
-    chance = float(chdtrc(count, max(fall, 0.0)))
+    chance = chance_of(fall, count)
     if chance > 1e-290:
         return float(np.log(chance))
     half = fall / 2

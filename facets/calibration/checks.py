@@ -1,99 +1,22 @@
-"""Checks and preparation of samples: faults of a table, and outliers that are excluded before
-anything is decided.
-
-An outlier is a reading that jumped, a damaged frame or a row of another pose. Huber's loss grows
-without bound with such a residual, and so do the sums that decide on candidates. Such samples are
-removed if they are few. If they are many, something else is wrong, and all stay.
-"""
+"""Checks of a table's columns, before anything is fitted."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
-from ..detectors.noise import standard_deviations, step_variances
-from ..estimation.dwells import mean, median
-from ..model.arrays import EFFECTS, edge_distance, half_sizes, is_near_edge, readings
-from .alternative import Finding
-from .bundle_adjustment import OWN_COUNT, Data, deviations, states_of
-from .fit import NORMAL_MEDIAN, Fit, fit
-from .unknowns import values_of
-
-#: Largest usual error of the model of real light against rays and propagated fields, mm. Residuals
-#: do not show it where the unknowns absorb it.
-PLACE_ACCURACY_MM = 2e-4
-#: The standard deviation of that error, mm: 0.07 um against propagated fields, and 0.06 um in poses
-#: of rigs that were read by rays.
-PLACE_SIGMA_MM = 1e-4
-#: The same of a power, as a share of the power.
-POWER_ACCURACY = 5e-5
-#: The robust weight below which a reading is none: at 12 standard deviations, with the limit at 3.
-LEAST_WEIGHT = 0.25
-#: The share of samples with an outlier beyond which they are no outliers.
-MOST_OUTLIER_SHARE = 0.1
-#: How often samples are taken out: large ones hide others.
-EXCLUSION_ROUNDS = 2
-
-
-def find_outliers(
-    sensor: Sensor, result: Fit, data: Data, robust: float | None
-) -> NDArray[np.bool_]:
-    """Find samples (n,) with a reading that is far off relative to most residuals of its column.
-
-    Each column has its own scale, because an error of the model in the powers says nothing about
-    the places. Errors within the accuracy of the model of real light are no outliers.
-    """
-    if robust is None:
-        return np.zeros(len(data.raw), dtype=bool)
-    size = np.where(np.isfinite(data.raw), np.abs(result.residuals), np.nan)
-    scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
-    if any(name in EFFECTS for name in result.choice.names):
-        scale = np.maximum(scale, median(model_accuracy(data) / deviations(sensor, data)))
-    with np.errstate(invalid="ignore"):
-        off = size > robust * scale / LEAST_WEIGHT
-    return np.asarray(off.any(axis=1))
-
-
-def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
-    """The accuracy (9,) of the model of real light in each reading, mm and mW.  place: its accuracy
-    in a place, mm."""
-    accuracy = np.full(9, place)
-    accuracy[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
-    return accuracy
-
-
-def row_numbers(data: Data) -> NDArray[np.int64]:
-    """The numbers (n,) of the samples' rows in the table, from 1."""
-    return np.arange(1, len(data.raw) + 1) if data.number is None else data.number
-
-
-def exclude_outliers(
-    sensor: Sensor, data: Data, result: Fit, robust: float | None, spent: int = 0
-) -> tuple[Data, Fit, list[int]]:
-    """Return the samples without outliers, the fit to them, and the rows that were removed.
-
-    spent: number of rows that were removed before.
-    """
-    gone = list[int]()
-    for _ in range(EXCLUSION_ROUNDS):
-        off = find_outliers(sensor, result, data, robust)
-        if not off.any() or off.sum() + len(gone) + spent > MOST_OUTLIER_SHARE * (
-            len(off) + len(gone)
-        ):
-            break
-        gone += row_numbers(data)[off].tolist()
-        data, start = data.part(~off), replace(result, own_values=result.own_values[~off])
-        result = fit(sensor, data, result.choice, robust, start)
-    return data, result, sorted(gone)
-
+from ..detectors.temperature import PLACES
+from ..model.arrays import edge_distance, half_sizes, is_near_edge, readings
+from .alternatives.alternative import Finding
+from .fitting.bundle_adjustment import OWN_COUNT, Data, deviations, states_of
+from .fitting.samples import row_numbers
+from .fitting.unknowns import values_of
 
 #: A channel is stuck where it moves by less than this share of what the motion asks of it, and that
 #: is many times its noise.
@@ -118,7 +41,7 @@ PILED_SHARE, PILED_FACTOR, LEAST_PILED = 0.03, 4.0, 12
 MIN_POSES = 20
 
 
-def faults(sensor: Sensor, data: Data) -> list[Finding]:
+def check_columns(sensor: Sensor, data: Data) -> list[Finding]:
     """The findings on the columns alone, those that forbid a calibration first."""
     findings = [
         *stuck_channels(sensor, data),
@@ -293,7 +216,7 @@ def time_gaps(data: Data) -> list[Finding]:
 
 #: What is written in the same unit: its columns among those of readings and poses, and the unit.
 WRITTEN = {
-    "places": ([0, 1, 3, 4, 6, 7], "um", 1e3),
+    "places": (PLACES, "um", 1e3),
     "powers": ([2, 5, 8], "uW", 1e3),
     "reference's lengths": ([9, 10, 11], "um", 1e3),
     "reference's angles": ([12, 13, 14], "urad", 1e6),
@@ -356,51 +279,3 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Findin
         )))  # fmt: skip
     there = np.asarray(np.isfinite(raw).any(axis=1))
     return (data._replace(raw=raw).part(there) if findings else data), findings
-
-
-def remove_duplicates(data: Data) -> Data:
-    """Keep each row once."""
-    _, first = np.unique(np.column_stack([data.pose, data.raw]), axis=0, return_index=True)
-    return data if len(first) == len(data.raw) else data.part(np.sort(first))
-
-
-def average_equal_poses(sensor: Sensor, data: Data) -> Data:
-    """Average readings at equal poses to one sample with the noise of the mean, because the
-    reference has the same error in all of them."""
-    keys = np.column_stack([data.pose, data.beam])
-    _, first, group, counts = np.unique(
-        keys, axis=0, return_index=True, return_inverse=True, return_counts=True
-    )
-    if (counts == 1).all() or np.isinf(data.sigma).all():
-        return data
-    noise = deviations(sensor, data)
-    merged = data.part(first)
-    raw, sigma = np.empty((len(first), 9)), np.empty((len(first), 9))
-    rows = np.ones(len(data.raw)) if data.rows is None else data.rows
-    for n in range(len(first)):
-        same = group.ravel() == n
-        raw[n] = [mean(column) for column in data.raw[same].T]
-        there = np.isfinite(data.raw[same])
-        with np.errstate(invalid="ignore"):  # no reading at all
-            sigma[n] = np.where(there, noise[same], 0.0).sum(axis=0) / there.sum(axis=0) ** 1.5
-    whole = np.bincount(group.ravel(), rows)
-    order = np.argsort(first)
-    return merged._replace(raw=raw, noise=sigma, rows=whole.astype(float)).part(order)
-
-
-def add_converter_steps(sensor: Sensor, data: Data) -> Data:
-    """Add the variance of the converter's steps to the noise of means.
-
-    It is the same in all readings at one state, so that averaging does not reduce it and their
-    scatter does not show it.
-    """
-    if data.rows is None or data.noise is None or sensor.electronics is None:
-        return data
-    raw, rows = correct(sensor, data.raw), data.rows[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = data.noise**2 * rows / standard_deviations(sensor, raw) ** 2
-    share = np.ones(len(raw))
-    there = np.isfinite(ratio).any(axis=1)
-    share[there] = np.minimum(np.nanmedian(ratio[there], axis=1), 1.0)
-    added = np.nan_to_num(step_variances(sensor, raw, share)) * (1 - 1 / np.maximum(rows, 1))
-    return data._replace(noise=np.sqrt(data.noise**2 + added))

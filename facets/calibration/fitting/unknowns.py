@@ -14,21 +14,21 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import DETECTORS, POSE
-from ..core.rigid_body import rotation_matrix
-from ..core.sensor import MONOMIALS, Calibration, Grid, Sensor
-from ..core.units import Floats
-from ..detectors.correction import NAMES, NAMES_OF_ONE, coefficients
-from ..model import arrays
-from ..model.arrays import EFFECTS, effects, half_sizes, parameters, replace_effects, sensor_with
-from ..model.beam_shape import (
+from ...core.names import DETECTORS, POSE
+from ...core.rigid_body import rotation_matrix
+from ...core.sensor import MONOMIALS, Calibration, Grid, Sensor
+from ...core.units import Floats
+from ...detectors.correction import NAMES, NAMES_OF_ONE, coefficients
+from ...model import arrays
+from ...model.arrays import EFFECTS, effects, half_sizes, parameters, replace_effects, sensor_with
+from ...model.beam_shape import (
     OF_SHAPE,
     SHAPE,
     axes_of,
     shape_derivatives,
     shape_of,
 )
-from ..optics.parameters import PARAMETERS
+from ...optics.parameters import PARAMETERS
 
 #: Knots along each side; polynomials up to third order in two variables; what is left beside them.
 KNOTS, POLYNOMIALS = 5, 10

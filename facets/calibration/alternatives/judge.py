@@ -13,17 +13,17 @@ from functools import partial
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.sensor import Sensor
-from ..core.small_matrices import one_thread
-from ..estimation.dwells import median
-from ..model.arrays import EFFECTS
+from ...core.errors import InputError
+from ...core.sensor import Sensor
+from ...core.small_matrices import one_thread
+from ...estimation.dwells import median
+from ...model.arrays import EFFECTS
+from ..fitting.bundle_adjustment import Data
+from ..fitting.fit import NORMAL_MEDIAN, Fit
+from ..fitting.samples import model_accuracy, row_numbers
 from .alternative import Alternative, Trace
-from .alternatives import ALTERNATIVES, BY_KEY
-from .bundle_adjustment import Data
-from .fit import NORMAL_MEDIAN, Fit
+from .entries import ALTERNATIVES, BY_KEY
 from .remainder import Remainder
-from .samples import model_accuracy, row_numbers
 
 #: The chance, of all alternatives together, below which one is told; how many are told at most.
 LEAST_CHANCE, MOST_CAUSES = 1e-5, 4

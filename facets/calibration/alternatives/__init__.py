@@ -1,0 +1,12 @@
+"""What else could explain a fit's residuals: one list, one score, and which of it may be named."""
+
+from typing import TYPE_CHECKING
+
+from ...core.faces import load_on_use
+
+if TYPE_CHECKING:
+    from . import alternative as alternative
+    from . import faults as faults
+    from . import scatter as scatter
+else:
+    __getattr__ = load_on_use(__name__)
