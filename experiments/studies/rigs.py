@@ -36,7 +36,7 @@ from facets.calibration.fitting.unknowns import (
     values_of,
 )
 from facets.calibration.table import choice as choice_of
-from facets.calibration.table import clock, velocities
+from facets.calibration.table import clock, time_derivatives
 from facets.calibration.verdict import Verdict, verdict
 from facets.core.sensor import Sensor
 from facets.core.units import Floats
@@ -231,7 +231,8 @@ def add_clock(data: Data, wrong: Disturbance) -> Data:
     columns, every = {}, np.ones(len(data.raw), dtype=bool)
     if wrong.time is not None:
         columns["time_s"] = wrong.time(np.arange(len(data.raw)) / RATE_HZ)
-        data = data._replace(velocity=velocities(columns["time_s"], data.pose))
+        velocity, acceleration = time_derivatives(columns["time_s"], data.pose)
+        data = data._replace(velocity=velocity, acceleration=acceleration)
     if wrong.temperature is not None:
         columns["temperature_c"] = wrong.temperature(len(data.raw))
         columns.setdefault("time_s", np.arange(len(data.raw)) / RATE_HZ)

@@ -387,17 +387,17 @@ def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
 
 #: The group of each alternative, by key; faults of the table have their words for keys.
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
-GROUP_OF |= {"supply": "electronics", "clock_set": "time", "saturated": "electronics",
+GROUP_OF |= {"clock_set": "time", "saturated": "electronics",
              "spikes": "electronics"}  # fmt: skip
-#: What says where rows are wrong, and not why.
-NO_CAUSE = "outliers"
+#: What says where rows are wrong, and not why; and what all of these rigs do.
+NO_CAUSE, ALWAYS = "outliers", "laser.drifted"
 
 
 def named_groups(findings: list[Finding]) -> list[set[str]]:
     """The groups that each finding names which names any."""
     return [
         {group for key in part.causes for group in groups_of(key)}
-        for part in findings if part.causes
+        for part in findings if part.causes and part.causes != (ALWAYS,)
     ]  # fmt: skip
 
 

@@ -32,7 +32,7 @@ else:
             ),
             "fitting.samples": "add_converter_steps",
             "table": (
-                "REFERENCE choice choose_groups gather_samples read recording_time velocities"
+                "REFERENCE choice choose_groups gather_samples read recording_time time_derivatives"
             ),
             "fitting.unknowns": "ALL Choice PLACE assign_values block fold_mount values_of",
         },

@@ -18,11 +18,20 @@ from ..model.arrays import EFFECTS
 from .alternatives.alternative import MOST_ROWS_LISTED, Finding, capitalise, describe_rivals
 from .alternatives.judge import Cause
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import FAR_SIGMAS, PLACES, POWERS, SCATTER, Scatter, far_unknowns
+from .alternatives.scatter import (
+    FAR_SIGMAS,
+    PLACES,
+    POWERS,
+    REFERENCE_SCATTER,
+    SCATTER,
+    SUPPLY_SCATTER,
+    Scatter,
+    far_unknowns,
+)
 from .fitting.bundle_adjustment import Data, relative_power
 from .fitting.fit import Fit
 from .fitting.samples import MOST_OUTLIER_SHARE
-from .fitting.unknowns import BACKLASH, LAG, PAST
+from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE
 from .table import unit_of
 
 #: The share of outliers in one place that is no chance.
@@ -84,7 +93,7 @@ def effect_findings(remainder: Remainder, least: float) -> list[Finding]:
     every = []
     for series, make in (
         (BACKLASH, backlash_finding), (LAG, lag_finding), (PAST, heat_lag_finding),
-        (PROFILE, profile_finding),
+        (PROFILE, profile_finding), ((DELAY,), delay_finding),
     ):  # fmt: skip
         names = [name for name in result.choice.names if name in series]
         if names and remainder.rise_without(names) > least:
@@ -213,6 +222,18 @@ def step_finding(
     return Finding(False, words.format(f"{', '.join(told)} {of}"), (key,))
 
 
+def delay_finding(result: Fit) -> Finding | None:
+    """A finding on a reference that is late or early, if that was fitted."""
+    values = clear_values(result, (DELAY,))
+    if not values:
+        return None
+    delay = result.all_values[PLACE[DELAY]]
+    return Finding(False, (
+        f"The reference is {'late' if delay > 0 else 'early'} by {1e3 * values[DELAY]:.3g} ms "
+        "against the readings. The fit follows it; take both from one clock to be rid of it."
+    ), ("delay",))  # fmt: skip
+
+
 def heat_lag_finding(result: Fit) -> Finding | None:
     """A finding on a head that follows the temperature late, if that was fitted."""
     values = clear_values(result, PAST, 0.0).values()
@@ -279,19 +300,20 @@ def profile_finding(result: Fit) -> Finding | None:
     return Finding(False, words, ("profile",))
 
 
-def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
+def scatter_findings(scatter: Scatter, least: float, common: dict[str, float]) -> list[Finding]:
     """A finding on the cause of the scatter from sample to sample, and on the alternatives, where
-    it lowers -2 log L by more than `least`."""
+    it lowers -2 log L by more than `least`.  common: see `common_scatter`."""
     if not scatter.causes or scatter.fall < least:
         return []
+    also = scatter.others + ((SUPPLY_SCATTER,) if common else ())
     sizes = {
         "reference_scatter": describe_reference,
         "beam_scatter": describe_beam,
         "detector_scatter": describe_detectors,
     }
     words = "; and ".join(sizes[key](scatter) for key in scatter.causes)
-    others = " or ".join(SCATTER[key].words for key in scatter.others)
-    apart = "; ".join(SCATTER[key].apart for key in (*scatter.causes, *scatter.others))
+    others = " or ".join(SCATTER[key].words for key in also)
+    apart = "; ".join(SCATTER[key].apart for key in (*scatter.causes, *also))
     rest = (
         f" It could be {others} as well: these samples cannot tell. To tell them apart: {apart}."
         if others else ""
@@ -300,7 +322,7 @@ def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
         "The samples scatter by more than the stated noise. The likeliest cause: "
         f"{words}.{rest} The fit has this scatter in it, and so have the stated uncertainties of "
         "its parameters."
-    ), scatter.causes + scatter.others)]  # fmt: skip
+    ), scatter.causes + also)]  # fmt: skip
 
 
 def cause_findings(causes: list[Cause]) -> list[Finding]:
@@ -377,7 +399,7 @@ def common_findings(common: dict[str, float]) -> list[Finding]:
         f"The three detectors' {kind} scatter together, by {1e3 * size:.2g} um (r.m.s.): a supply "
         "or a reference voltage that they share, or a mirror that vibrates; facets noise at rest "
         "tells which. The stated uncertainties include it."
-    ), ("supply", "reference_scatter")) for kind, size in common.items()]  # fmt: skip
+    ), (SUPPLY_SCATTER, REFERENCE_SCATTER)) for kind, size in common.items()]  # fmt: skip
 
 
 def centre_findings(centre: float) -> list[Finding]:

@@ -109,13 +109,13 @@ def join_tables(
 def samples_at_offset(
     readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
 ) -> Data:
-    """The samples with the reference's poses and velocities at an offset."""
-    whole, velocity = add_reference(columns, track, offset)
+    """The samples with the reference's poses and their derivatives at an offset."""
+    whole, velocity, acceleration = add_reference(columns, track, offset)
     data = gather_samples(readings, whole, settings)
     if settings.dwells:  # at rest
         return data
     kept = np.isfinite(whole[REFERENCE[0]]) & usable_rows(whole)
-    return data._replace(velocity=velocity[kept])
+    return data._replace(velocity=velocity[kept], acceleration=acceleration[kept])
 
 
 def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
@@ -195,12 +195,12 @@ def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
 
 def add_reference(
     columns: dict[str, Floats], track: Track, offset: float
-) -> tuple[dict[str, Floats], Floats]:
+) -> tuple[dict[str, Floats], Floats, Floats]:
     """The readings' columns with the reference's at the readings' times, NaN outside the
-    reference's own; and its velocity (n, 6) there, mm/s and rad/s."""
+    reference's own; and its velocity and acceleration (n, 6) there, mm, rad and s."""
     at, curve = columns["time_s"] + offset, track.curve
     outside = ~((at >= track.time[0]) & (at <= track.time[-1]))
-    pose, velocity = curve(np.nan_to_num(at)), curve(np.nan_to_num(at), 1)
+    pose, velocity, acceleration = (curve(np.nan_to_num(at), order) for order in range(3))
     pose[outside] = np.nan
     named = {name: pose[:, n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)}
-    return columns | named, velocity
+    return columns | named, velocity, acceleration

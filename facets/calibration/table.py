@@ -146,14 +146,16 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
     if good.sum() < 10:
         raise InputError(f"{path}: {int(good.sum())} whole rows; a calibration needs 10 at least")
     seat, thirds = seats(path, columns.get("seat_deg"), good)
+    velocity = acceleration = None
+    if "time_s" in columns and noise is None:
+        velocity, acceleration = time_derivatives(columns["time_s"][good], pose[good])
     return Data(
         raw[good],
         pose[good],
         np.array(settings.reference),
         beam[good],
-        velocity=velocities(columns["time_s"][good], pose[good])
-        if "time_s" in columns and noise is None
-        else None,
+        velocity=velocity,
+        acceleration=acceleration,
         noise=None if noise is None else noise[good],
         clock=clock(columns, good),
         seat=seat,
@@ -237,22 +239,24 @@ def measure_past(time: Floats, temperature: Floats) -> Floats:
 MOST_BEND = 0.3
 
 
-def velocities(time: Floats, pose: Floats) -> Floats | None:
-    """Velocities (n, 6) in mm/s and rad/s by neighbouring rows; None if the rows are no motion in
-    time."""
+def time_derivatives(time: Floats, pose: Floats) -> tuple[Floats, Floats] | tuple[None, None]:
+    """Velocities and accelerations (n, 6), mm, rad and s, of a cubic spline through the rows; None
+    if the rows are no motion in time."""
     step = np.diff(time)
     if len(time) < 5 or not (np.isfinite(step).all() and (step > 0).all()):
-        return None
-    velocity = np.gradient(pose, time, axis=0)
-    gap = step > 5 * np.median(step)
-    broken = np.append(gap, False) | np.append(False, gap)
+        return None, None
     bend = np.abs(pose[2:] - 2 * pose[1:-1] + pose[:-2]).mean(axis=0)
     span = np.abs(pose[2:] - pose[:-2]).mean(axis=0)
     if not (bend[span > 0] < MOST_BEND * span[span > 0]).any():
-        return None
-    velocity[:, bend > MOST_BEND * span] = 0.0
-    velocity[broken] = 0.0
-    return velocity
+        return None, None
+    from scipy.interpolate import CubicSpline
+
+    curve = CubicSpline(time, pose)
+    derivatives = np.stack([curve(time, 1), curve(time, 2)])
+    gap = step > 5 * np.median(step)
+    derivatives[:, :, bend > MOST_BEND * span] = 0.0
+    derivatives[:, np.append(gap, False) | np.append(False, gap)] = 0.0
+    return derivatives[0], derivatives[1]
 
 
 def seats(

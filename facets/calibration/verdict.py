@@ -396,18 +396,19 @@ def validate(
 ) -> Verdict:
     result, data, held = done.fit, done.data, plain.screened.held
     remainder = Remainder(done.sensor, data, result, settings.outliers)
-    said = cause_findings(causes)
-    said += outlier_findings(done.outliers, len(plain.original.raw), plain.screened.kind)
-    least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
-    said += [*effect_findings(remainder, least), *scatter_findings(done.scatter, least)]
-    said += findings(done.sensor, result, data) + plain.screened.findings
-    centre = centre_sigma(done.sensor, remainder, settings)
-    said += centre_findings(centre)
     stated = remainder
     if (data.sigma != plain.original.sigma).any():
         as_stated = data._replace(sigma=plain.original.sigma)
         stated = Remainder(done.sensor, as_stated, result, settings.outliers)
     common = common_scatter(stated)
+    said = cause_findings(causes)
+    said += outlier_findings(done.outliers, len(plain.original.raw), plain.screened.kind)
+    least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
+    said += effect_findings(remainder, least)
+    said += scatter_findings(done.scatter, least, common)
+    said += findings(done.sensor, result, data) + plain.screened.findings
+    centre = centre_sigma(done.sensor, remainder, settings)
+    said += centre_findings(centre)
     said += common_findings(common)
     misfit = misfit_covariance(result, data, done.sensor, done.scatter, causes, common)
     made = add_unseen_errors(result.sensor, result, data, misfit, centre)

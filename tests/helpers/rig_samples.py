@@ -8,7 +8,7 @@ import numpy as np
 from facets.experiments.studies import bench_rays, rigs
 
 import facets
-from facets.calibration import REFERENCE, Data, choice, states_of, velocities, verdict
+from facets.calibration import REFERENCE, Data, choice, states_of, time_derivatives, verdict
 from facets.core import READING_COLUMNS, STATE_UNITS
 from facets.detectors import add_noise, invert_correction
 from facets.files import tables
@@ -83,7 +83,10 @@ def sample_in_time(late=0.0, delays=(0.0, 0.0, 0.0), count=150):
         exact[:, 3 * k : 3 * k + 3] = reading[:, 3 * k : 3 * k + 3]
     said = move(time - late) + rigs.REFERENCE * rng.standard_normal((count, 6))
     raw = invert_correction(rig.sensor, add_noise(rig.sensor, exact, rng))
-    return Data(raw, said, rigs.REFERENCE, zero[:, :2], velocity=velocities(time, said))
+    velocity, acceleration = time_derivatives(time, said)
+    return Data(
+        raw, said, rigs.REFERENCE, zero[:, :2], velocity=velocity, acceleration=acceleration
+    )
 
 
 def write_samples(path, data):

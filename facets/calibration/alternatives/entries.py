@@ -311,6 +311,11 @@ def test_fringes(remainder: Remainder) -> Trace:
     return trace._replace(at=(float(periods[int(trace.at[0])]),))
 
 
+def test_memory(remainder: Remainder) -> Trace:
+    trace = remainder.test("memory", columns.memory_columns(remainder), MEMORY_SIGMA)
+    return trace if trace.amounts.max() > -trace.amounts.min() else trace._replace(fall=0.0)
+
+
 def test_averaging(remainder: Remainder) -> Trace:
     trace = remainder.test("averaged", columns.averaged_columns(remainder))
     return trace if trace.amounts[0] > 0 else trace._replace(fall=0.0)  # else that is noise
@@ -396,7 +401,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
                 "reading before", "wait longer at each pose, or slow down",
                 "repeat a pose from the other side, and wait there",
-                plain("memory", columns.memory_columns, MEMORY_SIGMA),
+                test_memory,
                 lambda trace, remainder: (
                     f"up to {100 * np.abs(trace.amounts).max():.2g} %")),
     Alternative("averaged", "table", "the readings were averaged or filtered, and the reference "

@@ -31,7 +31,7 @@ from ...core.units import Floats
 from ..fitting.bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
 from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
 from ..fitting.samples import LEAST_WEIGHT
-from ..fitting.unknowns import MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
+from ..fitting.unknowns import DELAY, MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
 from .alternative import Alternative
 
 #: What may scatter: the reference's six, the laser's power, the beam's two, and the detectors'
@@ -58,9 +58,15 @@ SCATTER = {
             "detector_scatter", "detectors", "the detectors",
             apart="measure with facets noise, also in the dark", variance=(PLACES, POWERS),
         ),
+        Alternative(
+            "supply_scatter", "electronics", "a supply that the detectors share",
+            apart="let the mirror rest, and see by facets noise what the detectors have in common",
+        ),
     )
 }  # fmt: skip
 BEAM_SCATTER, REFERENCE_SCATTER = "beam_scatter", "reference_scatter"
+#: What is told by places that scatter together, not by its size.
+SUPPLY_SCATTER = "supply_scatter"
 #: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
@@ -228,7 +234,8 @@ def far_unknowns(sensor: Sensor, result: Fit, far: float = FAR_SIGMAS) -> list[t
     number; the farthest first."""
     over = np.abs(result.values - values_of(sensor)[result.choice.places]) / result.choice.sigma
     named = zip(result.choice.names, over.tolist(), strict=True)
-    off = [(name, size) for name, size in named if name not in MOUNTING and size > far]
+    free = (*MOUNTING, DELAY)  # these are no part of a sensor
+    off = [(name, size) for name, size in named if name not in free and size > far]
     return sorted(off, key=lambda pair: -pair[1])
 
 

@@ -70,7 +70,8 @@ class Data(NamedTuple):
     reference, mm and rad.
 
     sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
-    column then holds the initial guess. beam: (n, 2) mm. velocity: (n, 6) mm/s and rad/s. clock:
+    column then holds the initial guess. beam: (n, 2) mm. velocity, acceleration: (n, 6) in mm, rad
+    and s. clock:
     (n, 5) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K, means of its
     past less the temperature, K, and its change, K a half run. seat: (n,) number of the mirror's
     seating; thirds: (n,) thirds of a turn by which the mirror was turned. noise: (n, 9) standard
@@ -88,6 +89,7 @@ class Data(NamedTuple):
     sigma: Floats
     beam: Floats
     velocity: Floats | None = None
+    acceleration: Floats | None = None
     clock: Floats | None = None
     seat: NDArray[np.int64] | None = None
     thirds: NDArray[np.int64] | None = None
@@ -134,8 +136,18 @@ def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
     if data.step is not None:
         pose = pose - values[block(LAG)] * data.step
     if data.velocity is not None:
-        pose = pose + values[PLACE[DELAY]] * data.velocity
+        late = values[PLACE[DELAY]]
+        pose = pose + late * velocity_after(data, late / 2)
     return pose
+
+
+def velocity_after(data: Data, late: float) -> Floats:
+    """The velocities (n, 6) at a time after that of the samples, s; of a motion in time."""
+    assert data.velocity is not None
+    if data.acceleration is None or not late:
+        return data.velocity
+    later: Floats = data.velocity + late * data.acceleration
+    return later
 
 
 def states_of(data: Data, own_values: Floats, values: Floats) -> Floats:
@@ -321,7 +333,7 @@ def linearise_model(
         every[:, :, block(EFFECTS)] = assign_to_mirror(columns, EFFECTS, data)
         every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)
-    add_run(every, data, by_own, by_state)
+    add_run(every, data, by_own, by_state, values[PLACE[DELAY]])
     common, by_own = every[:, :, choice.places] / sigma[:, :, None], by_own * OWN_UNITS
     by_own = by_own / sigma[:, :, None]
     known = (
@@ -405,12 +417,12 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
         every[rows, :, start : start + len(OF_SEAT)] = part[rows]
 
 
-def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats) -> None:
+def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats, late: float) -> None:
     """Fill the columns of changes over the run: the laser, the delay, the last step, the drifts."""
     if data.slow is not None:
         every[:, :, block(POWER_DRIFT)] = by_own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
-        moving = np.einsum("nij,nj->ni", by_own[:, :, :6], data.velocity)
+        moving = np.einsum("nij,nj->ni", by_own[:, :, :6], velocity_after(data, late))
         every[:, :, PLACE[DELAY]] = moving
         for k, name in enumerate(SKEW):
             every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
