@@ -24,6 +24,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from facets.core.units import Floats
 from facets.detectors.electrodes import tetra_lateral_ratios
@@ -159,10 +160,9 @@ def moving() -> list[Case]:
         Case("moving", "vibration 1 um, 3 urad", Disturbance(mirror=scatter(only(1e-3, 3e-6))),
              of_reference),
         Case("moving", "reference in steps of 1 um", Disturbance(reference=steps(only(1e-3))),
-             ("reference's lengths are written in steps",)),
+             of_reference),
         Case("moving", "reference in steps of 1 um, 5 urad",
-             Disturbance(reference=steps(only(1e-3, 5e-6))),
-             ("reference's angles are written in steps",)),
+             Disturbance(reference=steps(only(1e-3, 5e-6))), of_reference),
         Case("moving", "backlash 1.5 um, not told", Disturbance(mirror=backlash(only(1.5e-3))),
              ("backlash",)),
         Case("moving", "backlash 1.5 um, told",
@@ -260,11 +260,13 @@ def window_fringes(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
     return raw
 
 
-def round_places(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-    """Round positions as a 12-bit converter over 13 mm does."""
-    for n in (0, 1):
-        raw[:, n::3] = np.round(raw[:, n::3] / (13 / 4096)) * (13 / 4096)
-    return raw
+def round_places(step: float) -> Callable[[Floats, Floats, Rng], Floats]:
+    def change(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        for n in (0, 1):
+            raw[:, n::3] = np.round(raw[:, n::3] / step) * step
+        return raw
+
+    return change
 
 
 def mixture() -> Disturbance:
@@ -297,7 +299,7 @@ def light() -> list[Case]:
         Case("light", "tip chipped off two facets", Disturbance(light=chip_tip),
              ("tip is chipped",)),
         Case("light", "a little of many", mixture()),
-        Case("light", "12 bits", Disturbance(readings=round_places)),
+        Case("light", "12 bits", Disturbance(readings=round_places(13 / 4096))),
     ]  # fmt: skip
 
 
@@ -366,6 +368,10 @@ def timed_cases() -> list[Case]:
         heat = follow(2 * np.sin(np.linspace(0, 5, count)), 0.2)
         return np.outer(heat, [1e-3, -5e-4])
 
+    def average(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        raw[1:-1] = (raw[:-2] + raw[1:-1] + raw[2:]) / 3
+        return raw
+
     def straight(count: int) -> Floats:
         return 20 + 2 * np.sin(np.linspace(0, 5, count))
 
@@ -378,6 +384,8 @@ def timed_cases() -> list[Case]:
         Case("time", "motion in time, nothing", Disturbance(time=lambda at: at)),
         Case("time", "reference's clock runs off by 10 ms",
              Disturbance(time=lambda at: at, reference=run_off), ("clock",)),
+        Case("time", "readings averaged over 3 rows",
+             Disturbance(time=lambda at: at, readings=average), ("averaged or filtered",)),
     ]  # fmt: skip
 
 
@@ -503,6 +511,22 @@ def mix_kinds(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
 HALF_MM = 6.5
 
 
+def turn_in_another_order(said: Floats, rng: Rng) -> Floats:
+    turned = Rotation.from_euler("xyz", said[:, 3:])
+    said[:, 3:] = turned.as_euler("zyx")[:, ::-1]
+    return said
+
+
+def slip(said: Floats, rng: Rng) -> Floats:
+    said[200:280] = said[199:279].copy()
+    return said
+
+
+def sign_in_some_rows(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    raw[200:280, 4] *= -1
+    return raw
+
+
 def columns() -> list[Case]:
     def alter(change: Callable[[Floats, Floats, Rng], Floats]) -> Disturbance:
         return Disturbance(readings=change)
@@ -516,6 +540,14 @@ def columns() -> list[Case]:
         return said
 
     return [
+        Case("columns", "angles in another order", Disturbance(reference=turn_in_another_order),
+             ("fixed axes z, then y, then x",)),
+        Case("columns", "reference one row late in a sixth", Disturbance(reference=slip),
+             ("stand one row below",)),
+        Case("columns", "sign of zeta of B in a sixth", alter(sign_in_some_rows),
+             ("sign of zeta of detector B",)),
+        Case("columns", "places in steps of 20 um", alter(round_places(0.02)),
+             ("written in steps",)),
         Case("columns", "tetra-lateral, not straightened", alter(bend_places), ("tetra-lateral",)),
         Case("columns", "pincushion, taken for duo-lateral", alter(mix_kinds), ("pincushion",)),
         Case("columns", "sign of psi of A", alter(sign(0)), ("sign of psi of detector A",)),

@@ -15,6 +15,8 @@ else:
     __getattr__ = load_on_use(
         __name__,
         {
+            "alternatives": "faults scatter",
+            "fitting": "fit unknowns",
             "fitting.bundle_adjustment": (
                 "Data OWN_COUNT OWN_UNITS eliminate_own_unknowns "
                 "linearise_model own_sigma predict_readings states_of"

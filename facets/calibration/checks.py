@@ -214,35 +214,24 @@ def time_gaps(data: Data) -> list[Finding]:
     ), ("clock_set",))]  # fmt: skip
 
 
-#: What is written in the same unit: its columns among those of readings and poses, and the unit.
-WRITTEN = {
-    "places": (PLACES, "um", 1e3),
-    "powers": ([2, 5, 8], "uW", 1e3),
-    "reference's lengths": ([9, 10, 11], "um", 1e3),
-    "reference's angles": ([12, 13, 14], "urad", 1e6),
-}
-#: The share of the noise that the steps have at least in which numbers are written, to be told.
-LEAST_STEP_SHARE = 0.3
-
-
 def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
-    """Add the steps in which numbers are written to their noise, where they are a part of it."""
+    """Add the steps in which readings are written to their noise, where they are larger than that.
+
+    Poses of the reference may be wanted ones on a grid, so their steps tell nothing.
+    """
     noise = deviations(sensor, data)
-    own = np.hstack([np.nanmedian(noise, axis=0), data.sigma])
-    steps = np.array([written_step(column) for column in np.hstack([data.raw, data.pose]).T])
+    steps = np.array([written_step(column) for column in data.raw.T])
     sizes = steps / np.sqrt(12)
-    sizes[~(sizes > LEAST_STEP_SHARE * own)] = 0.0
+    sizes[~(sizes > np.nanmedian(noise, axis=0))] = 0.0
     findings = [
         Finding(False, (
-            f"The {words} are written in steps of {factor * steps[columns].max():.2g} {unit}: "
-            "write more digits. The steps count as noise."
+            f"The {words} are written in steps of {1e3 * steps[columns].max():.2g} {unit}, which "
+            "are more than their noise: write more digits. The steps count as noise."
         ), ("written_steps",))
-        for words, (columns, unit, factor) in WRITTEN.items() if sizes[columns].any()
+        for words, columns, unit in (("places", PLACES, "um"), ("powers", [2, 5, 8], "uW"))
+        if sizes[columns].any()
     ]  # fmt: skip
-    if findings:
-        noise, sigma = np.hypot(noise, sizes[:9]), np.hypot(data.sigma, sizes[9:])
-        data = data._replace(noise=noise, sigma=sigma)
-    return data, findings
+    return (data._replace(noise=np.hypot(noise, sizes)) if findings else data), findings
 
 
 def written_step(values: Floats) -> float:

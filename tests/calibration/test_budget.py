@@ -9,8 +9,7 @@ import pytest
 from rig_samples import NOMINAL, judge, sample_rig
 
 import facets
-from facets.calibration import Choice, Data, uncertainty
-from facets.calibration.fitting import fit
+from facets.calibration import Choice, Data, fit, uncertainty
 from facets.core import Calibration
 from facets.detectors import standard_deviations
 from facets.estimation import coverage_factor

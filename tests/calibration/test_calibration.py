@@ -14,13 +14,13 @@ from facets.calibration import (
     PLACE,
     Data,
     choose_poses,
+    fit,
     information,
     mean_reduction,
     pose_information,
     table,
     weak_directions,
 )
-from facets.calibration.fitting import fit
 from facets.core import STATE_COLUMNS, STATE_UNITS, Table
 from facets.detectors import KNOWN, correct
 from facets.files import run_record, tables

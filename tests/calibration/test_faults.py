@@ -131,12 +131,14 @@ def test_readings_that_were_averaged_are_named():
     )
 
 
-def test_numbers_with_few_digits_count_as_noise(samples):
+def test_places_with_few_digits_count_as_noise(samples):
     raw = samples.raw.copy()
     places = np.arange(9) % 3 < 2
     raw[:, places] = np.round(raw[:, places] / 0.02) * 0.02
     judged = judge(samples._replace(raw=raw))
     assert "The places are written in steps of 20 um" in words_of(judged)
+    grid = judge(samples._replace(pose=np.round(samples.pose / 1e-3) * 1e-3))  # wanted poses
+    assert "written in steps" not in words_of(grid)
     assert "scatter" not in words_of(judged)
 
 

@@ -24,13 +24,14 @@ from facets.calibration import (
     Task,
     block,
     choice,
+    fit,
     fit_steady_laser,
     linearise_model,
     predict_readings,
     states_of,
+    unknowns,
     values_of,
 )
-from facets.calibration.fitting import fit, unknowns
 from facets.detectors import correct
 
 

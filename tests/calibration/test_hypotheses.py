@@ -9,8 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.calibration import Data
-from facets.calibration.alternatives import faults
+from facets.calibration import Data, faults
 from facets.detectors import fractions, places
 
 SENSOR = facets.Sensor()

@@ -7,9 +7,7 @@ import pytest
 from facets.experiments.studies import rigs
 from rig_samples import NOMINAL, sample_rig
 
-from facets.calibration import Task
-from facets.calibration.alternatives import scatter
-from facets.calibration.fitting import fit
+from facets.calibration import Task, fit, scatter
 
 
 def test_the_likelihood_of_sizes_is_that_of_all_readings_together():

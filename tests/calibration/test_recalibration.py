@@ -15,12 +15,12 @@ from facets.calibration import (
     choice,
     choose_groups,
     eliminate_own_unknowns,
+    fit,
     linearise_model,
     own_sigma,
     prior_information,
     values_of,
 )
-from facets.calibration.fitting import fit
 from facets.core import InputError
 
 #: What may be off, without the mirror's seat, which a later calibration has anew.

@@ -12,8 +12,7 @@ from rig_samples import CONFIG, IDEAL_RAYS, NOMINAL, accepted_effects, judge, se
 
 import facets
 from facets import Samples
-from facets.calibration import REFERENCE, average_stop, choice, gather_samples, renew_zero
-from facets.calibration.fitting import fit
+from facets.calibration import REFERENCE, average_stop, choice, fit, gather_samples, renew_zero
 from facets.config import sensor_keys
 from facets.core import READING_COLUMNS, STATE_UNITS, InputError, Solve
 from facets.detectors import TEMPERATURE, add_noise, standard_deviations
