@@ -143,7 +143,10 @@ def show_channels(report: NoiseReport) -> None:
 
 
 def show_pose_noise(report: NoiseReport) -> None:
-    """Print the density of each axis by the fitted model, and its Allan deviation."""
+    """Print the density of each axis by the fitted model, and its Allan deviation.
+
+    Where the rate or gaps leave no average over a time, there is a dash.
+    """
     times = [tau for tau in AVERAGING_TIMES_S if tau <= report.seconds / 4]
     rows = []
     for name in POSE:
@@ -153,7 +156,8 @@ def show_pose_noise(report: NoiseReport) -> None:
         density = [1e3 * math.sqrt(white + flicker / f) for f in (1.0, report.rate / 2)]
         deviations = [1e3 * channel.allan.interpolate(tau) for tau in times]
         unit = channel.unit.replace("u", "n", 1)
-        rows.append([name, unit, *(f"{value:.3g}" for value in (*density, *deviations))])
+        cells = ["-" if math.isnan(x) else f"{x:.3g}" for x in (*density, *deviations)]
+        rows.append([name, unit, *cells])
     headings = ["axis", "", "at 1 Hz", f"at {report.rate / 2:.4g} Hz"]
     headings += [f"{tau:g} s" for tau in times]
     show_table(

@@ -137,7 +137,7 @@ def show_densities(
     """Print the noise at rest by frequency and by averaging time, the beam free and known."""
     import numpy as np
 
-    stated, band = characterization.pose_density, settings.electronics.bandwidth
+    stated = characterization.pose_density
     units = [core.units.unit_of(name) for name in POSE]
     headings = [
         "",
@@ -155,14 +155,22 @@ def show_densities(
                 deviation.append([f"{row.how.name}, {tau:g} s", *cells])
     show_table("noise at rest per sqrt(Hz), by frequency", headings, density)
     show_table("Allan deviation at rest, by averaging time", headings, deviation)
-    if settings.sensor.drift == core.sensor.Drift():
-        text = (
-            "the configuration has no sensor.drift. Do not compare it with a measured density or "
-            "drift, which has slow noise in it; the configuration bench-drift has some."
+    report_slow_noise(densities, settings)
+
+
+def report_slow_noise(densities: list[PoseDensity], settings: Config) -> None:
+    """Print whether slow noise is in the densities; some of sensor.drift may have no effect."""
+    readings = f"of readings of {settings.electronics.bandwidth:g} Hz bandwidth"
+    if any(noise.flicker.any() or noise.walk.any() for noise in densities):
+        report_lines(f"This is the white noise {readings}, and the slow noise of sensor.drift.")
+        return
+    reason = "the configuration has no sensor.drift"
+    if settings.sensor.drift != core.sensor.Drift():
+        reason = (
+            "sensor.drift has no effect, since flicker_corner_hz needs sensor.electronics, and "
+            "temperature_mk_rthz the coefficients of sensor.temperature"
         )
-        report_lines(f"This is a white floor alone, of readings of {band:g} Hz bandwidth: {text}")
-    else:
-        report_lines(
-            f"This is the white noise of readings of {band:g} Hz bandwidth, and the slow noise of "
-            "sensor.drift."
-        )
+    report_lines(
+        f"This is a white floor alone, {readings}: {reason}. Do not compare it with a measured "
+        "density or drift, which has slow noise in it; the configuration bench-drift has some."
+    )

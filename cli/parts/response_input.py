@@ -58,7 +58,7 @@ def estimate_input(columns: Columns, inputs: list[str], request: EstimateRequest
     signals = characterization.response_signals.build_signals(
         columns, inputs, body, settings, request.source
     )
-    delay, unit = describe_input(settings, name)
+    delay, unit = characterization.response_signals.describe_input(settings, name)
     responses = characterization.frequency_response
     channel = responses.OutputChannel(
         signals.deviation, settings.electronics.bandwidth, request.corrects_bandwidth, delay
@@ -96,11 +96,3 @@ def solve_columns(recording: Path, inputs: list[str], config: str | None) -> tup
     if not columns:
         raise InputError(f"{recording}: holds no complete sample")
     return columns, playback.config
-
-
-def describe_input(settings: Config, column: str) -> tuple[float, str]:
-    """The delay of the input's samples, s, and the input's unit; 0 and by its name by default."""
-    for channel in settings.acquire.channels:
-        if channel.column == column:
-            return channel.delay, "" if channel.unit == "1" else channel.unit
-    return 0.0, files.tables.unit_of_column(column)

@@ -7,6 +7,7 @@ table 5, for white, flicker and random-walk noise, chosen by the slope of the de
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,9 @@ from ..core.units import Floats
 
 #: Number of averaging times for each factor of ten.
 TIMES_PER_DECADE = 6
+
+#: By what share the clock of a recording may be off, so that a time is still one of the computed.
+CLOCK_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,10 @@ class Allan:
     high: Floats
 
     def interpolate(self, tau: float) -> float:
-        """The deviation at an averaging time, s, between the computed ones."""
+        """The deviation at an averaging time, s, between the computed ones; NaN outside them."""
+        share = 1 + CLOCK_TOLERANCE
+        if not self.tau[0] / share <= tau <= self.tau[-1] * share:
+            return math.nan
         return float(np.exp(np.interp(np.log(tau), np.log(self.tau), np.log(self.deviation))))
 
 

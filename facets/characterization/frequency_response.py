@@ -56,6 +56,11 @@ PERIODIC_LIKENESS = 0.98
 #: Responses to several inputs are told apart if this share of an input's power does not go with the
 #: others, in the median line.
 SEPARATE_SHARE = 1e-3
+INSEPARABLE = (
+    "an input goes with the other inputs at most frequencies (coherence above "
+    f"{1 - SEPARATE_SHARE:g}), so that their responses cannot be told apart; drive the body by "
+    "forces that are independent of each other, or name one input"
+)
 #: Segments that are transformed at once.
 SEGMENTS_AT_ONCE = 64
 
@@ -286,6 +291,8 @@ def choose_length(stretches: Stretches) -> int:
 
 def segment_length(stretches: Stretches, resolution: float | None, period: int) -> int:
     """Segment length, samples: of the resolution, or chosen; whole periods of a periodic input."""
+    if resolution is not None and not 0 < resolution < np.inf:
+        raise InputError(f"a resolution of {resolution:g} Hz is none; allowed: above 0")
     if not period:
         return (
             choose_length(stretches) if resolution is None else round(stretches.rate / resolution)
@@ -329,9 +336,13 @@ def estimate_response(
     period = 0 if others.size else find_period(stimulus, stretches)
     options, averages, left_out = choose_segments(stretches, resolution, period, others.shape[1])
     rate, length = stretches.rate, len(options.window)
+    rows = (options.starts[:, None] + np.arange(length)).ravel()
     for x in (stimulus, *others.T):
-        if np.ptp(x[np.isfinite(x)]) == 0:
-            raise InputError("the input does not change; name the column of a changing input")
+        if np.ptp(x[rows]) == 0:
+            raise InputError(
+                "the input does not change in the rows without gaps; name the column of a changing "
+                "input"
+            )
     spectra = separate_spectra(np.column_stack([stimulus, others]), outputs, options)
     lines = np.arange(SKIPPED_LINES, len(spectra.frequency))
     if period:  # elsewhere there is neither force nor leakage, only noise
@@ -367,11 +378,16 @@ def choose_segments(
 
     rate = stretches.rate
     longest = int((stretches.stops - stretches.starts).max(initial=0))
+    if longest < MIN_SEGMENT_SAMPLES:
+        raise InputError(
+            f"gaps cut the rows into parts of {longest} samples at most; a segment needs "
+            f"{MIN_SEGMENT_SAMPLES}. Record without gaps"
+        )
     length = segment_length(stretches, resolution, period)
     if length < MIN_SEGMENT_SAMPLES:
         raise InputError(
-            f"--resolution-hz {resolution:g} leaves {length} samples in a segment; allowed: up to "
-            f"{rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
+            f"a resolution of {resolution:g} Hz leaves {length} samples in a segment; allowed: up "
+            f"to {rate / MIN_SEGMENT_SAMPLES:.4g} Hz at {rate:.6g} samples per second"
         )
     window = get_window("boxcar" if period else "hann", min(length, longest))
     hop = length if period else length // 2
@@ -420,15 +436,14 @@ def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -
     frequency, whole, _, autos, counts = every[0]
     cross = np.stack([spectra[2] for spectra in every], axis=1)  # (m, q, q + d)
     rest, kept = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
-    parts = np.linalg.solve(rest, kept)  # of the first input and the outputs, over each other input
+    try:  # of the first input and the outputs, over each other input
+        parts = np.linalg.solve(rest, kept)
+    except np.linalg.LinAlgError:
+        raise InputError(INSEPARABLE) from None
     g_xx = whole - (kept[:, :, 0].conj() * parts[:, :, 0]).sum(axis=1).real
     excited = whole >= EXCITED_SHARE * whole.max()
     if np.median(g_xx[excited] / whole[excited]) < SEPARATE_SHARE:
-        raise InputError(
-            "an input goes with the other inputs at most frequencies (coherence above "
-            f"{1 - SEPARATE_SHARE:g}), so that their responses cannot be told apart; drive the "
-            "body by forces that are independent of each other, or name one input"
-        )
+        raise InputError(INSEPARABLE)
     g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", kept[:, :, 0].conj(), parts[:, :, 1:])
     g_yy = autos[:, q:] - (kept[:, :, 1:].conj() * parts[:, :, 1:]).sum(axis=1).real
     with np.errstate(invalid="ignore"):  # an output may be zero in all rows

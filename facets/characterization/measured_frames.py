@@ -12,7 +12,7 @@ from .axis_report import AxisReport, evaluate_axis
 from .axis_visits import read_commands, read_series
 from .error_motions import AxisTest
 from .frequency_response import FrequencyResponse, OutputChannel, estimate_response
-from .response_signals import build_signals, read_signal_table
+from .response_signals import build_signals, describe_input, read_signal_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -119,7 +119,8 @@ def measure_response(
     table = FrameTable(poses)
     columns = read_signal_table(table, [column])
     signals = build_signals(columns, [column], config.object or MIRROR, config, str(table))
-    output = OutputChannel(signals.deviation, config.electronics.bandwidth)
+    delay, _ = describe_input(config, column)
+    output = OutputChannel(signals.deviation, config.electronics.bandwidth, delay=delay)
     return estimate_response(
         signals.stimulus, signals.motion, signals.stretches, resolution_hz, output
     )

@@ -17,7 +17,7 @@ from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
 from ..estimation.samples import common_detectors, detectors_of
 from ..estimation.uncertainty import propagate
-from ..files.columns import TIMES
+from ..files.columns import TIMES, unit_of_column
 from ..files.tables import Source, read_chunks, read_words
 from .frequency_response import Stretches, find_stretches
 
@@ -96,6 +96,14 @@ def build_signals(
     return ResponseSignals(
         stimuli[:, 0], stimuli[:, 1:], motion, usable, stretches, deviation, saturated, misfits
     )
+
+
+def describe_input(config: Config, column: str) -> tuple[float, str]:
+    """The delay of the input's samples, s, and the input's unit; 0 and by its name by default."""
+    for channel in config.acquire.channels:
+        if channel.column == column:
+            return channel.delay, "" if channel.unit == "1" else channel.unit
+    return 0.0, unit_of_column(column)
 
 
 def noise_deviation(config: Config, state: Floats, used: Booleans, body: MeasuredObject) -> Floats:

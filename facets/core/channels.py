@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import MISSING, dataclass
 
@@ -11,13 +12,19 @@ from numpy.typing import NDArray
 
 from .keys import key
 from .names import READING_COLUMNS, STATE_COLUMNS
-from .units import KEY_UNITS, Floats, find_implausible
+from .units import KEY_UNITS, Floats, find_implausible, unit_in
 
-#: Endings of columns by the unit as people write it.
-ENDINGS = {unit.label: ending for ending, unit in reversed(KEY_UNITS.items()) if unit.label} | {
-    "1": "",
-    "°C": "c",
-}
+
+def plain_unit(unit: str) -> str:
+    """Write a unit without signs that can be written in two ways: "um/s2" for µm/s² and um/s^2."""
+    text = unicodedata.normalize("NFKC", unit).replace("μ", "u")
+    return text.replace("°", "deg").replace("^", "")
+
+
+#: Endings of columns by the unit, see `plain_unit`.
+ENDINGS = {
+    plain_unit(unit.label): ending for ending, unit in reversed(KEY_UNITS.items()) if unit.label
+} | {"1": ""}
 #: Columns that a table of poses may have beside those of the channels, and beginnings of others.
 TAKEN = frozenset(
     {
@@ -104,13 +111,19 @@ def describe_channels(channels: Iterable[AuxiliaryChannel]) -> dict[str, str]:
 
 
 def column_ending(unit: str) -> str:
-    """Ending of a column for a unit: "c" for degC, "mm_s2" for mm/s^2, "n" for N."""
-    if unit in ENDINGS:
-        return ENDINGS[unit]
-    text = unit.lower().replace("µ", "u").replace("%", "percent").replace("°", "deg")
+    """Ending of a column for a unit: "c" for degC, "mm_s2" for mm/s^2, "n" for N.
+
+    It is empty for a unit whose ending would be that of another: "" for Nm, which is not nm.
+    """
+    plain = plain_unit(unit)
+    if plain in ENDINGS:
+        return ENDINGS[plain]
+    text = plain.lower().replace("%", "percent")
     if text.startswith("1/"):
         text = f"per_{text[2:]}"
-    return "_".join(re.findall("[a-z0-9]+", text.replace("^", "")))
+    ending = "_".join(re.findall("[a-z0-9]+", text))
+    other = unit_in(f"_{ending}")
+    return "" if other and KEY_UNITS[other].label else ending
 
 
 def is_taken(column: str) -> bool:

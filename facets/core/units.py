@@ -92,6 +92,11 @@ def _multiply(label: str, factor: float, back: float) -> KeyUnit:
     return KeyUnit(label, lambda value: factor * value, lambda value: back * value)
 
 
+def _invert(label: str) -> str:
+    """One over a unit: "1/um", "1/(m/s^2)"."""
+    return f"1/({label})" if "/" in label else f"1/{label}"
+
+
 #: Whether a factor divides or multiplies decides the last bit; do not change it, so that a file
 #: gives the same sensor in every version.
 KEY_UNITS = {
@@ -115,9 +120,12 @@ KEY_UNITS = {
     "us": _multiply("us", 1e-6, 1e6),
     "hz": KeyUnit("Hz"),
     "mm_s": KeyUnit("mm/s"),
+    "m_s": _divide("m/s", 1e-3),
     "mm_s2": KeyUnit("mm/s^2"),
     "m_s2": _divide("m/s^2", 1e-3),
     "mrad_s": _divide("mrad/s", MRAD),
+    "rad_s": KeyUnit("rad/s"),
+    "deg_s": _divide("deg/s", 180 / pi),
     "rad_s2": KeyUnit("rad/s^2"),
     "v": KeyUnit("V"),
     "k": KeyUnit("K"),
@@ -131,7 +139,7 @@ KEY_UNITS = {
     "mk_rthz": _multiply("", 1e-3, 1e3),
 }
 KEY_UNITS |= {
-    f"per_{name}": _divide(f"1/{KEY_UNITS[name].label}", KEY_UNITS[name].to_code(1.0))
+    f"per_{name}": _divide(_invert(KEY_UNITS[name].label), KEY_UNITS[name].to_code(1.0))
     for name in ("um", "urad", "mm_s", "mrad_s", "m_s2", "rad_s2")
 }
 

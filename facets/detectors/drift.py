@@ -32,7 +32,9 @@ def draw_power_law(
 
     density: at 1 Hz.  step: between samples, s.
     """
-    size = 2 * count  # the draw repeats itself after that
+    if exponent == 2:
+        return draw_walk(density, count, step, rng)
+    size = 2 * count  # the draw repeats itself after that, and lacks what is slower
     frequency = np.fft.rfftfreq(size, step)[1:, None]
     parts = rng.standard_normal((2, len(frequency), len(density)))
     scale = np.sqrt(density / frequency**exponent * size / (4 * step))
@@ -40,6 +42,18 @@ def draw_power_law(
     drawn: Floats = np.fft.irfft(spectrum, size, axis=0)[:count]
     drawn -= drawn[:1].copy()
     return drawn
+
+
+def draw_walk(density: Floats, count: int, step: float, rng: np.random.Generator) -> Floats:
+    """Draw random walks (count, m) of densities (m,) / f^2, from 0 on.
+
+    After the time t the variance is 2 pi^2 density t, over the whole record. For 1 / f^2, samples
+    have (pi step / sin(pi f step))^2: what is above half their rate is folded below it.
+    """
+    walks = np.zeros((count, len(density)))
+    steps = rng.standard_normal((count - 1, len(density)))
+    np.cumsum(np.pi * np.sqrt(2 * density * step) * steps, axis=0, out=walks[1:])
+    return walks
 
 
 def draw_beam_and_temperature(

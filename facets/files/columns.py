@@ -18,6 +18,7 @@ Columns = Mapping[str, Any]
 #: `config_sha256` is. Comment lines of CSV leave it out.
 CONFIGURATION = "configuration"
 TIME_HINT = "; give seconds, or leave the column out"
+NUMBER_HINT = "; give numbers"
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def columns_to_read(
 
 def refuse_text(source: object, name: str, kind: object) -> InputError:
     """The error for a column that holds no numbers."""
-    hint = TIME_HINT if name == "time_s" else ""
+    hint = TIME_HINT if name == "time_s" else NUMBER_HINT
     return InputError(f"{source}: column {name} holds {kind}, not numbers{hint}")
 
 
@@ -100,6 +101,8 @@ def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
 #: Columns of times, the first of which counts, with one unit of each, s; a table of a recording has
 #: the board's.
 TIMES = {"time_s": 1.0, "board_us": 1e-6}
+#: Columns that are times and no signals, in tables and those of recordings.
+TIME_COLUMNS = (*TIMES, "host_s", "utc_s")
 #: Columns over which the others are drawn.
 AXES = (*TIMES, "frequency_hz", "position_mm", "position_deg")
 #: The dimension of tables without such a column.

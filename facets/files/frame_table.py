@@ -12,9 +12,11 @@ from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.extras import require_extra
 from ..core.names import POSE
+from ..core.units import Floats
 from .columns import (
     COVARIANCE_AXES,
     ROW,
+    TIME_COLUMNS,
     TIMES,
     Chunk,
     Columns,
@@ -27,12 +29,14 @@ from .columns import (
 )
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
     from xarray import Dataset
 
 #: Largest deviation of times from those of one sampling rate, in steps; a board counts whole
 #: microseconds.
 LARGEST_JITTER = 0.1
+#: What pandas infers of columns of numbers.
+NUMBERS = ("integer", "floating", "mixed-integer-float", "decimal", "boolean")
 
 
 @dataclass(frozen=True)
@@ -49,19 +53,39 @@ def read_chunks(
     table: FrameTable, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
     frame = table.frame
-    use, columns = columns_to_read(table, column_names(table), needed, optional), {}
-    for name in use:
-        try:
-            columns[name] = frame[name].to_numpy(np.float64, na_value=np.nan)
-        except (TypeError, ValueError):
-            raise refuse_text(table, name, frame[name].dtype) from None
+    use = columns_to_read(table, column_names(table), needed, optional)
+    columns = {name: numbers_of(table, name) for name in use}
     yield from row_chunks(
         len(frame), rows, 0, lambda part: {name: values[part] for name, values in columns.items()}
     )
 
 
+def numbers_of(table: FrameTable, name: str) -> Floats:
+    """A column as floats, NaN where it has no value; raises `InputError` for other things, dates
+    and durations among them, whose integers count an unsaid unit."""
+    values = table.frame[name]
+    try:
+        if not infer_kind(values).startswith(("datetime", "timedelta")):
+            return values.to_numpy(np.float64, na_value=np.nan)
+    except (TypeError, ValueError):
+        pass
+    raise refuse_text(table, name, values.dtype)
+
+
+def infer_kind(values: Series[Any]) -> str:
+    """What the values of a column are, in the words of pandas, such as "floating"."""
+    from pandas.api.types import infer_dtype
+
+    return infer_dtype(values, skipna=True)
+
+
 def columns_of(frame: DataFrame) -> dict[str, Any]:
-    """The columns of a data frame by their names in text."""
+    """The columns of a data frame by their names in text.
+
+    Raises `InputError` if two have the same name.
+    """
+    table = FrameTable(frame)
+    columns_to_read(table, column_names(table), (), ())
     return {str(name): frame[name].to_numpy() for name in frame.columns}
 
 
@@ -112,7 +136,8 @@ def to_xarray(table: DataFrame) -> Dataset:
     Raises
     ------
     InputError
-        If xarray is not installed (the extra `xarray`).
+        If xarray is not installed (the extra `xarray`), if two columns have the same name, or if
+        one has the name of a dimension, such as `row`.
 
     Examples
     --------
@@ -132,6 +157,10 @@ def to_xarray(table: DataFrame) -> Dataset:
         known = {"units": units[name]} if name in units else {}
         variables[name] = (dimensions[: values.ndim], values, known)
         coordinates |= {axis: list(POSE) for axis in dimensions[1 : values.ndim]}
+    for name in coordinates.keys() & variables.keys():
+        raise InputError(
+            f"the data frame: column {name} has the name of the dataset's dimension; rename it"
+        )
     about = {key: value for key, value in table.attrs.items() if key != "units"}
     dataset: Dataset = xarray.Dataset(variables, coordinates, about)
     return dataset
@@ -150,13 +179,15 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        One for each column of numbers that has a unit, but for times: `name`, `data`, `unit_str`,
-        and `fs` in Hz where the times are equally spaced, otherwise `time` in s.
+        One for each column of numbers that has a unit, but for the times time_s, board_us, host_s
+        and utc_s: `name`, `data`, `unit_str`, and `fs` in Hz where the times are equally spaced,
+        otherwise `time` in s.
 
     Raises
     ------
     InputError
-        If the table has no column of times.
+        If the table has no column of times, or one that holds no numbers, or if two columns have
+        the same name.
 
     Examples
     --------
@@ -168,7 +199,10 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     axis = axis_of(columns_of(table))
     if axis not in TIMES:
         raise InputError(f"the table has no column of times; needed: {' or '.join(TIMES)}")
-    time = TIMES[axis] * table[axis].to_numpy(float)
+    source = FrameTable(table)
+    if infer_kind(table[axis]) not in NUMBERS:
+        raise refuse_text(source, axis, table[axis].dtype)
+    time = TIMES[axis] * numbers_of(source, axis)
     even = np.linspace(time[0], time[-1], len(time)) if len(time) > 1 else np.empty(0)
     step = np.diff(even[:2]).sum()
     is_even = step > 0 and np.abs(time - even).max() <= LARGEST_JITTER * step
@@ -176,7 +210,7 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     if "recorded" in table.attrs:
         when["start_timestamp"] = table.attrs["recorded"]
     return [
-        {"name": name, "data": table[name].to_numpy(float), "unit_str": unit, **when}
+        {"name": name, "data": numbers_of(source, name), "unit_str": unit, **when}
         for name, unit in units_in(table).items()
-        if unit not in ("s", "us")
+        if name not in TIME_COLUMNS and infer_kind(table[name]) in NUMBERS
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,25 @@ def require_arrow(path: Path) -> tuple[Any, Any]:
     return require_extra("pyarrow", str(path)), require_extra("pyarrow.parquet", str(path))
 
 
+@contextmanager
+def open_arrow(path: Path) -> Iterator[tuple[Any, Any]]:
+    """Yield pyarrow and its module for Parquet; what they say of a damaged file is an
+    `InputError`."""
+    pa, pq = require_arrow(path)
+    try:
+        yield pa, pq
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        what = str(error).partition("\n")[0]
+        raise InputError(
+            f"{path}: cannot be read as a Parquet table of numbers and words: {what}; copy or "
+            "write it again"
+        ) from None
+
+
 def read_chunks(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
-    pa, pq = require_arrow(path)
-    try:
+    with open_arrow(path) as (pa, pq):
         file = pq.ParquetFile(path)
         use = columns_to_read(path, file.schema_arrow.names, needed, optional)
         require_numbers(path, file.schema_arrow, use)
@@ -40,9 +55,6 @@ def read_chunks(
             lines = np.arange(done, done + len(batch)) + 1
             done += len(batch)
             yield Chunk(columns, lines, np.zeros(len(batch), dtype=bool), size)
-    except (pa.ArrowException, OSError) as error:
-        what = str(error).partition("\n")[0]
-        raise InputError(f"{path}: not a Parquet table of numbers: {what}") from None
 
 
 def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
@@ -62,21 +74,19 @@ def read_head(path: Path) -> dict[str, str]:
         metadata = pq.read_schema(path).metadata or {}
     except (pa.ArrowException, OSError):
         return {}
-    return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+    texts = {key: value.decode(errors="replace") for key, value in metadata.items()}
+    return {key.decode(errors="replace"): text for key, text in texts.items()}
 
 
 def column_names(path: Path) -> list[str]:
-    _, pq = require_arrow(path)
-    return [str(name) for name in pq.read_schema(path).names]
+    with open_arrow(path) as (_, pq):
+        return [str(name) for name in pq.read_schema(path).names]
 
 
 def read_columns(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    pa, pq = require_arrow(path)
-    try:
+    with open_arrow(path) as (_, pq):
         table = pq.read_table(path, columns=list(names))
-    except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: cannot be read: {str(error).partition(chr(10))[0]}") from None
-    return {name: table[name].to_numpy() for name in names}
+        return {name: table[name].to_numpy() for name in names}
 
 
 def record_batch(columns: Columns) -> Any:

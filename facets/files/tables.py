@@ -10,7 +10,9 @@ from __future__ import annotations
 import csv
 import gzip
 import os
+import re
 import sys
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -247,7 +249,7 @@ def read_words(source: Source, name: str) -> list[str] | None:
         if name not in sheet.names:
             return None
         place = sheet.names.index(name)
-        return [row[place].strip() if place < len(row) else "" for _, row in sheet.rows()]
+        return [unquote(row[place]) if place < len(row) else "" for _, row in sheet.rows()]
 
 
 def read_csv(
@@ -293,10 +295,13 @@ def refuse_words(
 
 def number(cell: str) -> float:
     """Convert a cell to a number, an empty one to NaN; quotes around it are ignored."""
+    return plain_number(unquote(cell) or "nan")
+
+
+def unquote(cell: str) -> str:
+    """A cell without the blanks and the quotes around it."""
     text = cell.strip()
-    if len(text) > 1 and text[0] == text[-1] == '"':
-        text = text[1:-1]
-    return plain_number(text or "nan")
+    return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
 
 
 def is_plain(text: str) -> bool:
@@ -339,25 +344,44 @@ def read_columns(path: Path) -> Columns:
     # before 3.1 the last digit of a number was by default not that of the text
     is_exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     exact: Any = {} if is_exact else {"float_precision": "round_trip"}
-    with open_sheet(path) as sheet:
+    with open_sheet(path) as sheet, warnings.catch_warnings():
         columns_to_read(path, sheet.names, (), ())
+        # of a first row with too many cells it would leave the last ones out
+        warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(
                 sheet.file, names=sheet.names, sep=sheet.delimiter, comment="#",
                 skipinitialspace=True, index_col=False, keep_default_na=False,
-                na_values=["", "nan"], **exact,
+                na_values=["", "nan"], quoting=csv.QUOTE_NONE, **exact,
             )  # fmt: skip
+        except pd.errors.ParserWarning:
+            raise InputError(
+                f"{path}: cannot be read as a table: the first row has more cells than the header "
+                f"in line {sheet.first}; give each row as many"
+            ) from None
         except ValueError as error:  # pandas' ParserError among them
-            raise InputError(f"{path}: cannot be read as a table: {error}") from None
+            what = count_from(sheet.first, str(error).strip())
+            raise InputError(f"{path}: cannot be read as a table: {what}") from None
     return {name: numbers_or_words(frame[name]) for name in sheet.names}
 
 
+def count_from(first: int, text: str) -> str:
+    """Lines of the file in a message of pandas, which counts from the line behind the header.
+    first: the line of the header."""
+    return re.sub(r"(?<=\bline )\d+", lambda found: str(first + int(found[0])), text)
+
+
 def numbers_or_words(column: Any) -> Any:
-    """A column of pandas as numbers, NaN where a cell is no number; as words if most cells are."""
+    """A column of pandas as numbers, NaN where a cell is no number; as words if most cells are.
+
+    Quotes around cells are left out, as in `number`.
+    """
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy()
+    is_text = column.map(lambda cell: isinstance(cell, str))  # of a long table not all are
+    column = column.mask(is_text, column[is_text].map(unquote)).replace("", np.nan)
     numbers = pd.to_numeric(column, errors="coerce")
     is_number = 2 * numbers.notna().sum() > column.notna().sum()
     return (numbers if is_number else column.fillna("")).to_numpy()

@@ -1,67 +1,129 @@
 """Tables in TDMS, which LabVIEW writes, read by npTDMS: references, forces, temperatures.
 
 Each channel is a column. Its name is that of the channel, with the unit of its property
-`unit_string` behind it if it ends in none: Force in N is `force_n`. Without a channel `time_s`, the
-times come from the properties of waveforms, `wf_start_offset` and `wf_increment`.
+`unit_string` behind it if it ends in none: Force in N is `force_n`. A unit that would be read as
+another behind a name stands only in the head: Torque in Nm is `torque`. Without a channel `time_s`,
+the times come from the properties of waveforms, `wf_start_offset` and `wf_increment`.
 """
 
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..core.channels import column_ending
+from ..core.channels import column_ending, plain_unit
 from ..core.errors import InputError
 from ..core.extras import require_extra
 from ..core.units import unit_in
-from .columns import Chunk, columns_to_read, refuse_text, row_chunks
+from .columns import Chunk, columns_to_read, refuse_text, row_chunks, unit_of_column
 
 SIGNATURE = b"TDSm"
 KIND = "a TDMS file"
 TIME = "time_s"
+#: Bytes before each segment; in the fifth the bit of numbers with the largest byte first, and from
+#: the 13th to the 20th the length of the segment.
+LEAD, BIG_ENDIAN = 28, 0x40
+#: What npTDMS raises for damaged files.
+DAMAGES = (
+    OSError, ValueError, LookupError, EOFError, struct.error, NotImplementedError, ArithmeticError,
+    MemoryError,
+)  # fmt: skip
 
 
 @contextmanager
 def open_file(path: Path) -> Iterator[Any]:
     nptdms = require_extra("nptdms", str(path))
     try:
-        with nptdms.TdmsFile.open(path) as file:
-            yield file
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read as TDMS: {error}") from None
+        with path.open("rb") as raw:  # of a damaged file npTDMS leaves its own open
+            require_whole(path, raw)
+            with nptdms.TdmsFile.open(raw) as file:
+                yield file
+    except DAMAGES as error:
+        what = str(error) or type(error).__name__
+        raise InputError(f"{path}: cannot be read as TDMS: {what}; copy or save it again") from None
+
+
+def require_whole(path: Path, raw: BinaryIO) -> None:
+    """Raise `InputError` for a file that does not end where its last segment ends; npTDMS would
+    leave the rest of its values out."""
+    size, place = path.stat().st_size, 0
+    while place + LEAD <= size:
+        raw.seek(place)
+        lead = raw.read(LEAD)
+        place += LEAD + int.from_bytes(lead[12:20], "big" if lead[4] & BIG_ENDIAN else "little")
+    raw.seek(0)
+    if place != size:
+        raise InputError(
+            f"{path}: is cut off: the file ends within a segment; copy it again, or wait until the "
+            "program that writes it has closed it"
+        )
 
 
 @contextmanager
 def open_channels(path: Path) -> Iterator[dict[str, Any]]:
-    """Open the channels of a file by the names of their columns.
+    """Open the channels of a file, see `columns_in`."""
+    with open_file(path) as file:
+        yield columns_in(path, file)
+
+
+def columns_in(path: Path, file: Any) -> dict[str, Any]:
+    """The channels of an open file by the names of their columns.
 
     Raises `InputError` if they are not columns of one table.
     """
-    with open_file(path) as file:
-        channels = [channel for group in file.groups() for channel in group.channels()]
-        counts = {channel.name: len(channel) for channel in channels}
-        if len(set(counts.values())) > 1:
-            shown = ", ".join(f"{name} {count}" for name, count in counts.items())
-            raise InputError(
-                f"{path}: the channels differ in length ({shown}); save those of one rate in a "
-                "file of their own"
-            )
-        columns = {column_of(channel): channel for channel in channels}
-        if len(columns) < len(channels):
-            raise InputError(f"{path}: two channels give the same column; rename one of them")
-        yield columns
+    channels = [channel for group in file.groups() for channel in group.channels()]
+    if not channels:
+        raise InputError(f"{path}: holds no channels; save those of the table in it")
+    require_equal(path, "length", {channel.name: len(channel) for channel in channels})
+    columns = {column_of(path, channel): channel for channel in channels}
+    if len(columns) < len(channels):
+        raise InputError(f"{path}: two channels give the same column; rename one of them")
+    if TIME not in columns:
+        timed = [channel for channel in channels if channel.properties.get("wf_increment")]
+        for what, one in (("wf_increment", 1), ("wf_start_offset", 0.0)):
+            found = {channel.name: float(channel.properties.get(what, one)) for channel in timed}
+            require_equal(path, what, found)
+    return columns
 
 
-def column_of(channel: Any) -> str:
-    """The name of a channel's column: `force_n` of the channel Force in N."""
-    name = "_".join(re.findall("[a-z0-9]+", channel.name.lower()))
-    end = column_ending(str(channel.properties.get("unit_string", "")))
-    return name if unit_in(name) or not end else f"{name}_{end}"
+def require_equal(path: Path, what: str, values: dict[str, Any]) -> None:
+    """Raise `InputError` if channels differ.  values: by the channels' names."""
+    if len(set(values.values())) > 1:
+        shown = ", ".join(f"{name} {value}" for name, value in values.items())
+        raise InputError(
+            f"{path}: the channels differ in {what} ({shown}); save those of one rate in a file of "
+            "their own"
+        )
+
+
+def column_of(path: Path, channel: Any) -> str:
+    """The name of a channel's column: `force_n` of the channel Force in N.
+
+    Raises `InputError` if its name ends in another unit than that of the channel.
+    """
+    text = plain_unit(channel.name).replace("degC", "C").lower()
+    name = "_".join(re.findall("[a-z0-9]+", text))
+    unit, known = unit_text(channel), unit_in(name)
+    end = column_ending(unit)
+    if not known:
+        return f"{name}_{end}" if end else name
+    if unit and (unit_of_column(f"_{end}") or end) != (unit_of_column(name) or known):
+        raise InputError(
+            f"{path}: channel {channel.name!r} has the unit_string {unit!r}, but as the column "
+            f"{name} it is in {unit_of_column(name) or known}; rename it, or correct unit_string"
+        )
+    return name
+
+
+def unit_text(channel: Any) -> str:
+    """The unit of a channel, or an empty text."""
+    return str(channel.properties.get("unit_string", "")).strip()
 
 
 def values_of(columns: dict[str, Any], name: str, part: slice) -> Any:
@@ -103,7 +165,13 @@ def read_chunks(
 
 def read_head(path: Path) -> dict[str, str]:
     with open_file(path) as file:
-        return {key: str(value) for key, value in file.properties.items()}
+        head = {key: str(value) for key, value in file.properties.items()}
+        units = {name: unit_text(channel) for name, channel in columns_in(path, file).items()}
+    return head | {
+        f"unit of {name}": unit
+        for name, unit in units.items()
+        if unit not in ("", "1") and not unit_in(name)
+    }
 
 
 def column_names(path: Path) -> list[str]:

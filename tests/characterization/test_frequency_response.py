@@ -1,8 +1,12 @@
 """Responses of known systems, and their random errors."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
+import facets
 from facets import InputError
 from facets.characterization import (
     OutputChannel,
@@ -12,7 +16,7 @@ from facets.characterization import (
     noise_spectrum,
     response_table,
 )
-from facets.core import Mode, Vibration
+from facets.core import AuxiliaryChannel, Mode, Vibration
 from facets.simulation import receptance, shake
 
 RATE = 1000.0
@@ -128,6 +132,9 @@ def test_inputs_that_are_one_signal_are_refused(shaken):
     almost = force + 1e-3 * np.random.default_rng(1).standard_normal(len(force))
     with pytest.raises(InputError, match="cannot be told apart"):
         estimate_response(force, moved, even(len(force)), others=almost[:, None])
+    other = np.random.default_rng(2).standard_normal((len(force), 1))
+    with pytest.raises(InputError, match="cannot be told apart"):
+        estimate_response(force, moved, even(len(force)), others=np.hstack([other, 2 * other]))
 
 
 def test_the_noise_floor_is_what_noise_alone_gives(shaken):
@@ -231,6 +238,13 @@ def test_what_cannot_be_estimated_is_refused(shaken):
     for resolution in (0.02, 1e-6):  # the latter without the memory for it
         with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
             estimate_response(force, moved, even(len(force)), resolution)
+    for resolution in (0.0, -5.0, np.nan):
+        with pytest.raises(InputError, match="allowed: above 0"):
+            estimate_response(force, moved, even(len(force)), resolution)
+    usable = np.arange(len(force)) % 2 > 0
+    stretches = find_stretches(np.arange(len(force)) / RATE, usable, "it.csv")
+    with pytest.raises(InputError, match="gaps cut the rows into parts of 0 samples at most"):
+        estimate_response(force, moved, stretches)
     with pytest.raises(InputError, match="the input does not change"):
         estimate_response(np.ones(len(force)), moved, even(len(force)))
 
@@ -239,3 +253,18 @@ def test_the_table_has_uncertainties_in_the_units_of_its_names(shaken):
     force, moved = shaken
     found = estimate_response(force, np.repeat(moved[:, :1], 6, axis=1), even(len(force)))
     assert response_table(found)["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])
+
+
+def test_a_data_frame_s_input_has_the_delay_of_its_channel():
+    """As the command corrects it: by 2 pi f times the delay in the phase."""
+    force = np.random.default_rng(1).standard_normal(4000)
+    poses = pd.DataFrame(dict.fromkeys(("tx_mm", "ty_mm", "roll_mrad", "pitch_mrad"), 0 * force))
+    poses = poses.assign(yaw_mrad=0, tz_mm=2e-3 * force, time_s=1e-3 * poses.index, force_n=force)
+    config = facets.load("paper")
+    channel = AuxiliaryChannel(name="force", unit="N", delay=1e-3)
+    late = replace(config, acquire=replace(config.acquire, channels=(channel,)))
+    plain, moved = (
+        facets.measure_response(given, poses, "force_n", 10) for given in (config, late)
+    )
+    turn = np.angle(moved.h1[:, 2] / plain.h1[:, 2] * np.exp(-2j * np.pi * plain.frequency * 1e-3))
+    assert turn == pytest.approx(0, abs=1e-9)

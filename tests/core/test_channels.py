@@ -12,10 +12,17 @@ from facets.core import AuxiliaryChannel, ConfigError, column_ending
 @pytest.mark.parametrize(
     ("unit", "ending"),
     [("degC", "c"), ("°C", "c"), ("mA", "ma"), ("m/s^2", "m_s2"), ("1/min", "per_min"),
-     ("%", "percent"), ("µm", "um"), ("N m", "n_m"), ("1", "")],
+     ("%", "percent"), ("µm", "um"), ("N m", "n_m"), ("1", ""), ("mm/s²", "mm_s2"),
+     ("m/s2", "m_s2"), ("μm", "um"), ("m/s", "m_s"), ("°/s", "deg_s"), ("1/(m/s²)", "per_m_s2"),
+     ("nV/rtHz", "nv_rthz"), ("kN", "kn")],
 )  # fmt: skip
 def test_a_column_ends_with_its_unit(unit, ending):
     assert column_ending(unit) == ending
+
+
+@pytest.mark.parametrize("unit", ["Nm", "MW", "C", "S", "n", "l/s", "N mm", "1/m/s^2", "KHz/s"])
+def test_a_column_never_ends_as_that_of_another_unit(unit):
+    assert AuxiliaryChannel("load", unit).column == "load"
 
 
 def test_values_are_scaled_and_unknown_ones_are_nan():
@@ -44,7 +51,7 @@ def test_a_configuration_names_channels_in_their_order(tmp_path):
     [
         ("{name: tx, unit: mm}", "channels[0].name: its column tx_mm has another meaning"),
         ("{name: force, scale: 0}", "channels[0].scale: must not be 0"),
-        ("{name: a, unit: N}\n  - {name: a, unit: n}", "two channels have the column a_n"),
+        ("{name: a, unit: °C}\n  - {name: a, unit: degC}", "two channels have the column a_c"),
         ("{name: a, unit: ' '}", "must be a unit of 1 to 16 characters"),
         ("7", "must be a block of keys"),
         ("\n  - ".join(f"{{name: a{n}}}" for n in range(16)), "a list of up to 15 blocks"),

@@ -84,3 +84,12 @@ def test_every_unit_is_converted_there_and_back():
 def test_a_name_ends_with_its_unit():
     names = ("max_speed_mm_s", "acceleration_mm_s2", "tip_um2", "max_steps", "mm", "wait_seconds")
     assert [unit_in(name) for name in names] == ["mm_s", "mm_s2", "um2", "", "", ""]
+    labels = [KEY_UNITS[unit_in(f"speed_{unit}")].label for unit in ("m_s", "rad_s", "deg_s")]
+    assert labels == ["m/s", "rad/s", "deg/s"]
+    assert KEY_UNITS["deg_s"].to_code(180.0) == pytest.approx(3.14159265)
+    assert KEY_UNITS["m_s"].to_code(2.0) == 2000
+
+
+def test_one_over_a_unit_with_a_stroke_has_brackets():
+    labels = [KEY_UNITS[name].label for name in ("per_um", "per_mm_s", "per_m_s2")]
+    assert labels == ["1/um", "1/(mm/s)", "1/(m/s^2)"]

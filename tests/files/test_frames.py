@@ -35,7 +35,7 @@ def test_what_is_no_number_in_a_column_of_numbers_is_missing(tmp_path):
     np.testing.assert_array_equal(frame.a, [1, np.nan, 3])
     assert frame.word.tolist() == ["x", "y", ""]
     path.write_text("a,b\n1,2\n3,4,5,6\n")
-    with pytest.raises(InputError, match=r"t\.csv: cannot be read as a table: .* line 2"):
+    with pytest.raises(InputError, match=r"t\.csv: cannot be read as a table: .* line 3"):
         facets.read_table(path)
 
 
@@ -63,6 +63,47 @@ def test_signals_of_sep005_have_one_rate_or_times():
     assert sep005.Sep005Data.model_validate(signal).time == [0, 667e-6, 1e-3]
     with pytest.raises(InputError, match="no column of times; needed: time_s or board_us"):
         facets.to_sep005(even[["tz_mm"]])
+
+
+TIMES = {
+    "datetime": pd.date_range("2026-01-01", periods=3, freq="s"),
+    "with a zone": pd.date_range("2026-01-01", periods=3, freq="s", tz="UTC"),
+    "timedelta": pd.to_timedelta([0, 1, 2], unit="s"),
+    "objects": pd.Series([np.timedelta64(n, "s") for n in range(3)], dtype=object),
+    "text": ["0.0", "0.5", "1.0"],
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_dates_durations_and_text_are_not_taken_for_seconds(kind):
+    frame = pd.DataFrame({"time_s": TIMES[kind], "tz_mm": 1.0})
+    uses = [facets.to_sep005]
+    if kind != "text":
+        uses.append(lambda frame: list(tables.read_chunks(tables.FrameTable(frame), ["time_s"])))
+    for use in uses:
+        with pytest.raises(InputError, match=r"column time_s holds .*, not numbers; give seconds"):
+            use(frame)
+
+
+def test_signals_of_sep005_are_all_numbers_but_the_times():
+    frame = pd.DataFrame({"time_s": [0.0, 1.0], "host_s": 0.0, "utc_s": 0.0, "wait_us": [1, 2]})
+    frame = frame.assign(flow_l_s=[1.0, 2.0], word_mm=["a", "b"], digits_mm=["1", "2"])
+    frame["count_mm"] = pd.array([1, None], dtype="Int64")
+    signals = {signal["name"]: signal for signal in facets.to_sep005(frame)}
+    assert list(signals) == ["wait_us", "flow_l_s", "count_mm"]
+    np.testing.assert_array_equal(signals["count_mm"]["data"], [1, np.nan])
+
+
+def test_names_that_a_dataset_cannot_have_are_refused():
+    pytest.importorskip("xarray")
+    frame = pd.DataFrame({"tz_mm": [1.0, 2.0], "row": [1.0, 2.0]})
+    with pytest.raises(InputError, match="column row has the name of the dataset's dimension; ren"):
+        facets.to_xarray(frame)
+    assert "row" in facets.to_xarray(frame.assign(time_s=[0.0, 1.0]))
+    twice = pd.DataFrame([[0.0, 1.0, 2.0]], columns=["time_s", "a_mm", "a_mm"])
+    for use in (facets.to_xarray, facets.to_sep005):
+        with pytest.raises(InputError, match="columns that appear twice: a_mm"):
+            use(twice)
 
 
 def test_a_dataset_of_xarray_has_units_and_provenance():

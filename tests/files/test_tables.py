@@ -68,6 +68,28 @@ def test_what_is_no_number_is_a_broken_row(write, raw, good, lines):
             tables.read_numbers(path)
 
 
+def test_quotes_are_the_same_to_each_reader_and_swallow_no_lines(write):
+    path = write('a,b\n0,"1\n1,2\n2,"3\n')
+    columns, _, bad = read(path)
+    assert (columns["b"][1], bad) == (2, [2, 4])
+    whole = tables.read_columns(path)
+    assert whole["a"].tolist() == [0, 1, 2]
+    assert whole["b"].tolist() == tables.read_words(path, "b") == ['"1', "2", '"3']
+    path = write('a;b\n"0.1"; "x y"\n"2" ;"z"\n"";""\n')
+    columns = tables.read_columns(path)
+    np.testing.assert_array_equal(columns["a"], [0.1, 2, np.nan])
+    assert columns["b"].tolist() == tables.read_words(path, "b") == ["x y", "z", ""]
+
+
+def test_a_ragged_row_is_named_by_its_line_in_the_file(write):
+    for raw, says in (
+        ("# seed: 1\n\na,b\n1,2\n\n# more\n3,4,5\n", "Expected 2 fields in line 7, saw 3"),
+        ("# seed: 1\na,b\n3,4,5\n1,2\n", "first row has more cells than the header in line 2"),
+    ):
+        with pytest.raises(InputError, match=says):
+            tables.read_columns(write(raw))
+
+
 @pytest.mark.parametrize(
     "raw",
     [
@@ -123,6 +145,17 @@ def test_a_parquet_column_that_holds_no_numbers_is_named(tmp_path):
         pq.write_table(pa.table({"a": column, "b": [1.0]}), tmp_path / "t.parquet")
         with pytest.raises(InputError, match=says):
             read(tmp_path / "t.parquet")
+
+
+@pytest.mark.parametrize("length", [40, -1, 0])
+def test_a_damaged_parquet_table_is_refused_by_each_reader(tmp_path, length):
+    path = tmp_path / "t.parquet"
+    tables.write_table(path, {"a": np.arange(99.0)}, {})
+    data = path.read_bytes()
+    path.write_bytes(data[:length] if length else data[:-20] + b"\xff" * 12 + data[-8:])
+    for use in (tables.column_names, tables.read_frame, lambda path: read(path, ["a"])):
+        with pytest.raises(InputError, match=r"t\.parquet: cannot be read as a Parquet table"):
+            use(path)
 
 
 def test_other_bad_files_are_named(tmp_path, write):

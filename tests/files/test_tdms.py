@@ -1,5 +1,7 @@
 """Tables that LabVIEW wrote."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from nptdms import ChannelObject, RootObject, TdmsWriter
@@ -53,3 +55,73 @@ def test_what_is_no_table_is_named(tmp_path):
         list(tables.read_chunks(tmp_path / "t.tdms", ["a"]))
     with pytest.raises(InputError, match=r"name ends in \.csv, \.csv\.gz, \.parquet or \.h5"):
         tables.write_table(tmp_path / "new.tdms", {"a": five}, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "column", "label"),
+    [
+        ("Torque", "Nm", "torque", "Nm"),
+        ("Acc", "mm/s²", "acc_mm_s2", "mm/s^2"),
+        ("Acc mm/s²", "mm/s^2", "acc_mm_s2", "mm/s^2"),
+        ("Speed", "m/s", "speed_m_s", "m/s"),
+        ("Power", "MW", "power", "MW"),
+        ("Charge", "C", "charge", "C"),
+        ("Conductance", "S", "conductance", "S"),
+        ("Flow", "l/s", "flow", "l/s"),
+        ("Force", "kN", "force_kn", "kN"),
+        ("Force N", "N", "force_n", "N"),
+        ("Room °C", "degC", "room_c", "degC"),
+        ("Angle °/s", "deg/s", "angle_deg_s", "deg/s"),
+        ("Ratio", "1", "ratio", None),
+    ],
+)
+def test_no_unit_is_invented(tmp_path, name, unit, column, label):
+    path = write(tmp_path / "t.tdms", (name, np.arange(5.0), {"unit_string": unit}))
+    frame = tables.read_frame(path)
+    assert list(frame) == [column]
+    assert frame.attrs["units"].get(column) == label
+
+
+@pytest.mark.parametrize(("name", "unit"), [("Force N", "kN"), ("Torque Nm", "Nm"), ("a_mm", "1")])
+def test_a_unit_that_contradicts_the_name_is_refused(tmp_path, name, unit):
+    path = write(tmp_path / "t.tdms", (name, np.arange(5.0), {"unit_string": unit}))
+    for use in (tables.column_names, tables.read_head, tables.read_frame):
+        with pytest.raises(InputError, match=f"'{name}' has the unit_string '{unit}', but as"):
+            use(path)
+
+
+def test_waveforms_of_several_rates_or_starts_have_no_common_times(tmp_path):
+    five, path = np.arange(5.0), tmp_path / "t.tdms"
+    for other in (WAVE | {"wf_increment": 0.5}, WAVE | {"wf_start_offset": 0.0}):
+        write(path, ("a", five, WAVE), ("b", five, other))
+        with pytest.raises(InputError, match=r"differ in wf_.* \(a .*, b .*\); save"):
+            list(tables.read_chunks(path, ["a"]))
+        timed = ("time_s", five, {})
+        write(path, ("a", five, WAVE), ("b", five, other), timed)
+        assert tables.read_frame(path).time_s.tolist() == five.tolist()
+    write(path, ("a", five, WAVE), ("b", five, WAVE), ("c", five, {}))
+    assert tables.column_names(path) == ["time_s", "a", "b", "c"]
+
+
+def test_a_cut_or_empty_file_is_refused(tmp_path):
+    path = write(tmp_path / "t.tdms", ("a", np.arange(5.0), {}), ("b", np.arange(5.0), {}))
+    data = path.read_bytes()
+    for length in (10, 40, len(data) // 2, len(data) - 60, len(data) - 8, len(data) - 1):
+        path.write_bytes(data[:length])
+        for use in (tables.column_names, tables.read_head, tables.read_frame):
+            with pytest.raises(InputError, match="is cut off: the file ends within a segment"):
+                use(path)
+    with TdmsWriter(path) as file:
+        file.write_segment([RootObject({"author": "lab"})])
+    with pytest.raises(InputError, match="holds no channels"):
+        tables.read_frame(path)
+
+
+@pytest.mark.parametrize("value", [0, 0x0F, 0xFF])
+def test_a_damaged_file_raises_no_other_error(tmp_path, value):
+    path = write(tmp_path / "t.tdms", ("a", np.arange(5.0), WAVE | {"unit_string": "N"}))
+    data = path.read_bytes()
+    for place in range(4, len(data)):
+        path.write_bytes(data[:place] + bytes([value]) + data[place + 1 :])
+        with suppress(InputError), np.errstate(all="ignore"):
+            tables.read_frame(path)

@@ -1,0 +1,32 @@
+"""Allan deviations at chosen averaging times."""
+
+import numpy as np
+import pytest
+
+from facets.characterization.allan import allan
+
+NOISE = np.random.default_rng(2).standard_normal(4000)
+
+
+def test_an_averaging_time_between_computed_ones_has_a_deviation():
+    found = allan(NOISE, 100.0)
+    for tau in (0.1, 0.7, 3.0):
+        assert found.interpolate(tau) == pytest.approx(1 / np.sqrt(100 * tau), rel=0.2)
+
+
+def test_an_averaging_time_outside_the_computed_ones_has_none():
+    """Shorter than a sample; longer than the samples between two gaps."""
+    assert np.isnan(allan(NOISE, 5.0).interpolate(0.1))
+    gaps = NOISE.copy()
+    gaps[::100] = np.nan
+    found = allan(gaps, 100.0)
+    assert found.tau[-1] < 0.5
+    assert np.isfinite(found.interpolate(0.1))
+    assert np.isnan(found.interpolate(1.0))
+
+
+@pytest.mark.parametrize("clock", [1 - 1e-4, 1.0, 1 + 1e-4])
+def test_a_clock_that_is_a_little_off_loses_no_averaging_time(clock):
+    found = allan(NOISE, 10.0 * clock)
+    assert found.interpolate(0.1) == pytest.approx(found.deviation[0], rel=1e-3)
+    assert found.interpolate(100.0) == pytest.approx(found.deviation[-1], rel=1e-3)
