@@ -219,10 +219,8 @@ def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
 
     Poses of the reference may be wanted ones on a grid, so their steps tell nothing.
     """
-    noise = deviations(sensor, data)
-    steps = np.array([written_step(column) for column in data.raw.T])
-    sizes = steps / np.sqrt(12)
-    sizes[~(sizes > np.nanmedian(noise, axis=0))] = 0.0
+    sizes = rounding(sensor, data)
+    steps = np.sqrt(12) * sizes
     findings = [
         Finding(False, (
             f"The {words} are written in steps of {1e3 * steps[columns].max():.2g} {unit}, which "
@@ -231,7 +229,16 @@ def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
         for words, columns, unit in (("places", PLACES, "um"), ("powers", [2, 5, 8], "uW"))
         if sizes[columns].any()
     ]  # fmt: skip
-    return (data._replace(noise=np.hypot(noise, sizes)) if findings else data), findings
+    noise = np.hypot(deviations(sensor, data), sizes)
+    return (data._replace(noise=noise) if findings else data), findings
+
+
+def rounding(sensor: Sensor, data: Data) -> Floats:
+    """The standard deviations (9,) by which the steps in which readings are written make them err,
+    where these are larger than the sensor's noise; else 0."""
+    sizes = np.array([written_step(column) for column in data.raw.T]) / np.sqrt(12)
+    noise = np.nanmedian(deviations(sensor, data._replace(noise=None)), axis=0)
+    return np.where(sizes > noise, sizes, 0.0)
 
 
 def written_step(values: Floats) -> float:

@@ -31,6 +31,7 @@ from .alternatives.columns import beam_sigma, effect_columns
 from .alternatives.judge import Cause
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import PLACES, POWERS, Scatter, is_doubtful
+from .checks import rounding
 from .findings import profile_size, residual_sizes
 from .fitting.bundle_adjustment import (
     OWN_COUNT,
@@ -59,8 +60,8 @@ def misfit_covariance(
     common: dict[str, float],
 ) -> Floats:
     """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the residuals
-    show beyond chance, of a cause that is not known or that stays with the sensor, and what a
-    detector's spline leaves open.
+    show beyond chance, of a cause that is not known or that stays with the sensor, what a
+    detector's spline leaves open, and the steps in which readings are written.
 
     common: see `common_scatter`.  The unknowns take up a part of it, as they do of the noise, and a
     larger one, since what a model misses changes smoothly from pose to pose: what is seen is put up
@@ -74,7 +75,7 @@ def misfit_covariance(
         share = float(result.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
     spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
-    matrix: Floats = np.diag(missed**2 + spline**2)
+    matrix: Floats = np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
     for cause in causes:
         if cause.alternatives[0].persists:
             effect = cause.best.effect * cause.remainder.noise

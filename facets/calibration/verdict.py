@@ -75,7 +75,9 @@ if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
 
 #: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
-WIDER_FACTOR, WRONG_FACTOR = 1.5, 4.0
+WIDER_FACTOR, WRONG_FACTOR = 1.5, 2.0
+#: Five standard deviations of the robust estimate of an error, relative, by one sample.
+OF_FEW = 6.0
 #: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
 #: before these effects: real light is explained by them nearly whole, a fault is not.
 PROMISING_CHI_SQUARE = 2.0
@@ -417,7 +419,7 @@ def validate(
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)
     if all(cause.alternatives[0].persists for cause in causes):  # else what is held back has them
-        said += validation_findings(errors)
+        said += validation_findings(errors, len(held.raw))
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
 
@@ -433,8 +435,8 @@ def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
     return not plain.ended or is_worse or bool(pull_findings(sensor, plain))
 
 
-def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
-    """A finding on the errors of poses from held-back samples."""
+def validation_findings(errors: dict[str, NDArray[Any]], count: int) -> list[Finding]:
+    """A finding on the errors of poses from a number of held-back samples."""
     with np.errstate(invalid="ignore"):
         over = errors["robust"] / errors["stated"]
     if not np.isfinite(over).any():
@@ -447,6 +449,6 @@ def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
         f"On samples held back the poses err by {errors['robust'][worst]:.3g} {unit} in {axis}, "
         f"where {errors['stated'][worst]:.3g} {unit} is stated: "
     )
-    if over[worst] > WRONG_FACTOR:
+    if over[worst] > max(WRONG_FACTOR, 1 + OF_FEW / np.sqrt(count)):
         return [Finding(True, words + "the calibration does not hold beyond its own samples.")]
     return [Finding(False, words + "take the larger for the truth.")]
