@@ -34,7 +34,7 @@ from .fitting.samples import MOST_OUTLIER_SHARE
 from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE
 from .table import unit_of
 
-#: The share of outliers in one place that is no chance.
+#: The share of samples with an outlier in one and the same place from which on these are no spikes.
 ONE_PLACE_SHARE = 0.03
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST_SIGMAS = 3.0
@@ -135,7 +135,7 @@ def spike_finding(result: Fit) -> Finding | None:
         return Finding(True, (
             f"{words}, {each[most]} of them in {KINDS[most % 3]} of detector "
             f"{DETECTORS[most // 3].upper()}: its noise is larger than the configuration says, or "
-            "not even; look at its cable, plug and amplifier."
+            "comes in bursts; look at its cable, plug and amplifier."
         ), ("spikes",))  # fmt: skip
     if share > MOST_OUTLIER_SHARE:
         return Finding(True, (

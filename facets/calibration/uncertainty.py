@@ -63,9 +63,10 @@ def misfit_covariance(
     show beyond chance, of a cause that is not known or that stays with the sensor, what a
     detector's spline leaves open, and the steps in which readings are written.
 
-    common: see `common_scatter`.  The unknowns take up a part of it, as they do of the noise, and a
-    larger one, since what a model misses changes smoothly from pose to pose: what is seen is put up
-    by the share of noise that stays in the residuals once more.
+    data: with the readings as they were.  common: see `common_scatter`.  The unknowns take up a
+    part of it, as they do of the noise, and a larger one, since what a model misses changes
+    smoothly from pose to pose: what is seen is put up by the share of noise that stays in the
+    residuals once more.
     """
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
     more = np.array([scatter.size_of(PLACES), scatter.size_of(PLACES), scatter.size_of(POWERS)] * 3)
@@ -78,8 +79,9 @@ def misfit_covariance(
     matrix: Floats = np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
     for cause in causes:
         if cause.alternatives[0].persists:
-            effect = cause.best.effect * cause.remainder.noise
-            matrix += effect.T @ effect / len(effect)
+            effect = np.nan_to_num(cause.best.effect * cause.remainder.noise)
+            effect /= np.sqrt(np.maximum(cause.remainder.is_read.sum(axis=0), 1))
+            matrix += effect.T @ effect
     for m, kind in enumerate(KINDS):
         matrix[m::3, m::3] += common.get(kind, 0.0) ** 2
     return matrix
@@ -296,8 +298,8 @@ UNSEEN = {
 }
 #: What `add_causes` adds.
 CAUSES = "what the findings name"
-#: Share of a variance below which a rest of it is an error of rounding.
-ROUNDING = 1e-9
+#: Share of a variance below which what is left of it comes of the arithmetic.
+LEAST_REST = 1e-9
 #: The coverage probability of expanded uncertainties.
 COVERAGE = 0.95
 
@@ -339,7 +341,7 @@ def calibration_budget(
         if is_kind.any():
             sensor[source] = np.where(np.outer(is_kind, is_kind), written, 0.0)
     rest: Floats = written - sum(sensor.values())
-    if (np.diag(rest) > ROUNDING * np.diag(written)).any():
+    if (np.diag(rest) > LEAST_REST * np.diag(written)).any():
         sensor[CAUSES] = rest
     # An earlier calibration of which the values are known was itself estimated by residuals.
     estimated = (READINGS,) if result.choice.joint is None else (READINGS, PRIOR)

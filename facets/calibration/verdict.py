@@ -76,8 +76,9 @@ if TYPE_CHECKING:
 
 #: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
 WIDER_FACTOR, WRONG_FACTOR = 1.5, 2.0
-#: Five standard deviations of the robust estimate of an error, relative, by one sample.
-OF_FEW = 6.0
+#: An error is larger than stated beyond chance where it is so by more than this over the root of
+#: the number of samples: five standard deviations, by the median.
+BEYOND_CHANCE = 6.0
 #: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
 #: before these effects: real light is explained by them nearly whole, a fault is not.
 PROMISING_CHI_SQUARE = 2.0
@@ -256,7 +257,7 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     if screened.fitted.velocity is not None and hopeless:
         late = fit_without_outliers(chosen.add_unknowns({DELAY: DELAY_SIGMA_S}))
         hopeless = is_suspicious(sensor, late[1])
-        if not (hopeless or result.ended):
+        if late[1].ended and not result.ended:
             data, result, gone = late
     promising = (
         hopeless
@@ -412,7 +413,8 @@ def validate(
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
     said += common_findings(common)
-    misfit = misfit_covariance(result, data, done.sensor, done.scatter, causes, common)
+    read = restore_readings(data, plain.original)
+    misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes, common)
     made = add_unseen_errors(result.sensor, result, data, misfit, centre)
     made = add_causes(made, remainder, causes)
     known = replace(result, sensor=made)
@@ -449,6 +451,6 @@ def validation_findings(errors: dict[str, NDArray[Any]], count: int) -> list[Fin
         f"On samples held back the poses err by {errors['robust'][worst]:.3g} {unit} in {axis}, "
         f"where {errors['stated'][worst]:.3g} {unit} is stated: "
     )
-    if over[worst] > max(WRONG_FACTOR, 1 + OF_FEW / np.sqrt(count)):
+    if over[worst] > max(WRONG_FACTOR, 1 + BEYOND_CHANCE / np.sqrt(count)):
         return [Finding(True, words + "the calibration does not hold beyond its own samples.")]
     return [Finding(False, words + "take the larger for the truth.")]

@@ -336,9 +336,11 @@ def estimate_response(
     period = 0 if others.size else find_period(stimulus, stretches)
     options, averages, left_out = choose_segments(stretches, resolution, period, others.shape[1])
     rate, length = stretches.rate, len(options.window)
-    rows = (options.starts[:, None] + np.arange(length)).ravel()
+    used = np.zeros(len(stimulus), dtype=bool)
+    for start in options.starts.tolist():
+        used[start : start + length] = True
     for x in (stimulus, *others.T):
-        if np.ptp(x[rows]) == 0:
+        if np.ptp(x[used]) == 0:
             raise InputError(
                 "the input does not change in the rows without gaps; name the column of a changing "
                 "input"

@@ -19,6 +19,8 @@ from rig_samples import (
 )
 from scipy.spatial.transform import Rotation
 
+from facets.calibration import PLACE
+
 COUNT = 100
 
 
@@ -137,7 +139,9 @@ def test_places_with_few_digits_count_as_noise(samples):
     raw[:, places] = np.round(raw[:, places] / 0.02) * 0.02
     judged = judge(samples._replace(raw=raw))
     assert "The places are written in steps of 20 um" in words_of(judged)
-    grid = judge(samples._replace(pose=np.round(samples.pose / 1e-3) * 1e-3))  # wanted poses
+    pose = samples.pose.copy()
+    pose[:, :3] = np.round(pose[:, :3] / 2e-4) * 2e-4
+    grid = judge(samples._replace(pose=pose))  # wanted poses
     assert "written in steps" not in words_of(grid)
     assert "scatter" not in words_of(judged)
 
@@ -148,6 +152,16 @@ def test_a_late_reference_is_found():
     names = judged.fit.choice.names
     delay = judged.fit.values[names.index("reference.delay")]
     assert delay == pytest.approx(3e-4, abs=2e-5)
+    assert "The reference is late by 0.3" in words_of(judged)
+
+
+@pytest.mark.parametrize("late", [6e-4, 8e-4])
+def test_a_delay_of_most_of_a_row_is_no_row(late):
+    """It is followed along the path, which bends; what is left is of third order."""
+    judged = judge(sample_in_time(late, count=400), settings(delay="auto"))
+    delay = judged.fit.all_values[PLACE["reference.delay"]]
+    assert delay == pytest.approx(late, rel=3e-3)
+    assert "rows stand" not in words_of(judged)
 
 
 def test_channels_read_in_turn_are_found():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, 
 import facets
 
 SIGMA = NOMINAL.beam.diameter_x / 4
+PLACES = [0, 1, 3, 4, 6, 7]
+HUM = np.array([8e-3, -5e-3, 4e-3, 3e-3, -2e-3, 1e-3])
 COUNT = 240
 #: Where something jumps.
 BEHIND = np.arange(COUNT) >= 150
@@ -118,6 +121,30 @@ def test_the_group_is_named_where_its_members_look_alike():
     (finding,) = [part for part in judged.findings if part.causes]
     assert "beam.oscillated" in finding.causes
     assert "at a period of 3.2" in finding.words
+
+
+def hum(frequency):
+    """Adds 8 um, 5 um and less to the places on the detectors, all in step."""
+
+    def shake(sensor, state, exact):
+        rows = np.arange(len(exact))
+        exact[:, PLACES] += np.outer(np.sin(2 * np.pi * frequency * rows), HUM)
+        return exact
+
+    return shake
+
+
+@pytest.mark.parametrize("quarters", [600, 601, 602])
+def test_a_hum_is_found_and_stated_whole_between_the_frequencies_of_a_grid(quarters):
+    judged = judge(sample_rig(COUNT, alter=hum(quarters / 4 / (2 * COUNT)))[1])
+    (finding,) = [part for part in judged.findings if "oscillated" in part.words]
+    found = re.search(r"all places together oscillated by up to (\S+) um", finding.words)
+    assert float(found[1]) == pytest.approx(8, rel=0.07)
+    known = judged.sensor.calibration
+    places = [known.names.index(f"misfit_{k}.{kind}") for k in "abc" for kind in ("psi", "zeta")]
+    stated = np.array(known.covariance)[np.ix_(places, places)]
+    off = stated - np.outer(HUM, HUM) / 2  # the mean square of a sine is a half
+    assert np.abs(off).max() < 0.2 * 8e-3**2 / 2
 
 
 # ---- something that was loose

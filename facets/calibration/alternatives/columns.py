@@ -17,6 +17,7 @@ from ...core.sensor import BenchLight, Sensor
 from ...core.units import Floats
 from ...model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
 from ..fitting.bundle_adjustment import evaluate_turned_mirror, states_of
+from .alternative import Alternative
 from .remainder import STEP_MARGIN, Remainder
 
 #: Numbers that the courses of a table may take; of longer tables fewer steps and frequencies are
@@ -377,6 +378,13 @@ def square_terms(
 ) -> list[tuple[int, Floats]]:
     """Errors of axes by products of pairs of coordinates (n, 6), each over its largest."""
     return [(n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j]) for n, (i, j) in product(axes, pairs)]
+
+
+def changed_columns(remainder: Remainder, fault: Alternative) -> Floats:
+    """The column of a change of the reference's poses that is small for these samples."""
+    assert fault.change is not None
+    moved = fault.change(remainder.data).pose - remainder.data.pose
+    return remainder.pose_columns @ moved[:, :, None]
 
 
 def moving_columns(remainder: Remainder) -> Floats:

@@ -21,10 +21,19 @@ from .remainder import Remainder
 
 
 def plain(
-    key: str, make: Callable[[Remainder], Floats], sigma: float = np.inf
+    key: str,
+    make: Callable[[Remainder], Floats],
+    sigma: float = np.inf,
+    is_possible: Callable[[Floats], bool] = lambda amounts: True,
 ) -> Callable[[Remainder], Trace]:
-    """The test of columns that act on all rows.  sigma: prior standard uncertainty of amounts."""
-    return lambda remainder: remainder.test(key, make(remainder), sigma)
+    """The test of columns that act on all rows.  sigma: prior standard uncertainty of amounts.
+    is_possible: whether there can be such amounts (q,); others explain nothing."""
+
+    def test(remainder: Remainder) -> Trace:
+        trace = remainder.test(key, make(remainder), sigma)
+        return trace if is_possible(trace.amounts) else trace._replace(fall=0.0)
+
+    return test
 
 
 def course_test(
@@ -246,18 +255,6 @@ def reference_test(kind: str) -> Callable[[Remainder], Trace]:
     return test
 
 
-def change_test(fault: Alternative) -> Callable[[Remainder], Trace]:
-    """The test of a change of the reference's poses that is small for these samples."""
-
-    def test(remainder: Remainder) -> Trace:
-        assert fault.change is not None
-        moved = fault.change(remainder.data).pose - remainder.data.pose
-        trace = remainder.test(fault.key, remainder.pose_columns @ moved[:, :, None])
-        return trace if 0.5 < trace.amounts[0] < 1.5 else trace._replace(fall=0.0)  # 1 is the whole
-
-    return test
-
-
 def cycle_test(n: int) -> Callable[[Remainder], Trace]:
     def make(remainder: Remainder) -> Floats:
         return remainder.pose_columns[:, :, [n]]
@@ -309,16 +306,6 @@ def test_fringes(remainder: Remainder) -> Trace:
     trace = remainder.test_courses("fringes", made, columns.fringes(remainder))
     periods = np.tile(columns.FRINGE_PERIODS_MM, columns.FRINGE_DIRECTIONS)
     return trace._replace(at=(float(periods[int(trace.at[0])]),))
-
-
-def test_memory(remainder: Remainder) -> Trace:
-    trace = remainder.test("memory", columns.memory_columns(remainder), MEMORY_SIGMA)
-    return trace if trace.amounts.max() > -trace.amounts.min() else trace._replace(fall=0.0)
-
-
-def test_averaging(remainder: Remainder) -> Trace:
-    trace = remainder.test("averaged", columns.averaged_columns(remainder))
-    return trace if trace.amounts[0] > 0 else trace._replace(fall=0.0)  # else that is noise
 
 
 #: Shares of the reading before that a detector keeps, and by which an amplifier's gain grows at a
@@ -380,7 +367,12 @@ ALTERNATIVES: tuple[Alternative, ...] = (
              "angles)"),
         )
     ),
-    *(replace(fault, test=change_test(fault)) for fault in angle_orders()),
+    *(
+        replace(fault, test=plain(  # the whole change is 1
+            fault.key, partial(columns.changed_columns, fault=fault),
+            is_possible=lambda amounts: bool(0.5 < amounts[0] < 1.5)))
+        for fault in angle_orders()
+    ),
     *(
         Alternative(f"cyclic_{POSE[n]}", "reference",
                     f"the reference's {POSE[n]} has a cyclic error", OF_REFERENCE, TURN,
@@ -401,11 +393,14 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
                 "reading before", "wait longer at each pose, or slow down",
                 "repeat a pose from the other side, and wait there",
-                test_memory,
+                plain("memory", columns.memory_columns, MEMORY_SIGMA,
+                      lambda amounts: bool(amounts.max() > -amounts.min())),
                 lambda trace, remainder: (
                     f"up to {100 * np.abs(trace.amounts).max():.2g} %")),
     Alternative("averaged", "table", "the readings were averaged or filtered, and the reference "
-                "was not", "record both alike", "move at half the speed", test_averaging,
+                "was not", "record both alike", "move at half the speed",
+                plain("averaged", columns.averaged_columns,
+                      is_possible=lambda amounts: bool(amounts[0] > 0)),  # else that is noise
                 lambda trace, remainder: (
                     f"(as over {np.sqrt(1 + 12 * trace.amounts[0]):.2g} rows)")),
     Alternative("amplifiers", "electronics", "the amplifiers bend (their gain changes with the "

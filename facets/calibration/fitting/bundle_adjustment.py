@@ -71,17 +71,16 @@ class Data(NamedTuple):
 
     sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
     column then holds the initial guess. beam: (n, 2) mm. velocity, acceleration: (n, 6) in mm, rad
-    and s. clock:
-    (n, 5) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K, means of its
-    past less the temperature, K, and its change, K a half run. seat: (n,) number of the mirror's
-    seating; thirds: (n,) thirds of a turn by which the mirror was turned. noise: (n, 9) standard
-    deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials for the
-    laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where none is
-    known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9) the
-    readings of that row. next_step: (n, 6) by how much the reference moves to the row behind. rows:
-    (n,) number of rows of the table in a sample's mean; None where each
-    sample is one row. number: (n,) the table's row, from 1, or the number of the stand where rows
-    were averaged. temperature: the mean one, degrees Celsius.
+    and s. clock: (n, 5) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K,
+    means of its past less the temperature, K, and its change, K a half run. seat: (n,) number of
+    the mirror's seating; thirds: (n,) thirds of a turn by which the mirror was turned. noise: (n,
+    9) standard deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials
+    for the laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where
+    none is known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9)
+    the readings of that row. next_step: (n, 6) by how much the reference moves to the row behind.
+    rows: (n,) number of rows of the table in a sample's mean; None where each sample is one row.
+    number: (n,) the table's row, from 1, or the number of the stand where rows were averaged.
+    temperature: the mean one, degrees Celsius.
     """
 
     raw: Floats
