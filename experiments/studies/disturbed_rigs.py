@@ -29,6 +29,7 @@ from scipy.spatial.transform import Rotation
 from facets.core.units import Floats
 from facets.detectors.electrodes import tetra_lateral_ratios
 
+from .bench_faults import change_currents
 from .bench_rays import RayBench
 from .rigs import RATE_HZ, REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
 
@@ -339,6 +340,8 @@ def reference_cases() -> list[Case]:
             lambda pose: axis_error(5, 2e-3 * pose[:, 5]))),
         Case("reference", "scale of tx 0.1 % off", add_to_reference(
             lambda pose: axis_error(0, 1e-3 * pose[:, 0]))),
+        Case("reference", "x and z 3 mrad out of square",
+             add_to_reference(lambda pose: axis_error(0, 3e-3 * pose[:, 2])), ("not square",)),
         Case("reference", "bow of 2 um", add_to_reference(bow), ("bow",)),
         Case("reference", "cosine error of 150 mm", add_to_reference(cosine), ("cosine",)),
         Case("reference", "mirror lags by 0.4 % of its step", Disturbance(mirror=lag),
@@ -433,17 +436,25 @@ def part_cases() -> list[Case]:
         return out
 
     def bend_currents(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-        """Amplifiers whose gain grows by 1 % at 1 mW."""
-        for k in range(3):
-            power = raw[:, 3 * k + 2].copy()
-            pairs = []
-            for n in (0, 1):
-                ratio = raw[:, 3 * k + n] / HALF_MM
-                low, high = (power * (1 + s * ratio) / 2 for s in (-1, 1))
-                low, high = (x * (1 + 0.05 * x) for x in (low, high))
-                raw[:, 3 * k + n] = HALF_MM * (high - low) / (high + low)
-                pairs.append(high + low)
-            raw[:, 3 * k + 2] = (pairs[0] + pairs[1]) / 2
+        """Amplifiers whose gain grows by 1 % at 0.2 mW."""
+        return change_currents(raw, lambda current: current * (1 + 0.05 * current))
+
+    def leak(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        def move(current: Floats) -> Floats:
+            current[:, 1] += 5e-3 * current[:, 0]
+            return current
+
+        return change_currents(raw, move)
+
+    def set_zero(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        """Offsets of all electrodes, of 0.1 uW, after every 50 rows."""
+        offsets = 1e-4 * rng.standard_normal((len(raw) // 50 + 1, 3, 2, 2))
+        return change_currents(
+            raw, lambda current: current + np.repeat(offsets, 50, axis=0)[: len(raw)]
+        )
+
+    def be_noisy(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        raw[:, 3:6] += 2.0 * sigma[:, 3:6] * rng.standard_normal((len(raw), 3))
         return raw
 
     def share_noise(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
@@ -462,8 +473,13 @@ def part_cases() -> list[Case]:
         Case("parts", "detectors remember 0.3 %", Disturbance(readings=remember),
              ("keep a share",)),
         Case("parts", "amplifiers bend", Disturbance(readings=bend_currents), ("bend",)),
+        Case("parts", "0.5 % of A's currents leak into B", Disturbance(readings=leak), ("leak",)),
+        Case("parts", "automatic zero every 50 rows", Disturbance(readings=set_zero),
+             ("automatic zero",)),
+        Case("parts", "detector B has twice more noise", Disturbance(readings=be_noisy),
+             ("each by itself",)),
         Case("parts", "zetas share noise", Disturbance(readings=share_noise),
-             ("scatter together",)),
+             ("a supply",)),
         Case("parts", "beam cut at 1.5 radii",
              profile(cut_off), ("aperture",)),
     ]  # fmt: skip

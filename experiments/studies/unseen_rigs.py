@@ -388,7 +388,8 @@ def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
 #: The group of each alternative, by key; faults of the table have their words for keys.
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
 GROUP_OF |= {"clock_set": "time", "saturated": "electronics",
-             "spikes": "electronics"}  # fmt: skip
+             "spikes": "electronics", "reference_outliers": "reference",
+             "reading_outliers": "electronics"}  # fmt: skip
 #: What says where rows are wrong, and not why; and what all of these rigs do.
 NO_CAUSE, ALWAYS = "outliers", "laser.drifted"
 
@@ -406,6 +407,10 @@ def groups_of(key: str) -> tuple[str, ...]:
     beam or the mirror of the surroundings."""
     if key.startswith("rows "):
         return ("table", "time")
+    if key in ("memory", "detector_scatter"):  # "detectors or their amplifiers"
+        return ("detectors", "electronics")
+    if key in ("reference_outliers", "reading_outliers"):
+        return (GROUP_OF[key], "table")
     if key.startswith(("beam", "seat", "reference_scatter")):
         return (GROUP_OF[key], "environment")
     return (NO_CAUSE,) if key == NO_CAUSE else (GROUP_OF.get(key, "table"),)

@@ -34,6 +34,8 @@ MOST_EDGE_SHARE = 0.7
 #: Times whose steps differ by less than this share are even; a step is a gap that is so many times
 #: the usual one, where there are few.
 EVEN_STEPS, GAP_STEPS, MOST_GAPS = 0.1, 10.0, 3
+#: The error of a place by its last digit that counts, over the noise.
+LEAST_OF_NOISE = 0.3
 #: A current is saturated where this share of its values lies within its noise of the largest, and
 #: so many times as many as below.
 PILED_SHARE, PILED_FACTOR, LEAST_PILED = 0.03, 4.0, 12
@@ -215,7 +217,7 @@ def time_gaps(data: Data) -> list[Finding]:
 
 
 def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
-    """Add the steps in which readings are written to their noise, where they are larger than that.
+    """Add the steps in which readings are written to their noise, where they are a part of it.
 
     Poses of the reference may be wanted ones on a grid, so their steps tell nothing.
     """
@@ -224,7 +226,7 @@ def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
     findings = [
         Finding(False, (
             f"The {words} are written in steps of {1e3 * steps[columns].max():.2g} {unit}, which "
-            "are more than their noise: write more digits. The steps count as noise."
+            "add to their noise: write more digits. The steps count as noise."
         ), ("written_steps",))
         for words, columns, unit in (("places", PLACES, "um"), ("powers", [2, 5, 8], "uW"))
         if sizes[columns].any()
@@ -235,10 +237,12 @@ def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
 
 def rounding(sensor: Sensor, data: Data) -> Floats:
     """The standard deviations (9,) by which the steps in which readings are written make them err,
-    where these are larger than the sensor's noise; else 0."""
+    where these are a part of the sensor's noise that counts; else 0."""
     sizes = np.array([written_step(column) for column in data.raw.T]) / np.sqrt(12)
     noise = np.nanmedian(deviations(sensor, data._replace(noise=None)), axis=0)
-    return np.where(sizes > noise, sizes, 0.0)
+    least = noise.copy()  # a power in a converter's steps has them in its noise
+    least[PLACES] *= LEAST_OF_NOISE
+    return np.where(sizes > least, sizes, 0.0)
 
 
 def written_step(values: Floats) -> float:

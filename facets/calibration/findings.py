@@ -6,6 +6,7 @@ the result.
 
 from __future__ import annotations
 
+from functools import partial
 from math import factorial
 
 import numpy as np
@@ -19,10 +20,11 @@ from .alternatives.alternative import MOST_ROWS_LISTED, Finding, capitalise, des
 from .alternatives.judge import Cause
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import (
+    CLOCK,
+    DETECTOR_SCATTER,
     FAR_SIGMAS,
     PLACES,
     POWERS,
-    REFERENCE_SCATTER,
     SCATTER,
     SUPPLY_SCATTER,
     Scatter,
@@ -36,6 +38,8 @@ from .table import unit_of
 
 #: The share of samples with an outlier in one and the same place from which on these are no spikes.
 ONE_PLACE_SHARE = 0.03
+#: The correlation from which on two courses look the same.
+ALIKE = 0.95
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST_SIGMAS = 3.0
 
@@ -93,7 +97,7 @@ def effect_findings(remainder: Remainder, least: float) -> list[Finding]:
     every = []
     for series, make in (
         (BACKLASH, backlash_finding), (LAG, lag_finding), (PAST, heat_lag_finding),
-        (PROFILE, profile_finding), ((DELAY,), delay_finding),
+        (PROFILE, profile_finding), ((DELAY,), partial(delay_finding, data=remainder.data)),
     ):  # fmt: skip
         names = [name for name in result.choice.names if name in series]
         if names and remainder.rise_without(names) > least:
@@ -222,16 +226,29 @@ def step_finding(
     return Finding(False, words.format(f"{', '.join(told)} {of}"), (key,))
 
 
-def delay_finding(result: Fit) -> Finding | None:
+def delay_finding(result: Fit, data: Data) -> Finding | None:
     """A finding on a reference that is late or early, if that was fitted."""
     values = clear_values(result, (DELAY,))
     if not values:
         return None
     delay = result.all_values[PLACE[DELAY]]
-    return Finding(False, (
+    words = (
         f"The reference is {'late' if delay > 0 else 'early'} by {1e3 * values[DELAY]:.3g} ms "
         "against the readings. The fit follows it; take both from one clock to be rid of it."
-    ), ("delay",))  # fmt: skip
+    )
+    if delay > 0 or not steps_follow_speed(data):
+        return Finding(False, words, ("delay",))
+    also = " It could be that the mirror lags by a share of its last step: at equal times between "
+    also += "rows that looks the same. To tell them apart: move at half the speed."
+    return Finding(False, words + also, ("delay", "lag"))
+
+
+def steps_follow_speed(data: Data) -> bool:
+    """Whether the reference's last steps are its speed times a constant."""
+    if data.step is None or data.velocity is None:
+        return False
+    size = np.linalg.norm(data.velocity) * np.linalg.norm(data.step)
+    return bool((data.velocity * data.step).sum() > ALIKE * size)
 
 
 def heat_lag_finding(result: Fit) -> Finding | None:
@@ -300,20 +317,25 @@ def profile_finding(result: Fit) -> Finding | None:
     return Finding(False, words, ("profile",))
 
 
-def scatter_findings(scatter: Scatter, least: float, common: dict[str, float]) -> list[Finding]:
+def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
     """A finding on the cause of the scatter from sample to sample, and on the alternatives, where
-    it lowers -2 log L by more than `least`.  common: see `common_scatter`."""
+    it lowers -2 log L by more than `least`."""
     if not scatter.causes or scatter.fall < least:
         return []
-    also = scatter.others + ((SUPPLY_SCATTER,) if common else ())
     sizes = {
         "reference_scatter": describe_reference,
         "beam_scatter": describe_beam,
         "detector_scatter": describe_detectors,
+        "supply_scatter": describe_places,
+        "clock_scatter": describe_clock,
     }
     words = "; and ".join(sizes[key](scatter) for key in scatter.causes)
-    others = " or ".join(SCATTER[key].words for key in also)
-    apart = "; ".join(SCATTER[key].apart for key in (*scatter.causes, *also))
+    keys = [
+        DETECTOR_SCATTER if key == SUPPLY_SCATTER and not scatter.is_shared else key
+        for key in scatter.causes + scatter.others
+    ]
+    others = " or ".join(SCATTER[key].words for key in scatter.others)
+    apart = "; ".join(SCATTER[key].apart for key in (*scatter.causes, *scatter.others))
     rest = (
         f" It could be {others} as well: these samples cannot tell. To tell them apart: {apart}."
         if others else ""
@@ -322,7 +344,7 @@ def scatter_findings(scatter: Scatter, least: float, common: dict[str, float]) -
         "The samples scatter by more than the stated noise. The likeliest cause: "
         f"{words}.{rest} The fit has this scatter in it, and so have the stated uncertainties of "
         "its parameters."
-    ), scatter.causes + also)]  # fmt: skip
+    ), tuple(keys))]  # fmt: skip
 
 
 def cause_findings(causes: list[Cause]) -> list[Finding]:
@@ -365,6 +387,13 @@ def describe_reference(scatter: Scatter) -> str:
     )
 
 
+def describe_clock(scatter: Scatter) -> str:
+    return (
+        f"the times of the reference jitter by {1e3 * scatter.size_of(CLOCK):.2g} ms (r.m.s.) "
+        "against the readings; take both from one clock, or let one trigger the other"
+    )
+
+
 def describe_beam(scatter: Scatter) -> str:
     return (
         f"the beam moved by {1e3 * scatter.size_of('beam'):.2g} um (r.m.s.) from sample to sample; "
@@ -382,24 +411,37 @@ def describe_detectors(scatter: Scatter) -> str:
     )
 
 
-def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
-    """A finding on samples that were excluded.  kind: what their numbers count."""
+def describe_places(scatter: Scatter) -> str:
+    """By how much the places of each detector scatter, and whether they do so together."""
+    sizes = np.sqrt(np.diag(scatter.places).reshape(3, 2).mean(axis=1)).tolist()
+    told = ", ".join(f"{size:.2g}" for size in sizes)
+    together = (
+        "together, as by a supply or a reference voltage that they share" if scatter.is_shared
+        else "each by itself"
+    )  # fmt: skip
+    return f"the places on A, B and C scatter by a further {told} times their noise, {together}"
+
+
+def outlier_findings(rows: list[int], total: int, kind: str, place: str | None) -> list[Finding]:
+    """A finding on samples that were excluded.  kind: what their numbers count.  place: what errs
+    in most of them, see `erring_column`."""
     if not rows:
         return []
     listed = ", ".join(str(row) for row in rows[:MOST_ROWS_LISTED])
     more = f" and {len(rows) - MOST_ROWS_LISTED} more" if len(rows) > MOST_ROWS_LISTED else ""
-    return [Finding(False, (
+    words = (
         f"{len(rows)} of {total} samples hold an outlier that no noise makes and were excluded "
-        f"({kind} {listed}{more}): look at cables, dust, shutters and the reference there."
-    ), ("outliers",))]  # fmt: skip
-
-
-def common_findings(common: dict[str, float]) -> list[Finding]:
-    return [Finding(False, (
-        f"The three detectors' {kind} scatter together, by {1e3 * size:.2g} um (r.m.s.): a supply "
-        "or a reference voltage that they share, or a mirror that vibrates; facets noise at rest "
-        "tells which. The stated uncertainties include it."
-    ), (SUPPLY_SCATTER, REFERENCE_SCATTER)) for kind, size in common.items()]  # fmt: skip
+        f"({kind} {listed}{more})"
+    )
+    if place is None:
+        look = ": look at cables, dust, shutters and the reference there."
+        return [Finding(False, words + look, ("outliers",))]
+    if place in POSE:
+        words += f". In most of them the reference's {place} errs: look at it, and at its digits "
+        words += "in the table."
+        return [Finding(False, words, ("reference_outliers",))]
+    words += f". In most of them {place} errs: look at its cable, and at its digits in the table."
+    return [Finding(False, words, ("reading_outliers",))]
 
 
 def centre_findings(centre: float) -> list[Finding]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.knowledge import Prior
-from ..core.names import ANGLES, KINDS, POSE
+from ..core.names import ANGLES, POSE
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
@@ -30,7 +30,7 @@ from ..model.arrays import EFFECTS, readings
 from .alternatives.columns import beam_sigma, effect_columns
 from .alternatives.judge import Cause
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import PLACES, POWERS, Scatter, is_doubtful
+from .alternatives.scatter import PLACE_READINGS, POWERS, Scatter, is_doubtful
 from .checks import rounding
 from .findings import profile_size, residual_sizes
 from .fitting.bundle_adjustment import (
@@ -57,33 +57,32 @@ def misfit_covariance(
     sensor: Sensor,
     scatter: Scatter,
     causes: list[Cause],
-    common: dict[str, float],
 ) -> Floats:
     """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the residuals
     show beyond chance, of a cause that is not known or that stays with the sensor, what a
     detector's spline leaves open, and the steps in which readings are written.
 
-    data: with the readings as they were.  common: see `common_scatter`.  The unknowns take up a
-    part of it, as they do of the noise, and a larger one, since what a model misses changes
-    smoothly from pose to pose: what is seen is put up by the share of noise that stays in the
-    residuals once more.
+    data: with the readings as they were. The unknowns take up a part of it, as they do of the
+    noise, and a larger one, since what a model misses changes smoothly from pose to pose: what is
+    seen is put up by the share of noise that stays in the residuals once more.
     """
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
-    more = np.array([scatter.size_of(PLACES), scatter.size_of(PLACES), scatter.size_of(POWERS)] * 3)
-    missed = sigma * more / np.hypot(1.0, more)  # what the detectors scatter beside their noise
+    scattered = scatter.size_of(POWERS) ** 2 * np.eye(9)
+    scattered[np.ix_(PLACE_READINGS, PLACE_READINGS)] = scatter.places
+    stated = sigma / np.sqrt(1 + np.diag(scattered))
+    missed = np.zeros(9)
     if is_doubtful(result):
         sizes = residual_sizes(result, data)
         share = float(result.redundancy[np.isfinite(data.raw)].mean())
-        missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
+        missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
     spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
-    matrix: Floats = np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
+    matrix: Floats = scattered * stated * stated[:, None]
+    matrix += np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
     for cause in causes:
         if cause.alternatives[0].persists:
             effect = np.nan_to_num(cause.best.effect * cause.remainder.noise)
             effect /= np.sqrt(np.maximum(cause.remainder.is_read.sum(axis=0), 1))
             matrix += effect.T @ effect
-    for m, kind in enumerate(KINDS):
-        matrix[m::3, m::3] += common.get(kind, 0.0) ** 2
     return matrix
 
 
@@ -123,31 +122,6 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
 def covariance_factor(result: Fit) -> float:
     """The factor of a fit's covariance in the written one: chi-square where it is in doubt."""
     return result.reduced_chi_square if is_doubtful(result) else 1.0
-
-
-#: Standard deviations of chance from which on readings are taken to scatter together.
-TOGETHER_SIGMAS = 4.0
-
-
-def common_scatter(remainder: Remainder) -> dict[str, float]:
-    """Standard deviations by which the three detectors' places scatter together, by kind, mm.
-
-    A score test: what P y follows, see `remainder`, against what independent noise leaves there.
-    A mirror that vibrates against the reference does the same, so the reference's stated
-    uncertainty counts.
-    """
-    sigmas, at = {}, remainder
-    for m, kind in enumerate(KINDS[:2]):
-        column = remainder.is_read[:, m::3].astype(float)  # in standard deviations of the noise
-        seen = (column * at.pulled[:, m::3]).sum(axis=1) ** 2
-        across = (column[:, :, None] * at.weighted[:, m::3]).sum(axis=1)
-        due = np.einsum("ni,nij,nj->n", column, at.inverse[:, m::3, m::3], column)
-        due -= ((across @ remainder.covariance) * across).sum(axis=1)
-        excess, size = float((seen - due).sum()), float((due**2).sum())
-        if excess > TOGETHER_SIGMAS * np.sqrt(2 * size):
-            sigma = float(np.nanmedian(remainder.noise[:, m::3]))
-            sigmas[kind] = sigma * float(np.sqrt(excess / size))
-    return sigmas
 
 
 def add_unseen_errors(

@@ -30,13 +30,12 @@ from .alternatives.judge import (
     undo_causes,
 )
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import fit_steady_laser
+from .alternatives.scatter import LEAST_ERRING, erring_column, fit_steady_laser
 from .candidates import DELAY_SIGMA_S, tried_kinds
 from .checks import add_written_steps, check_columns, exclude_edge_readings
 from .findings import (
     cause_findings,
     centre_findings,
-    common_findings,
     effect_findings,
     findings,
     outlier_findings,
@@ -66,7 +65,6 @@ from .uncertainty import (
     add_causes,
     add_unseen_errors,
     centre_sigma,
-    common_scatter,
     misfit_covariance,
     validation_table,
 )
@@ -228,8 +226,10 @@ class Plain:
     promising: bool
 
     def is_better_than(self, other: Plain) -> bool:
-        gained = self.fit.reduced_chi_square < LEAST_CURE * other.fit.reduced_chi_square
-        return self.fit.ended and gained
+        if not self.fit.ended and other.fit.ended:
+            return False
+        least = LEAST_CURE if other.fit.ended else 1.0
+        return self.fit.reduced_chi_square < least * other.fit.reduced_chi_square
 
     @property
     def original(self) -> Data:
@@ -347,7 +347,7 @@ def explain(
             break  # what was undone made it worse
         data = restore_readings(done.data, original) if causes else done.data
         robust = None if causes else settings.outliers
-        remainder = noisy_remainder(done.sensor, data, done.fit, robust)
+        remainder = noisy_remainder(done.sensor, data, done.fit, robust, done.scatter.correlation)
         before, causes = [cause.best.key for cause in causes], find_causes(remainder)
         best = done, causes
         needless = needless_effects(remainder, causes, done)
@@ -398,23 +398,21 @@ def validate(
     settings: Calibrate,
 ) -> Verdict:
     result, data, held = done.fit, done.data, plain.screened.held
-    remainder = Remainder(done.sensor, data, result, settings.outliers)
-    stated = remainder
-    if (data.sigma != plain.original.sigma).any():
-        as_stated = data._replace(sigma=plain.original.sigma)
-        stated = Remainder(done.sensor, as_stated, result, settings.outliers)
-    common = common_scatter(stated)
+    correlation = done.scatter.correlation
+    remainder = Remainder(done.sensor, data, result, settings.outliers, correlation)
     said = cause_findings(causes)
-    said += outlier_findings(done.outliers, len(plain.original.raw), plain.screened.kind)
+    said += outlier_findings(
+        done.outliers, len(plain.original.raw), plain.screened.kind,
+        erring_place(done, plain.original),
+    )  # fmt: skip
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
     said += effect_findings(remainder, least)
-    said += scatter_findings(done.scatter, least, common)
+    said += scatter_findings(done.scatter, least)
     said += findings(done.sensor, result, data) + plain.screened.findings
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
-    said += common_findings(common)
     read = restore_readings(data, plain.original)
-    misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes, common)
+    misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
     made = add_unseen_errors(result.sensor, result, data, misfit, centre)
     made = add_causes(made, remainder, causes)
     known = replace(result, sensor=made)
@@ -424,6 +422,14 @@ def validate(
         said += validation_findings(errors, len(held.raw))
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
+
+
+def erring_place(done: EffectSearch, original: Data) -> str | None:
+    """What errs in most of the samples that were excluded; None where that is not one thing."""
+    if len(done.outliers) < LEAST_ERRING:
+        return None
+    excluded = original.part(np.isin(row_numbers(original), done.outliers))
+    return erring_column(done.sensor, excluded, done.fit)
 
 
 def unsettled_finding(result: Fit) -> Finding:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from facets.experiments.studies import disturbed_rigs, rigs
-from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, words_of
+from rig_samples import (
+    NOMINAL,
+    accepted_effects,
+    judge,
+    sample_in_time,
+    sample_rig,
+    settings,
+    words_of,
+)
 
 import facets
 from facets.calibration import PLACE
@@ -41,6 +50,14 @@ def test_what_scatters_is_found_with_its_size(count, wrong, cause, name, size):
     assert row.accepted == (cause == "beam_scatter")
 
 
+def test_times_that_jitter_are_told_from_a_mirror_that_vibrates():
+    late = 3e-5 * np.random.default_rng(8).standard_normal(2 * COUNT)
+    judged = judge(sample_in_time(late=late, count=2 * COUNT))
+    assert judged.search.scatter.causes == ("clock_scatter",)
+    jitter = re.search(r"times of the reference jitter by (\S+) ms", words_of(judged))
+    assert float(jitter[1]) == pytest.approx(0.03, rel=0.2)
+
+
 # ---- samples that no noise makes
 
 
@@ -59,6 +76,19 @@ def test_samples_that_jump_are_excluded_and_decide_nothing():
     off = (judged.fit.values - clean.fit.values) / clean.fit.uncertainty
     assert np.abs(off).max() < 0.1
     assert judged.fit.choice.power == clean.fit.choice.power
+
+
+@pytest.mark.parametrize(
+    ("field", "column", "words"),
+    [("pose", 1, "the reference's ty errs"), ("raw", 4, "zeta_b_mm errs")],
+)
+def test_what_errs_in_most_of_the_excluded_samples_is_said(field, column, words):
+    data = sample_rig(COUNT, 3)[1]
+    values = getattr(data, field).copy()
+    values[5:50:9, column] += [0.08, -0.1, 0.12, 0.06, -0.07]
+    judged = judge(data._replace(**{field: values}), replace(settings(), held_back=0.0))
+    assert f"5 of {COUNT} samples hold an outlier" in words_of(judged)
+    assert f"In most of them {words}" in words_of(judged)
 
 
 def test_many_outliers_are_none():
@@ -114,7 +144,7 @@ def test_noise_that_detectors_share_is_part_of_the_uncertainty():
 
     _, data, state = sample_rig(400, 3, box=rigs.BOX, alter=add_shared_noise, noise=0.0)
     judged = judge(data.part(slice(0, 200)))
-    assert "detectors' zeta scatter together" in words_of(judged)
+    assert "together, as by a supply or a reference voltage that they share" in words_of(judged)
     fresh = data.part(slice(200, 400))
     solved = facets.solve(judged.sensor, correct(judged.sensor, fresh.raw), beam="known")
     off = (solved.state - state[200:])[:, 2] / solved.uncertainty[:, 2]

@@ -30,8 +30,15 @@ DEGREE = 4
 #: Periods in mm, and directions, of fringes across the beam; longer ones are no fringes over a
 #: motion of half a millimetre.
 FRINGE_PERIODS_MM, FRINGE_DIRECTIONS = np.geomspace(0.12, 0.6, 14), 12
-#: Numbers of periods over the motion at which fringes of a detector's window are searched for.
-WINDOW_PERIODS = np.arange(2.0, 22.0, 0.5)
+#: Numbers of periods over a motion's spots, along psi and zeta, at which fringes of a detector's
+#: window are searched for; the least of both together, and how many of the best are compared.
+WINDOW_PERIODS, LEAST_PERIODS, LAST_WINDOWS = np.arange(-22.0, 22.5, 0.5), 2.0, 4
+#: Half of a width about the best of these, and the number of steps over it.
+FINER_WINDOWS = (0.4, 9)
+#: The least number of rows between resets of an offset that are searched for.
+LEAST_RESET = 20
+#: A power below which a detector has no place, mW.
+LEAST_POWER_MW = 1e-6
 #: Numbers of cycles of a reference's scale over its motion that are searched for.
 CYCLES = np.arange(2.5, 120, 0.5)
 #: Radii of an aperture that cuts the beam, in standard deviations of its irradiance.
@@ -216,15 +223,42 @@ def fringes(remainder: Remainder) -> Floats:
     return standing
 
 
-def window_fringes(remainder: Remainder, k: int) -> Floats:
-    """Courses of fringes of a detector's window: periodic in the spot's place, or in z."""
-    raw = np.nan_to_num(remainder.data.raw[:, 3 * k : 3 * k + 2])
-    phases = [
-        2 * np.pi * WINDOW_PERIODS[:, None] * values / max(float(np.ptp(values)), 1e-12)
-        for values in (raw[:, 0], raw[:, 1], remainder.state[:, 2])
-    ]
-    phase = np.concatenate(phases)
+def window_columns(remainder: Remainder, k: int) -> Floats:
+    """The columns of a detector's power and place."""
+    return np.concatenate([power_columns(remainder, (k,)), detector_columns(remainder, k)], axis=2)
+
+
+def spot_range(remainder: Remainder, k: int) -> Floats:
+    """The range (2,) of the spot's places on a detector, mm."""
+    across: Floats = np.ptp(remainder.raw[:, 3 * k : 3 * k + 2], axis=0)
+    return across.clip(1e-12)
+
+
+def window_fringes(remainder: Remainder, periods: Floats, k: int) -> Floats:
+    """Courses of fringes of a detector's window, periodic in the spot's place.  periods: (m, 2)
+    over the range of places."""
+    place = remainder.raw[:, 3 * k : 3 * k + 2] / spot_range(remainder, k)
+    phase = 2 * np.pi * periods @ place.T
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
+
+
+def likely_fringes(remainder: Remainder, columns: Floats, k: int) -> Floats:
+    """The periods (m, 2) of the fringes that would explain most of what columns (n, 9, q) explain,
+    if no unknown took up any of it."""
+    along = WINDOW_PERIODS[WINDOW_PERIODS >= 0]
+    place = remainder.raw[:, 3 * k : 3 * k + 2] / spot_range(remainder, k)
+    psi = np.exp(2j * np.pi * along[:, None] * place[:, 0])
+    zeta = np.exp(2j * np.pi * WINDOW_PERIODS[:, None] * place[:, 1])
+    level = np.zeros((len(along), len(WINDOW_PERIODS)))
+    for n in range(columns.shape[2]):
+        column = columns[:, :, n]
+        pulled = (column * remainder.pulled).sum(axis=1)
+        square = np.einsum("ni,nij,nj->", column, remainder.inverse, column)
+        level += np.abs((psi * pulled) @ zeta.T) ** 2 / max(square, 1e-300)
+    level[np.hypot(along[:, None], WINDOW_PERIODS) < LEAST_PERIODS] = 0.0
+    best = np.argsort(-level, axis=None)[:LAST_WINDOWS]
+    first, second = np.unravel_index(best, level.shape)
+    return np.column_stack([along[first], WINDOW_PERIODS[second]])
 
 
 # ---- light that is lost at a place of the mirror or of the beam
@@ -425,17 +459,52 @@ def averaged_columns(remainder: Remainder) -> Floats:
     """The column of readings of a motion that were averaged over rows, by the mean square of the
     rows' distance."""
     data, result = remainder.data, remainder.fit
-    if data.velocity is None or data.step is None or data.next_step is None:
+    if data.velocity is None or data.step is None or data.next_step is None or data.bend is None:
         return np.zeros((*remainder.noise.shape, 1))
     own, values, sensor = result.own_values, result.all_values, remainder.sensor
+    half = (data.step + data.next_step) / 2
     before, here, behind = (
         evaluate_turned_mirror(
             sensor, data, states_of(data._replace(pose=data.pose + step), own, values), readings
         )
-        for step in (-data.step, np.zeros(6), data.next_step)
+        for step in (data.bend / 2 - half, np.zeros(6), data.bend / 2 + half)
     )
     column = (before + behind) / 2 - here
     return (column / remainder.noise)[:, :, None]
+
+
+def leak_columns(remainder: Remainder) -> Floats:
+    """The columns of a share of each detector's currents in the channels of each other one."""
+    raw, noise = remainder.raw, remainder.noise
+    columns = np.zeros((*noise.shape, 6))
+    for n, (k, j) in enumerate(permutations(range(3), 2)):
+        share = raw[:, 3 * k + 2] / np.maximum(raw[:, 3 * j + 2], LEAST_POWER_MW)
+        columns[:, 3 * j + 2, n] = raw[:, 3 * k + 2] / noise[:, 3 * j + 2]
+        for m in (0, 1):
+            apart = raw[:, 3 * k + m] - raw[:, 3 * j + m]
+            columns[:, 3 * j + m, n] = share * apart / noise[:, 3 * j + m]
+    return columns
+
+
+def likely_resets(remainder: Remainder, columns: Floats) -> tuple[Floats, int]:
+    """Blocks (n, b) of rows of that equal length, and it, of which columns (n, 9, q) of their own
+    would explain most if no unknown took up any of it."""
+    pulled = (np.swapaxes(columns, 1, 2) @ remainder.pulled[:, :, None])[:, :, 0]
+    square = np.einsum("niq,nij,njq->nq", columns, remainder.inverse, columns)
+    rows = remainder.row_numbers - 1
+
+    def blocks(length: int) -> Floats:
+        block = rows // length
+        there: Floats = (block[:, None] == np.unique(block)).astype(float)
+        return there
+
+    def gain(length: int) -> float:
+        there = blocks(length)
+        falls: Floats = (there.T @ pulled) ** 2 / np.maximum(there.T @ square, 1e-300)
+        return float(falls.sum()) - 2 * falls.size  # chance explains 1 each
+
+    best = max(range(LEAST_RESET, max(rows[-1] // 3, LEAST_RESET + 1)), key=gain)
+    return blocks(best), best
 
 
 def amplifier_columns(remainder: Remainder) -> Floats:

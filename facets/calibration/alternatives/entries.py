@@ -137,6 +137,9 @@ def powers(amounts: Floats) -> str:
     return f"by {sizes} uW on A, B and C"
 
 
+#: What light of a lamp may be on detectors, mW and mW mm, and the share of a detector's currents
+#: in the channels of another one, 1 sigma.
+LAMP_SIGMA, LEAK_SIGMA = np.array([3e-3, 9e-3, 9e-3] * 3), 0.01
 THINGS = (
     *(
         Thing(f"detector_{k}", "detectors", f"detector {k.upper()}",
@@ -180,7 +183,7 @@ THINGS = (
           "look at the amplifiers' offsets, and measure in the dark",
           "block the beam, and look at the powers that are left", stays=False),
     Thing("lamp", "environment", "light of a lamp on the detectors", columns.lamp_columns,
-          np.array([3e-3, 9e-3, 9e-3] * 3), powers, "switch lamps off, or shield the detectors",
+          LAMP_SIGMA, powers, "switch lamps off, or shield the detectors",
           "block the beam, and look at the powers that are left", stays=False),
 )  # fmt: skip
 
@@ -308,6 +311,27 @@ def test_fringes(remainder: Remainder) -> Trace:
     return trace._replace(at=(float(periods[int(trace.at[0])]),))
 
 
+def test_window(remainder: Remainder, k: int) -> Trace:
+    key = f"window_{DETECTORS[k]}"
+    made = remainder.readable(columns.window_columns(remainder, k))
+    periods = columns.likely_fringes(remainder, made, k)
+    trace = remainder.test_courses(key, made, columns.window_fringes(remainder, periods, k))
+    periods = periods[int(trace.at[0])] + columns.square_grid(*columns.FINER_WINDOWS)
+    trace = remainder.test_courses(key, made, columns.window_fringes(remainder, periods, k))
+    across = np.hypot(*(periods[int(trace.at[0])] / columns.spot_range(remainder, k)))
+    chances = float(np.log(columns.WINDOW_PERIODS.size**2 / 2))
+    return trace._replace(log_trials=chances, at=(1 / max(float(across), 1e-12),))
+
+
+def test_resets(remainder: Remainder) -> Trace:
+    made = remainder.readable(columns.lamp_columns(remainder))  # of each of four electrodes
+    blocks, length = columns.likely_resets(remainder, made)
+    sigma = np.repeat(LAMP_SIGMA, blocks.shape[1])
+    whole = made[:, :, :, None] * blocks[:, None, None, :]
+    trace = remainder.test("dark.reset", whole.reshape(*made.shape[:2], -1), sigma)
+    return trace._replace(log_trials=float(np.log(len(blocks) / 3)), at=(float(length),))
+
+
 #: Shares of the reading before that a detector keeps, and by which an amplifier's gain grows at a
 #: milliwatt of light, 1 sigma.
 MEMORY_SIGMA, BEND_SIGMA = 0.005, 0.1
@@ -335,13 +359,13 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 lambda trace, remainder: f"at a radius of {trace.at[0]:.2g} mm"),
     Alternative("fringes", "light", "there are fringes across the beam, or dust of such a size",
                 "tilt windows that reflect, and clean the optics", CAMERA, test_fringes,
-                lambda trace, remainder: f"{trace.at[0]:.2g} mm apart"),
+                lambda trace, remainder: f"({trace.at[0]:.2g} mm apart)"),
     *(
         Alternative(f"window_{k}", "detectors",
                     f"there are fringes of the window of detector {k.upper()}",
                     "tilt the window, or take it off", "turn that detector a little",
-                    course_test(f"window_{k}", partial(columns.power_columns, detectors=(n,)),
-                              partial(columns.window_fringes, k=n)))
+                    partial(test_window, k=n),
+                    lambda trace, remainder: f"({trace.at[0]:.2g} mm apart)")
         for n, k in enumerate(DETECTORS)
     ),
     # the facets
@@ -396,7 +420,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 plain("memory", columns.memory_columns, MEMORY_SIGMA,
                       lambda amounts: bool(amounts.max() > -amounts.min())),
                 lambda trace, remainder: (
-                    f"up to {100 * np.abs(trace.amounts).max():.2g} %")),
+                    f"(up to {100 * np.abs(trace.amounts).max():.2g} %)")),
     Alternative("averaged", "table", "the readings were averaged or filtered, and the reference "
                 "was not", "record both alike", "move at half the speed",
                 plain("averaged", columns.averaged_columns,
@@ -407,6 +431,16 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 "current)", "use a lower range of the amplifiers, or let calibrate.before.bend_um "
                 "vary", "halve the laser's power",
                 plain("amplifiers", columns.amplifier_columns, BEND_SIGMA)),
+    Alternative("crosstalk", "electronics", "currents of one detector leak into the channels of "
+                "another", "keep their cables apart",
+                "block one detector, and look at its readings",
+                plain("crosstalk", columns.leak_columns, LEAK_SIGMA),
+                lambda trace, remainder: (
+                    f"(up to {100 * np.abs(trace.amounts).max():.2g} %)")),
+    Alternative("dark.reset", "electronics", "offsets of the detectors are set again and again, as "
+                "by an automatic zero", "switch it off", "block the beam, and look at the powers "
+                "that are left", test_resets,
+                lambda trace, remainder: f"(every {trace.at[0]:.0f} rows)"),
     *(alternative for thing in THINGS for alternative in moving(thing)),
 )  # fmt: skip
 BY_KEY = {alternative.key: alternative for alternative in ALTERNATIVES}

@@ -195,12 +195,9 @@ def shifted_rows() -> Iterator[Alternative]:
 
 
 def shift_reference(data: Data, by: int) -> Data:
-    """The samples with the poses that stand `by` rows below, without those that have none."""
-    numbers = row_numbers(data)
-    place = np.searchsorted(numbers, numbers + by).clip(max=len(numbers) - 1)
-    has = numbers[place] == numbers + by
-    shifted = data._replace(pose=data.pose[place], velocity=None).part(has)
-    return shifted if has.any() else data
+    """The samples with the poses of the row below, by = 1, or above."""
+    step = data.next_step if by > 0 else data.step
+    return data if step is None else data._replace(pose=data.pose + by * step, velocity=None)
 
 
 def reference_axes() -> Iterator[Alternative]:

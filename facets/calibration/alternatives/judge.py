@@ -16,6 +16,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.sensor import Sensor
 from ...core.small_matrices import one_thread
+from ...core.units import Floats
 from ...estimation.dwells import median
 from ...model.arrays import EFFECTS
 from ..fitting.bundle_adjustment import Data
@@ -120,15 +121,18 @@ def restore_readings(data: Data, original: Data) -> Data:
     return data._replace(raw=original.raw[rows])
 
 
-def noisy_remainder(sensor: Sensor, data: Data, result: Fit, robust: float | None) -> Remainder:
+def noisy_remainder(
+    sensor: Sensor, data: Data, result: Fit, robust: float | None, together: Floats
+) -> Remainder:
     """The remainder with the noise of each reading that most residuals have, where that is larger
     than the stated one: else whatever follows a few of them would explain the noise."""
-    remainder = Remainder(sensor, data, result, robust)
+    remainder = Remainder(sensor, data, result, robust, together)
     left = np.where(remainder.is_read, np.abs(remainder.residuals), np.nan)
     size = np.nan_to_num(np.maximum(NORMAL_MEDIAN * median(left), 1.0), nan=1.0)
     if (size < NOISY).all():
         return remainder
-    return Remainder(sensor, data._replace(noise=remainder.noise * size), result, robust)
+    noise = remainder.noise * size
+    return Remainder(sensor, data._replace(noise=noise), result, robust, together)
 
 
 @one_thread
@@ -174,7 +178,8 @@ def find_causes(remainder: Remainder) -> list[Cause]:
         rest = remainder.extend_by([other for other in chosen if other is not trace])
         traces = clear_traces(rest)
         if traces:  # else the others explain it
-            causes.append(Cause(tuple(rivals(traces, rest)), rest, pose_shift(rest, traces[0])))
+            several = [rest.complete(trace) for trace in rivals(traces, rest)]
+            causes.append(Cause(tuple(several), rest, pose_shift(rest, several[0])))
     return causes
 
 

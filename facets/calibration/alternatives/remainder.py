@@ -26,7 +26,7 @@ from ..fitting.fit import Fit, Task
 from ..fitting.samples import row_numbers
 from ..fitting.unknowns import assign_values, values_of
 from .alternative import Trace
-from .scatter import NAMES, UNMEASURED_SIGMA, Likelihood
+from .scatter import NAMES, NONE_TOGETHER, UNMEASURED_SIGMA, Likelihood
 
 #: A direction of columns that the unknowns explain but for this share of its square is left out.
 LEAST_OWN_SHARE = 1e-6
@@ -43,7 +43,11 @@ MOST_SWITCHES = 0.08
 class Remainder:
     """The residuals of a fit and their likelihood, in which further columns are tested."""
 
-    def __init__(self, sensor: Sensor, data: Data, result: Fit, robust: float | None) -> None:
+    def __init__(
+        self, sensor: Sensor, data: Data, result: Fit, robust: float | None,
+        together: Floats = NONE_TOGETHER,
+    ) -> None:  # fmt: skip
+        """together: the covariance (6, 6) of different places over their noise."""
         task = Task(sensor, data, result.choice, robust)
         assert task.data.noise is not None
         self.nominal = sensor
@@ -53,7 +57,7 @@ class Remainder:
             known = np.minimum(
                 (own_sigma(task.data, result.choice) / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2
             )
-        at = self.likelihood.restrict(known, np.zeros(len(NAMES)))
+        at = self.likelihood.restrict(known, np.zeros(len(NAMES)), together)
         self.inverse, self.weighted, self.pulled = at.inverse, at.weighted, at.pulled
         self.matrix, self.covariance = at.matrix, np.linalg.inv(at.matrix)
         self.values, self.variance = result.values, np.linalg.inv(at.inverse)
@@ -173,6 +177,14 @@ class Remainder:
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, side.shape)
         fall, amounts, count = falls_of(whole[None], matrix[None], side[None], prior, least)
         return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], prior=prior)
+
+    def complete(self, trace: Trace) -> Trace:
+        """The trace of columns with its amounts in all directions, those that the unknowns nearly
+        explain, too: these say little of the residuals, and move the unknowns most."""
+        whole, matrix, side = self.equations(self.readable(trace.columns))
+        prior = np.broadcast_to(trace.prior, side.shape)
+        _, amounts, _ = falls_of(whole[None], matrix[None], side[None], prior)
+        return trace._replace(amounts=amounts[0])
 
     def test_courses(
         self, key: str, columns: Floats, courses: Floats, sigma: Floats | float = np.inf

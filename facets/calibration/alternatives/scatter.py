@@ -4,14 +4,15 @@ A sample errs by the noise of its readings, by what the reference says of its po
 place and by the laser's power. With the common unknowns x and the prior of these, the readings of
 sample i have the variance
 
-    V_i = D_i + sum_k theta_k z_ik z_ik'
+    V_i = D_i + sum_k theta_k z_ik z_ik' + Z_i (C - 1) Z_i'
 
-where z_ik are the readings by one of the sample's own unknowns. The likeliest sizes theta are those
-of the residuals once x is free (restricted likelihood); each is multiplied, again and again, by the
-root of what it should be over what it is, (sum (z' P y)^2) / (sum z' P z), which never lowers the
-likelihood and never crosses zero. How steady the laser was is told by the same likelihood: with a
-power for each sample the detectors' gains and the apex's place hardly part, since three powers then
-tell two shares.
+where z_ik are the readings by one of the sample's own unknowns, and C is the covariance of the six
+places over their noise D. The likeliest sizes theta are those of the residuals once x is free
+(restricted likelihood); each is multiplied, again and again, by the root of what it should be over
+what it is, (sum (z' P y)^2) / (sum z' P z), and C by the same of matrices (their geometric mean),
+which never lowers the likelihood and never crosses zero. How steady the laser was is told by the
+same likelihood: with a power for each sample the detectors' gains and the apex's place hardly part,
+since three powers then tell two shares.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError
-from ...core.names import POSE
+from ...core.names import POSE, READING_COLUMNS
 from ...core.sensor import Sensor
 from ...core.small_matrices import one_thread
 from ...core.units import Floats
@@ -32,15 +33,25 @@ from ..fitting.bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
 from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
 from ..fitting.samples import LEAST_WEIGHT
 from ..fitting.unknowns import DELAY, MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
-from .alternative import Alternative
+from .alternative import Alternative, chance_of
 
-#: What may scatter: the reference's six, the laser's power, the beam's two, and the detectors'
-#: readings of places and of powers beside their noise.
-PLACES, POWERS = "places", "powers"
-NAMES = (*POSE, "power", "beam", PLACES, POWERS)
+#: What may scatter: the reference's six, the laser's power, the beam's two, the detectors' readings
+#: of places and of powers beside their noise, all alike, and the time of the reference.
+PLACES, POWERS, CLOCK = "places", "powers", "clock"
+NAMES = (*POSE, "power", "beam", PLACES, POWERS, CLOCK)
 #: Which of the columns of a sample belongs to which size: the pose, the power, the beam's two
-#: coordinates, six places and three powers.
-OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3])
+#: coordinates, six places, three powers and the time.
+OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3, 10])
+#: The places' covariance (6, 6) beside their noise, by which each scatters by itself or together
+#: with others; its columns and its number of sizes.
+TOGETHER, OF_PLACES, TOGETHER_COUNT = "together", slice(9, 15), 21
+NONE_TOGETHER, PLACE_READINGS = np.zeros((6, 6)), [0, 1, 3, 4, 6, 7]
+#: The unit of the time's scatter, s.
+CLOCK_UNIT_S = 1e-3
+#: Whether two of the six places are of different detectors.
+IS_BETWEEN = np.arange(6) // 2 != np.arange(6)[:, None] // 2
+#: The chance of noises that go together as much, below which they do.
+TOGETHER_CHANCE = 1e-5
 #: Causes that are told apart. The laser's power always may scatter.
 SCATTER = {
     part.key: part
@@ -49,6 +60,10 @@ SCATTER = {
             "reference_scatter", "reference",
             "the reference, or a mirror that vibrates against it",
             apart="measure the mirror at rest with facets noise", variance=POSE,
+        ),
+        Alternative(
+            "clock_scatter", "time", "times that jitter", apart="move at half the speed",
+            variance=(CLOCK,),
         ),
         Alternative(
             "beam_scatter", "light", "a beam that moves",
@@ -61,12 +76,18 @@ SCATTER = {
         Alternative(
             "supply_scatter", "electronics", "a supply that the detectors share",
             apart="let the mirror rest, and see by facets noise what the detectors have in common",
+            variance=(TOGETHER, POWERS),
         ),
     )
 }  # fmt: skip
 BEAM_SCATTER, REFERENCE_SCATTER = "beam_scatter", "reference_scatter"
-#: What is told by places that scatter together, not by its size.
-SUPPLY_SCATTER = "supply_scatter"
+CLOCK_SCATTER = "clock_scatter"
+DETECTOR_SCATTER, SUPPLY_SCATTER = "detector_scatter", "supply_scatter"
+#: The correlation of places of different detectors from which on they scatter together.
+LEAST_SHARED = 0.3
+#: The share of a sample's chi-square that one column explains where it alone errs; in how many
+#: samples at least.
+MOST_OF_ERROR, LEAST_ERRING = 0.9, 3
 #: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
@@ -101,24 +122,33 @@ class Likelihood:
         self.noise = np.where(good, 1 / np.maximum(weights, LEAST_WEIGHT), 1.0)
         self.own = by_own
         diagonal = np.sqrt(self.noise * good)[:, :, None] * np.eye(9)
-        order = [0, 1, 3, 4, 6, 7, 2, 5, 8]
-        self.columns = np.concatenate([by_own, diagonal[:, :, order]], axis=2)
+        order = [*PLACE_READINGS, 2, 5, 8]
+        late = np.zeros((len(by_own), 6, 1))
+        if task.data.velocity is not None:
+            late[:, :, 0] = CLOCK_UNIT_S * task.data.velocity / OWN_UNITS[:6]
+        parts = [by_own, diagonal[:, :, order], by_own[:, :, :6] @ late]
+        self.columns = np.concatenate(parts, axis=2)
         self.prior = task.prior
         self.before = (at.values - task.start)[task.choice.places]
 
-    def variance(self, known: Floats, sizes: Floats) -> Floats:
+    def variance(self, known: Floats, sizes: Floats, together: Floats = NONE_TOGETHER) -> Floats:
         """Variances (n, 9, 9) of the readings.  known: (9,) prior variances of a sample's own
-        unknowns, in `OWN_UNITS`.  sizes: (10,) variances that are added to them."""
+        unknowns, in `OWN_UNITS`.  sizes, together: (11,) and (6, 6), variances that are added."""
         whole = sizes[OF_COLUMN]
         whole[:9] += known
         scaled = self.columns * whole
         out: Floats = scaled @ np.swapaxes(self.columns, 1, 2)
         out[:, range(9), range(9)] += self.noise
+        if together.any():
+            places = self.columns[:, :, OF_PLACES]
+            out += places @ together @ np.swapaxes(places, 1, 2)
         return out
 
-    def restrict(self, known: Floats, sizes: Floats) -> RestrictedLikelihood:
+    def restrict(
+        self, known: Floats, sizes: Floats, together: Floats = NONE_TOGETHER
+    ) -> RestrictedLikelihood:
         """The restricted likelihood, with the common unknowns free."""
-        variance = self.variance(known, sizes)
+        variance = self.variance(known, sizes, together)
         inverse: Floats = np.asarray(np.linalg.inv(variance), dtype=float)
         weighted = inverse @ self.common
         size = self.common.shape[2]
@@ -136,7 +166,7 @@ class Likelihood:
         )
 
     def shares(self, at: RestrictedLikelihood, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """The observed and the expected sum of squares for each free size (10,); 1 for sizes that
+        """The observed and the expected sum of squares for each free size (11,); 1 for sizes that
         are not free."""
         there = np.flatnonzero(free[OF_COLUMN])
         columns, owner = self.columns[:, :, there], OF_COLUMN[there]
@@ -152,25 +182,77 @@ class Likelihood:
         )
         return np.where(free, seen, 1.0), np.where(free, expected, 1.0)
 
+    def place_shares(self, at: RestrictedLikelihood) -> tuple[Floats, Floats]:
+        """The observed and the expected squares and products (6, 6) for a covariance of places."""
+        places = self.columns[:, :, OF_PLACES]
+        turned = np.swapaxes(places, 1, 2)
+        seen = (turned @ at.pulled[:, :, None])[:, :, 0]
+        across = np.swapaxes(turned @ at.weighted, 0, 1)
+        taken = np.tensordot(across @ np.linalg.inv(at.matrix), across, axes=((1, 2), (1, 2)))
+        return seen.T @ seen, (turned @ at.inverse @ places).sum(axis=0) - taken
+
     def likeliest(self, known: Floats, names: tuple[str, ...], start: Floats) -> Sizes:
-        """The likeliest sizes of some names, from a start (10,); the others stay constant.
+        """The likeliest sizes of some names, from a start (11,); the others stay constant.
 
         Each step multiplies three times at once, or once if that is more likely.
         """
-        free = np.array([name in names for name in NAMES])
-        sizes, at = start.copy(), self.restrict(known, start)
+        free, is_together = np.array([name in names for name in NAMES]), TOGETHER in names
+        sizes, noise = start.copy(), np.eye(6)
+        at = self.restrict(known, sizes)
         for _ in range(MAX_SIZE_STEPS):
             square, due = self.shares(at, free)
-            factor = np.sqrt(square / due)
-            far = sizes * factor**3
-            there = self.restrict(known, far)
+            factor, noises = np.sqrt(square / due), [noise] * 4
+            if is_together:
+                shares = self.place_shares(at)
+                for n in range(3):
+                    noises[n + 1] = geometric_mean(noises[n], *shares)
+            times = 3
+            there = self.restrict(known, sizes * factor**3, noises[3] - np.eye(6))
             if there.unlikely > at.unlikely:
-                far = sizes * factor
-                there = self.restrict(known, far)
-            sizes, at, fall = far, there, at.unlikely - there.unlikely
+                times = 1
+                there = self.restrict(known, sizes * factor, noises[1] - np.eye(6))
+            sizes, noise, fall = sizes * factor**times, noises[times], at.unlikely - there.unlikely
+            at = there
             if fall < LEAST_FALL:
                 break
-        return Sizes(at.unlikely, sizes)
+        return Sizes(at.unlikely, sizes, noise - np.eye(6))
+
+    def is_together(self, known: Floats, start: Floats) -> bool:
+        """Whether places of different detectors go together beyond chance."""
+        seen, due = self.place_shares(self.restrict(known, start))
+        size = np.sqrt(np.maximum(np.diag(due), 1e-300))
+        apart = (seen - due) / size / size[:, None] * np.sqrt(len(self.residual))
+        return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < TOGETHER_CHANCE
+
+
+def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
+    """The axis of the reference, or the reading, of which an error alone explains most of samples
+    that are no part of a fit; None where there is none."""
+    own = np.zeros((len(data.raw), result.own_values.shape[1]))
+    like = Likelihood(Task(sensor, data, result.choice, None), replace(result, own_values=own))
+    known = prior_variances(data, result.choice)
+    inverse = np.linalg.inv(like.variance(known, np.zeros(len(NAMES))))
+    columns = np.concatenate([like.own[:, :, :6], np.broadcast_to(np.eye(9), (len(own), 9, 9))], 2)
+    weighted = inverse @ columns
+    square = np.maximum((weighted * columns).sum(axis=1), 1e-300)
+    fall = (weighted * like.residual[:, :, None]).sum(axis=1) ** 2 / square
+    level = ((inverse @ like.residual[:, :, None])[:, :, 0] * like.residual).sum(axis=1)
+    count = (fall > MOST_OF_ERROR * level[:, None]).sum(axis=0)
+    best = int(np.argmax(count))
+    if count[best] < max(LEAST_ERRING, len(own) / 2):
+        return None
+    return (*POSE, *READING_COLUMNS)[best]
+
+
+def geometric_mean(covariance: Floats, seen: Floats, due: Floats) -> Floats:
+    """The covariance X with X D X = C S C: C times the root of what it should be over what it
+    is."""
+    least = 1e-9 * np.trace(due) * np.eye(len(due))
+    root = np.linalg.cholesky(due + least)
+    level, ways = np.linalg.eigh(root.T @ covariance @ seen @ covariance @ root)
+    half = np.linalg.solve(root.T, ways * np.maximum(level, 0.0) ** 0.25)
+    whole: Floats = half @ half.T
+    return whole
 
 
 class RestrictedLikelihood(NamedTuple):
@@ -189,11 +271,19 @@ class RestrictedLikelihood(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """Sizes of the scatter.  unlikely: -2 log L, but for a constant.  variances: (10,) by `NAMES`,
-    in `OWN_UNITS`; of places and powers relative to the readings' noise."""
+    """Sizes of the scatter.  unlikely: -2 log L, but for a constant.  variances: (11,) by `NAMES`,
+    in `OWN_UNITS`; of places and powers relative to the readings' noise.  together: (6, 6), the
+    places' covariance beside their noise."""
 
     unlikely: float
     variances: Floats
+    together: Floats
+
+    def scatter(self, causes: tuple[str, ...], others: tuple[str, ...], fall: float) -> Scatter:
+        """The scatter of these sizes; no noise is taken for less than is stated."""
+        level, ways = np.linalg.eigh(self.together)
+        together = (ways * np.maximum(level, 0.0)) @ ways.T
+        return Scatter(causes, others, np.sqrt(self.variances) * UNITS, together, fall)
 
 
 # ---- which of the causes it is, and the fit again with what they scatter by
@@ -203,22 +293,43 @@ class Scatter(NamedTuple):
     """The scatter from sample to sample and its causes.
 
     causes: out of `SCATTER`, those that explain the scatter together; none where nothing has to be
-    explained.  others: causes of which each could explain it alone as well.  sizes: (10,) by
+    explained.  others: causes of which each could explain it alone as well.  sizes: (11,) by
     `NAMES`, what is added to what was known before, in mm, rad and shares, and times the readings'
-    noise.  fall: of -2 log L by them.
+    noise.  together: (6, 6) covariance of the places beside their noise, over it.  fall: of -2 log
+    L by them.
     """
 
     causes: tuple[str, ...]
     others: tuple[str, ...]
     sizes: Floats
+    together: Floats = NONE_TOGETHER
     fall: float = 0.0
+
+    @property
+    def places(self) -> Floats:
+        """The covariance (6, 6) by which the places scatter, over their noise."""
+        whole: Floats = self.together + self.size_of(PLACES) ** 2 * np.eye(6)
+        return whole
+
+    @property
+    def correlation(self) -> Floats:
+        """The covariance (6, 6) of different places over their whole noise; zero on the
+        diagonal."""
+        size = np.sqrt(1 + np.diag(self.places))
+        whole: Floats = self.places / size / size[:, None]
+        return whole - np.diag(np.diag(whole))
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether the places of different detectors scatter together."""
+        return bool(np.abs(self.correlation[IS_BETWEEN]).max() > LEAST_SHARED)
 
     def size_of(self, name: str) -> float:
         return float(self.sizes[NAMES.index(name)])
 
 
-#: The units of `NAMES`: mm, rad and shares.
-UNITS = np.array([*OWN_UNITS[:8], 1.0, 1.0])
+#: The units of `NAMES`: mm, rad, shares and s.
+UNITS = np.array([*OWN_UNITS[:8], 1.0, 1.0, CLOCK_UNIT_S])
 NO_SCATTER = Scatter((), (), np.zeros(len(NAMES)))
 
 
@@ -254,7 +365,7 @@ class SizeProblem(NamedTuple):
     """The sizes of the scatter at a fit, as unknowns.
 
     like: the likelihood of the readings.  known: (9,) variances of a sample's own unknowns before.
-    causes: the names by cause that these samples can have.  start: (10,) sizes that the fit had.
+    causes: the names by cause that these samples can have.  start: (11,) sizes that the fit had.
     always: names whose sizes are estimated whatever the cause.
     """
 
@@ -265,14 +376,16 @@ class SizeProblem(NamedTuple):
     always: tuple[str, ...]
 
     def sizes(self, causes: tuple[str, ...]) -> Sizes:
-        """The likeliest sizes if some of the causes scatter and the others do not."""
-        names = [name for key in causes for name in self.causes[key]]
+        """The likeliest sizes if some of the causes scatter and the others do not; each number of a
+        covariance makes it less likely by 2 (Akaike)."""
+        names = dict.fromkeys(name for key in causes for name in self.causes[key])
         start = self.start.copy()
-        for name in names:
-            n = NAMES.index(name)
+        for n in (NAMES.index(name) for name in names if name in NAMES):
             square = (self.like.columns[:, :, n == OF_COLUMN] ** 2).sum()
             start[n] = FIRST_NOISE_SHARE * len(self.like.residual) / max(square, 1e-300)
-        return self.like.likeliest(self.known, (*self.always, *names), start)
+        found = self.like.likeliest(self.known, (*self.always, *names), start)
+        cost = 2 * TOGETHER_COUNT if TOGETHER in names else 0
+        return found._replace(unlikely=found.unlikely + cost)
 
 
 def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
@@ -280,6 +393,7 @@ def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
     measured = tuple(name for name, s in zip(POSE, task.data.sigma, strict=True) if np.isfinite(s))
     causes = {key: part.variance for key, part in SCATTER.items()}
     causes |= {REFERENCE_SCATTER: measured} | ({} if beam else {BEAM_SCATTER: ()})
+    causes |= {CLOCK_SCATTER: ()} if task.data.velocity is None else {}
     start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
     if jitters:
         start[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2
@@ -306,23 +420,25 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
             }
             likely = tried[best].unlikely + NOT_EXCLUDED
             others = tuple(key for key, sizes in singles.items() if sizes.unlikely < likely)
-            return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS, fall)
-    return Scatter(every, (), np.sqrt(whole.variances) * UNITS, fall)
+            return tried[best].scatter(best, others, fall)
+    return whole.scatter(every, (), fall)
 
 
 def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
     """The scatter by the same causes with the likeliest sizes at another fit."""
-    return scatter._replace(sizes=np.sqrt(problem.sizes(scatter.causes).variances) * UNITS)
+    return problem.sizes(scatter.causes).scatter(scatter.causes, scatter.others, scatter.fall)
 
 
 def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Choice]:
     """Add the scatter to the prior uncertainties of samples and choice."""
     assert data.noise is not None
-    wider = np.ones(9) * np.hypot(1.0, scatter.size_of(PLACES))
-    wider[2::3] = np.hypot(1.0, scatter.size_of(POWERS))
+    wider = np.full(9, np.hypot(1.0, scatter.size_of(POWERS)))
+    wider[PLACE_READINGS] = np.sqrt(1 + np.diag(scatter.places))
+    late = 0.0 if data.velocity is None else np.sqrt((data.velocity**2).mean(axis=0))
+    further = np.hypot(scatter.sizes[:6], scatter.size_of(CLOCK) * late)
     power = scatter.size_of("power") if 0 < chosen.power < np.inf else chosen.power
     return (
-        data._replace(sigma=np.hypot(data.sigma, scatter.sizes[:6]), noise=data.noise * wider),
+        data._replace(sigma=np.hypot(data.sigma, further), noise=data.noise * wider),
         replace(
             chosen, power=max(power, LEAST_POWER) if power else power, beam=scatter.size_of("beam")
         ),
@@ -343,15 +459,19 @@ def fit_with_scatter(
 ) -> tuple[Data, Fit, Scatter]:
     """Return the samples with their scatter, the fit to them, and the causes.
 
-    All stay unchanged if chi-square is within chance, or scatter cannot be the cause.
+    All stay unchanged if chi-square is within chance and no noises go together, or scatter cannot
+    be the cause.
     """
-    if not is_doubtful(result) and not result.choice.beam:
-        return data, result, NO_SCATTER
     if result.reduced_chi_square > WORST_CHI_SQUARE or far_unknowns(sensor, result):
         return data, result, NO_SCATTER
     bare, scatter = data._replace(noise=deviations(sensor, data)), NO_SCATTER
+    problem = size_problem(Task(sensor, bare, result.choice, robust), result, beam)
+    together = problem.like.is_together(problem.known, problem.start)
+    if not (is_doubtful(result) or result.choice.beam or together):
+        return data, result, NO_SCATTER
     for n in range(SIZE_ROUNDS):
-        problem = size_problem(Task(sensor, bare, result.choice, robust), result, beam)
+        if n:
+            problem = size_problem(Task(sensor, bare, result.choice, robust), result, beam)
         scatter = update_sizes(problem, scatter) if n else estimate_scatter(problem)
         data, chosen = add_scatter(bare, result.choice, scatter)
         result = fit(sensor, data, chosen, robust, result)

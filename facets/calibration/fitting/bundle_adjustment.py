@@ -78,6 +78,7 @@ class Data(NamedTuple):
     for the laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where
     none is known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9)
     the readings of that row. next_step: (n, 6) by how much the reference moves to the row behind.
+    bend: (n, 6) the second difference of its poses there, by the two rows on both sides alone.
     rows: (n,) number of rows of the table in a sample's mean; None where each sample is one row.
     number: (n,) the table's row, from 1, or the number of the stand where rows were averaged.
     temperature: the mean one, degrees Celsius.
@@ -98,6 +99,7 @@ class Data(NamedTuple):
     step: Floats | None = None
     before: Floats | None = None
     next_step: Floats | None = None
+    bend: Floats | None = None
     rows: Floats | None = None
     number: NDArray[np.int64] | None = None
     temperature: float | None = None
@@ -198,10 +200,14 @@ def add_approach(data: Data) -> Data:
     sign = np.where(np.abs(step) > LEAST_STEP_SIGMAS * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
+    bend = np.zeros(step.shape)
+    pose = data.pose
+    bend[2:-2] = (pose[4:] + pose[:-4] - pose[3:-1] - pose[1:-3]) / 3
     return data._replace(
         approach=np.take_along_axis(sign, latest, axis=0),
         step=step,
         next_step=np.concatenate([step[1:], np.zeros((1, 6))]),
+        bend=bend,
         before=np.concatenate([data.raw[:1], data.raw[:-1]]),
     )
 
