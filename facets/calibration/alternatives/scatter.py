@@ -22,13 +22,12 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.names import POSE, READING_COLUMNS
 from ...core.sensor import Sensor
 from ...core.small_matrices import one_thread
-from ...core.units import Floats
+from ...core.units import Floats, Integers
 from ..fitting.bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
 from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
 from ..fitting.samples import LEAST_WEIGHT
@@ -44,7 +43,7 @@ NAMES = (*POSE, "power", "beam", PLACES, POWERS, CLOCK)
 OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3, 10])
 #: The places' covariance (6, 6) beside their noise, by which each scatters by itself or together
 #: with others; its columns and its number of sizes.
-TOGETHER, OF_PLACES, TOGETHER_COUNT = "together", slice(9, 15), 21
+TOGETHER, OF_PLACES, TOGETHER_COUNT = "together", np.arange(9, 15), 21
 NONE_TOGETHER, PLACE_READINGS = np.zeros((6, 6)), [0, 1, 3, 4, 6, 7]
 #: The unit of the time's scatter, s.
 CLOCK_UNIT_S = 1e-3
@@ -165,61 +164,50 @@ class Likelihood:
             float(unlikely), matrix, inverse, weighted, aim - weighted @ step
         )
 
-    def shares(self, at: RestrictedLikelihood, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """The observed and the expected sum of squares for each free size (11,); 1 for sizes that
-        are not free."""
-        there = np.flatnonzero(free[OF_COLUMN])
-        columns, owner = self.columns[:, :, there], OF_COLUMN[there]
-        across_samples = np.swapaxes(columns, 1, 2)
-        square = ((across_samples @ at.pulled[:, :, None])[:, :, 0] ** 2).sum(axis=0)
-        due = ((at.inverse @ columns) * columns).sum(axis=(0, 1))
-        across = across_samples @ at.weighted
-        flat = across.reshape(-1, across.shape[2])
-        taken = np.einsum("ij,ij->i", flat @ np.linalg.inv(at.matrix), flat)
-        due -= taken.reshape(-1, len(there)).sum(axis=0)
-        seen, expected = (
-            np.bincount(owner, values, len(NAMES)) for values in (square, np.maximum(due, 1e-300))
-        )
-        return np.where(free, seen, 1.0), np.where(free, expected, 1.0)
-
-    def place_shares(self, at: RestrictedLikelihood) -> tuple[Floats, Floats]:
-        """The observed and the expected squares and products (6, 6) for a covariance of places."""
-        places = self.columns[:, :, OF_PLACES]
-        turned = np.swapaxes(places, 1, 2)
+    def shares(self, at: RestrictedLikelihood, there: Integers) -> tuple[Floats, Floats]:
+        """The observed and the expected squares and products (k, k) for a covariance of some
+        columns."""
+        columns = self.columns[:, :, there]
+        turned = np.swapaxes(columns, 1, 2)
         seen = (turned @ at.pulled[:, :, None])[:, :, 0]
         across = np.swapaxes(turned @ at.weighted, 0, 1)
         taken = np.tensordot(across @ np.linalg.inv(at.matrix), across, axes=((1, 2), (1, 2)))
-        return seen.T @ seen, (turned @ at.inverse @ places).sum(axis=0) - taken
+        return seen.T @ seen, (turned @ at.inverse @ columns).sum(axis=0) - taken
 
     def likeliest(self, known: Floats, names: tuple[str, ...], start: Floats) -> Sizes:
         """The likeliest sizes of some names, from a start (11,); the others stay constant.
 
         Each step multiplies three times at once, or once if that is more likely.
         """
-        free, is_together = np.array([name in names for name in NAMES]), TOGETHER in names
-        sizes, noise = start.copy(), np.eye(6)
+        free, sizes, noise = np.array([name in names for name in NAMES]), start.copy(), np.eye(6)
+        is_place = (TOGETHER in names) & np.isin(np.arange(len(OF_COLUMN)), OF_PLACES)
+        there = np.flatnonzero(free[OF_COLUMN] | is_place)
         at = self.restrict(known, sizes)
         for _ in range(MAX_SIZE_STEPS):
-            square, due = self.shares(at, free)
-            factor, noises = np.sqrt(square / due), [noise] * 4
-            if is_together:
-                shares = self.place_shares(at)
+            seen, due = self.shares(at, there)
+            square, expected = (
+                np.bincount(OF_COLUMN[there], np.diag(both), len(NAMES)) for both in (seen, due)
+            )
+            factor = np.where(free, np.sqrt(square / np.maximum(expected, 1e-300)), 1.0)
+            noises = [noise] * 4
+            if is_place.any():
+                block = np.ix_(is_place[there], is_place[there])
                 for n in range(3):
-                    noises[n + 1] = geometric_mean(noises[n], *shares)
+                    noises[n + 1] = geometric_mean(noises[n], seen[block], due[block])
             times = 3
-            there = self.restrict(known, sizes * factor**3, noises[3] - np.eye(6))
-            if there.unlikely > at.unlikely:
+            following = self.restrict(known, sizes * factor**3, noises[3] - np.eye(6))
+            if following.unlikely > at.unlikely:
                 times = 1
-                there = self.restrict(known, sizes * factor, noises[1] - np.eye(6))
-            sizes, noise, fall = sizes * factor**times, noises[times], at.unlikely - there.unlikely
-            at = there
+                following = self.restrict(known, sizes * factor, noises[1] - np.eye(6))
+            sizes, noise = sizes * factor**times, noises[times]
+            at, fall = following, at.unlikely - following.unlikely
             if fall < LEAST_FALL:
                 break
         return Sizes(at.unlikely, sizes, noise - np.eye(6))
 
     def is_together(self, known: Floats, start: Floats) -> bool:
         """Whether places of different detectors go together beyond chance."""
-        seen, due = self.place_shares(self.restrict(known, start))
+        seen, due = self.shares(self.restrict(known, start), OF_PLACES)
         size = np.sqrt(np.maximum(np.diag(due), 1e-300))
         apart = (seen - due) / size / size[:, None] * np.sqrt(len(self.residual))
         return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < TOGETHER_CHANCE
