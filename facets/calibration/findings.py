@@ -239,7 +239,7 @@ def delay_finding(result: Fit, data: Data) -> Finding | None:
     if delay > 0 or not steps_follow_speed(data):
         return Finding(False, words, ("delay",))
     also = " It could be that the mirror lags by a share of its last step: at equal times between "
-    also += "rows that looks the same. To tell them apart: move at half the speed."
+    also += "rows that looks the same. To tell them apart: change the time between the rows."
     return Finding(False, words + also, ("delay", "lag"))
 
 
@@ -332,10 +332,11 @@ def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
     words = "; and ".join(sizes[key](scatter) for key in scatter.causes)
     keys = [
         DETECTOR_SCATTER if key == SUPPLY_SCATTER and not scatter.is_shared else key
-        for key in scatter.causes + scatter.others
+        for key in scatter.causes
     ]
-    others = " or ".join(SCATTER[key].words for key in scatter.others)
-    apart = "; ".join(SCATTER[key].apart for key in (*scatter.causes, *scatter.others))
+    rivals = [key for key in scatter.others if key not in keys]
+    others = " or ".join(SCATTER[key].words for key in rivals)
+    apart = "; ".join(SCATTER[key].apart for key in (*keys, *rivals))
     rest = (
         f" It could be {others} as well: these samples cannot tell. To tell them apart: {apart}."
         if others else ""
@@ -344,7 +345,7 @@ def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
         "The samples scatter by more than the stated noise. The likeliest cause: "
         f"{words}.{rest} The fit has this scatter in it, and so have the stated uncertainties of "
         "its parameters."
-    ), tuple(keys))]  # fmt: skip
+    ), (*keys, *rivals))]  # fmt: skip
 
 
 def cause_findings(causes: list[Cause]) -> list[Finding]:
@@ -413,13 +414,16 @@ def describe_detectors(scatter: Scatter) -> str:
 
 def describe_places(scatter: Scatter) -> str:
     """By how much the places of each detector scatter, and whether they do so together."""
-    sizes = np.sqrt(np.diag(scatter.places).reshape(3, 2).mean(axis=1)).tolist()
-    told = ", ".join(f"{size:.2g}" for size in sizes)
+    sizes = np.sqrt(1 + np.diag(scatter.places).reshape(3, 2).mean(axis=1)).tolist()
+    told = ", ".join(f"{size:.3g}" for size in sizes)
     together = (
         "together, as by a supply or a reference voltage that they share" if scatter.is_shared
         else "each by itself"
     )  # fmt: skip
-    return f"the places on A, B and C scatter by a further {told} times their noise, {together}"
+    return (
+        f"the places on A, B and C scatter by {told} times the stated noise, {together}, and the "
+        f"powers by {np.hypot(1.0, scatter.size_of(POWERS)):.3g} times"
+    )
 
 
 def outlier_findings(rows: list[int], total: int, kind: str, place: str | None) -> list[Finding]:

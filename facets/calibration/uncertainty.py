@@ -30,7 +30,7 @@ from ..model.arrays import EFFECTS, readings
 from .alternatives.columns import beam_sigma, effect_columns
 from .alternatives.judge import Cause
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import PLACE_READINGS, POWERS, Scatter, is_doubtful
+from .alternatives.scatter import OF_PLACES, PLACE_READINGS, POWERS, Scatter, is_doubtful
 from .checks import rounding
 from .findings import profile_size, residual_sizes
 from .fitting.bundle_adjustment import (
@@ -58,9 +58,10 @@ def misfit_covariance(
     scatter: Scatter,
     causes: list[Cause],
 ) -> Floats:
-    """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the residuals
-    show beyond chance, of a cause that is not known or that stays with the sensor, what a
-    detector's spline leaves open, and the steps in which readings are written.
+    """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the detectors
+    scatter by beside their noise, what the residuals show beyond chance, of a cause that is not
+    known or that stays with the sensor, what a detector's spline leaves open, and the steps in
+    which readings are written.
 
     data: with the readings as they were. The unknowns take up a part of it, as they do of the
     noise, and a larger one, since what a model misses changes smoothly from pose to pose: what is
@@ -79,10 +80,9 @@ def misfit_covariance(
     matrix: Floats = scattered * stated * stated[:, None]
     matrix += np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
     for cause in causes:
-        if cause.alternatives[0].persists:
-            effect = np.nan_to_num(cause.best.effect * cause.remainder.noise)
-            effect /= np.sqrt(np.maximum(cause.remainder.is_read.sum(axis=0), 1))
-            matrix += effect.T @ effect
+        effect = np.nan_to_num(cause.lasting_effect * cause.remainder.noise)
+        effect /= np.sqrt(np.maximum(cause.remainder.is_read.sum(axis=0), 1))
+        matrix += effect.T @ effect
     return matrix
 
 
@@ -156,8 +156,7 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
     """
     if not causes:
         return sensor
-    result, known = remainder.fit, sensor.calibration
-    assert known is not None
+    result = remainder.fit
     size = len(result.values)
     traces = [
         trace._replace(
@@ -171,13 +170,33 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
         if not cause.alternatives[0].persists:
             shift = cause.remainder.shift_of_unknowns(cause.best)
             extra += np.outer(shift, shift)
-    names = list(result.choice.names)
+    return widen(sensor, result, extra)
+
+
+def widen(sensor: Sensor, result: Fit, extra: Floats) -> Sensor:
+    """The calibrated sensor with a covariance (p, p) of a fit's unknowns added."""
+    known, names = sensor.calibration, list(result.choice.names)
+    assert known is not None
     part = np.array(sensor_covariance(names, result.all_values, extra).covariance)
     matrix = np.array(known.covariance)
     matrix[: len(part), : len(part)] += part
     return replace(
         sensor, calibration=replace(known, covariance=tuple(map(tuple, matrix.tolist())))
     )
+
+
+def add_shared_noise(sensor: Sensor, remainder: Remainder, scatter: Scatter) -> Sensor:
+    """The calibrated sensor whose uncertainty includes that places scatter together, which the fit
+    does not weigh; what this makes better known is left.  remainder: without these correlations."""
+    if not scatter.correlation.any():
+        return sensor
+    places = remainder.likelihood.columns[:, :, OF_PLACES]
+    pulled = np.swapaxes(remainder.weighted, 1, 2) @ places
+    shared = np.tensordot(pulled @ scatter.correlation, pulled, axes=((0, 2), (0, 2)))
+    level, ways = np.linalg.eigh(remainder.covariance @ shared @ remainder.covariance)
+    size = len(remainder.fit.values)
+    extra = ((ways * np.maximum(level, 0.0)) @ ways.T)[:size, :size]
+    return widen(sensor, remainder.fit, extra)
 
 
 #: From the axes' units to those in which errors are shown, um and urad.

@@ -63,6 +63,7 @@ from .search import (
 from .table import split
 from .uncertainty import (
     add_causes,
+    add_shared_noise,
     add_unseen_errors,
     centre_sigma,
     misfit_covariance,
@@ -398,6 +399,7 @@ def validate(
     settings: Calibrate,
 ) -> Verdict:
     result, data, held = done.fit, done.data, plain.screened.held
+    bare = Remainder(done.sensor, data, result, settings.outliers)
     correlation = done.scatter.correlation
     remainder = Remainder(done.sensor, data, result, settings.outliers, correlation)
     said = cause_findings(causes)
@@ -414,7 +416,7 @@ def validate(
     read = restore_readings(data, plain.original)
     misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
     made = add_unseen_errors(result.sensor, result, data, misfit, centre)
-    made = add_causes(made, remainder, causes)
+    made = add_causes(add_shared_noise(made, bare, done.scatter), remainder, causes)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)

@@ -57,7 +57,7 @@ class Trace(NamedTuple):
     standard deviations of the readings.  amounts: (q,) of the columns, in the units of the
     alternative.  at: the place of the best trial: the rows behind which it began and ended, a
     period in rows or mm, a place in mm; empty without trials.  prior: information on the amounts
-    before.
+    before.  is_partial: whether directions that the unknowns nearly explain were left out.
     """
 
     key: str
@@ -68,6 +68,7 @@ class Trace(NamedTuple):
     log_trials: float = 0.0
     at: tuple[float, ...] = ()
     prior: Floats | float = 0.0
+    is_partial: bool = False
 
     @property
     def score(self) -> float:
@@ -113,7 +114,8 @@ class Alternative:
     imperative.  apart: the measurement that tells it from others, an imperative.
 
     It acts in one of three ways: by columns, whose `test` of a `Remainder` gives the part of the
-    residuals that they explain, and `size` that in words; by a `change` of the samples, which
+    residuals that they explain, `size` that in words, and `in_use` the columns that they are when
+    poses are measured, where that is another motion; by a `change` of the samples, which
     undoes it; or by a larger `variance` of what may scatter, by name.
 
     refuses: whether a calibration with it is never to be trusted; others forbid the use only where
@@ -128,6 +130,7 @@ class Alternative:
     apart: str = ""
     test: Callable[[Any], Trace] | None = None
     size: Callable[[Trace, Any], str] = no_size
+    in_use: Callable[[Any], Floats] | None = None
     change: Callable[[Data], Data] | None = None
     variance: tuple[str, ...] = ()
     refuses: bool = False

@@ -230,7 +230,8 @@ def window_columns(remainder: Remainder, k: int) -> Floats:
 
 def spot_range(remainder: Remainder, k: int) -> Floats:
     """The range (2,) of the spot's places on a detector, mm."""
-    across: Floats = np.ptp(remainder.raw[:, 3 * k : 3 * k + 2], axis=0)
+    place = remainder.raw[remainder.is_read[:, 3 * k], 3 * k : 3 * k + 2]
+    across: Floats = np.ptp(place, axis=0) if len(place) else np.zeros(2)
     return across.clip(1e-12)
 
 
@@ -243,8 +244,8 @@ def window_fringes(remainder: Remainder, periods: Floats, k: int) -> Floats:
 
 
 def likely_fringes(remainder: Remainder, columns: Floats, k: int) -> Floats:
-    """The periods (m, 2) of the fringes that would explain most of what columns (n, 9, q) explain,
-    if no unknown took up any of it."""
+    """The numbers of periods (m, 2) of the fringes that would explain most of what columns (n, 9,
+    q) explain, if no unknown took up any of it."""
     along = WINDOW_PERIODS[WINDOW_PERIODS >= 0]
     place = remainder.raw[:, 3 * k : 3 * k + 2] / spot_range(remainder, k)
     psi = np.exp(2j * np.pi * along[:, None] * place[:, 0])
@@ -445,13 +446,24 @@ def clock_columns(remainder: Remainder) -> Floats:
 
 def memory_columns(remainder: Remainder) -> Floats:
     """The columns of what each detector keeps of the row before, as a share: of places, of
-    powers."""
-    data = remainder.data
-    before = np.zeros_like(data.raw) if data.before is None else data.before - data.raw
-    columns = np.zeros((*before.shape, 6))
+    powers. Less what the model has for a row: its noise would look like a share of itself."""
+    before = remainder.data.before
+    return kept_columns(remainder, remainder.model_readings if before is None else before)
+
+
+def memory_in_use(remainder: Remainder) -> Floats:
+    """The same where each pose comes after the one on the other side of the motion."""
+    return kept_columns(
+        remainder, 2 * np.median(remainder.model_readings, axis=0) - remainder.model_readings
+    )
+
+
+def kept_columns(remainder: Remainder, before: Floats) -> Floats:
+    apart = before - remainder.model_readings
+    columns = np.zeros((*apart.shape, 6))
     for k in range(3):
-        columns[:, 3 * k : 3 * k + 2, 2 * k] = before[:, 3 * k : 3 * k + 2]
-        columns[:, 3 * k + 2, 2 * k + 1] = before[:, 3 * k + 2]
+        columns[:, 3 * k : 3 * k + 2, 2 * k] = apart[:, 3 * k : 3 * k + 2]
+        columns[:, 3 * k + 2, 2 * k + 1] = apart[:, 3 * k + 2]
     return columns / remainder.noise[:, :, None]
 
 
@@ -475,10 +487,10 @@ def averaged_columns(remainder: Remainder) -> Floats:
 
 def leak_columns(remainder: Remainder) -> Floats:
     """The columns of a share of each detector's currents in the channels of each other one."""
-    raw, noise = remainder.raw, remainder.noise
+    raw, noise = np.nan_to_num(remainder.data.raw), remainder.noise  # what is not read is no leak
     columns = np.zeros((*noise.shape, 6))
     for n, (k, j) in enumerate(permutations(range(3), 2)):
-        share = raw[:, 3 * k + 2] / np.maximum(raw[:, 3 * j + 2], LEAST_POWER_MW)
+        share = raw[:, 3 * k + 2] / np.maximum(remainder.raw[:, 3 * j + 2], LEAST_POWER_MW)
         columns[:, 3 * j + 2, n] = raw[:, 3 * k + 2] / noise[:, 3 * j + 2]
         for m in (0, 1):
             apart = raw[:, 3 * k + m] - raw[:, 3 * j + m]
@@ -487,8 +499,8 @@ def leak_columns(remainder: Remainder) -> Floats:
 
 
 def likely_resets(remainder: Remainder, columns: Floats) -> tuple[Floats, int]:
-    """Blocks (n, b) of rows of that equal length, and it, of which columns (n, 9, q) of their own
-    would explain most if no unknown took up any of it."""
+    """Blocks (n, b) of rows, and their length: of all lengths the one at which columns (n, 9, q)
+    with other amounts in each block would explain most if no unknown took up any of it."""
     pulled = (np.swapaxes(columns, 1, 2) @ remainder.pulled[:, :, None])[:, :, 0]
     square = np.einsum("niq,nij,njq->nq", columns, remainder.inverse, columns)
     rows = remainder.row_numbers - 1

@@ -326,6 +326,7 @@ def test_window(remainder: Remainder, k: int) -> Trace:
 def test_resets(remainder: Remainder) -> Trace:
     made = remainder.readable(columns.lamp_columns(remainder))  # of each of four electrodes
     blocks, length = columns.likely_resets(remainder, made)
+    blocks = blocks if blocks.shape[1] > 2 else blocks * 0.0  # two are a jump, and one is none
     sigma = np.repeat(LAMP_SIGMA, blocks.shape[1])
     whole = made[:, :, :, None] * blocks[:, None, None, :]
     trace = remainder.test("dark.reset", whole.reshape(*made.shape[:2], -1), sigma)
@@ -420,7 +421,8 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 plain("memory", columns.memory_columns, MEMORY_SIGMA,
                       lambda amounts: bool(amounts.max() > -amounts.min())),
                 lambda trace, remainder: (
-                    f"(up to {100 * np.abs(trace.amounts).max():.2g} %)")),
+                    f"(up to {100 * np.abs(trace.amounts).max():.2g} %)"),
+                columns.memory_in_use),
     Alternative("averaged", "table", "the readings were averaged or filtered, and the reference "
                 "was not", "record both alike", "move at half the speed",
                 plain("averaged", columns.averaged_columns,

@@ -80,6 +80,15 @@ class Cause:
         return self.traces[0]
 
     @property
+    def lasting_effect(self) -> Floats:
+        """What it may do to readings (n, 9) when poses are measured, in their standard deviations:
+        by the likeliest of its alternatives that stays with the sensor; zero where none does."""
+        for part, trace in zip(self.alternatives, self.traces, strict=True):
+            if part.persists:
+                return effect_in_use(self.remainder, trace)
+        return np.zeros_like(self.remainder.noise)
+
+    @property
     def size(self) -> float:
         """The r.m.s. of what it does to the readings and no unknown takes up, over their noise."""
         effect = self.remainder.visible_effect(self.best) / self.remainder.noise
@@ -99,6 +108,12 @@ class Cause:
     @property
     def refuses(self) -> bool:
         return self.alternatives[0].refuses or not self.is_small
+
+
+def effect_in_use(remainder: Remainder, trace: Trace) -> Floats:
+    in_use = BY_KEY[trace.key].in_use
+    effect: Floats = in_use(remainder) @ trace.amounts if in_use else trace.effect
+    return effect
 
 
 def undo_causes(data: Data, causes: list[Cause]) -> Data:
@@ -249,7 +264,7 @@ def pose_shift(remainder: Remainder, trace: Trace) -> float:
     kept = np.array([not name.startswith(RUN_UNKNOWNS) for name in names])
     common = like.common * kept
     if BY_KEY[trace.key].persists:
-        error = trace.effect
+        error = effect_in_use(remainder, trace)
     else:
         error = common @ remainder.shift_of_unknowns(trace)
     error = error * remainder.is_read

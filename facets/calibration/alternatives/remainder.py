@@ -30,6 +30,8 @@ from .scatter import NAMES, NONE_TOGETHER, UNMEASURED_SIGMA, Likelihood
 
 #: A direction of columns that the unknowns explain but for this share of its square is left out.
 LEAST_OWN_SHARE = 1e-6
+#: The fall of chi-square that is worth another column.
+LEAST_GAIN = 9.0
 #: A step has at least this number of samples on both sides.
 STEP_MARGIN = 8
 #: Of courses of two functions, so many are compared beside the unknowns.
@@ -176,15 +178,29 @@ class Remainder:
         whole, matrix, side = self.equations(columns)
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, side.shape)
         fall, amounts, count = falls_of(whole[None], matrix[None], side[None], prior, least)
-        return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], prior=prior)
+        is_partial = least > LEAST_OWN_SHARE
+        return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], 0.0, (), prior,
+                     is_partial)  # fmt: skip
 
     def complete(self, trace: Trace) -> Trace:
-        """The trace of columns with its amounts in all directions, those that the unknowns nearly
-        explain, too: these say little of the residuals, and move the unknowns most."""
-        whole, matrix, side = self.equations(self.readable(trace.columns))
-        prior = np.broadcast_to(trace.prior, side.shape)
-        _, amounts, _ = falls_of(whole[None], matrix[None], side[None], prior)
-        return trace._replace(amounts=amounts[0])
+        """A trace whose score left directions out that the unknowns nearly explain, with the
+        amounts of the fewest columns that explain as much: these move the unknowns, too."""
+        if not trace.is_partial:
+            return trace
+        _, matrix, side = self.equations(trace.columns)
+        matrix = matrix + np.diag(np.broadcast_to(trace.prior, side.shape))
+        chosen, amounts, fall = list[int](), np.zeros(len(side)), 0.0
+        while len(chosen) < len(side):
+            falls = np.zeros(len(side))
+            for n in set(range(len(side))) - set(chosen):
+                at = [*chosen, n]
+                falls[n] = side[at] @ np.linalg.solve(matrix[np.ix_(at, at)], side[at])
+            if falls.max() < fall + LEAST_GAIN:
+                break
+            chosen.append(int(np.argmax(falls)))
+            fall = falls[chosen[-1]]
+        amounts[chosen] = np.linalg.solve(matrix[np.ix_(chosen, chosen)], side[chosen])
+        return trace._replace(amounts=amounts)
 
     def test_courses(
         self, key: str, columns: Floats, courses: Floats, sigma: Floats | float = np.inf

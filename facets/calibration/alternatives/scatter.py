@@ -82,8 +82,9 @@ SCATTER = {
 BEAM_SCATTER, REFERENCE_SCATTER = "beam_scatter", "reference_scatter"
 CLOCK_SCATTER = "clock_scatter"
 DETECTOR_SCATTER, SUPPLY_SCATTER = "detector_scatter", "supply_scatter"
-#: The correlation of places of different detectors from which on they scatter together.
-LEAST_SHARED = 0.3
+#: The correlation of places of different detectors from which on they scatter together, and the
+#: least in standard deviations of chance.
+LEAST_SHARED, SHARED_SIGMAS = 0.3, 4.0
 #: The share of a sample's chi-square that one column explains where it alone errs; in how many
 #: samples at least.
 MOST_OF_ERROR, LEAST_ERRING = 0.9, 3
@@ -179,7 +180,7 @@ class Likelihood:
 
         Each step multiplies three times at once, or once if that is more likely.
         """
-        free, sizes, noise = np.array([name in names for name in NAMES]), start.copy(), np.eye(6)
+        free, sizes, matrix = np.array([name in names for name in NAMES]), start.copy(), np.eye(6)
         is_place = (TOGETHER in names) & np.isin(np.arange(len(OF_COLUMN)), OF_PLACES)
         there = np.flatnonzero(free[OF_COLUMN] | is_place)
         at = self.restrict(known, sizes)
@@ -189,21 +190,21 @@ class Likelihood:
                 np.bincount(OF_COLUMN[there], np.diag(both), len(NAMES)) for both in (seen, due)
             )
             factor = np.where(free, np.sqrt(square / np.maximum(expected, 1e-300)), 1.0)
-            noises = [noise] * 4
+            matrices = [matrix] * 4
             if is_place.any():
                 block = np.ix_(is_place[there], is_place[there])
                 for n in range(3):
-                    noises[n + 1] = geometric_mean(noises[n], seen[block], due[block])
+                    matrices[n + 1] = geometric_mean(matrices[n], seen[block], due[block])
             times = 3
-            following = self.restrict(known, sizes * factor**3, noises[3] - np.eye(6))
+            following = self.restrict(known, sizes * factor**3, matrices[3] - np.eye(6))
             if following.unlikely > at.unlikely:
                 times = 1
-                following = self.restrict(known, sizes * factor, noises[1] - np.eye(6))
-            sizes, noise = sizes * factor**times, noises[times]
+                following = self.restrict(known, sizes * factor, matrices[1] - np.eye(6))
+            sizes, matrix = sizes * factor**times, matrices[times]
             at, fall = following, at.unlikely - following.unlikely
             if fall < LEAST_FALL:
                 break
-        return Sizes(at.unlikely, sizes, noise - np.eye(6))
+        return Sizes(at.unlikely, sizes, matrix - np.eye(6))
 
     def is_together(self, known: Floats, start: Floats) -> bool:
         """Whether places of different detectors go together beyond chance."""
@@ -267,11 +268,20 @@ class Sizes(NamedTuple):
     variances: Floats
     together: Floats
 
-    def scatter(self, causes: tuple[str, ...], others: tuple[str, ...], fall: float) -> Scatter:
-        """The scatter of these sizes; no noise is taken for less than is stated."""
+    def scatter(
+        self, causes: tuple[str, ...], others: tuple[str, ...], fall: float, rows: int
+    ) -> Scatter:
+        """The scatter of these sizes in a number of samples; no noise is taken for less than is
+        stated."""
         level, ways = np.linalg.eigh(self.together)
         together = (ways * np.maximum(level, 0.0)) @ ways.T
-        return Scatter(causes, others, np.sqrt(self.variances) * UNITS, together, fall)
+        whole = np.eye(6) + self.together
+        size = np.sqrt(np.diag(whole))
+        least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(rows))
+        is_shared = np.abs((whole / size / size[:, None])[IS_BETWEEN]).max() > least
+        return Scatter(
+            causes, others, np.sqrt(self.variances) * UNITS, together, fall, bool(is_shared)
+        )
 
 
 # ---- which of the causes it is, and the fit again with what they scatter by
@@ -284,7 +294,7 @@ class Scatter(NamedTuple):
     explained.  others: causes of which each could explain it alone as well.  sizes: (11,) by
     `NAMES`, what is added to what was known before, in mm, rad and shares, and times the readings'
     noise.  together: (6, 6) covariance of the places beside their noise, over it.  fall: of -2 log
-    L by them.
+    L by the causes.  is_shared: whether the places of different detectors scatter together.
     """
 
     causes: tuple[str, ...]
@@ -292,6 +302,7 @@ class Scatter(NamedTuple):
     sizes: Floats
     together: Floats = NONE_TOGETHER
     fall: float = 0.0
+    is_shared: bool = False
 
     @property
     def places(self) -> Floats:
@@ -306,11 +317,6 @@ class Scatter(NamedTuple):
         size = np.sqrt(1 + np.diag(self.places))
         whole: Floats = self.places / size / size[:, None]
         return whole - np.diag(np.diag(whole))
-
-    @property
-    def is_shared(self) -> bool:
-        """Whether the places of different detectors scatter together."""
-        return bool(np.abs(self.correlation[IS_BETWEEN]).max() > LEAST_SHARED)
 
     def size_of(self, name: str) -> float:
         return float(self.sizes[NAMES.index(name)])
@@ -372,8 +378,10 @@ class SizeProblem(NamedTuple):
             square = (self.like.columns[:, :, n == OF_COLUMN] ** 2).sum()
             start[n] = FIRST_NOISE_SHARE * len(self.like.residual) / max(square, 1e-300)
         found = self.like.likeliest(self.known, (*self.always, *names), start)
-        cost = 2 * TOGETHER_COUNT if TOGETHER in names else 0
-        return found._replace(unlikely=found.unlikely + cost)
+        return found._replace(unlikely=found.unlikely + self.cost(causes))
+
+    def cost(self, causes: tuple[str, ...]) -> float:
+        return 2 * TOGETHER_COUNT * (SUPPLY_SCATTER in causes)
 
 
 def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
@@ -395,26 +403,39 @@ def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
 
 
 def estimate_scatter(problem: SizeProblem) -> Scatter:
-    """Choose one cause if it is hardly less likely than all together, else two, else all."""
-    every = tuple(problem.causes)
-    whole = problem.sizes(every)
-    fall = problem.like.restrict(problem.known, problem.start).unlikely - whole.unlikely
-    for count in range(1, len(every)):
-        tried = {keys: problem.sizes(keys) for keys in combinations(every, count)}
-        best = min(tried, key=lambda keys: tried[keys].unlikely)
-        if tried[best].unlikely < whole.unlikely + LEAST_FALL_BESIDE:
-            singles = {
-                keys[0]: sizes for keys, sizes in tried.items() if count == 1 and keys != best
-            }
-            likely = tried[best].unlikely + NOT_EXCLUDED
-            others = tuple(key for key, sizes in singles.items() if sizes.unlikely < likely)
-            return tried[best].scatter(best, others, fall)
-    return whole.scatter(every, (), fall)
+    """Choose one cause if it is hardly less likely than the best of all together, else two, and so
+    on. The covariance of the places holds the detectors' sizes, so these are not tried beside it.
+    """
+    several = [
+        keys for count in range(1, len(problem.causes) + 1)
+        for keys in combinations(problem.causes, count)
+        if not {DETECTOR_SCATTER, SUPPLY_SCATTER} <= set(keys)
+    ]  # fmt: skip
+    most = max(map(len, several))
+    tried = {keys: problem.sizes(keys) for keys in several if len(keys) == most}
+    least = min(sizes.unlikely for sizes in tried.values())
+    best = min(tried, key=lambda keys: tried[keys].unlikely)
+    for count in range(1, most):
+        tried |= {keys: problem.sizes(keys) for keys in several if len(keys) == count}
+        here = min((k for k in tried if len(k) == count), key=lambda keys: tried[keys].unlikely)
+        least = min(least, tried[here].unlikely)
+        if tried[here].unlikely < least + LEAST_FALL_BESIDE:
+            best = here
+            break
+    likely = tried[best].unlikely + NOT_EXCLUDED
+    others = tuple(
+        keys[0] for keys, sizes in tried.items()
+        if len(keys) == 1 and keys != best and sizes.unlikely < likely
+    )  # fmt: skip
+    before = problem.like.restrict(problem.known, problem.start).unlikely
+    fall = before - tried[best].unlikely + problem.cost(best)
+    return tried[best].scatter(best, others, fall, len(problem.like.residual))
 
 
 def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
     """The scatter by the same causes with the likeliest sizes at another fit."""
-    return problem.sizes(scatter.causes).scatter(scatter.causes, scatter.others, scatter.fall)
+    rows = len(problem.like.residual)
+    return problem.sizes(scatter.causes).scatter(*scatter[:2], scatter.fall, rows)
 
 
 def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Choice]:
