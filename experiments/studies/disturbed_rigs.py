@@ -169,11 +169,13 @@ def moving() -> list[Case]:
         Case("moving", "backlash 1.5 um, told",
              Disturbance(mirror=backlash(only(1.5e-3)), told=told), ("backlash",)),
         Case("moving", "backlash 0.5 um", Disturbance(mirror=backlash(only(5e-4))), ("backlash",)),
-        Case("moving", "beam walks 2.5 um", Disturbance(beam=wander(2.5e-3)), ("beam moved",)),
+        Case("moving", "beam walks 2.5 um", Disturbance(beam=wander(2.5e-3)),
+             ("likeliest cause: the beam",)),
         Case("moving", "beam trembles 0.5 um", Disturbance(beam=tremble(5e-4)), ("beam moved",)),
         Case("moving", "power jitters 1 %", Disturbance(power=unsteady(0.01)), ("power changed",)),
         Case("moving", "beam 2.5 um and power 1 %",
-             Disturbance(beam=wander(2.5e-3), power=unsteady(0.01)), ("beam moved",)),
+             Disturbance(beam=wander(2.5e-3), power=unsteady(0.01)),
+             ("likeliest cause: the beam",)),
     ]  # fmt: skip
 
 

@@ -47,7 +47,11 @@ LIKE_STEADY_LIGHT = ("lamp.jumped", "dark.jumped")
 STEPS_TRIED = 3
 #: What moves the poses by more than this share of what is stated forbids the use: what stays with
 #: the sensor, and what does not, which is undone and of which the uncertainty has the shift.
-MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 3.0
+MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 4.0
+#: A shift of the poses that counts, over the noise of one.
+LEAST_MOVED = 0.3
+#: A pose is not known where its variance is so many times that of most.
+WORST_VARIANCE = 100.0
 #: Unknowns of a run that are no part of the sensor.
 RUN_UNKNOWNS = ("lever.", "apex.", "seat_", "reference.", "backlash.", "lag.", "time.",
                 "temperature.", "past_", "ahead.")  # fmt: skip
@@ -193,7 +197,7 @@ def find_causes(remainder: Remainder) -> list[Cause]:
         rest = remainder.extend_by([other for other in chosen if other is not trace])
         traces = clear_traces(rest)
         if traces:  # else the others explain it
-            several = [rest.complete(trace) for trace in rivals(traces, rest)]
+            several = [whole_trace(rest, trace) for trace in rivals(traces, rest)]
             causes.append(Cause(tuple(several), rest, pose_shift(rest, several[0])))
     return causes
 
@@ -252,9 +256,29 @@ def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:
     ]  # fmt: skip
 
 
+def whole_trace(remainder: Remainder, trace: Trace) -> Trace:
+    """The trace, complete where that moves the poses by the sensor's own parameters; another place
+    of the mirror on the reference moves none."""
+    whole = remainder.complete(trace)
+    apart = trace._replace(amounts=whole.amounts - trace.amounts)
+    moved, variance, _ = shifted_poses(remainder, apart)
+    over = np.sqrt((moved**2).mean(axis=0) / variance)
+    return whole if over.max() > LEAST_MOVED else trace
+
+
 def pose_shift(remainder: Remainder, trace: Trace) -> float:
     """By how much an alternative moves solved poses, r.m.s., over their stated uncertainty; the
-    worst axis, the beam known and the power unknown.
+    worst axis, the beam known and the power unknown."""
+    moved, variance, across = shifted_poses(remainder, trace)
+    size = across.shape[2]
+    covariance = remainder.covariance[:size, :size]
+    stated = np.einsum("nip,pq,niq->i", across, covariance, across, optimize=True) / len(across)
+    return float(np.sqrt((moved**2).mean(axis=0) / (variance + stated)).max())
+
+
+def shifted_poses(remainder: Remainder, trace: Trace) -> tuple[Floats, Floats, Floats]:
+    """By how much an alternative moves solved poses (n, 6), the variance of one by its readings
+    (6,), and the poses' derivatives by the sensor's parameters (n, 6, p).
 
     What stays with the sensor acts on every reading; what does not, by the unknowns that it would
     have moved.
@@ -272,10 +296,7 @@ def pose_shift(remainder: Remainder, trace: Trace) -> float:
     inner = np.linalg.inv(np.swapaxes(by_pose, 1, 2) @ by_pose + 1e-9 * np.eye(7))
     gain = (inner @ np.swapaxes(by_pose, 1, 2))[:, :6]
     moved = (gain @ error[:, :, None])[:, :, 0]
-    across = gain @ common
-    covariance = remainder.covariance[: len(names), : len(names)]
-    stated = np.diagonal(inner, axis1=1, axis2=2)[:, :6].mean(axis=0)
-    stated = stated + np.einsum("nip,pq,niq->i", across, covariance, across, optimize=True) / len(
-        gain
-    )
-    return float(np.sqrt((moved**2).mean(axis=0) / stated).max())
+    each = np.diagonal(inner, axis1=1, axis2=2)[:, :6]
+    size = each.max(axis=1)
+    known = size <= WORST_VARIANCE * np.median(size)  # others lack readings that fix their pose
+    return moved[known], each[known].mean(axis=0), (gain @ common)[known]
