@@ -40,6 +40,7 @@ from .fitting.bundle_adjustment import (
     add_skew,
     deviations,
     own_information,
+    relative_power,
     states_of,
 )
 from .fitting.fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
@@ -183,6 +184,23 @@ def widen(sensor: Sensor, result: Fit, extra: Floats) -> Sensor:
     return replace(
         sensor, calibration=replace(known, covariance=tuple(map(tuple, matrix.tolist())))
     )
+
+
+#: A change of the laser's power by which other light is not the same share of it, a share.
+LEAST_CHANGE = 0.05
+
+
+def add_background_scale(sensor: Sensor, result: Fit, data: Data) -> Sensor:
+    """The calibrated sensor whose uncertainty includes that other light on the detectors follows
+    the laser's power, as the fit takes it, or does not."""
+    power = relative_power(data, result.own_values, result.all_values)
+    change = float(np.abs(power / power.mean() - 1).max())
+    if change < LEAST_CHANGE:
+        return sensor
+    names = result.choice.names
+    is_background = [name.startswith("background") and name.endswith("power") for name in names]
+    error = result.values * is_background * change
+    return widen(sensor, result, np.diag(error**2))
 
 
 def add_shared_noise(sensor: Sensor, remainder: Remainder, scatter: Scatter) -> Sensor:

@@ -62,6 +62,7 @@ from .search import (
 )
 from .table import split
 from .uncertainty import (
+    add_background_scale,
     add_causes,
     add_shared_noise,
     add_unseen_errors,
@@ -416,7 +417,8 @@ def validate(
     read = restore_readings(data, plain.original)
     misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
     made = add_unseen_errors(result.sensor, result, data, misfit, centre)
-    made = add_causes(add_shared_noise(made, bare, done.scatter), remainder, causes)
+    made = add_shared_noise(made, bare, done.scatter)
+    made = add_background_scale(add_causes(made, remainder, causes), result, data)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)

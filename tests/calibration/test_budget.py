@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig_samples import NOMINAL, judge, sample_rig
+from rig_samples import NOMINAL, judge, sample_rig, settings
 
 import facets
-from facets.calibration import Choice, Data, fit, uncertainty
+from facets.calibration import PLACE, Choice, Data, fit, uncertainty
 from facets.core import Calibration
 from facets.detectors import standard_deviations
 from facets.estimation import coverage_factor
@@ -83,6 +83,22 @@ def test_the_sources_are_all_of_what_is_written():
         written = np.array(judged.sensor.calibration.covariance)
         np.testing.assert_allclose(np.diag(sum(parts.sensor.values())), np.diag(written), rtol=1e-9)
         assert (uncertainty.CAUSES in parts.sensor) == bool(fault)
+
+
+def test_other_light_is_less_known_where_the_lasers_power_falls():
+    """By a third, which it may follow or not."""
+
+    def fade(sensor, state, exact):
+        exact[:, 2::3] += 1e-3  # at the middle of each detector
+        for m in (0, 1):
+            exact[:, m::3] *= 1 - 1e-3 / exact[:, 2::3]
+        exact[:, 2::3] *= np.linspace(1.2, 0.8, len(exact))[:, None]
+        return exact
+
+    judged = judge(sample_rig(200, alter=fade)[1], settings(background="on"))
+    known, value = judged.sensor.calibration, judged.fit.all_values[PLACE["background_a.power"]]
+    n = known.names.index("background_a.power")
+    assert known.covariance[n][n] ** 0.5 > 0.19 * value > 1e-4
 
 
 def test_a_misfit_is_a_source_of_its_own():
