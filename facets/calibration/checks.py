@@ -7,13 +7,14 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from ..core.names import DETECTORS, KINDS, POSE
+from ..core.names import ANGLES, DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.temperature import PLACES
 from ..model.arrays import edge_distance, half_sizes, is_near_edge, readings
 from .alternatives.alternative import Finding
+from .alternatives.scatter import Scatter
 from .fitting.bundle_adjustment import OWN_COUNT, Data, deviations, states_of
 from .fitting.samples import row_numbers
 from .fitting.unknowns import values_of
@@ -36,6 +37,8 @@ MOST_EDGE_SHARE = 0.7
 EVEN_STEPS, GAP_STEPS, MOST_GAPS = 0.1, 10.0, 3
 #: The error of a place by its last digit that counts, over the noise.
 LEAST_OF_NOISE = 0.3
+#: How many times its stated uncertainty a reference's last digit may make it err.
+WORST_STEPS = 5.0
 #: A current is saturated where this share of its values lies within its noise of the largest, and
 #: so many times as many as below.
 PILED_SHARE, PILED_FACTOR, LEAST_PILED = 0.03, 4.0, 12
@@ -243,6 +246,26 @@ def rounding(sensor: Sensor, data: Data) -> Floats:
     least = noise.copy()  # a power in a converter's steps has them in its noise
     least[PLACES] *= LEAST_OF_NOISE
     return np.where(sizes > least, sizes, 0.0)
+
+
+def reference_steps(data: Data, scatter: Scatter) -> list[Finding]:
+    """A finding on a reference that scatters by the steps in which it is written, where these are
+    far more than its uncertainty; poses on a grid alone may be wanted ones.  data: with the
+    reference's uncertainty as stated."""
+    steps = np.array([written_step(column) for column in data.pose.T])
+    sizes = steps / np.sqrt(12)
+    coarse = (sizes > WORST_STEPS * data.sigma) & (scatter.sizes[:6] > sizes / 2)
+    if not coarse.any():
+        return []
+    told = ", ".join(
+        f"{name} in steps of {1e6 * step if name in ANGLES else 1e3 * step:.3g} "
+        f"{'urad' if name in ANGLES else 'um'}"
+        for name, step, is_coarse in zip(POSE, steps, coarse, strict=True) if is_coarse
+    )  # fmt: skip
+    return [Finding(True, (
+        f"The reference scatters by the steps in which it is written ({told}), which are far more "
+        "than its uncertainty (calibrate.reference), and follow the motion: write more digits."
+    ), ("reference_steps",))]  # fmt: skip
 
 
 def written_step(values: Floats) -> float:

@@ -32,7 +32,7 @@ from .alternatives.judge import (
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import LEAST_ERRING, erring_column, fit_steady_laser
 from .candidates import DELAY_SIGMA_S, tried_kinds
-from .checks import add_written_steps, check_columns, exclude_edge_readings
+from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
     cause_findings,
     centre_findings,
@@ -410,7 +410,7 @@ def validate(
     )  # fmt: skip
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
     said += effect_findings(remainder, least)
-    said += scatter_findings(done.scatter, least)
+    said += scatter_findings(done.scatter, least) + reference_steps(plain.original, done.scatter)
     said += findings(done.sensor, result, data) + plain.screened.findings
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)

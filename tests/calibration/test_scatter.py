@@ -58,6 +58,15 @@ def test_times_that_jitter_are_told_from_a_mirror_that_vibrates():
     assert float(jitter[1]) == pytest.approx(0.02, rel=0.2)
 
 
+def test_a_reference_that_scatters_by_its_last_digit_forbids_the_use():
+    data = sample_rig(COUNT, 3)[1]
+    coarse = data.pose.copy()
+    coarse[:, 1] = np.round(coarse[:, 1] / 4e-3) * 4e-3
+    judged = judge(data._replace(pose=coarse))
+    assert not judged.is_trusted
+    assert "written (ty in steps of 4 um)" in words_of(judged)
+
+
 # ---- samples that no noise makes
 
 

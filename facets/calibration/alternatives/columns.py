@@ -373,7 +373,7 @@ def aperture_columns(remainder: Remainder) -> Floats:
 
 #: How far the reference may err by each of its kinds of error, 1 sigma: shares of its ways, mm from
 #: the line of measurement, rad of its axes, and mm and rad at the ends of the motion.
-SCALE_SIGMA, ABBE_SIGMA_MM, SQUARENESS_SIGMA = 2e-3, 10.0, 5e-3
+SCALE_SIGMA, ABBE_SIGMA_MM, SQUARENESS_SIGMA = 5e-3, 10.0, 5e-3
 BOW_SIGMAS = np.array([5e-3] * 3 + [2e-5] * 3)
 
 
