@@ -44,6 +44,8 @@ OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3, 10])
 #: The places' covariance (6, 6) beside their noise, by which each scatters by itself or together
 #: with others; its columns and its number of sizes.
 TOGETHER, OF_PLACES, TOGETHER_COUNT = "together", np.arange(9, 15), 21
+#: Samples that each number of a covariance takes; of fewer it would be what jumped once, too.
+SAMPLES_EACH = 5
 NONE_TOGETHER, PLACE_READINGS = np.zeros((6, 6)), [0, 1, 3, 4, 6, 7]
 #: The unit of the time's scatter, s.
 CLOCK_UNIT_S = 1e-3
@@ -390,6 +392,8 @@ def size_problem(task: Task, result: Fit, beam: bool) -> SizeProblem:
     causes = {key: part.variance for key, part in SCATTER.items()}
     causes |= {REFERENCE_SCATTER: measured} | ({} if beam else {BEAM_SCATTER: ()})
     causes |= {CLOCK_SCATTER: ()} if task.data.velocity is None else {}
+    few = len(task.data.raw) < SAMPLES_EACH * TOGETHER_COUNT
+    causes |= {SUPPLY_SCATTER: ()} if few else {}
     start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
     if jitters:
         start[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2
@@ -411,22 +415,22 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
         for keys in combinations(problem.causes, count)
         if not {DETECTOR_SCATTER, SUPPLY_SCATTER} <= set(keys)
     ]  # fmt: skip
+    tried = dict[tuple[str, ...], Sizes]()
+
+    def likeliest(count: int) -> tuple[str, ...]:
+        tried.update((keys, problem.sizes(keys)) for keys in several if len(keys) == count)
+        return min((k for k in tried if len(k) == count), key=lambda keys: tried[keys].unlikely)
+
     most = max(map(len, several))
-    tried = {keys: problem.sizes(keys) for keys in several if len(keys) == most}
-    least = min(sizes.unlikely for sizes in tried.values())
-    best = min(tried, key=lambda keys: tried[keys].unlikely)
+    best = likeliest(most)
     for count in range(1, most):
-        tried |= {keys: problem.sizes(keys) for keys in several if len(keys) == count}
-        here = min((k for k in tried if len(k) == count), key=lambda keys: tried[keys].unlikely)
-        least = min(least, tried[here].unlikely)
+        here, least = likeliest(count), min(sizes.unlikely for sizes in tried.values())
         if tried[here].unlikely < least + LEAST_FALL_BESIDE:
             best = here
             break
     likely = tried[best].unlikely + NOT_EXCLUDED
-    others = tuple(
-        keys[0] for keys, sizes in tried.items()
-        if len(keys) == 1 and keys != best and sizes.unlikely < likely
-    )  # fmt: skip
+    singles = [keys for keys, sizes in tried.items() if len(keys) == 1 and sizes.unlikely < likely]
+    others = tuple(keys[0] for keys in singles if keys != best)
     before = problem.like.restrict(problem.known, problem.start).unlikely
     fall = before - tried[best].unlikely + problem.cost(best)
     return tried[best].scatter(best, others, fall, len(problem.like.residual))
