@@ -264,7 +264,7 @@ def reference_steps(data: Data, scatter: Scatter) -> list[Finding]:
     )  # fmt: skip
     return [Finding(True, (
         f"The reference scatters by the steps in which it is written ({told}), which are far more "
-        "than its uncertainty (calibrate.reference), and follow the motion: write more digits."
+        "than its uncertainty (calibrate.reference): write more digits."
     ), ("reference_steps",))]  # fmt: skip
 
 

@@ -444,7 +444,7 @@ def outlier_findings(rows: list[int], total: int, kind: str, place: str | None) 
         words += f". In most of them the reference's {place} errs: look at it, and at its digits "
         words += "in the table."
         return [Finding(False, words, ("reference_outliers",))]
-    words += f". In most of them {place} errs: look at its cable, and at its digits in the table."
+    words += f". In most of them {place} errs: look at that detector's cable, and at the digits."
     return [Finding(False, words, ("reading_outliers",))]
 
 

@@ -203,18 +203,20 @@ def add_background_scale(sensor: Sensor, result: Fit, data: Data) -> Sensor:
     return widen(sensor, result, np.diag(error**2))
 
 
-def add_shared_noise(sensor: Sensor, remainder: Remainder, scatter: Scatter) -> Sensor:
+def add_shared_noise(
+    sensor: Sensor, remainder: Remainder, scatter: Scatter, robust: float | None
+) -> Sensor:
     """The calibrated sensor whose uncertainty includes that places scatter together, which the fit
-    does not weigh; what this makes better known is left.  remainder: without these correlations."""
+    does not weigh; what this makes better known is left."""
     if not scatter.correlation.any():
         return sensor
-    places = remainder.likelihood.columns[:, :, OF_PLACES]
-    pulled = np.swapaxes(remainder.weighted, 1, 2) @ places
+    bare = Remainder(remainder.nominal, remainder.data, remainder.fit, robust)
+    pulled = np.swapaxes(bare.weighted, 1, 2) @ bare.likelihood.columns[:, :, OF_PLACES]
     shared = np.tensordot(pulled @ scatter.correlation, pulled, axes=((0, 2), (0, 2)))
-    level, ways = np.linalg.eigh(remainder.covariance @ shared @ remainder.covariance)
-    size = len(remainder.fit.values)
+    level, ways = np.linalg.eigh(bare.covariance @ shared @ bare.covariance)
+    size = len(bare.fit.values)
     extra = ((ways * np.maximum(level, 0.0)) @ ways.T)[:size, :size]
-    return widen(sensor, remainder.fit, extra)
+    return widen(sensor, bare.fit, extra)
 
 
 #: From the axes' units to those in which errors are shown, um and urad.
@@ -307,7 +309,7 @@ UNSEEN = {
     "accuracy of the model": MODEL_ERROR,
     "middle of the light": LIGHT_CENTRE,
 }
-#: What `add_causes` adds.
+#: What `add_causes`, `add_shared_noise` and `add_background_scale` add.
 CAUSES = "what the findings name"
 #: Share of a variance below which what is left of it comes of the arithmetic.
 LEAST_REST = 1e-9

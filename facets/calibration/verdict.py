@@ -30,7 +30,7 @@ from .alternatives.judge import (
     undo_causes,
 )
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import LEAST_ERRING, erring_column, fit_steady_laser
+from .alternatives.scatter import erring_column, fit_steady_laser
 from .candidates import DELAY_SIGMA_S, tried_kinds
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
@@ -400,7 +400,6 @@ def validate(
     settings: Calibrate,
 ) -> Verdict:
     result, data, held = done.fit, done.data, plain.screened.held
-    bare = Remainder(done.sensor, data, result, settings.outliers)
     correlation = done.scatter.correlation
     remainder = Remainder(done.sensor, data, result, settings.outliers, correlation)
     said = cause_findings(causes)
@@ -417,7 +416,7 @@ def validate(
     read = restore_readings(data, plain.original)
     misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
     made = add_unseen_errors(result.sensor, result, data, misfit, centre)
-    made = add_shared_noise(made, bare, done.scatter)
+    made = add_shared_noise(made, remainder, done.scatter, settings.outliers)
     made = add_background_scale(add_causes(made, remainder, causes), result, data)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
@@ -430,8 +429,6 @@ def validate(
 
 def erring_place(done: EffectSearch, original: Data) -> str | None:
     """What errs in most of the samples that were excluded; None where that is not one thing."""
-    if len(done.outliers) < LEAST_ERRING:
-        return None
     excluded = original.part(np.isin(row_numbers(original), done.outliers))
     return erring_column(done.sensor, excluded, done.fit)
 

@@ -56,7 +56,7 @@ def test_the_covariance_of_places_is_found_where_it_is_likeliest():
     like = scatter.Likelihood(Task(NOMINAL, data, fitted.choice, None), fitted)
     known = scatter.prior_variances(data, fitted.choice)
     start = np.zeros(len(scatter.NAMES))
-    start[-1] = 0.1
+    start[scatter.NAMES.index(scatter.POWERS)] = 0.1
     found = like.likeliest(known, (scatter.TOGETHER, scatter.POWERS), start)
     assert found.together == pytest.approx(more, abs=0.25 * more.max())
     for _ in range(10):

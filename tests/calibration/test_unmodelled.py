@@ -143,7 +143,7 @@ def test_an_error_of_the_reference_is_not_told_as_light(axis, of_pose, words):
 
 def test_an_error_of_the_reference_that_the_sensor_would_follow_is_undone_whole():
     """Axes 3 mrad out of square look like a tilted beam and turned facets, but for a few per cent;
-    the poses would be off by 3 um at the ends of z."""
+    the poses would be off by 3 um for each mm of z."""
     rig, data, _ = sample_rig(COUNT, mirror=err_along(0, lambda pose: -3e-3 * pose[:, 2]))
     judged = judge(data)
     assert "The likeliest cause: the reference's axes are not square" in words_of(judged)

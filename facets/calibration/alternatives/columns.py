@@ -459,6 +459,7 @@ def memory_in_use(remainder: Remainder) -> Floats:
 
 
 def kept_columns(remainder: Remainder, before: Floats) -> Floats:
+    """The columns of a share of readings before (n, 9) that each detector keeps."""
     apart = before - remainder.model_readings
     columns = np.zeros((*apart.shape, 6))
     for k in range(3):
@@ -500,23 +501,26 @@ def leak_columns(remainder: Remainder) -> Floats:
 
 def likely_resets(remainder: Remainder, columns: Floats) -> tuple[Floats, int]:
     """Blocks (n, b) of rows, and their length: of all lengths the one at which columns (n, 9, q)
-    with other amounts in each block would explain most if no unknown took up any of it."""
+    with other amounts in each block would explain most if no unknown took up any of it. No blocks
+    where there would be two at most, which are a jump, or too many for a long table."""
     pulled = (np.swapaxes(columns, 1, 2) @ remainder.pulled[:, :, None])[:, :, 0]
     square = np.einsum("niq,nij,njq->nq", columns, remainder.inverse, columns)
-    rows = remainder.row_numbers - 1
-
-    def blocks(length: int) -> Floats:
-        block = rows // length
-        there: Floats = (block[:, None] == np.unique(block)).astype(float)
-        return there
+    rows, count = remainder.row_numbers - 1, len(pulled)
+    most = MOST_VALUES // (columns[0].size * count)
+    least, longest = max(LEAST_RESET, rows[-1] // max(most, 1) + 1), rows[-1] // 3
+    if longest < least:
+        return np.zeros((count, 1)), 0
+    lengths = range(least, longest + 1, max(1, (longest - least) * count // MOST_VALUES))
 
     def gain(length: int) -> float:
-        there = blocks(length)
-        falls: Floats = (there.T @ pulled) ** 2 / np.maximum(there.T @ square, 1e-300)
+        first = np.flatnonzero(np.diff(rows // length, prepend=-1))
+        falls: Floats = np.add.reduceat(pulled, first) ** 2
+        falls /= np.maximum(np.add.reduceat(square, first), 1e-300)
         return float(falls.sum()) - 2 * falls.size  # chance explains 1 each
 
-    best = max(range(LEAST_RESET, max(rows[-1] // 3, LEAST_RESET + 1)), key=gain)
-    return blocks(best), best
+    best = max(lengths, key=gain)
+    block = rows // best
+    return (block[:, None] == np.unique(block)).astype(float), best
 
 
 def amplifier_columns(remainder: Remainder) -> Floats:

@@ -326,7 +326,6 @@ def test_window(remainder: Remainder, k: int) -> Trace:
 def test_resets(remainder: Remainder) -> Trace:
     made = remainder.readable(columns.lamp_columns(remainder))  # of each of four electrodes
     blocks, length = columns.likely_resets(remainder, made)
-    blocks = blocks if blocks.shape[1] > 2 else blocks * 0.0  # two are a jump, and one is none
     sigma = np.repeat(LAMP_SIGMA, blocks.shape[1])
     whole = made[:, :, :, None] * blocks[:, None, None, :]
     trace = remainder.test("dark.reset", whole.reshape(*made.shape[:2], -1), sigma)

@@ -218,7 +218,9 @@ class Likelihood:
 
 def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
     """The axis of the reference, or the reading, of which an error alone explains most of samples
-    that are no part of a fit; None where there is none."""
+    that are no part of a fit; None where there is none, or where they are few."""
+    if len(data.raw) < LEAST_ERRING:
+        return None
     own = np.zeros((len(data.raw), result.own_values.shape[1]))
     like = Likelihood(Task(sensor, data, result.choice, None), replace(result, own_values=own))
     known = prior_variances(data, result.choice)
