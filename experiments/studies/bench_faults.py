@@ -830,7 +830,8 @@ def clock_set(rng: Rng) -> Fault:
 
 
 def show_temperature(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
-    return columns | {"temperature_c": np.round(ROOM_C + scene.thermometer, 3)}
+    rows = columns["row"].astype(int)
+    return columns | {"temperature_c": np.round(ROOM_C + scene.thermometer[rows], 3)}
 
 
 def lamp(rng: Rng) -> Fault:

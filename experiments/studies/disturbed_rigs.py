@@ -441,6 +441,10 @@ def part_cases() -> list[Case]:
         """Amplifiers whose gain grows by 1 % at 0.2 mW."""
         return change_currents(raw, lambda current: current * (1 + 0.05 * current))
 
+    def saturate(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        """Amplifiers that follow no current over 0.09 mW."""
+        return change_currents(raw, lambda current: np.minimum(current, 0.09))
+
     def leak(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
         def move(current: Floats) -> Floats:
             current[:, 1] += 5e-3 * current[:, 0]
@@ -475,6 +479,7 @@ def part_cases() -> list[Case]:
         Case("parts", "detectors remember 0.3 %", Disturbance(readings=remember),
              ("keep a share",)),
         Case("parts", "amplifiers bend", Disturbance(readings=bend_currents), ("bend",)),
+        Case("parts", "amplifiers saturate", Disturbance(readings=saturate), ("saturate",)),
         Case("parts", "0.5 % of A's currents leak into B", Disturbance(readings=leak), ("leak",)),
         Case("parts", "automatic zero every 50 rows", Disturbance(readings=set_zero),
              ("automatic zero",)),

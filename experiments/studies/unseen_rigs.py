@@ -387,7 +387,7 @@ def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
 
 #: The group of each alternative, by key; faults of the table have their words for keys.
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
-GROUP_OF |= {"clock_set": "time", "saturated": "electronics",
+GROUP_OF |= {"clock_set": "time", "saturated": "electronics", "shaded": "detectors",
              "spikes": "electronics", "reference_outliers": "reference",
              "reading_outliers": "electronics"}  # fmt: skip
 #: What says where rows are wrong, and not why; and what all of these rigs do.
@@ -405,8 +405,10 @@ def named_groups(findings: list[Finding]) -> list[set[str]]:
 def groups_of(key: str) -> tuple[str, ...]:
     """The groups of an alternative: a block of rows may come of a clock, too, and what moves the
     beam or the mirror of the surroundings."""
-    if key.startswith("rows "):
+    if key.startswith("rows ") or key == "averaged":
         return ("table", "time")
+    if key == "axis_delays":
+        return ("time", "reference")
     if key in ("memory", "detector_scatter"):  # "detectors or their amplifiers"
         return ("detectors", "electronics")
     if key in ("reference_outliers", "reading_outliers"):

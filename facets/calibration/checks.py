@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -12,7 +11,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.temperature import PLACES
-from ..model.arrays import edge_distance, half_sizes, is_near_edge, readings
+from ..model.arrays import edge_distance, is_near_edge, readings
 from .alternatives.alternative import Finding
 from .alternatives.scatter import Scatter
 from .fitting.bundle_adjustment import OWN_COUNT, Data, deviations, states_of
@@ -39,9 +38,6 @@ EVEN_STEPS, GAP_STEPS, MOST_GAPS = 0.1, 10.0, 3
 LEAST_OF_NOISE = 0.3
 #: How many times its stated uncertainty a reference's last digit may make it err.
 WORST_STEPS = 5.0
-#: A current is saturated where this share of its values lies within its noise of the largest, and
-#: so many times as many as below.
-PILED_SHARE, PILED_FACTOR, LEAST_PILED = 0.03, 4.0, 12
 #: So few different poses tell nothing that could be trusted.
 MIN_POSES = 20
 
@@ -51,7 +47,6 @@ def check_columns(sensor: Sensor, data: Data) -> list[Finding]:
     findings = [
         *stuck_channels(sensor, data),
         *mixed_kinds(data),
-        *saturated_currents(sensor, data),
         *repeats(data),
         *still_axes(data),
         *untimed_channels(sensor, data),
@@ -120,30 +115,6 @@ def mixed_kinds(data: Data) -> list[Finding]:
     return []
 
 
-def saturated_currents(sensor: Sensor, data: Data) -> list[Finding]:
-    """Findings on electrodes whose currents pile up at their largest, as of a saturated
-    amplifier."""
-    letters = []
-    noise = np.nanmedian(deviations(sensor, data), axis=0)
-    for k, half in enumerate(half_sizes(sensor)):
-        power = data.raw[:, 3 * k + 2]
-        for m, sign in product((0, 1), (-1, 1)):
-            current = remove_jumps((power * (1 + sign * data.raw[:, 3 * k + m] / half[m]))[:, None])
-            top = np.nanmax(current)
-            width = 4 * np.hypot(noise[3 * k + 2], np.nanmax(power) * noise[3 * k + m] / half[m])
-            piled, below = (
-                int((np.abs(current - top + n * width) < width / 2).sum()) for n in (0.5, 1.5)
-            )
-            if piled > max(PILED_SHARE * len(power), LEAST_PILED) and piled > PILED_FACTOR * below:
-                letters.append(DETECTORS[k].upper())
-    if not letters:
-        return []
-    return [Finding(True, (
-        f"Currents of detector {' and '.join(sorted(set(letters)))} pile up at their largest: an "
-        "amplifier is saturated. Use a range with room above the largest current, or less light."
-    ), ("saturated",))]  # fmt: skip
-
-
 def repeats(data: Data) -> list[Finding]:
     """Findings on samples that repeat another one."""
     rows = len(np.unique(np.column_stack([data.pose, data.raw]), axis=0))
@@ -153,7 +124,7 @@ def repeats(data: Data) -> list[Finding]:
         findings.append(Finding(False, (
             f"{len(data.raw) - rows} of {len(data.raw)} rows repeat another one in every number; "
             "each counts once."
-        )))  # fmt: skip
+        ), ("repeated",)))  # fmt: skip
     if poses < MIN_POSES and poses < len(data.raw):
         findings.append(Finding(True, (
             f"The {len(data.raw)} samples hold {poses} different poses only: too few to part the "

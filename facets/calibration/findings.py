@@ -7,32 +7,42 @@ the result.
 from __future__ import annotations
 
 from functools import partial
+from itertools import product
 from math import factorial
 
 import numpy as np
 
 from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
-from ..core.units import Floats
+from ..core.units import Booleans, Floats
 from ..detectors import temperature
 from ..model.arrays import EFFECTS
-from .alternatives.alternative import MOST_ROWS_LISTED, Finding, capitalise, describe_rivals
+from .alternatives.alternative import (
+    MOST_ROWS_LISTED,
+    Finding,
+    capitalise,
+    describe_pose,
+    describe_rivals,
+)
+from .alternatives.faults import LEAST_STRAY
 from .alternatives.judge import Cause
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import (
     CLOCK,
     DETECTOR_SCATTER,
     FAR_SIGMAS,
+    LEAST_ERRING,
     PLACES,
     POWERS,
     SCATTER,
     SUPPLY_SCATTER,
     Scatter,
+    erring_column,
     far_unknowns,
 )
 from .fitting.bundle_adjustment import Data, relative_power
 from .fitting.fit import Fit
-from .fitting.samples import MOST_OUTLIER_SHARE
+from .fitting.samples import MOST_OUTLIER_SHARE, row_numbers
 from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE
 from .table import unit_of
 
@@ -373,17 +383,8 @@ def cause_finding(cause: Cause) -> Finding:
 
 
 def describe_reference(scatter: Scatter) -> str:
-    """The axes whose additional error is a fifth of the largest of its kind, or more."""
-    told = []
-    for axes, factor, unit in ((slice(0, 3), 1e3, "um"), (slice(3, 6), 1e6, "urad")):
-        sizes = scatter.sizes[axes]
-        told += [
-            f"{factor * size:.2g} {unit} in {name}"
-            for name, size in zip(POSE[axes], sizes, strict=True)
-            if size > 0.2 * sizes.max()
-        ]
     return (
-        f"the reference errs by a further {', '.join(told)} (r.m.s.) beside what "
+        f"the reference errs by a further {describe_pose(scatter.sizes[:6])} (r.m.s.) beside what "
         "calibrate.reference says, or the mirror vibrates against it by as much"
     )
 
@@ -426,26 +427,66 @@ def describe_places(scatter: Scatter) -> str:
     )
 
 
-def outlier_findings(rows: list[int], total: int, kind: str, place: str | None) -> list[Finding]:
-    """A finding on samples that were excluded.  kind: what their numbers count.  place: what errs
-    in most of them, see `erring_column`."""
+def outlier_findings(
+    sensor: Sensor, data: Data, rows: list[int], result: Fit, kind: str
+) -> list[Finding]:
+    """A finding on samples that were excluded, and on what they have in common.
+
+    data: all samples.  rows: the numbers of those that were excluded.  kind: what these count.
+    """
     if not rows:
         return []
     listed = ", ".join(str(row) for row in rows[:MOST_ROWS_LISTED])
     more = f" and {len(rows) - MOST_ROWS_LISTED} more" if len(rows) > MOST_ROWS_LISTED else ""
-    words = (
-        f"{len(rows)} of {total} samples hold an outlier that no noise makes and were excluded "
-        f"({kind} {listed}{more})"
-    )
+    excluded = np.isin(row_numbers(data), rows)
+    common, cause = common_of_outliers(sensor, data, excluded, result)
+    return [Finding(False, (
+        f"{len(rows)} of {len(data.raw)} samples hold an outlier that no noise makes and were "
+        f"excluded ({kind} {listed}{more}){common}"
+    ), (cause,))]  # fmt: skip
+
+
+def common_of_outliers(
+    sensor: Sensor, data: Data, excluded: Booleans, result: Fit
+) -> tuple[str, str]:
+    """What excluded samples (n,) have in common, in words, and its key."""
+    rows = np.flatnonzero(excluded)
+    if len(rows) >= LEAST_STRAY and np.ptp(rows) < 2 * len(rows):
+        return (
+            ". They stand together: see whether these rows belong to the others, and whether "
+            "something stood in the light.", "outlier_rows",
+        )  # fmt: skip
+    if side := shaded_side(data, excluded):
+        return (
+            f". They are all where {side}: something may stand in the light there; look at that "
+            "detector's housing and window.", "shaded",
+        )  # fmt: skip
+    place = erring_column(sensor, data.part(excluded), result)
     if place is None:
-        look = ": look at cables, dust, shutters and the reference there."
-        return [Finding(False, words + look, ("outliers",))]
+        return ": look at cables, dust, shutters and the reference there.", "outliers"
     if place in POSE:
-        words += f". In most of them the reference's {place} errs: look at it, and at its digits "
-        words += "in the table."
-        return [Finding(False, words, ("reference_outliers",))]
-    words += f". In most of them {place} errs: look at that detector's cable, and at the digits."
-    return [Finding(False, words, ("reading_outliers",))]
+        return (
+            f". In most of them the reference's {place} errs: look at it, and at its digits in the "
+            "table.", "reference_outliers",
+        )  # fmt: skip
+    return (
+        f". In most of them {place} errs: look at that detector's cable, and at the digits.",
+        "reading_outliers",
+    )
+
+
+def shaded_side(data: Data, excluded: Booleans) -> str | None:
+    """In words, the side of a detector beyond which most spots of samples (n,) lie that were
+    excluded, and few others; None where there is none."""
+    if excluded.sum() < LEAST_ERRING:
+        return None
+    for n, sign in product(temperature.PLACES, (-1, 1)):
+        place = sign * data.raw[:, n]
+        least = float(np.nanmin(place[excluded]))
+        if 4 * np.sum(place[~excluded] > least) < excluded.sum():
+            where = f"{KINDS[n % 3]} of detector {DETECTORS[n // 3].upper()}"
+            return f"{where} is {'over' if sign > 0 else 'under'} {sign * least:.2g} mm"
+    return None
 
 
 def centre_findings(centre: float) -> list[Finding]:

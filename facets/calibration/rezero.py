@@ -46,9 +46,8 @@ from ..estimation.solver import solve
 from ..estimation.uncertainty import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
-from .alternatives.alternative import Alternative, chance_of, log_chance
+from .alternatives.alternative import APART_CHANCE, Alternative, chance_of, log_chance
 from .alternatives.entries import BY_KEY, lengths
-from .alternatives.judge import APART_CHANCE
 from .alternatives.remainder import falls_of
 from .fitting.bundle_adjustment import Data
 from .fitting.fit import GAINS

@@ -27,10 +27,11 @@ from ..estimation.solution import Solution
 from ..estimation.solver import solve
 from ..estimation.uncertainty import effective_degrees_of_freedom
 from ..model.arrays import EFFECTS, readings
-from .alternatives.columns import beam_sigma, effect_columns
-from .alternatives.judge import Cause
+from .alternatives.columns import beam_sigma, chip_columns, effect_columns
+from .alternatives.judge import Cause, trace_in_use
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import OF_PLACES, PLACE_READINGS, POWERS, Scatter, is_doubtful
+from .alternatives.scatter import PLACE_READINGS, POWERS, Scatter, is_doubtful
+from .candidates import bend_unknowns
 from .checks import rounding
 from .findings import profile_size, residual_sizes
 from .fitting.bundle_adjustment import (
@@ -100,13 +101,17 @@ CENTRE_PER_ASYMMETRY = 1.5
 #: of its share of the power, where it is nearly two standard deviations aside.
 ORDER_3_PER_SHARE = 1.45
 
+#: Area that may be broken off a facet's tip, square to the mirror's axis, mm^2, 1 sigma.
+CHIP_SIGMA_MM2 = 4e-4
+
 
 def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> float:
     """Standard uncertainty of the light's middle in each direction, mm.
 
     The fit takes a small deviation from its cross-section, Gaussian or with the coefficients that
     it found, for another position of the apex; the residuals show little of it, and bound it: the
-    uneven part of the profile, of third order, tells of a second beam. Light without any effect of
+    uneven part of the profile, of third order, tells of a second beam. A chipped tip does as much.
+    Light without any effect of
     a bench is taken to be Gaussian.
     """
     if not any(name in EFFECTS for name in remainder.fit.choice.names):
@@ -117,7 +122,44 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
         square = remainder.second_moment(effect_columns(remainder, "asymmetry"), sigma)
         share = CENTRE_PER_SHARE * float(np.sqrt(square)) / ORDER_3_PER_SHARE
     asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.fit, "asymmetry")
-    return beam_sigma(sensor) * float(np.hypot(share, asymmetry))
+    return float(np.hypot(beam_sigma(sensor) * np.hypot(share, asymmetry), chip_shift(remainder)))
+
+
+def chip_shift(remainder: Remainder) -> float:
+    """By how much, mm, pieces that are broken off the tip, each facet's another, and that the
+    samples leave possible, move the apex on the reference; r.m.s., the worse of x and y."""
+    chips = remainder.readable(chip_columns(remainder))
+    beside = remainder.extend(chips, CHIP_SIGMA_MM2**-2)
+    at = [n for n, name in enumerate(remainder.fit.choice.names) if name in ("apex.x", "apex.y")]
+    moved = (beside.values - remainder.values)[at]
+    more = (np.diag(beside.covariance)[at] - np.diag(remainder.covariance)[at]).clip(0.0)
+    return float(np.sqrt((moved**2 + more).max(initial=0.0)))
+
+
+def add_open_bends(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> Sensor:
+    """The calibrated sensor whose uncertainty includes bends of the detectors that the samples did
+    not call for, as far as they leave them possible: over places that no spot reached."""
+    known, result = sensor.calibration, remainder.fit
+    assert known is not None
+    size = len(result.choice.names)
+    sigma = {} if settings.effects.get("bend") == "off" else bend_unknowns(sensor, None, settings)
+    if not sigma.keys() - set(result.choice.names):
+        return sensor
+    wide = result.choice.add_unknowns(sigma)
+    bent = Remainder(
+        remainder.nominal, remainder.data, replace(result, choice=wide), settings.outliers
+    )
+    covariance = bent.covariance[:, size : len(wide.names)]
+    of_bends = np.linalg.inv(covariance[size : len(wide.names)])
+    added: Floats = np.asarray(covariance @ of_bends @ covariance.T, dtype=float)
+    more = sensor_covariance(list(wide.names), result.all_values, added)
+    further = [name for name in more.names if name not in known.names]
+    names = (*known.names, *further)
+    at = [names.index(name) for name in more.names]
+    matrix = np.pad(np.array(known.covariance), (0, len(further)))
+    matrix[np.ix_(at, at)] += more.covariance
+    joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
+    return replace(sensor, calibration=joint)
 
 
 def covariance_factor(result: Fit) -> float:
@@ -169,7 +211,8 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
     extra = beside.covariance[:size, :size] - remainder.covariance[:size, :size]
     for cause in causes:
         if not cause.alternatives[0].persists:
-            shift = cause.remainder.shift_of_unknowns(cause.best)
+            used = trace_in_use(cause.remainder, cause.best)
+            shift = cause.remainder.shift_of_unknowns(used)
             extra += np.outer(shift, shift)
     return widen(sensor, result, extra)
 
@@ -208,12 +251,13 @@ def add_shared_noise(
 ) -> Sensor:
     """The calibrated sensor whose uncertainty includes that places scatter together, which the fit
     does not weigh; what this makes better known is left."""
-    if not scatter.correlation.any():
+    shared = scatter.cross_covariance
+    if not shared.matrix.any():
         return sensor
     bare = Remainder(remainder.nominal, remainder.data, remainder.fit, robust)
-    pulled = np.swapaxes(bare.weighted, 1, 2) @ bare.likelihood.columns[:, :, OF_PLACES]
-    shared = np.tensordot(pulled @ scatter.correlation, pulled, axes=((0, 2), (0, 2)))
-    level, ways = np.linalg.eigh(bare.covariance @ shared @ bare.covariance)
+    pulled = np.swapaxes(bare.weighted, 1, 2) @ bare.likelihood.place_columns(shared.is_absolute)
+    both = np.tensordot(pulled @ shared.matrix, pulled, axes=((0, 2), (0, 2)))
+    level, ways = np.linalg.eigh(bare.covariance @ both @ bare.covariance)
     size = len(bare.fit.values)
     extra = ((ways * np.maximum(level, 0.0)) @ ways.T)[:size, :size]
     return widen(sensor, bare.fit, extra)
@@ -309,8 +353,8 @@ UNSEEN = {
     "accuracy of the model": MODEL_ERROR,
     "middle of the light": LIGHT_CENTRE,
 }
-#: What `add_causes`, `add_shared_noise` and `add_background_scale` add.
-CAUSES = "what the findings name"
+#: What `add_causes`, `add_shared_noise`, `add_background_scale` and `add_open_bends` add.
+CAUSES = "what the findings name, or the samples leave open"
 #: Share of a variance below which what is left of it comes of the arithmetic.
 LEAST_REST = 1e-9
 #: The coverage probability of expanded uncertainties.

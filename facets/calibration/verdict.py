@@ -18,7 +18,7 @@ from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..estimation.estimates import compile_for
 from .alternatives.alternative import Finding, chance_of
-from .alternatives.faults import Explanation, find_fault
+from .alternatives.faults import WORST_LIGHT_SIGMAS, Explanation, find_fault
 from .alternatives.judge import (
     LEAST_SHARE,
     Cause,
@@ -30,7 +30,7 @@ from .alternatives.judge import (
     undo_causes,
 )
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import erring_column, fit_steady_laser
+from .alternatives.scatter import fit_steady_laser
 from .candidates import DELAY_SIGMA_S, tried_kinds
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
@@ -64,6 +64,7 @@ from .table import split
 from .uncertainty import (
     add_background_scale,
     add_causes,
+    add_open_bends,
     add_shared_noise,
     add_unseen_errors,
     centre_sigma,
@@ -82,8 +83,6 @@ BEYOND_CHANCE = 6.0
 #: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
 #: before these effects: real light is explained by them nearly whole, a fault is not.
 PROMISING_CHI_SQUARE = 2.0
-#: Chi-square for each degree of freedom that no light of a bench makes.
-WORST_LIGHT_CHI_SQUARE = 300.0
 #: How far a fit without the effects of light that has not settled goes from the configuration, in
 #: standard uncertainties, where it is of no use to look for these effects beside it. On twenty rigs
 #: that had them all it went up to 17.
@@ -264,7 +263,7 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     promising = (
         hopeless
         and result.ended
-        and result.reduced_chi_square < WORST_LIGHT_CHI_SQUARE
+        and result.reduced_chi_square < WORST_LIGHT_SIGMAS**2
         and reachable_chi_square(sensor, data, settings, result) < PROMISING_CHI_SQUARE
     )
     return Plain(screened, data, result, gone, hopeless, promising)
@@ -285,7 +284,7 @@ def first_fit(
     if clean.promising or not clean.hopeless:
         return clean, None, large
     is_better, fault = clean.is_better_than(plain), find_fault_of(sensor, plain, chosen)
-    if fault is not None and not (fault.is_block and is_better):
+    if fault is not None and not (fault.is_block and is_better and clean.fit.ended):
         return plain_fit(sensor, screened.undo(fault), chosen, settings), fault, []
     return (clean, None, large) if is_better else (plain, None, [])
 
@@ -349,7 +348,9 @@ def explain(
             break  # what was undone made it worse
         data = restore_readings(done.data, original) if causes else done.data
         robust = None if causes else settings.outliers
-        remainder = noisy_remainder(done.sensor, data, done.fit, robust, done.scatter.correlation)
+        remainder = noisy_remainder(
+            done.sensor, data, done.fit, robust, done.scatter.cross_covariance
+        )
         before, causes = [cause.best.key for cause in causes], find_causes(remainder)
         best = done, causes
         needless = needless_effects(remainder, causes, done)
@@ -400,13 +401,13 @@ def validate(
     settings: Calibrate,
 ) -> Verdict:
     result, data, held = done.fit, done.data, plain.screened.held
-    correlation = done.scatter.correlation
-    remainder = Remainder(done.sensor, data, result, settings.outliers, correlation)
+    remainder = Remainder(
+        done.sensor, data, result, settings.outliers, done.scatter.cross_covariance
+    )
     said = cause_findings(causes)
     said += outlier_findings(
-        done.outliers, len(plain.original.raw), plain.screened.kind,
-        erring_place(done, plain.original),
-    )  # fmt: skip
+        done.sensor, plain.original, done.outliers, done.fit, plain.screened.kind
+    )
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
     said += effect_findings(remainder, least)
     said += scatter_findings(done.scatter, least) + reference_steps(plain.original, done.scatter)
@@ -415,7 +416,8 @@ def validate(
     said += centre_findings(centre)
     read = restore_readings(data, plain.original)
     misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
-    made = add_unseen_errors(result.sensor, result, data, misfit, centre)
+    made = add_open_bends(result.sensor, remainder, settings)
+    made = add_unseen_errors(made, result, data, misfit, centre)
     made = add_shared_noise(made, remainder, done.scatter, settings.outliers)
     made = add_background_scale(add_causes(made, remainder, causes), result, data)
     known = replace(result, sensor=made)
@@ -425,12 +427,6 @@ def validate(
         said += validation_findings(errors, len(held.raw))
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
-
-
-def erring_place(done: EffectSearch, original: Data) -> str | None:
-    """What errs in most of the samples that were excluded; None where that is not one thing."""
-    excluded = original.part(np.isin(row_numbers(original), done.outliers))
-    return erring_column(done.sensor, excluded, done.fit)
 
 
 def unsettled_finding(result: Fit) -> Finding:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments.studies import rigs
+from facets.experiments.studies.bench_faults import change_currents
 from rig_samples import (
     CONFIG,
     NOMINAL,
@@ -65,6 +66,11 @@ def stick_but_for_a_jump(raw, pose):
     raw[17, 6] += 4.0
 
 
+def saturate(raw, pose):
+    """Amplifiers that follow no current of an electrode beyond that of 0.09 mW."""
+    raw[:] = change_currents(raw, lambda current: np.minimum(current, 0.09))
+
+
 def swap_a_sign_in_some_rows(raw, pose):
     raw[60:85, 4] *= -1
 
@@ -89,6 +95,7 @@ def repeat_six_rows(raw, pose):
             marks=pytest.mark.slow,
         ),
         (give_angles_in_urad, "angles are in urad"),
+        (saturate, "amplifiers saturate"),
         (
             swap_a_sign_in_some_rows,
             "rows 61 to 84 do not belong to the others (in them, the sign "
@@ -173,6 +180,11 @@ def test_channels_read_in_turn_are_found():
     assert judged.sensor.light.delays == pytest.approx(delays, abs=1e-5)
     (row,) = judge(data.part(slice(0, 30))._replace(velocity=None), asked).search.rows
     assert (row.key, row.accepted, row.why) == ("channel_skew", False, "no time_s of a motion")
+
+
+def test_axes_of_the_reference_that_are_read_in_turn_are_named():
+    judged = judge(sample_in_time(2e-5 * np.arange(6)[:, None], count=300), settings(delay="auto"))
+    assert "the reference's axes are read at different times" in words_of(judged)
 
 
 @pytest.mark.slow

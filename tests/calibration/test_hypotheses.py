@@ -90,6 +90,7 @@ def spoilt_poses():
         faults[f"the reference's x and y axes are turned by {degrees} degrees about z"] = pose
     for quantity, columns, units in (
         ("angles", slice(3, 6), {"degrees": np.degrees(1) / 1e3, "rad": 1e-3, "urad": 1e3,
+                                 "arc minutes": 0.06 * np.degrees(1),
                                  "arc seconds": 3.6 * np.degrees(1)}),
         ("lengths", slice(0, 3), {"um": 1e3, "m": 1e-3}),
     ):  # fmt: skip
@@ -104,7 +105,7 @@ def test_every_fault_is_undone():
     """Which also says that no two of them are the same, and that none is left out."""
     poses = spoilt_poses()
     tried = list(faults.table_faults(SENSOR))
-    assert len({(fault.words, fault.remedy) for fault in tried}) == len(tried) == 62
+    assert len({(fault.words, fault.remedy) for fault in tried}) == len(tried) == 63
     for fault in tried:
         if "rows stand" in fault.words:
             below = "below" in fault.words

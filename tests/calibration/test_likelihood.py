@@ -33,7 +33,7 @@ def test_the_likelihood_of_sizes_is_that_of_all_readings_together():
     first, second = zip(
         rng.uniform(0, 2, (2, len(scatter.NAMES))), rng.normal(size=(2, 6, 1)), strict=True
     )
-    first, second = ((sizes, way @ way.T) for sizes, way in (first, second))
+    first, second = ((sizes, scatter.Together(way @ way.T)) for sizes, way in (first, second))
     change = like.restrict(known, *first).unlikely - like.restrict(known, *second).unlikely
     assert change == pytest.approx(dense(*first) - dense(*second), abs=1e-5)
 
@@ -58,7 +58,8 @@ def test_the_covariance_of_places_is_found_where_it_is_likeliest():
     start = np.zeros(len(scatter.NAMES))
     start[scatter.NAMES.index(scatter.POWERS)] = 0.1
     found = like.likeliest(known, (scatter.TOGETHER, scatter.POWERS), start)
-    assert found.together == pytest.approx(more, abs=0.25 * more.max())
+    assert found.together.matrix == pytest.approx(more, abs=0.25 * more.max())
     for _ in range(10):
-        other = found.together + 0.1 * (step := rng.normal(size=(6, 6))) + 0.1 * step.T
+        step = 0.1 * rng.normal(size=(6, 6))
+        other = found.together._replace(matrix=found.together.matrix + step + step.T)
         assert like.restrict(known, found.variances, other).unlikely > found.unlikely

@@ -11,6 +11,7 @@ from facets.experiments.studies import rigs
 from rig_samples import NOMINAL, accepted_effects, judge, sample_rig, settings, words_of
 
 import facets
+from facets.detectors import correct
 
 SIGMA = NOMINAL.beam.diameter_x / 4
 PLACES = [0, 1, 3, 4, 6, 7]
@@ -241,6 +242,39 @@ def test_a_jump_is_named_with_its_time_and_size(wrong, words):
     judged = judge(sample_rig(COUNT, **wrong)[1])
     assert not judged.is_trusted
     assert words in words_of(judged)
+
+
+def shade(sensor, state, exact):
+    exact[exact[:, 3] > np.quantile(exact[:, 3], 0.97), 5] *= 0.9
+    return exact
+
+
+def stand_in_the_light(sensor, state, exact):
+    exact[100:112, 5] *= 0.9
+    return exact
+
+
+@pytest.mark.parametrize(
+    ("alter", "words"),
+    [(shade, "They are all where psi of detector B is over"),
+     (stand_in_the_light, "They stand together")],
+)  # fmt: skip
+def test_what_excluded_samples_have_in_common_is_said(alter, words):
+    judged = judge(sample_rig(COUNT, alter=alter)[1])
+    assert judged.is_trusted
+    assert words in words_of(judged)
+
+
+def test_a_mirror_that_drifted_on_the_reference_may_be_as_it_was_at_the_start():
+    def drift(pose, rng):
+        return np.linspace(0, 1, len(pose))[:, None] * [0, 0, 0, 2e-5, 0, 0]
+
+    _, data, state = sample_rig(COUNT, mirror=drift)
+    judged = judge(data)
+    solved = facets.solve(judged.sensor, correct(judged.sensor, data.raw), beam="known")
+    off = np.nanmean((solved.state - state)[:, 3])  # the states have the drift in them
+    assert abs(off + 1e-5) < 1.2e-5
+    assert 1.5e-5 < np.nanmedian(solved.uncertainty[:, 3]) < 4e-5
 
 
 def test_a_slow_drift_is_no_jump():

@@ -72,8 +72,9 @@ def move(at):
 
 
 def sample_in_time(late=0.0, delays=(0.0, 0.0, 0.0), count=150):
-    """Samples at 1 kHz.  late: by how much the reference is.  delays: after which each detector
-    is read where the mirror then is; all in seconds."""
+    """Samples at 1 kHz.  late: by how much the reference is; (count,) at each sample, or (6, 1) of
+    each axis.  delays: after which each detector is read where the mirror then is; all in seconds.
+    """
     rng, time = np.random.default_rng(2), np.arange(count) / 1000
     rig, zero = rigs.draw_rig(NOMINAL, rng), np.zeros((count, 9))
     exact = zero.copy()
@@ -81,7 +82,9 @@ def sample_in_time(late=0.0, delays=(0.0, 0.0, 0.0), count=150):
         there = Data(zero, move(time + delay), rigs.REFERENCE, zero[:, :2])
         reading = facets.readings(rig.sensor, states_of(there, zero, rig.values))
         exact[:, 3 * k : 3 * k + 3] = reading[:, 3 * k : 3 * k + 3]
-    said = move(time - late) + rigs.REFERENCE * rng.standard_normal((count, 6))
+    each = np.broadcast_to(np.atleast_2d(late).T, (count, 6))
+    axes = [move(time - each[:, n])[:, n] for n in range(6)]
+    said = np.column_stack(axes) + rigs.REFERENCE * rng.standard_normal((count, 6))
     raw = invert_correction(rig.sensor, add_noise(rig.sensor, exact, rng))
     velocity, acceleration = time_derivatives(time, said)
     return Data(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...core.names import POSE
 from ...core.units import Floats
 
 if TYPE_CHECKING:
@@ -15,6 +16,12 @@ if TYPE_CHECKING:
 
 #: Of fewer columns than this nothing is left beside the unknowns and what was known before.
 MIN_COUNT = 0.1
+#: The chance below which something is told.
+TOLD_CHANCE = 1e-5
+#: What is so many times less likely than another thing cannot be excluded.
+APART_CHANCE = 20.0
+#: The fall of chi-square, or of -2 log L, that is worth one more thing beside others.
+WORTH_MORE = 10.0
 #: How many rows a sentence lists.
 MOST_ROWS_LISTED = 12
 #: The groups of alternatives, in words.
@@ -28,6 +35,8 @@ GROUPS = {
     "environment": "the surroundings",
     "table": "the table",
 }
+#: The groups of what stays with the sensor.
+OF_SENSOR = ("light", "facets", "detectors", "electronics")
 #: How something moved during a calibration, as a verb, by key.
 COURSES = {
     "jumped": "jumped",
@@ -115,8 +124,8 @@ class Alternative:
 
     It acts in one of three ways: by columns, whose `test` of a `Remainder` gives the part of the
     residuals that they explain, `size` that in words, and `in_use` the columns that they are when
-    poses are measured, where that is another motion; by a `change` of the samples, which
-    undoes it; or by a larger `variance` of what may scatter, by name.
+    poses are measured, where that is another motion or another state; by a `change` of the samples,
+    which undoes it; or by a larger `variance` of what may scatter, by name.
 
     refuses: whether a calibration with it is never to be trusted; others forbid the use only where
     they move the poses by more than is stated.  general: whether it stands for its whole group, so
@@ -139,12 +148,25 @@ class Alternative:
     @property
     def persists(self) -> bool:
         """Whether it stays with the sensor, and so acts on every pose that is solved with it."""
-        of_sensor = self.group in ("light", "facets", "detectors", "electronics")
-        return of_sensor and not self.key.endswith(OF_RUN)
+        return self.group in OF_SENSOR and not self.key.endswith(OF_RUN)
 
 
 def capitalise(words: str) -> str:
     return words[:1].upper() + words[1:]
+
+
+def describe_pose(sizes: Floats) -> str:
+    """Those of a pose's six sizes, mm and rad, that are a fifth of the largest of their kind, or
+    more."""
+    told = []
+    for axes, factor, unit in ((slice(0, 3), 1e3, "um"), (slice(3, 6), 1e6, "urad")):
+        largest = np.abs(sizes[axes]).max()
+        told += [
+            f"{factor * size:.2g} {unit} in {name}"
+            for name, size in zip(POSE[axes], sizes[axes].tolist(), strict=True)
+            if abs(size) > 0.2 * largest
+        ]
+    return ", ".join(told)
 
 
 def describe_rivals(alternatives: Iterable[Alternative], clauses: Iterable[str]) -> str:

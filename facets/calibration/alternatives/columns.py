@@ -37,6 +37,9 @@ WINDOW_PERIODS, LEAST_PERIODS, LAST_WINDOWS = np.arange(-22.0, 22.5, 0.5), 2.0, 
 FINER_WINDOWS = (0.4, 9)
 #: The least number of rows between resets of an offset that are searched for.
 LEAST_RESET = 20
+#: The share of what blocks explain that blocks which begin between them explain at most; of what
+#: drifts they explain as much.
+RESET_SHARE = 0.8
 #: A power below which a detector has no place, mW.
 LEAST_POWER_MW = 1e-6
 #: Numbers of cycles of a reference's scale over its motion that are searched for.
@@ -422,6 +425,13 @@ def changed_columns(remainder: Remainder, fault: Alternative) -> Floats:
     return remainder.pose_columns @ moved[:, :, None]
 
 
+def axis_delay_columns(remainder: Remainder) -> Floats:
+    """The columns of a delay of each axis of the reference, s; zero where the table is no motion in
+    time."""
+    velocity = remainder.data.velocity
+    return remainder.pose_columns * (0.0 if velocity is None else velocity[:, None])
+
+
 def moving_columns(remainder: Remainder) -> Floats:
     """The columns of each detector's delay, s; zero where the table is no motion in time."""
     data, columns = remainder.data, np.zeros((*remainder.noise.shape, 3))
@@ -502,23 +512,26 @@ def leak_columns(remainder: Remainder) -> Floats:
 def likely_resets(remainder: Remainder, columns: Floats) -> tuple[Floats, int]:
     """Blocks (n, b) of rows, and their length: of all lengths the one at which columns (n, 9, q)
     with other amounts in each block would explain most if no unknown took up any of it. No blocks
-    where there would be two at most, which are a jump, or too many for a long table."""
+    where there would be few, which are jumps, where they would be too many for a long table, or
+    where what they explain does not begin with them."""
     pulled = (np.swapaxes(columns, 1, 2) @ remainder.pulled[:, :, None])[:, :, 0]
     square = np.einsum("niq,nij,njq->nq", columns, remainder.inverse, columns)
     rows, count = remainder.row_numbers - 1, len(pulled)
     most = MOST_VALUES // (columns[0].size * count)
-    least, longest = max(LEAST_RESET, rows[-1] // max(most, 1) + 1), rows[-1] // 3
+    least, longest = max(LEAST_RESET, rows[-1] // max(most, 1) + 1), rows[-1] // 5
     if longest < least:
         return np.zeros((count, 1)), 0
     lengths = range(least, longest + 1, max(1, (longest - least) * count // MOST_VALUES))
 
-    def gain(length: int) -> float:
-        first = np.flatnonzero(np.diff(rows // length, prepend=-1))
+    def gain(length: int, offset: int = 0) -> float:
+        first = np.flatnonzero(np.diff((rows + offset) // length, prepend=-1))
         falls: Floats = np.add.reduceat(pulled, first) ** 2
         falls /= np.maximum(np.add.reduceat(square, first), 1e-300)
         return float(falls.sum()) - 2 * falls.size  # chance explains 1 each
 
     best = max(lengths, key=gain)
+    if gain(best, best // 2) > RESET_SHARE * gain(best):
+        return np.zeros((count, 1)), 0
     block = rows // best
     return (block[:, None] == np.unique(block)).astype(float), best
 

@@ -12,10 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from ...core.names import ANGLES, DETECTORS, POSE
+from ...core.names import DETECTORS, POSE
 from ...core.units import Floats
 from . import columns
-from .alternative import COURSES, MOST_ROWS_LISTED, Alternative, Trace
+from .alternative import (
+    COURSES,
+    MOST_ROWS_LISTED,
+    OF_SENSOR,
+    Alternative,
+    Trace,
+    describe_pose,
+)
 from .faults import angle_orders
 from .remainder import Remainder
 
@@ -107,12 +114,7 @@ def lengths(*axes: str) -> Callable[[Floats], str]:
 
 
 def pose_size(amounts: Floats) -> str:
-    sizes = [
-        f"{factor * size:.3g} {unit} in {name}"
-        for name, size in zip(POSE, amounts.tolist(), strict=True)
-        for factor, unit in [(1e6, "urad") if name in ANGLES else (1e3, "um")]
-    ]
-    return f"by {', '.join(sizes)}"
+    return f"by {describe_pose(amounts)}"
 
 
 def angles(amounts: Floats) -> str:
@@ -224,12 +226,18 @@ def moving(thing: Thing) -> list[Alternative]:
         return Alternative(f"{thing.key}.{course}", thing.group, words, thing.remedy, thing.apart,
                            **parts)  # fmt: skip
 
+    def first_state(remainder: Remainder) -> Floats:
+        """As it was at the beginning, where poses may be measured in that state."""
+        made, first = thing.columns(remainder), columns.slow_drift(remainder)[0, 0]
+        return np.kron(made, first)
+
     def course(name: str, courses: Callable[[Remainder], Floats]) -> Callable[[Remainder], Trace]:
         return course_test(f"{thing.key}.{name}", thing.columns, courses, thing.sigma)
 
     return [
         alternative("jumped", test=switch, size=size_of_switch, refuses=not thing.harmless),
-        alternative("drifted", test=course("drifted", columns.slow_drift)),
+        alternative("drifted", test=course("drifted", columns.slow_drift),
+                    in_use=None if thing.group in OF_SENSOR else first_state),
         alternative("oscillated", size=size_of_wave,
                     test=wave_test(f"{thing.key}.oscillated", thing.columns, columns.waves,
                                    columns.frequencies, thing.sigma)),
@@ -413,6 +421,11 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 "move at half the speed", plain("skew", columns.moving_columns),
                 lambda trace, remainder: "by {:.3g}, {:.3g} and {:.3g} ms".format(
                     *(1e3 * trace.amounts))),
+    Alternative("axis_delays", "time", "the reference's axes are read at different times, or the "
+                "mirror follows them late (creep, hysteresis)", "read them at once, and wait at "
+                "each pose", "move at half the speed",
+                plain("axis_delays", columns.axis_delay_columns),
+                lambda trace, remainder: f"(over {1e3 * np.ptp(trace.amounts):.2g} ms)"),
     # the electronics
     Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
                 "reading before", "wait longer at each pose, or slow down",

@@ -24,7 +24,7 @@ from ...core.units import Floats
 from ...detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
 from ...detectors.noise import standard_deviations
 from ...detectors.temperature import PLACES
-from ...model.arrays import readings
+from ...model.arrays import half_sizes, readings
 from ..fitting.bundle_adjustment import Data
 from ..fitting.fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
 from ..fitting.samples import row_numbers
@@ -50,6 +50,8 @@ ALIKE_FACTOR = 1.5
 STRAY_FACTOR, STRAY_COST, LEAST_STRAY, MOST_STRAY_SHARE = 5.0, 4.0, 8, 0.6
 #: Residuals over the noise that no light of a bench leaves.
 WORST_LIGHT_SIGMAS = 17.0
+#: Amplifiers saturate where of the currents beyond this quantile so many come too small.
+LARGEST, MOST_INWARD = 0.9, 0.8
 
 
 def table_fault(words: str, remedy: str, change: Change, general: bool = False) -> Alternative:
@@ -233,6 +235,7 @@ def wrong_units() -> Iterator[Alternative]:
         ("degrees where mrad is asked for", degree),
         ("rad where mrad is asked for", 1e3),
         ("urad where mrad is asked for", 1e-3),
+        ("arc minutes where mrad is asked for", degree / 60),
         ("arc seconds where mrad is asked for", degree / 3600),
     ):
         change = change_pose(scale(angles, factor))
@@ -282,6 +285,31 @@ def convert_places(
         if not (np.abs(places) >= 1).any():
             converted[:, columns] = convert(places, psd.size_z / psd.size_y) * half
     return converted
+
+
+def saturation(sensor: Sensor) -> Alternative:
+    """The hypothesis that amplifiers saturate."""
+    return Alternative(
+        "saturated", "electronics", "amplifiers saturate (the largest currents are smaller than "
+        "the others have them)",
+        "use a range with room above the largest current, or less light",
+        change=partial(leave_out_large_currents, sensor),
+    )  # fmt: skip
+
+
+def largest_currents(sensor: Sensor, data: Data) -> tuple[Floats, Floats]:
+    """The largest current of each detector (n, 3), in mW, and the places (n, 3, 2) in half
+    sizes."""
+    parts = data.raw.reshape(-1, 3, 3)
+    places = parts[:, :, :2] / half_sizes(sensor)
+    return parts[:, :, 2] * (1 + np.abs(places).max(axis=2)) / 2, places
+
+
+def leave_out_large_currents(sensor: Sensor, data: Data) -> Data:
+    current, _ = largest_currents(sensor, data)
+    small = current <= np.nanmedian(current)
+    raw = np.where(np.repeat(small, 3, axis=1), data.raw, np.nan)
+    return data._replace(raw=raw).part(np.asarray(small.any(axis=1)))
 
 
 # ---- trying them
@@ -376,6 +404,8 @@ def find_fault(
     trials = Trials(sensor, data, chosen)
     before = trials.trial((), 1)
     every = [*table_faults(sensor), *causes]
+    if is_saturated(sensor, data, chosen):
+        every.append(saturation(sensor))
     single = trials.rank([(hypothesis,) for hypothesis in every])
     explains = single.explains(before)
     small = before <= GOOD_SIGMAS**2 or (explains and single.levels[0] <= GOOD_SIGMAS**2)
@@ -432,15 +462,35 @@ def leave_rows_out(first: int, last: int, data: Data) -> Data:
     return data.part((rows < first) | (rows > last))
 
 
+def is_saturated(sensor: Sensor, data: Data, chosen: Choice) -> bool:
+    """Whether spots of the largest currents lie nearer to the middle than a fit to the smaller half
+    has them."""
+    dim = subsample(sensor, leave_out_large_currents(sensor, data), SAMPLES[1])
+    _, at = short_fit_of(sensor, dim, chosen, STEPS[1])
+    if at is None:
+        return False
+    current, places = largest_currents(sensor, data)
+    left = residuals_at(sensor, data, chosen, at).reshape(-1, 3, 3)[:, :, :2] * np.sign(places)
+    axis = np.abs(np.nan_to_num(places)).argmax(axis=2)[:, :, None]
+    outward = np.take_along_axis(left, axis, axis=2)[:, :, 0]
+    largest = outward[current > np.nanquantile(current, LARGEST)]
+    return bool((largest < -GOOD_SIGMAS).mean() > MOST_INWARD)
+
+
 def row_residuals(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
-    """The largest residual (n,) of each row's places at the common unknowns of a fit to others; the
-    laser's power is not known."""
+    """The largest residual (n,) of each row's places at the common unknowns of a fit to others."""
+    sizes: Floats = np.abs(residuals_at(sensor, data, chosen, at)[:, PLACES]).max(axis=1)
+    return sizes
+
+
+def residuals_at(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
+    """Residuals (n, 9) at the common unknowns of a fit to others; the laser's power is not known,
+    and what is not read has none."""
     whole = subsample(sensor, data, len(data.raw))
     task = Task(sensor, whole, chosen, 3.0)
     left = task.guess(at.values, solve_open_axes(whole, sensor)).residual
     left[~np.isfinite(whole.raw)] = 0.0
-    sizes: Floats = np.abs(left[:, PLACES]).max(axis=1)
-    return sizes
+    return left
 
 
 def pairs_of(

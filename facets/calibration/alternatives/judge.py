@@ -22,18 +22,19 @@ from ...model.arrays import EFFECTS
 from ..fitting.bundle_adjustment import Data
 from ..fitting.fit import NORMAL_MEDIAN, Fit
 from ..fitting.samples import model_accuracy, row_numbers
-from .alternative import Alternative, Trace
+from .alternative import APART_CHANCE, TOLD_CHANCE, Alternative, Trace
 from .entries import ALTERNATIVES, BY_KEY
 from .remainder import Remainder
+from .scatter import Together
 
-#: The chance, of all alternatives together, below which one is told; how many are told at most.
-LEAST_CHANCE, MOST_CAUSES = 1e-5, 4
+#: How many causes are told at most.
+MOST_CAUSES = 4
 #: What has less than this share of the likeliest cause's score may come of its linear model.
 LEAST_SHARE = 0.03
-#: An alternative is beaten where it is so many times less likely, by so many standard deviations
-#: of the difference between samples, and by this share of the better one's score, which a linear
-#: model of large errors is wrong by.
-APART_CHANCE, APART_SIGMAS, APART_SHARE = 20.0, 2.0, 0.05
+#: An alternative is beaten where it is `APART_CHANCE` times less likely, by so many standard
+#: deviations of the difference between samples, and by this share of the better one's score, which
+#: a linear model of large errors is wrong by.
+APART_SIGMAS, APART_SHARE = 2.0, 0.05
 #: Residuals of more than this chi-square a reading come of no light that effects describe but for
 #: their linear model; what explains this share of them is undone before effects are tried.
 LARGE_CHI_SQUARE, LARGE_SHARE, MOST_LARGE = 4.0, 0.4, 2
@@ -89,7 +90,7 @@ class Cause:
         by the likeliest of its alternatives that stays with the sensor; zero where none does."""
         for part, trace in zip(self.alternatives, self.traces, strict=True):
             if part.persists:
-                return effect_in_use(self.remainder, trace)
+                return trace_in_use(self.remainder, trace).effect
         return np.zeros_like(self.remainder.noise)
 
     @property
@@ -114,10 +115,10 @@ class Cause:
         return self.alternatives[0].refuses or not self.is_small
 
 
-def effect_in_use(remainder: Remainder, trace: Trace) -> Floats:
+def trace_in_use(remainder: Remainder, trace: Trace) -> Trace:
+    """The trace with the columns that it has when poses are measured."""
     in_use = BY_KEY[trace.key].in_use
-    effect: Floats = in_use(remainder) @ trace.amounts if in_use else trace.effect
-    return effect
+    return trace._replace(columns=in_use(remainder)) if in_use else trace
 
 
 def undo_causes(data: Data, causes: list[Cause]) -> Data:
@@ -141,7 +142,7 @@ def restore_readings(data: Data, original: Data) -> Data:
 
 
 def noisy_remainder(
-    sensor: Sensor, data: Data, result: Fit, robust: float | None, together: Floats
+    sensor: Sensor, data: Data, result: Fit, robust: float | None, together: Together
 ) -> Remainder:
     """The remainder with the noise of each reading that most residuals have, where that is larger
     than the stated one: else whatever follows a few of them would explain the noise."""
@@ -205,7 +206,7 @@ def find_causes(remainder: Remainder) -> list[Cause]:
 def clear_traces(remainder: Remainder) -> list[Trace]:
     """The alternatives beyond chance whose effect is larger than the model's own error; the
     likeliest first, those that stand for a group behind its members."""
-    limit = np.log(len(ALTERNATIVES) / LEAST_CHANCE)
+    limit = np.log(len(ALTERNATIVES) / TOLD_CHANCE)
     traces = list[Trace]()
     for alternative in ALTERNATIVES:
         try:
@@ -287,10 +288,11 @@ def shifted_poses(remainder: Remainder, trace: Trace) -> tuple[Floats, Floats, F
     names = remainder.fit.choice.names
     kept = np.array([not name.startswith(RUN_UNKNOWNS) for name in names])
     common = like.common * kept
+    used = trace_in_use(remainder, trace)
     if BY_KEY[trace.key].persists:
-        error = effect_in_use(remainder, trace)
+        error = used.effect
     else:
-        error = common @ remainder.shift_of_unknowns(trace)
+        error = common @ remainder.shift_of_unknowns(used)
     error = error * remainder.is_read
     by_pose = like.own[:, :, :7]
     inner = np.linalg.inv(np.swapaxes(by_pose, 1, 2) @ by_pose + 1e-9 * np.eye(7))

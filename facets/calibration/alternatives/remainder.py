@@ -25,13 +25,11 @@ from ..fitting.bundle_adjustment import OWN_UNITS, Data, own_sigma, states_of
 from ..fitting.fit import Fit, Task
 from ..fitting.samples import row_numbers
 from ..fitting.unknowns import assign_values, values_of
-from .alternative import Trace
-from .scatter import NAMES, NONE_TOGETHER, UNMEASURED_SIGMA, Likelihood
+from .alternative import WORTH_MORE, Trace
+from .scatter import NAMES, NONE_TOGETHER, UNMEASURED_SIGMA, Likelihood, Together
 
 #: A direction of columns that the unknowns explain but for this share of its square is left out.
 LEAST_OWN_SHARE = 1e-6
-#: The fall of chi-square that is worth another column.
-LEAST_GAIN = 9.0
 #: A step has at least this number of samples on both sides.
 STEP_MARGIN = 8
 #: Of courses of two functions, so many are compared beside the unknowns.
@@ -47,9 +45,9 @@ class Remainder:
 
     def __init__(
         self, sensor: Sensor, data: Data, result: Fit, robust: float | None,
-        together: Floats = NONE_TOGETHER,
+        together: Together = NONE_TOGETHER,
     ) -> None:  # fmt: skip
-        """together: the covariance (6, 6) of different places over their noise."""
+        """together: the covariance of different places."""
         task = Task(sensor, data, result.choice, robust)
         assert task.data.noise is not None
         self.nominal = sensor
@@ -118,7 +116,7 @@ class Remainder:
         before."""
         whole, matrix, side = self.equations(columns)
         known = np.broadcast_to(np.asarray(prior, dtype=float), side.shape)
-        scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+        scale = np.sqrt(np.maximum(np.diag(whole) + known, 1e-300))
         level, ways = np.linalg.eigh(matrix / scale[:, None] / scale)
         ways = ways[:, level > LEAST_OWN_SHARE] / scale[:, None]
         if not ways.size:  # the unknowns explain all of it
@@ -195,7 +193,7 @@ class Remainder:
             for n in set(range(len(side))) - set(chosen):
                 at = [*chosen, n]
                 falls[n] = side[at] @ np.linalg.solve(matrix[np.ix_(at, at)], side[at])
-            if falls.max() < fall + LEAST_GAIN:
+            if falls.max() < fall + WORTH_MORE:
                 break
             chosen.append(int(np.argmax(falls)))
             fall = falls[chosen[-1]]

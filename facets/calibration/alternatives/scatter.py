@@ -4,20 +4,22 @@ A sample errs by the noise of its readings, by what the reference says of its po
 place and by the laser's power. With the common unknowns x and the prior of these, the readings of
 sample i have the variance
 
-    V_i = D_i + sum_k theta_k z_ik z_ik' + Z_i (C - 1) Z_i'
+    V_i = D_i + sum_k theta_k z_ik z_ik' + Z_i (C - B) Z_i'
 
-where z_ik are the readings by one of the sample's own unknowns, and C is the covariance of the six
-places over their noise D. The likeliest sizes theta are those of the residuals once x is free
-(restricted likelihood); each is multiplied, again and again, by the root of what it should be over
-what it is, (sum (z' P y)^2) / (sum z' P z), and C by the same of matrices (their geometric mean),
-which never lowers the likelihood and never crosses zero. How steady the laser was is told by the
-same likelihood: with a power for each sample the detectors' gains and the apex's place hardly part,
+where D is the noise, z_ik are the readings by one of the sample's own unknowns, and C is a
+covariance of the six places: either of their noise, over its size (B = 1), or beside their noise,
+in um^2 (B = 0). The likeliest sizes theta are those of the residuals once x is free (restricted
+likelihood); each is multiplied, again and again, by the root of what it should be over what it is,
+(sum (z' P y)^2) / (sum z' P z), and C by the same of matrices (their geometric mean), which never
+lowers the likelihood and never crosses zero. How steady the laser was is told by the same
+likelihood: with a power for each sample the detectors' gains and the apex's place hardly part,
 since three powers then tell two shares.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -27,12 +29,12 @@ from ...core.errors import InputError
 from ...core.names import POSE, READING_COLUMNS
 from ...core.sensor import Sensor
 from ...core.small_matrices import one_thread
-from ...core.units import Floats, Integers
+from ...core.units import Floats
 from ..fitting.bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
 from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
 from ..fitting.samples import LEAST_WEIGHT
 from ..fitting.unknowns import DELAY, MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
-from .alternative import Alternative, chance_of
+from .alternative import APART_CHANCE, TOLD_CHANCE, WORTH_MORE, Alternative, chance_of
 
 #: What may scatter: the reference's six, the laser's power, the beam's two, the detectors' readings
 #: of places and of powers beside their noise, all alike, and the time of the reference.
@@ -41,18 +43,15 @@ NAMES = (*POSE, "power", "beam", PLACES, POWERS, CLOCK)
 #: Which of the columns of a sample belongs to which size: the pose, the power, the beam's two
 #: coordinates, six places, three powers and the time.
 OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3, 10])
-#: The places' covariance (6, 6) beside their noise, by which each scatters by itself or together
-#: with others; its columns and its number of sizes.
-TOGETHER, OF_PLACES, TOGETHER_COUNT = "together", np.arange(9, 15), 21
+#: The places' covariance, its number of sizes, and the unit of places, mm.
+TOGETHER, TOGETHER_COUNT, PLACE_UNIT_MM = "together", 21, 1e-3
 #: Samples that each number of a covariance takes; of fewer it would be what jumped once, too.
 SAMPLES_EACH = 5
-NONE_TOGETHER, PLACE_READINGS = np.zeros((6, 6)), [0, 1, 3, 4, 6, 7]
+PLACE_READINGS = [0, 1, 3, 4, 6, 7]
 #: The unit of the time's scatter, s.
 CLOCK_UNIT_S = 1e-3
 #: Whether two of the six places are of different detectors.
 IS_BETWEEN = np.arange(6) // 2 != np.arange(6)[:, None] // 2
-#: The chance of noises that go together as much, below which they do.
-TOGETHER_CHANCE = 1e-5
 #: Causes that are told apart. The laser's power always may scatter.
 SCATTER = {
     part.key: part
@@ -94,17 +93,23 @@ MOST_OF_ERROR, LEAST_ERRING = 0.9, 3
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
 MAX_SIZE_STEPS, LEAST_FALL = 40, 0.3
-#: How much less likely than the likeliest, in -2 log L, a cause is that can still not be excluded:
-#: odds of 1 to 20.
-NOT_EXCLUDED = 6.0
-#: By how much -2 log L falls, for one scatter beside another to be told: odds of 1 to 150.
-LEAST_FALL_BESIDE = 10.0
 #: Standard deviations of chi-square from which on it is asked what scatters.
 DOUBT_SIGMAS = 2.0
 #: Chi-square for each degree of freedom beyond which nothing that scatters is to blame; and how far
 #: from where it was thought to be, in standard uncertainties, no honest tolerance lets an unknown
 #: be: then the model is another one, and a larger scatter would only hide that.
 WORST_CHI_SQUARE, FAR_SIGMAS = 9.0, 8.0
+
+
+class Together(NamedTuple):
+    """The covariance (6, 6) by which places scatter beside their noise: in um^2, or over their
+    noise."""
+
+    matrix: Floats = np.zeros((6, 6))
+    is_absolute: bool = False
+
+
+NONE_TOGETHER = Together()
 
 
 class Likelihood:
@@ -125,6 +130,9 @@ class Likelihood:
         self.own = by_own
         diagonal = np.sqrt(self.noise * good)[:, :, None] * np.eye(9)
         order = [*PLACE_READINGS, 2, 5, 8]
+        assert task.data.noise is not None
+        fine = np.where(good, PLACE_UNIT_MM / task.data.noise, 0.0)
+        self.fine = (fine[:, :, None] * np.eye(9))[:, :, PLACE_READINGS]
         late = np.zeros((len(by_own), 6, 1))
         if task.data.velocity is not None:
             late[:, :, 0] = CLOCK_UNIT_S * task.data.velocity / OWN_UNITS[:6]
@@ -133,21 +141,31 @@ class Likelihood:
         self.prior = task.prior
         self.before = (at.values - task.start)[task.choice.places]
 
-    def variance(self, known: Floats, sizes: Floats, together: Floats = NONE_TOGETHER) -> Floats:
+    def place_columns(self, is_absolute: bool) -> Floats:
+        """The columns (n, 9, 6) of the places, by um or by their noise; see `Together`."""
+        return self.fine if is_absolute else self.columns[:, :, 9:15]
+
+    @property
+    def place_noise(self) -> Floats:
+        """The noise (6,) of places in most samples, um."""
+        each = self.fine[:, PLACE_READINGS, range(6)]
+        middle: Floats = 1 / np.nanmedian(np.where(each, each, np.nan), axis=0)
+        return middle
+
+    def variance(self, known: Floats, sizes: Floats, together: Together = NONE_TOGETHER) -> Floats:
         """Variances (n, 9, 9) of the readings.  known: (9,) prior variances of a sample's own
-        unknowns, in `OWN_UNITS`.  sizes, together: (11,) and (6, 6), variances that are added."""
+        unknowns, in `OWN_UNITS`.  sizes: (11,), variances that are added."""
         whole = sizes[OF_COLUMN]
         whole[:9] += known
-        scaled = self.columns * whole
-        out: Floats = scaled @ np.swapaxes(self.columns, 1, 2)
+        out: Floats = (self.columns * whole) @ np.swapaxes(self.columns, 1, 2)
         out[:, range(9), range(9)] += self.noise
-        if together.any():
-            places = self.columns[:, :, OF_PLACES]
-            out += places @ together @ np.swapaxes(places, 1, 2)
+        if together.matrix.any():
+            places = self.place_columns(together.is_absolute)
+            out += places @ together.matrix @ np.swapaxes(places, 1, 2)
         return out
 
     def restrict(
-        self, known: Floats, sizes: Floats, together: Floats = NONE_TOGETHER
+        self, known: Floats, sizes: Floats, together: Together = NONE_TOGETHER
     ) -> RestrictedLikelihood:
         """The restricted likelihood, with the common unknowns free."""
         variance = self.variance(known, sizes, together)
@@ -167,53 +185,62 @@ class Likelihood:
             float(unlikely), matrix, inverse, weighted, aim - weighted @ step
         )
 
-    def shares(self, at: RestrictedLikelihood, there: Integers) -> tuple[Floats, Floats]:
-        """The observed and the expected squares and products (k, k) for a covariance of some
-        columns."""
-        columns = self.columns[:, :, there]
+    def shares(self, at: RestrictedLikelihood, columns: Floats) -> tuple[Floats, Floats]:
+        """The observed and the expected squares and products (k, k) for a covariance of columns
+        (n, 9, k)."""
         turned = np.swapaxes(columns, 1, 2)
         seen = (turned @ at.pulled[:, :, None])[:, :, 0]
         across = np.swapaxes(turned @ at.weighted, 0, 1)
         taken = np.tensordot(across @ np.linalg.inv(at.matrix), across, axes=((1, 2), (1, 2)))
         return seen.T @ seen, (turned @ at.inverse @ columns).sum(axis=0) - taken
 
-    def likeliest(self, known: Floats, names: tuple[str, ...], start: Floats) -> Sizes:
+    def likeliest(
+        self, known: Floats, names: tuple[str, ...], start: Floats, is_absolute: bool = False
+    ) -> Sizes:
         """The likeliest sizes of some names, from a start (11,); the others stay constant.
 
-        Each step multiplies three times at once, or once if that is more likely.
+        is_absolute: see `Together`. Each step multiplies three times at once, or once if that is
+        more likely.
         """
-        free, sizes, matrix = np.array([name in names for name in NAMES]), start.copy(), np.eye(6)
-        is_place = (TOGETHER in names) & np.isin(np.arange(len(OF_COLUMN)), OF_PLACES)
-        there = np.flatnonzero(free[OF_COLUMN] | is_place)
-        at = self.restrict(known, sizes)
+        free, sizes = np.array([name in names for name in NAMES]), start.copy()
+        own = np.flatnonzero(free[OF_COLUMN])
+        columns = self.columns[:, :, own]
+        beside = partial(Together, is_absolute=is_absolute)
+        base = np.zeros((6, 6)) if is_absolute else np.eye(6)
+        matrix, has_matrix = base, TOGETHER in names
+        if has_matrix:
+            columns = np.concatenate([columns, self.place_columns(is_absolute)], axis=2)
+            matrix = base + is_absolute * np.diag(FIRST_NOISE_SHARE * self.place_noise**2)
+        at = self.restrict(known, sizes, beside(matrix - base))
         for _ in range(MAX_SIZE_STEPS):
-            seen, due = self.shares(at, there)
+            seen, due = self.shares(at, columns)
             square, expected = (
-                np.bincount(OF_COLUMN[there], np.diag(both), len(NAMES)) for both in (seen, due)
+                np.bincount(OF_COLUMN[own], np.diag(both)[: len(own)], len(NAMES))
+                for both in (seen, due)
             )
             factor = np.where(free, np.sqrt(square / np.maximum(expected, 1e-300)), 1.0)
             matrices = [matrix] * 4
-            if is_place.any():
-                block = np.ix_(is_place[there], is_place[there])
+            if has_matrix:
+                block = np.s_[len(own) :, len(own) :]
                 for n in range(3):
                     matrices[n + 1] = geometric_mean(matrices[n], seen[block], due[block])
             times = 3
-            following = self.restrict(known, sizes * factor**3, matrices[3] - np.eye(6))
+            following = self.restrict(known, sizes * factor**3, beside(matrices[3] - base))
             if following.unlikely > at.unlikely:
                 times = 1
-                following = self.restrict(known, sizes * factor, matrices[1] - np.eye(6))
+                following = self.restrict(known, sizes * factor, beside(matrices[1] - base))
             sizes, matrix = sizes * factor**times, matrices[times]
             at, fall = following, at.unlikely - following.unlikely
             if fall < LEAST_FALL:
                 break
-        return Sizes(at.unlikely, sizes, matrix - np.eye(6))
+        return Sizes(at.unlikely, sizes, beside(matrix - base))
 
     def is_together(self, known: Floats, start: Floats) -> bool:
         """Whether places of different detectors go together beyond chance."""
-        seen, due = self.shares(self.restrict(known, start), OF_PLACES)
+        seen, due = self.shares(self.restrict(known, start), self.place_columns(False))
         size = np.sqrt(np.maximum(np.diag(due), 1e-300))
         apart = (seen - due) / size / size[:, None] * np.sqrt(len(self.residual))
-        return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < TOGETHER_CHANCE
+        return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < TOLD_CHANCE
 
 
 def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
@@ -265,27 +292,26 @@ class RestrictedLikelihood(NamedTuple):
 
 class Sizes(NamedTuple):
     """Sizes of the scatter.  unlikely: -2 log L, but for a constant.  variances: (11,) by `NAMES`,
-    in `OWN_UNITS`; of places and powers relative to the readings' noise.  together: (6, 6), the
-    places' covariance beside their noise."""
+    in `OWN_UNITS`; of places and powers relative to the readings' noise.  together: the places'
+    covariance beside their noise."""
 
     unlikely: float
     variances: Floats
-    together: Floats
+    together: Together
 
     def scatter(
-        self, causes: tuple[str, ...], others: tuple[str, ...], fall: float, rows: int
+        self, causes: tuple[str, ...], others: tuple[str, ...], fall: float, like: Likelihood
     ) -> Scatter:
-        """The scatter of these sizes in a number of samples; no noise is taken for less than is
-        stated."""
-        level, ways = np.linalg.eigh(self.together)
-        together = (ways * np.maximum(level, 0.0)) @ ways.T
-        whole = np.eye(6) + self.together
+        """The scatter of these sizes in samples; no noise is taken for less than is stated."""
+        matrix, noise = self.together.matrix, like.place_noise
+        whole = np.diag(noise**2) + matrix if self.together.is_absolute else np.eye(6) + matrix
         size = np.sqrt(np.diag(whole))
-        least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(rows))
+        least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(len(like.residual)))
         is_shared = np.abs((whole / size / size[:, None])[IS_BETWEEN]).max() > least
-        return Scatter(
-            causes, others, np.sqrt(self.variances) * UNITS, together, fall, bool(is_shared)
-        )
+        level, ways = np.linalg.eigh(matrix)
+        more = self.together._replace(matrix=(ways * np.maximum(level, 0.0)) @ ways.T)
+        sizes = np.sqrt(self.variances) * UNITS
+        return Scatter(causes, others, sizes, more, noise, fall, bool(is_shared))
 
 
 # ---- which of the causes it is, and the fit again with what they scatter by
@@ -297,30 +323,35 @@ class Scatter(NamedTuple):
     causes: out of `SCATTER`, those that explain the scatter together; none where nothing has to be
     explained.  others: causes of which each could explain it alone as well.  sizes: (11,) by
     `NAMES`, what is added to what was known before, in mm, rad and shares, and times the readings'
-    noise.  together: (6, 6) covariance of the places beside their noise, over it.  fall: of -2 log
-    L by the causes.  is_shared: whether the places of different detectors scatter together.
+    noise.  together: the covariance of the places beside their noise; noise: (6,) that in most
+    samples, um.  fall: of -2 log L by the causes.  is_shared: whether the places of different
+    detectors scatter together.
     """
 
     causes: tuple[str, ...]
     others: tuple[str, ...]
     sizes: Floats
-    together: Floats = NONE_TOGETHER
+    together: Together = NONE_TOGETHER
+    noise: Floats = np.ones(6)
     fall: float = 0.0
     is_shared: bool = False
 
     @property
     def places(self) -> Floats:
-        """The covariance (6, 6) by which the places scatter, over their noise."""
-        whole: Floats = self.together + self.size_of(PLACES) ** 2 * np.eye(6)
+        """The covariance (6, 6) by which the places scatter beside their noise, over it."""
+        unit = self.noise if self.together.is_absolute else np.ones(6)
+        own = self.size_of(PLACES) ** 2 * np.eye(6)
+        whole: Floats = self.together.matrix / unit / unit[:, None] + own
         return whole
 
     @property
-    def correlation(self) -> Floats:
-        """The covariance (6, 6) of different places over their whole noise; zero on the
-        diagonal."""
-        size = np.sqrt(1 + np.diag(self.places))
-        whole: Floats = self.places / size / size[:, None]
-        return whole - np.diag(np.diag(whole))
+    def cross_covariance(self) -> Together:
+        """The covariance of different places, also over their whole noise; zero on the diagonal."""
+        matrix = self.together.matrix - np.diag(np.diag(self.together.matrix))
+        if not self.together.is_absolute:
+            size = np.sqrt(1 + np.diag(self.places))
+            matrix = matrix / size / size[:, None]
+        return self.together._replace(matrix=matrix)
 
     def size_of(self, name: str) -> float:
         return float(self.sizes[NAMES.index(name)])
@@ -381,7 +412,10 @@ class SizeProblem(NamedTuple):
         for n in (NAMES.index(name) for name in names if name in NAMES):
             square = (self.like.columns[:, :, n == OF_COLUMN] ** 2).sum()
             start[n] = FIRST_NOISE_SHARE * len(self.like.residual) / max(square, 1e-300)
-        found = self.like.likeliest(self.known, (*self.always, *names), start)
+        forms = (False, True) if TOGETHER in names else (False,)
+        every = [self.like.likeliest(self.known, (*self.always, *names), start, form)
+                 for form in forms]  # fmt: skip
+        found = min(every, key=lambda sizes: sizes.unlikely)
         return found._replace(unlikely=found.unlikely + self.cost(causes))
 
     def cost(self, causes: tuple[str, ...]) -> float:
@@ -427,33 +461,35 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     best = likeliest(most)
     for count in range(1, most):
         here, least = likeliest(count), min(sizes.unlikely for sizes in tried.values())
-        if tried[here].unlikely < least + LEAST_FALL_BESIDE:
+        if tried[here].unlikely < least + WORTH_MORE:
             best = here
             break
-    likely = tried[best].unlikely + NOT_EXCLUDED
+    likely = tried[best].unlikely + 2 * np.log(APART_CHANCE)
     singles = [keys for keys, sizes in tried.items() if len(keys) == 1 and sizes.unlikely < likely]
     others = tuple(keys[0] for keys in singles if keys != best)
     before = problem.like.restrict(problem.known, problem.start).unlikely
     fall = before - tried[best].unlikely + problem.cost(best)
-    return tried[best].scatter(best, others, fall, len(problem.like.residual))
+    return tried[best].scatter(best, others, fall, problem.like)
 
 
 def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
     """The scatter by the same causes with the likeliest sizes at another fit."""
-    rows = len(problem.like.residual)
-    return problem.sizes(scatter.causes).scatter(*scatter[:2], scatter.fall, rows)
+    return problem.sizes(scatter.causes).scatter(*scatter[:2], scatter.fall, problem.like)
 
 
 def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Choice]:
     """Add the scatter to the prior uncertainties of samples and choice."""
     assert data.noise is not None
-    wider = np.full(9, np.hypot(1.0, scatter.size_of(POWERS)))
-    wider[PLACE_READINGS] = np.sqrt(1 + np.diag(scatter.places))
+    noise = data.noise * np.hypot(1.0, scatter.size_of(POWERS))
+    unit = PLACE_UNIT_MM if scatter.together.is_absolute else data.noise[:, PLACE_READINGS]
+    beside = unit * np.sqrt(np.diag(scatter.together.matrix))
+    own = data.noise[:, PLACE_READINGS] * np.hypot(1.0, scatter.size_of(PLACES))
+    noise[:, PLACE_READINGS] = np.hypot(own, beside)
     late = 0.0 if data.velocity is None else np.sqrt((data.velocity**2).mean(axis=0))
     further = np.hypot(scatter.sizes[:6], scatter.size_of(CLOCK) * late)
     power = scatter.size_of("power") if 0 < chosen.power < np.inf else chosen.power
     return (
-        data._replace(sigma=np.hypot(data.sigma, further), noise=data.noise * wider),
+        data._replace(sigma=np.hypot(data.sigma, further), noise=noise),
         replace(
             chosen, power=max(power, LEAST_POWER) if power else power, beam=scatter.size_of("beam")
         ),

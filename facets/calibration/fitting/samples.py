@@ -70,23 +70,22 @@ def row_numbers(data: Data) -> NDArray[np.int64]:
 
 
 def exclude_outliers(
-    sensor: Sensor, data: Data, result: Fit, robust: float | None, spent: int = 0
+    sensor: Sensor, data: Data, result: Fit, robust: float | None
 ) -> tuple[Data, Fit, list[int]]:
-    """Return the samples without outliers, the fit to them, and the rows that were removed.
-
-    spent: number of rows that were removed before.
-    """
-    gone = list[int]()
+    """Return the samples without outliers, the fit to them, and the rows that were removed; none
+    is removed where they would be many: these are no outliers."""
+    kept, last, gone = data, result, list[int]()
     for _ in range(EXCLUSION_ROUNDS):
-        off = find_outliers(sensor, result, data, robust)
-        if not off.any() or off.sum() + len(gone) + spent > MOST_OUTLIER_SHARE * (
-            len(off) + len(gone)
-        ):
+        off = find_outliers(sensor, last, kept, robust)
+        if not off.any():
             break
-        gone += row_numbers(data)[off].tolist()
-        data, start = data.part(~off), replace(result, own_values=result.own_values[~off])
-        result = fit(sensor, data, result.choice, robust, start)
-    return data, result, sorted(gone)
+        gone += row_numbers(kept)[off].tolist()
+        if len(gone) > MOST_OUTLIER_SHARE * len(data.raw):
+            return data, result, []
+        start = replace(last, own_values=last.own_values[~off])
+        kept = kept.part(~off)
+        last = fit(sensor, kept, result.choice, robust, start)
+    return kept, last, sorted(gone)
 
 
 def remove_duplicates(data: Data) -> Data:
