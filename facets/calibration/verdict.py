@@ -89,6 +89,8 @@ PROMISING_CHI_SQUARE = 2.0
 ASTRAY_SIGMAS = 50.0
 #: Chi-square over that before, to which causes that are undone lower that of a plain fit.
 LEAST_CURE = 0.3
+#: Effects that take up noise which is larger than stated.
+BEAM_SHAPES = ("profile", "asymmetry")
 #: How often effects and causes are found in turn.
 JUDGE_ROUNDS = 3
 #: The limit of residuals by which a bad fit shows what jumped.
@@ -353,7 +355,7 @@ def explain(
         )
         before, causes = [cause.best.key for cause in causes], find_causes(remainder)
         best = done, causes
-        needless = needless_effects(remainder, causes, done)
+        needless = needless_effects(remainder, causes, done, settings)
         if [cause.best.key for cause in causes] == before and not needless:
             break
         settings = replace(settings, effects=settings.effects | dict.fromkeys(needless, "off"))
@@ -362,14 +364,17 @@ def explain(
     return best
 
 
-def needless_effects(remainder: Remainder, causes: list[Cause], done: EffectSearch) -> list[str]:
-    """The effects that look like others, which the data called for, and do not beside the
-    causes."""
+def needless_effects(
+    remainder: Remainder, causes: list[Cause], done: EffectSearch, settings: Calibrate
+) -> list[str]:
+    """The effects that nothing calls for beside the causes and the noise that is known by now: of
+    those that look like others, and of other modes of the beam."""
     beside = remainder.extend_by([cause.best for cause in causes])
     needless = []
-    for candidate in done.accepted if causes else []:
+    for candidate in done.accepted if causes or done.scatter.causes else []:
         names = set(candidate.sigma) & set(done.fit.choice.names)
-        if not candidate.effect.rivals or not names:
+        is_fickle = bool(candidate.effect.rivals) or candidate.key in BEAM_SHAPES
+        if not names or not is_fickle or settings.effects.get(candidate.key) == "on":
             continue
         if chance_of(beside.rise_without(names), len(names)) > CHANCE:
             needless.append(candidate.key)
