@@ -227,7 +227,7 @@ def loose() -> list[Case]:
         Case("loose", "beam jumps by 3.6 um", Disturbance(beam=displace_beam),
              ("the beam jumped",)),
         Case("loose", "mirror slips by 3.7 um", Disturbance(mirror=displace_mirror),
-             ("the mirror on the reference jumped",)),
+             ("the mirror on the reference (or its zero) jumped",)),
         Case("loose", "detector B drifts by 5 um", Disturbance(readings=drift),
              ("detector B drifted",)),
     ]  # fmt: skip

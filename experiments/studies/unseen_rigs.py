@@ -407,6 +407,8 @@ def groups_of(key: str) -> tuple[str, ...]:
     beam or the mirror of the surroundings."""
     if key.startswith("rows ") or key == "averaged":
         return ("table", "time")
+    if key == "seat.jumped":  # or the reference's zero, as between two recordings
+        return ("reference", "environment", "table")
     if key == "axis_delays":
         return ("time", "reference")
     if key in ("memory", "detector_scatter"):  # "detectors or their amplifiers"

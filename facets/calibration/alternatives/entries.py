@@ -159,7 +159,7 @@ THINGS = (
     Thing("supply", "electronics", "all places together", columns.place_columns, 0.05, supply_size,
           "look at the supply and the reference voltage of the amplifiers",
           "let the mirror rest, and record all detectors"),
-    Thing("seat", "reference", "the mirror on the reference",
+    Thing("seat", "reference", "the mirror on the reference (or its zero)",
           lambda remainder: remainder.pose_columns, np.array([0.01] * 3 + [5e-5] * 3), pose_size,
           "fasten the mirror, and look for cables that pull",
           "come back to one pose again and again"),

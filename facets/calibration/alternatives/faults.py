@@ -449,7 +449,7 @@ def find_stray_rows(
     is_clear = mended[0][0] < STRAY_FACTOR * usual and CLEAR_GAP * mended[0][0] < mended[1][0]
     if is_clear:
         words += f" (in them, {every[mended[0][1]].words})"
-    elif level > LEAST_REDUCTION * before**2:
+    elif before <= GOOD_SIGMAS or level > LEAST_REDUCTION * before**2:
         return None
     remedy = "mend these rows, or leave them out: look for columns, units and rows that were moved"
     leave_out = partial(leave_rows_out, numbers[0], numbers[-1])
