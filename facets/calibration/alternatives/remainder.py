@@ -64,7 +64,8 @@ class Remainder:
         self.is_read: Booleans = (self.likelihood.own != 0).any(axis=2)
         self.sensor = assign_values(sensor, result.all_values)
         self.state = states_of(task.data, result.own_values, result.all_values)
-        self.light = np.nan_to_num(task.data.raw[:, 2::3] / self.noise[:, 2::3])
+        light = self.model_readings[:, 2::3] / self.noise[:, 2::3]
+        self.light = np.nan_to_num(light)  # by the model: their own noise would look like a gain
 
     @property
     def row_numbers(self) -> Integers:
