@@ -288,6 +288,17 @@ def test_a_slow_drift_is_no_jump():
     assert {key.partition(".")[0] for key in finding.causes} <= {"detector_b", "facet_b"}
 
 
+def test_noise_is_no_drift_of_the_laser():
+    """The fit follows a laser that drifts; what is left in the powers is their noise."""
+
+    def drift(sensor, state, exact):
+        exact[:, 2::3] *= 1 + 0.01 * np.sin(np.linspace(0, 5, COUNT))[:, None]
+        return exact
+
+    judged = judge(sample_rig(COUNT, 6, alter=drift, noise=4.0)[1])
+    assert not [part.causes for part in judged.findings if part.causes]
+
+
 # ---- what the samples bound, and do not show
 
 

@@ -76,9 +76,9 @@ def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
 
 
 def laser_columns(remainder: Remainder) -> Floats:
-    """The column of the laser's power, by its share."""
-    whole: Floats = power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
-    return whole
+    """The column of the laser's power, by its share; as the fit's own unknown has it."""
+    whole: Floats = unknown_columns(remainder, ("beam.power",)) * remainder.sensor.beam.power
+    return whole if whole.any() else power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
 
 
 def dark_columns(remainder: Remainder) -> Floats:
@@ -114,7 +114,8 @@ def steps(remainder: Remainder) -> Floats:
 
 def slow_drift(remainder: Remainder) -> Floats:
     """One course of polynomials over the samples, which are zero at the end."""
-    time = np.linspace(-1, 1, len(remainder.noise))
+    rows = remainder.row_numbers
+    time = (2 * rows - rows[0] - rows[-1]) / max(rows[-1] - rows[0], 1)  # as the laser's own drift
     slow = np.polynomial.legendre.legvander(time, DRIFT_DEGREE)[None, :, 1:]
     since: Floats = np.asarray(slow - slow[:, -1:], dtype=float)
     return since
