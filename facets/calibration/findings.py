@@ -476,14 +476,14 @@ def common_of_outliers(
 
 
 def shaded_side(data: Data, excluded: Booleans) -> str | None:
-    """In words, the side of a detector beyond which most spots of samples (n,) lie that were
+    """In words, the side of a detector beyond which all spots of samples (n,) lie that were
     excluded, and few others; None where there is none."""
     if excluded.sum() < LEAST_ERRING:
         return None
     for n, sign in product(temperature.PLACES, (-1, 1)):
         place = sign * data.raw[:, n]
-        least = float(np.nanmin(place[excluded]))
-        if 4 * np.sum(place[~excluded] > least) < excluded.sum():
+        least = float(place[excluded].min())  # not a number where one of them has no such spot
+        if np.isfinite(least) and 4 * np.sum(place[~excluded] > least) < excluded.sum():
             where = f"{KINDS[n % 3]} of detector {DETECTORS[n // 3].upper()}"
             return f"{where} is {'over' if sign > 0 else 'under'} {sign * least:.2g} mm"
     return None

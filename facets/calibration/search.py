@@ -497,6 +497,6 @@ def exclude_late_outliers(state: SearchState) -> SearchState:
     """Remove samples whose jumps were smaller than the model's error before."""
     gone = state.outliers
     data, result, more = exclude_outliers(
-        state.sensor, state.data, state.fit, state.settings.outliers
+        state.sensor, state.data, state.fit, state.settings.outliers, len(gone)
     )
     return replace(state, data=data, fit=result, outliers=sorted([*gone, *more]))

@@ -100,7 +100,6 @@ CENTRE_PER_ASYMMETRY = 1.5
 #: The root of the sum of squares of the third-order Hermite numbers of another beam, for each unit
 #: of its share of the power, where it is nearly two standard deviations aside.
 ORDER_3_PER_SHARE = 1.45
-
 #: Area that may be broken off a facet's tip, square to the mirror's axis, mm^2, 1 sigma.
 CHIP_SIGMA_MM2 = 4e-4
 
@@ -110,9 +109,8 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
 
     The fit takes a small deviation from its cross-section, Gaussian or with the coefficients that
     it found, for another position of the apex; the residuals show little of it, and bound it: the
-    uneven part of the profile, of third order, tells of a second beam. A chipped tip does as much.
-    Light without any effect of
-    a bench is taken to be Gaussian.
+    uneven part of the profile, of third order, tells of a second beam. A chipped tip looks like
+    one, too. Light without any effect of a bench is taken to be Gaussian.
     """
     if not any(name in EFFECTS for name in remainder.fit.choice.names):
         return 0.0

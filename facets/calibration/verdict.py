@@ -367,16 +367,19 @@ def explain(
 def needless_effects(
     remainder: Remainder, causes: list[Cause], done: EffectSearch, settings: Calibrate
 ) -> list[str]:
-    """The effects that nothing calls for beside the causes and the noise that is known by now: of
-    those that look like others, and of other modes of the beam."""
+    """The effects that nothing calls for with the noise that is known by now: of those that look
+    like others, beside the causes, too; and of other modes of the beam, beside which causes are
+    looked for."""
     beside = remainder.extend_by([cause.best for cause in causes])
     needless = []
     for candidate in done.accepted if causes or done.scatter.causes else []:
         names = set(candidate.sigma) & set(done.fit.choice.names)
-        is_fickle = bool(candidate.effect.rivals) or candidate.key in BEAM_SHAPES
+        is_shape = candidate.key in BEAM_SHAPES
+        is_fickle = is_shape or bool(candidate.effect.rivals)
         if not names or not is_fickle or settings.effects.get(candidate.key) == "on":
             continue
-        if chance_of(beside.rise_without(names), len(names)) > CHANCE:
+        rise = (remainder if is_shape else beside).rise_without(names)
+        if chance_of(rise, len(names)) > CHANCE:
             needless.append(candidate.key)
     return needless
 

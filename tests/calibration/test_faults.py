@@ -184,7 +184,9 @@ def test_channels_read_in_turn_are_found():
 
 def test_axes_of_the_reference_that_are_read_in_turn_are_named():
     judged = judge(sample_in_time(2e-5 * np.arange(6)[:, None], count=300), settings(delay="auto"))
-    assert "the reference's axes are read at different times" in words_of(judged)
+    words = words_of(judged)
+    assert "the reference's axes are read at different times" in words
+    assert "late as by creep (up to 0." in words
 
 
 @pytest.mark.slow

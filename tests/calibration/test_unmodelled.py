@@ -234,7 +234,8 @@ def displace_mirror(pose, rng):
         pytest.param({"beam": displace_beam}, "the beam jumped between rows 149 and 151, by 2.9",
                      marks=pytest.mark.slow),
         pytest.param({"mirror": displace_mirror},
-                     "the mirror on the reference (or its zero) jumped between rows 149 and 151",
+                     "the mirror on the reference (or its zero) jumped between rows 149 and 151, "
+                     "by ",
                      marks=pytest.mark.slow),
     ],
 )  # fmt: skip
@@ -263,6 +264,16 @@ def test_what_excluded_samples_have_in_common_is_said(alter, words):
     judged = judge(sample_rig(COUNT, alter=alter)[1])
     assert judged.is_trusted
     assert words in words_of(judged)
+
+
+def test_excluded_samples_that_lack_a_detector_lie_on_no_side_of_it():
+    data = sample_rig(COUNT)[1]
+    raw = data.raw.copy()
+    raw[[20, 80, 140, 200], 5] *= 0.9
+    raw[[20, 80, 140, 200], :3] = np.nan
+    words = words_of(judge(data._replace(raw=raw)))
+    assert "They are all where" not in words
+    assert "In most of them power_b_mw errs" in words
 
 
 def test_a_mirror_that_drifted_on_the_reference_may_be_as_it_was_at_the_start():

@@ -422,10 +422,10 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 lambda trace, remainder: "by {:.3g}, {:.3g} and {:.3g} ms".format(
                     *(1e3 * trace.amounts))),
     Alternative("axis_delays", "time", "the reference's axes are read at different times, or the "
-                "mirror follows them late (creep, hysteresis)", "read them at once, and wait at "
-                "each pose", "move at half the speed",
+                "mirror follows them late as by creep", "read them at once, and wait at each pose",
+                 "move at half the speed",
                 plain("axis_delays", columns.axis_delay_columns),
-                lambda trace, remainder: f"(over {1e3 * np.ptp(trace.amounts):.2g} ms)"),
+                lambda trace, remainder: f"(up to {1e3 * np.ptp(trace.amounts):.2g} ms apart)"),
     # the electronics
     Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
                 "reading before", "wait longer at each pose, or slow down",

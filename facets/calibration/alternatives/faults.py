@@ -291,7 +291,7 @@ def saturation(sensor: Sensor) -> Alternative:
     """The hypothesis that amplifiers saturate."""
     return Alternative(
         "saturated", "electronics", "amplifiers saturate (the largest currents are smaller than "
-        "the others have them)",
+        "a fit to the others expects)",
         "use a range with room above the largest current, or less light",
         change=partial(leave_out_large_currents, sensor),
     )  # fmt: skip

@@ -131,8 +131,8 @@ class Likelihood:
         diagonal = np.sqrt(self.noise * good)[:, :, None] * np.eye(9)
         order = [*PLACE_READINGS, 2, 5, 8]
         assert task.data.noise is not None
-        fine = np.where(good, PLACE_UNIT_MM / task.data.noise, 0.0)
-        self.fine = (fine[:, :, None] * np.eye(9))[:, :, PLACE_READINGS]
+        by_um = np.where(good, PLACE_UNIT_MM / task.data.noise, 0.0)
+        self.by_um = (by_um[:, :, None] * np.eye(9))[:, :, PLACE_READINGS]
         late = np.zeros((len(by_own), 6, 1))
         if task.data.velocity is not None:
             late[:, :, 0] = CLOCK_UNIT_S * task.data.velocity / OWN_UNITS[:6]
@@ -143,12 +143,12 @@ class Likelihood:
 
     def place_columns(self, is_absolute: bool) -> Floats:
         """The columns (n, 9, 6) of the places, by um or by their noise; see `Together`."""
-        return self.fine if is_absolute else self.columns[:, :, 9:15]
+        return self.by_um if is_absolute else self.columns[:, :, 9:15]
 
     @property
     def place_noise(self) -> Floats:
         """The noise (6,) of places in most samples, um."""
-        each = self.fine[:, PLACE_READINGS, range(6)]
+        each = self.by_um[:, PLACE_READINGS, range(6)]
         middle: Floats = 1 / np.nanmedian(np.where(each, each, np.nan), axis=0)
         return middle
 

@@ -70,17 +70,20 @@ def row_numbers(data: Data) -> NDArray[np.int64]:
 
 
 def exclude_outliers(
-    sensor: Sensor, data: Data, result: Fit, robust: float | None
+    sensor: Sensor, data: Data, result: Fit, robust: float | None, spent: int = 0
 ) -> tuple[Data, Fit, list[int]]:
     """Return the samples without outliers, the fit to them, and the rows that were removed; none
-    is removed where they would be many: these are no outliers."""
+    is removed where they would be many: these are no outliers.
+
+    spent: number of rows that were removed before.
+    """
     kept, last, gone = data, result, list[int]()
     for _ in range(EXCLUSION_ROUNDS):
         off = find_outliers(sensor, last, kept, robust)
         if not off.any():
             break
         gone += row_numbers(kept)[off].tolist()
-        if len(gone) > MOST_OUTLIER_SHARE * len(data.raw):
+        if len(gone) + spent > MOST_OUTLIER_SHARE * (len(data.raw) + spent):
             return data, result, []
         start = replace(last, own_values=last.own_values[~off])
         kept = kept.part(~off)
