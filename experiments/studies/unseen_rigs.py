@@ -29,6 +29,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -385,13 +386,14 @@ def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
         print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
 
 
+#: What says where rows are wrong, and not why; and what all of these rigs do.
+NO_CAUSE, ALWAYS = "outliers", "laser.drifted"
 #: The group of each alternative, by key; faults of the table have their words for keys.
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
 GROUP_OF |= {"clock_set": "time", "saturated": "electronics", "shaded": "detectors",
              "spikes": "electronics", "reference_outliers": "reference",
-             "reading_outliers": "electronics"}  # fmt: skip
-#: What says where rows are wrong, and not why; and what all of these rigs do.
-NO_CAUSE, ALWAYS = "outliers", "laser.drifted"
+             "light_outliers": "light",
+             "reading_outliers": "electronics", NO_CAUSE: NO_CAUSE}  # fmt: skip
 
 
 def named_groups(findings: list[Finding]) -> list[set[str]]:
@@ -402,22 +404,23 @@ def named_groups(findings: list[Finding]) -> list[set[str]]:
     ]  # fmt: skip
 
 
-def groups_of(key: str) -> tuple[str, ...]:
-    """The groups of an alternative: a block of rows may come of a clock, too, and what moves the
-    beam or the mirror of the surroundings."""
-    if key.startswith("rows ") or key == "averaged":
-        return ("table", "time")
-    if key == "seat.jumped":  # or the reference's zero, as between two recordings
-        return ("reference", "environment", "table")
-    if key == "axis_delays":
-        return ("time", "reference")
-    if key in ("memory", "detector_scatter"):  # "detectors or their amplifiers"
-        return ("detectors", "electronics")
-    if key in ("reference_outliers", "reading_outliers"):
-        return (GROUP_OF[key], "table")
-    if key.startswith(("beam", "seat", "reference_scatter")):
-        return (GROUP_OF[key], "environment")
-    return (NO_CAUSE,) if key == NO_CAUSE else (GROUP_OF.get(key, "table"),)
+#: Further groups in which an alternative may lie, by how its key begins.
+ALSO = {
+    "rows ": ("time",), "averaged": ("time",), "axis_delays": ("reference",),
+    "seat.jumped": ("table",),  # the reference's zero, as between two recordings
+    "beam": ("environment",), "seat": ("environment",), "reference_scatter": ("environment",),
+    "supply.": ("environment",),  # warm air in the beams' ways
+    "scatter": ("detectors",),  # light that a detector mirrors
+    "time_drift": ("light", "detectors", "reference"),
+    "memory": ("detectors",), "detector_scatter": ("electronics",),
+    "reference_outliers": ("table",), "reading_outliers": ("table",),
+}  # fmt: skip
+
+
+def groups_of(key: str) -> set[str]:
+    """The groups in which an alternative may lie."""
+    more = [groups for begin, groups in ALSO.items() if key.startswith(begin)]
+    return {GROUP_OF.get(key, "table"), *chain(*more)}
 
 
 def classify_truth(truth: Truth, rig: UnseenRig, findings: list[Finding]) -> str:

@@ -76,22 +76,14 @@ def light_unknowns(candidate: str) -> Sigmas:
     return {name: sigma for sigmas in every for name, sigma in sigmas.items()}
 
 
-#: Deviation from a cubic correction of a detector, mm, 1 sigma.
-SPLINE_SIGMA_MM = 1e-2
-#: Prior standard uncertainty of a detector's quadratic and cubic corrections at its edge, mm.
-BEND_SIGMA_MM = 0.03
-#: A reference that is later than this has another fault, s, 1 sigma.
-DELAY_SIGMA_S = 0.01
-#: Time between two channels of a converter, s, 1 sigma.
-SKEW_SIGMA_S = 1e-4
-#: Half the play of a reference's axes, mm and rad, 1 sigma.
-HALF_PLAY = dict(zip(BACKLASH, (2e-3, 2e-3, 2e-3, 1e-5, 1e-5, 1e-5), strict=True))
-#: Lag of an axis, as a share of its last step, 1 sigma.
-LAG_SIGMA = 0.01
-#: Drift of the beam and of the detectors' posts over half a run or a kelvin, mm, 1 sigma.
-DRIFT_SIGMA_MM = 0.005
-#: Motion of the beam from sample to sample, mm, 1 sigma.
-BEAM_SIGMA_MM = 0.01
+#: How large what an effect adds is taken to be before, 1 sigma: mm, rad, s and shares.  bend,
+#: spline: of a detector, up to third order at its edge, and beyond.  delay: a reference that is
+#: later has another fault.  skew: between two channels of a converter.  play: half of it.  lag: the
+#: share of an axis's last step.  drift: over half a run or a kelvin.  beam: from sample to sample.
+SIGMAS = {
+    "bend": 0.03, "spline": 0.01, "delay": 0.01, "skew": 1e-4, "play": 2e-3, "play_angle": 1e-5,
+    "lag": 0.01, "drift": 0.005, "beam": 0.01,
+}  # fmt: skip
 
 
 def bend_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
@@ -99,13 +91,13 @@ def bend_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sig
 
 
 def bends_of_all() -> Sigmas:
-    return {name: size for k in DETECTORS for name, size in bends(k, BEND_SIGMA_MM).items()}
+    return {name: size for k in DETECTORS for name, size in bends(k, SIGMAS["bend"]).items()}
 
 
 def spline_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
     if any(psd.correction.grid for psd in sensor.psds):  # a table in the configuration stays
         return {}
-    return bends_of_all() | dict.fromkeys(SPLINE, SPLINE_SIGMA_MM)
+    return bends_of_all() | dict.fromkeys(SPLINE, SIGMAS["spline"])
 
 
 def motion_unknowns(sigma: Sigmas) -> Unknowns:
@@ -122,7 +114,8 @@ def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) ->
     if data is None or data.approach is None or not data.approach.any():
         return {}
     measured = np.isfinite(data.sigma)
-    return {name: HALF_PLAY[name] for n, name in enumerate(BACKLASH) if measured[n]}
+    sizes = [SIGMAS["play"]] * 3 + [SIGMAS["play_angle"]] * 3
+    return {name: sizes[n] for n, name in enumerate(BACKLASH) if measured[n]}
 
 
 def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
@@ -130,7 +123,7 @@ def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigm
     if data is None or data.velocity is not None:
         return {}
     axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data, settings))
-    return {f"lag.{axis}": LAG_SIGMA for axis in axes}
+    return {f"lag.{axis}": SIGMAS["lag"] for axis in axes}
 
 
 def drift_unknowns(*causes: str) -> Unknowns:
@@ -140,7 +133,7 @@ def drift_unknowns(*causes: str) -> Unknowns:
     def unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
         if data is None or data.clock is None or not np.ptp(data.clock[:, columns], axis=0).all():
             return {}
-        return {f"{cause}.{what}": DRIFT_SIGMA_MM for cause in causes for what in OF_DRIFT}
+        return {f"{cause}.{what}": SIGMAS["drift"] for cause in causes for what in OF_DRIFT}
 
     return unknowns
 
@@ -161,10 +154,10 @@ EVERY_EFFECT = (
     Effect("spline", "detectors", "detectors bent beyond third order", unknowns=spline_unknowns,
            tried_last=True),
     Effect("delay", "time", "a reference that is late or early",
-           unknowns=motion_unknowns({DELAY: DELAY_SIGMA_S}), missing="no time_s of a motion"),
+           unknowns=motion_unknowns({DELAY: SIGMAS["delay"]}), missing="no time_s of a motion"),
     # beside detector A: what all three have in common is the reference's delay
     Effect("channel_skew", "time", "channels read one after the other",
-           unknowns=motion_unknowns(dict.fromkeys(SKEW[1:], SKEW_SIGMA_S)),
+           unknowns=motion_unknowns(dict.fromkeys(SKEW[1:], SIGMAS["skew"])),
            missing="no time_s of a motion"),
     Effect("backlash", "reference", "a reference with backlash", unknowns=backlash_unknowns,
            rivals="step"),
@@ -177,7 +170,7 @@ EVERY_EFFECT = (
     Effect("temperature_lag", "environment",
            "a beam, detectors following the temperature late or early",
            unknowns=drift_unknowns(*CLOCKS[1:]), rivals="drift"),
-    Effect("beam_moves", "light", "a beam that moves from sample to sample", beam=BEAM_SIGMA_MM),
+    Effect("beam_moves", "light", "a beam that moves from sample to sample", beam=SIGMAS["beam"]),
 )  # fmt: skip
 
 

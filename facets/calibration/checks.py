@@ -14,9 +14,17 @@ from ..detectors.temperature import PLACES
 from ..model.arrays import edge_distance, is_near_edge, readings
 from .alternatives.alternative import Finding
 from .alternatives.scatter import Scatter
-from .fitting.bundle_adjustment import OWN_COUNT, Data, deviations, states_of
+from .fitting.bundle_adjustment import (
+    CLEAR_SIGMAS,
+    LEAST_COUNTED,
+    OWN_COUNT,
+    Data,
+    deviations,
+    states_of,
+)
 from .fitting.samples import row_numbers
 from .fitting.unknowns import values_of
+from .table import REFERENCE
 
 #: A channel is stuck where it moves by less than this share of what the motion asks of it, and that
 #: is many times its noise.
@@ -34,8 +42,6 @@ MOST_EDGE_SHARE = 0.7
 #: Times whose steps differ by less than this share are even; a step is a gap that is so many times
 #: the usual one, where there are few.
 EVEN_STEPS, GAP_STEPS, MOST_GAPS = 0.1, 10.0, 3
-#: The error of a place by its last digit that counts, over the noise.
-LEAST_OF_NOISE = 0.3
 #: How many times its stated uncertainty a reference's last digit may make it err.
 WORST_STEPS = 5.0
 #: So few different poses tell nothing that could be trusted.
@@ -51,6 +57,7 @@ def check_columns(sensor: Sensor, data: Data) -> list[Finding]:
         *still_axes(data),
         *untimed_channels(sensor, data),
         *time_gaps(data),
+        *unordered_rows(data),
         *narrow_motion(sensor, data),
     ]
     return sorted(findings, key=lambda finding: not finding.bad)
@@ -190,6 +197,27 @@ def time_gaps(data: Data) -> list[Finding]:
     ), ("clock_set",))]  # fmt: skip
 
 
+def unordered_rows(data: Data) -> list[Finding]:
+    """A finding on rows that do not stand in the order of time: time_s goes back, or a pose that
+    goes up all the time while the others jump as if at random shows that they were sorted."""
+    if data.clock is not None and data.clock[:, 0].any():
+        if np.sum(np.diff(data.clock[:, 0]) < 0) <= MOST_GAPS:
+            return []
+        words = "time_s goes back again and again"
+    else:
+        step = np.diff(data.pose, axis=0)
+        noise, least = CLEAR_SIGMAS * data.sigma, np.median(step, axis=0)
+        is_up = (step.min(axis=0) > -noise) & (least > noise)
+        is_random = (step**2).mean(axis=0) > data.pose.var(axis=0)  # else half of twice it
+        if is_up.sum() != 1 or not is_random.any():
+            return []
+        words = f"{REFERENCE[int(np.argmax(is_up))]} goes up all the time, and others jump"
+    return [Finding(False, (
+        f"The rows do not stand in the order of time, as after sorting ({words}). What goes on in "
+        "time, such as drifts, delays and play, cannot be found: give the rows as they were taken."
+    ), ("sorted",))]  # fmt: skip
+
+
 def add_written_steps(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
     """Add the steps in which readings are written to their noise, where they are a part of it.
 
@@ -215,17 +243,17 @@ def rounding(sensor: Sensor, data: Data) -> Floats:
     sizes = np.array([written_step(column) for column in data.raw.T]) / np.sqrt(12)
     noise = np.nanmedian(deviations(sensor, data._replace(noise=None)), axis=0)
     least = noise.copy()  # a power in a converter's steps has them in its noise
-    least[PLACES] *= LEAST_OF_NOISE
+    least[PLACES] *= LEAST_COUNTED
     return np.where(sizes > least, sizes, 0.0)
 
 
 def reference_steps(data: Data, scatter: Scatter) -> list[Finding]:
     """A finding on a reference that scatters by the steps in which it is written, where these are
-    far more than its uncertainty; poses on a grid alone may be wanted ones.  data: with the
-    reference's uncertainty as stated."""
+    more than its uncertainty; poses on a grid alone may be wanted ones.  data: with the reference's
+    uncertainty as stated."""
     steps = np.array([written_step(column) for column in data.pose.T])
     sizes = steps / np.sqrt(12)
-    coarse = (sizes > WORST_STEPS * data.sigma) & (scatter.sizes[:6] > sizes / 2)
+    coarse = (sizes > data.sigma) & (scatter.sizes[:6] > sizes / 2)
     if not coarse.any():
         return []
     told = ", ".join(
@@ -233,9 +261,9 @@ def reference_steps(data: Data, scatter: Scatter) -> list[Finding]:
         f"{'urad' if name in ANGLES else 'um'}"
         for name, step, is_coarse in zip(POSE, steps, coarse, strict=True) if is_coarse
     )  # fmt: skip
-    return [Finding(True, (
-        f"The reference scatters by the steps in which it is written ({told}), which are far more "
-        "than its uncertainty (calibrate.reference): write more digits."
+    return [Finding(bool((coarse & (sizes > WORST_STEPS * data.sigma)).any()), (
+        "The reference scatters by about what the steps in which it is written make it err "
+        f"({told}), which is more than its uncertainty (calibrate.reference): write more digits."
     ), ("reference_steps",))]  # fmt: skip
 
 

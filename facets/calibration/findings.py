@@ -24,14 +24,16 @@ from .alternatives.alternative import (
     describe_pose,
     describe_rivals,
 )
+from .alternatives.entries import BY_KEY
 from .alternatives.faults import LEAST_STRAY
-from .alternatives.judge import Cause
+from .alternatives.judge import Cause, rivals_of_shape
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import (
     CLOCK,
     DETECTOR_SCATTER,
     FAR_SIGMAS,
     LEAST_ERRING,
+    OF_LIGHT,
     PLACES,
     POWERS,
     SCATTER,
@@ -40,10 +42,10 @@ from .alternatives.scatter import (
     erring_column,
     far_unknowns,
 )
-from .fitting.bundle_adjustment import Data, relative_power
+from .fitting.bundle_adjustment import CLEAR_SIGMAS, Data, relative_power
 from .fitting.fit import Fit
 from .fitting.samples import MOST_OUTLIER_SHARE, row_numbers
-from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE
+from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE, TIME_DRIFT
 from .table import unit_of
 
 #: The share of samples with an outlier in one and the same place from which on these are no spikes.
@@ -107,7 +109,9 @@ def effect_findings(remainder: Remainder, least: float) -> list[Finding]:
     every = []
     for series, make in (
         (BACKLASH, backlash_finding), (LAG, lag_finding), (PAST, heat_lag_finding),
-        (PROFILE, profile_finding), ((DELAY,), partial(delay_finding, data=remainder.data)),
+        (TIME_DRIFT, drift_finding),
+        (PROFILE, partial(profile_finding, remainder=remainder)),
+        ((DELAY,), partial(delay_finding, data=remainder.data)),
     ):  # fmt: skip
         names = [name for name in result.choice.names if name in series]
         if names and remainder.rise_without(names) > least:
@@ -218,6 +222,22 @@ def lag_finding(result: Fit) -> Finding | None:
     )  # fmt: skip
 
 
+def drift_finding(result: Fit) -> Finding | None:
+    """A finding on what drifted with time, if that was fitted."""
+    values = clear_values(result, TIME_DRIFT)
+    told = ", ".join(
+        f"{name.partition('.')[2]} by {2e3 * value:.2g} um" for name, value in values.items()
+    )
+    if not told:
+        return None
+    return Finding(False, (
+        f"The beam, the detectors or the mirror on its reference drifted over the run ({told}; bx "
+        "and by are the beam's). The fit follows a straight line in time, and the result is for "
+        "its middle; the stated uncertainty includes half of this, and all of the beam's, since x "
+        "and y are from the beam. Let the rig warm up, and calibrate faster, to be rid of it."
+    ), ("time_drift",))  # fmt: skip
+
+
 def step_finding(
     result: Fit, group: tuple[str, ...], times: float, of: str, words: str
 ) -> Finding | None:
@@ -276,8 +296,6 @@ def heat_lag_finding(result: Fit) -> Finding | None:
 
 #: Unknowns of a beam's profile.
 PROFILE = tuple(name for name in EFFECTS if name.startswith(("profile.", "asymmetry.")))
-#: Standard uncertainties from which on a backlash, or a profile, is told.
-CLEAR_SIGMAS = 4.0
 
 
 def clear_values(
@@ -303,8 +321,9 @@ def profile_size(result: Fit, kind: str) -> float:
     return float(np.sqrt(total))
 
 
-def profile_finding(result: Fit) -> Finding | None:
-    """A finding on a beam that is not Gaussian, where the fit includes its shape."""
+def profile_finding(result: Fit, remainder: Remainder) -> Finding | None:
+    """A finding on a beam that is not Gaussian, where the fit includes its shape, and on what else
+    it may be."""
     places = [n for n, name in enumerate(result.choice.names) if name in PROFILE]
     values, sigmas = result.values[places], result.uncertainty[places]
     if not (np.abs(values) > CLEAR_SIGMAS * sigmas).any():
@@ -324,7 +343,11 @@ def profile_finding(result: Fit) -> Finding | None:
             " It is not symmetric, perhaps by a second reflex: x and y may have an offset that is "
             "the same in all poses and that no reading shows; the stated uncertainty includes it."
         )
-    return Finding(False, words, ("profile",))
+    rivals, _ = rivals_of_shape(remainder, [result.choice.names[n] for n in places])
+    others = [BY_KEY[trace.key] for trace in rivals]
+    if others:
+        words += f" It could be that {' or that '.join(part.words for part in others)} as well."
+    return Finding(False, words, ("profile", *(part.key for part in others)))
 
 
 def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
@@ -419,7 +442,7 @@ def describe_places(scatter: Scatter) -> str:
     told = ", ".join(f"{size:.3g}" for size in sizes)
     together = (
         "together, as by a supply or a reference voltage that they share" if scatter.is_shared
-        else "each by itself"
+        else "each by itself, as by their own noise or by warm air in the beams' ways"
     )  # fmt: skip
     return (
         f"the places on A, B and C scatter by {told} times the stated noise, {together}, and the "
@@ -468,6 +491,11 @@ def common_of_outliers(
         return (
             f". In most of them the reference's {place} errs: look at it, and at its digits in the "
             "table.", "reference_outliers",
+        )  # fmt: skip
+    if place in OF_LIGHT:
+        return (
+            f". In most of them {place} errs: look at the laser, and for light that goes back into "
+            "it.", "light_outliers",
         )  # fmt: skip
     return (
         f". In most of them {place} errs: look at that detector's cable, and at the digits.",

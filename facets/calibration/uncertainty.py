@@ -25,7 +25,7 @@ from ..estimation.differences import carry, propagate_in_light
 from ..estimation.plan import make_plan
 from ..estimation.solution import Solution
 from ..estimation.solver import solve
-from ..estimation.uncertainty import effective_degrees_of_freedom
+from ..estimation.uncertainty import coverage_factor, effective_degrees_of_freedom
 from ..model.arrays import EFFECTS, readings
 from .alternatives.columns import beam_sigma, chip_columns, effect_columns
 from .alternatives.judge import Cause, trace_in_use
@@ -46,7 +46,7 @@ from .fitting.bundle_adjustment import (
 )
 from .fitting.fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
 from .fitting.samples import PLACE_SIGMA_MM, model_accuracy
-from .fitting.unknowns import PLACE, fold_mount, spline_error, values_of
+from .fitting.unknowns import PLACE, TIME_DRIFT, block, fold_mount, spline_error, values_of
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -79,7 +79,9 @@ def misfit_covariance(
         share = float(result.redundancy[np.isfinite(data.raw)].mean())
         missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
     spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
-    matrix: Floats = scattered * stated * stated[:, None]
+    drifted = np.zeros(9)  # since the middle of the run
+    drifted[PLACE_READINGS] = result.all_values[block(TIME_DRIFT)][2:]
+    matrix: Floats = np.outer(drifted, drifted) + scattered * stated * stated[:, None]
     matrix += np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
     for cause in causes:
         effect = np.nan_to_num(cause.lasting_effect * cause.remainder.noise)
@@ -89,14 +91,11 @@ def misfit_covariance(
 
 
 #: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
-#: the residuals bound. Of ghosts of a thousandth it gives 0.3 to 0.6, and they moved x and y of
-#: calibrations by 0.5 to 1.4 of their share (the study `disturbed_rigs`).
+#: the residuals bound, and of an asymmetric beam's mean deviation from a Gaussian. Of ghosts of a
+#: thousandth it gives 0.3 to 0.6, and they moved x and y of calibrations by 0.5 to 1.4 of their
+#: share (the study `disturbed_rigs`); another reflex, 1 to 2.5 of the beam's standard deviations
+#: away, moves the middle by 2.4 to 0.4 times that deviation.
 CENTRE_PER_SHARE = 1.5
-#: The same for each unit of an asymmetric beam's mean deviation from a Gaussian: another reflex,
-#: 1 to 2.5 of the beam's standard deviations away, moves the middle by 2.4 to 0.4 times as much.
-CENTRE_PER_ASYMMETRY = 1.5
-
-
 #: The root of the sum of squares of the third-order Hermite numbers of another beam, for each unit
 #: of its share of the power, where it is nearly two standard deviations aside.
 ORDER_3_PER_SHARE = 1.45
@@ -118,9 +117,9 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> f
     if share:
         sigma = ORDER_3_PER_SHARE * share / 2  # each of four numbers
         square = remainder.second_moment(effect_columns(remainder, "asymmetry"), sigma)
-        share = CENTRE_PER_SHARE * float(np.sqrt(square)) / ORDER_3_PER_SHARE
-    asymmetry = CENTRE_PER_ASYMMETRY * profile_size(remainder.fit, "asymmetry")
-    return float(np.hypot(beam_sigma(sensor) * np.hypot(share, asymmetry), chip_shift(remainder)))
+        share = float(np.sqrt(square)) / ORDER_3_PER_SHARE
+    uneven = CENTRE_PER_SHARE * np.hypot(share, profile_size(remainder.fit, "asymmetry"))
+    return float(np.hypot(beam_sigma(sensor) * uneven, chip_shift(remainder)))
 
 
 def chip_shift(remainder: Remainder) -> float:
@@ -128,10 +127,25 @@ def chip_shift(remainder: Remainder) -> float:
     samples leave possible, move the apex on the reference; r.m.s., the worse of x and y."""
     chips = remainder.readable(chip_columns(remainder))
     beside = remainder.extend(chips, CHIP_SIGMA_MM2**-2)
-    at = [n for n, name in enumerate(remainder.fit.choice.names) if name in ("apex.x", "apex.y")]
+    at = apex_places(remainder.fit)
     moved = (beside.values - remainder.values)[at]
     more = (np.diag(beside.covariance)[at] - np.diag(remainder.covariance)[at]).clip(0.0)
     return float(np.sqrt((moved**2 + more).max(initial=0.0)))
+
+
+def apex_places(result: Fit) -> list[int]:
+    """The places of the apex's x and y on the reference among the unknowns of a fit."""
+    return [n for n, name in enumerate(result.choice.names) if name in ("apex.x", "apex.y")]
+
+
+def beam_drift(result: Fit, causes: list[Cause]) -> float:
+    """How far, mm, the beam went during the run, the worse of x and y: in a straight line, and by
+    causes that move it."""
+    moved = [2 * result.all_values[block(TIME_DRIFT)][:2]]
+    for cause in causes:
+        if cause.best.key.startswith("beam."):
+            moved.append(cause.remainder.shift_of_unknowns(cause.best)[apex_places(result)])
+    return float(np.linalg.norm([np.abs(shift).max(initial=0.0) for shift in moved]))
 
 
 def add_open_bends(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> Sensor:
@@ -208,10 +222,12 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
     beside = remainder.extend_by(traces)
     extra = beside.covariance[:size, :size] - remainder.covariance[:size, :size]
     for cause in causes:
-        if not cause.alternatives[0].persists:
-            used = trace_in_use(cause.remainder, cause.best)
-            shift = cause.remainder.shift_of_unknowns(used)
-            extra += np.outer(shift, shift)
+        rest, undone = cause.remainder, np.zeros(size)
+        for part, trace in zip(cause.alternatives, cause.traces, strict=True):
+            if not part.persists:
+                shift = rest.shift_of_unknowns(trace_in_use(rest, trace)) - undone
+                extra += np.outer(shift, shift)
+            undone = rest.shift_of_unknowns(cause.best)
     return widen(sensor, result, extra)
 
 
@@ -261,10 +277,8 @@ def add_shared_noise(
     return widen(sensor, bare.fit, extra)
 
 
-#: From the axes' units to those in which errors are shown, um and urad.
-FINE_FACTORS = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
-#: Coverage factor of a level of confidence of 0.95.
-COVERAGE_FACTOR = 1.96
+#: The coverage probability of expanded uncertainties.
+COVERAGE = 0.95
 
 
 class Trial(NamedTuple):
@@ -278,7 +292,7 @@ class Trial(NamedTuple):
     def coverage(self) -> Floats:
         """The share of 95 % intervals that held, by axis: (6,)."""
         with np.errstate(invalid="ignore"):
-            hit = np.abs(self.error) <= COVERAGE_FACTOR * self.uncertainty
+            hit = np.abs(self.error) <= coverage_factor(COVERAGE) * self.uncertainty
         there = np.isfinite(self.error)
         share: Floats = (hit & there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         return share
@@ -321,10 +335,10 @@ def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDAr
     start = compare_poses(nominal, held, values_of(nominal), result)
     ended = compare_poses(result.sensor, held, result.all_values, result)
     columns = {
-        "before": rms(start.error - np.nanmean(start.error, axis=0)) * FINE_FACTORS,
-        "after": rms(ended.error) * FINE_FACTORS,
-        "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) * FINE_FACTORS,
-        "stated": rms(ended.uncertainty) * FINE_FACTORS,
+        "before": rms(start.error - np.nanmean(start.error, axis=0)) / OWN_UNITS[:6],
+        "after": rms(ended.error) / OWN_UNITS[:6],
+        "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) / OWN_UNITS[:6],
+        "stated": rms(ended.uncertainty) / OWN_UNITS[:6],
         "inside": 100 * ended.coverage,
     }
     names: dict[str, NDArray[Any]] = {
@@ -355,8 +369,6 @@ UNSEEN = {
 CAUSES = "what the findings name, or the samples leave open"
 #: Share of a variance below which what is left of it comes of the arithmetic.
 LEAST_REST = 1e-9
-#: The coverage probability of expanded uncertainties.
-COVERAGE = 0.95
 
 
 class Budget(NamedTuple):

@@ -26,14 +26,16 @@ from .alternatives.judge import (
     find_large_causes,
     noisy_remainder,
     restore_readings,
+    rivals_of_shape,
     steps_as_changes,
     undo_causes,
 )
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import fit_steady_laser
-from .candidates import DELAY_SIGMA_S, tried_kinds
+from .candidates import SIGMAS, Candidate, tried_kinds
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
+    PROFILE,
     cause_findings,
     centre_findings,
     effect_findings,
@@ -67,6 +69,7 @@ from .uncertainty import (
     add_open_bends,
     add_shared_noise,
     add_unseen_errors,
+    beam_drift,
     centre_sigma,
     misfit_covariance,
     validation_table,
@@ -258,7 +261,7 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     data, result, gone = fit_without_outliers(chosen)
     hopeless = is_suspicious(sensor, result)
     if screened.fitted.velocity is not None and hopeless:
-        late = fit_without_outliers(chosen.add_unknowns({DELAY: DELAY_SIGMA_S}))
+        late = fit_without_outliers(chosen.add_unknowns({DELAY: SIGMAS["delay"]}))
         hopeless = is_suspicious(sensor, late[1])
         if late[1].ended and not result.ended:
             data, result, gone = late
@@ -369,19 +372,29 @@ def needless_effects(
 ) -> list[str]:
     """The effects that nothing calls for with the noise that is known by now: of those that look
     like others, beside the causes, too; and of other modes of the beam, beside which causes are
-    looked for."""
+    looked for, and where something else explains more."""
     beside = remainder.extend_by([cause.best for cause in causes])
-    needless = []
-    for candidate in done.accepted if causes or done.scatter.causes else []:
+    asked = effects_to_doubt(done, settings)
+    needless = list[str]()
+    for candidate in asked if causes or done.scatter.causes else []:
         names = set(candidate.sigma) & set(done.fit.choice.names)
-        is_shape = candidate.key in BEAM_SHAPES
-        is_fickle = is_shape or bool(candidate.effect.rivals)
-        if not names or not is_fickle or settings.effects.get(candidate.key) == "on":
-            continue
-        rise = (remainder if is_shape else beside).rise_without(names)
-        if chance_of(rise, len(names)) > CHANCE:
+        rest = remainder if candidate.key in BEAM_SHAPES else beside
+        if chance_of(rest.rise_without(names), len(names)) > CHANCE:
             needless.append(candidate.key)
+    shapes = [part.key for part in asked if part.key in BEAM_SHAPES]
+    names = set(done.fit.choice.names) & set(PROFILE)
+    if shapes and rivals_of_shape(remainder, names)[1]:
+        needless += shapes
     return needless
+
+
+def effects_to_doubt(done: EffectSearch, settings: Calibrate) -> list[Candidate]:
+    """The effects of a fit that were not asked for and look like others."""
+    return [
+        part for part in done.accepted
+        if settings.effects.get(part.key) != "on" and set(part.sigma) & set(done.fit.choice.names)
+        and (part.key in BEAM_SHAPES or part.effect.rivals)
+    ]  # fmt: skip
 
 
 def reasons(
@@ -417,14 +430,16 @@ def validate(
         done.sensor, plain.original, done.outliers, done.fit, plain.screened.kind
     )
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
-    said += effect_findings(remainder, least)
-    said += scatter_findings(done.scatter, least) + reference_steps(plain.original, done.scatter)
-    said += findings(done.sensor, result, data) + plain.screened.findings
+    judged = findings(done.sensor, result, data)
+    if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more
+        said += effect_findings(remainder, least) + scatter_findings(done.scatter, least)
+    said += reference_steps(plain.original, done.scatter) + judged + plain.screened.findings
     centre = centre_sigma(done.sensor, remainder, settings)
     said += centre_findings(centre)
     read = restore_readings(data, plain.original)
     misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
     made = add_open_bends(result.sensor, remainder, settings)
+    centre = float(np.hypot(centre, beam_drift(result, causes)))
     made = add_unseen_errors(made, result, data, misfit, centre)
     made = add_shared_noise(made, remainder, done.scatter, settings.outliers)
     made = add_background_scale(add_causes(made, remainder, causes), result, data)

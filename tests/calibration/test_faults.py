@@ -153,6 +153,25 @@ def test_places_with_few_digits_count_as_noise(samples):
     assert "scatter" not in words_of(judged)
 
 
+@pytest.mark.parametrize("has_time", [False, True])
+def test_rows_that_were_sorted_are_told(samples, has_time):
+    count = len(samples.raw)
+    clock = np.linspace(-1, 1, count)[:, None] * np.eye(5)[0] if has_time else None
+    rows = np.argsort(samples.pose[:, 2])
+    whole = samples._replace(clock=clock)
+    words = "The rows do not stand in the order of time, as after sorting"
+    assert words in words_of(judge(whole.part(rows)))
+    assert words not in words_of(judge(whole))
+
+
+def test_a_reference_that_is_rounded_is_told(samples):
+    """Not one whose poses lie on a grid and are so."""
+    pose = samples.pose.copy()
+    pose[:, 0] = np.round(pose[:, 0] / 2e-3) * 2e-3
+    words = "(tx in steps of 2 um), which is more than its uncertainty"
+    assert words in words_of(judge(samples._replace(pose=pose)))
+
+
 def test_a_late_reference_is_found():
     judged = judge(sample_in_time(3e-4), settings(delay="auto"))
     assert accepted_effects(judged) == {"delay"}

@@ -64,7 +64,7 @@ def test_a_reference_that_scatters_by_its_last_digit_forbids_the_use():
     coarse[:, 1] = np.round(coarse[:, 1] / 4e-3) * 4e-3
     judged = judge(data._replace(pose=coarse))
     assert not judged.is_trusted
-    assert "written (ty in steps of 4 um)" in words_of(judged)
+    assert "written make it err (ty in steps of 4 um)" in words_of(judged)
 
 
 # ---- samples that no noise makes

@@ -22,6 +22,8 @@ TOLD_CHANCE = 1e-5
 APART_CHANCE = 20.0
 #: The fall of chi-square, or of -2 log L, that is worth one more thing beside others.
 WORTH_MORE = 10.0
+#: Of many trials that are screened, so many are made in earnest.
+LAST_TRIALS = 4
 #: How many rows a sentence lists.
 MOST_ROWS_LISTED = 12
 #: The groups of alternatives, in words.

@@ -13,11 +13,12 @@ from itertools import chain, combinations, combinations_with_replacement, permut
 
 import numpy as np
 
+from ...core.names import DETECTORS
 from ...core.sensor import BenchLight, Sensor
 from ...core.units import Floats
 from ...model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
 from ..fitting.bundle_adjustment import evaluate_turned_mirror, states_of
-from .alternative import Alternative
+from .alternative import LAST_TRIALS, Alternative
 from .remainder import STEP_MARGIN, Remainder
 
 #: Numbers that the courses of a table may take; of longer tables fewer steps and frequencies are
@@ -32,7 +33,7 @@ DEGREE = 4
 FRINGE_PERIODS_MM, FRINGE_DIRECTIONS = np.geomspace(0.12, 0.6, 14), 12
 #: Numbers of periods over a motion's spots, along psi and zeta, at which fringes of a detector's
 #: window are searched for; the least of both together, and how many of the best are compared.
-WINDOW_PERIODS, LEAST_PERIODS, LAST_WINDOWS = np.arange(-22.0, 22.5, 0.5), 2.0, 4
+WINDOW_PERIODS, LEAST_PERIODS = np.arange(-22.0, 22.5, 0.5), 2.0
 #: Half of a width about the best of these, and the number of steps over it.
 FINER_WINDOWS = (0.4, 9)
 #: The least number of rows between resets of an offset that are searched for.
@@ -197,6 +198,41 @@ def chip_columns(remainder: Remainder) -> Floats:
     return columns
 
 
+def uneven_columns(remainder: Remainder) -> Floats:
+    """The columns of facets that reflect less and less along x and y, by the share for each mm from
+    the tip.
+
+    Of a Gaussian beam that is as much as a shift of the light on it, and of its place in the beam.
+    """
+    columns = np.zeros((*remainder.noise.shape, 6))
+    for k in range(3):
+        part, into = slice(3 * k, 3 * k + 3), slice(2 * k, 2 * k + 2)
+        columns[:, part, into] = (
+            -(beam_sigma(remainder.sensor) ** 2) * remainder.beam_columns[:, part]
+        )
+        columns[:, 3 * k + 2, into] += remainder.light[:, k, None] * place_in_beam(remainder)
+    return columns
+
+
+def yield_columns(remainder: Remainder) -> Floats:
+    """The columns of facets that turn by shares of the mirror's angles."""
+    facets = [f"facet_{k}.{angle}" for k in DETECTORS for angle in ("inclination", "azimuth")]
+    turned, angles = unknown_columns(remainder, tuple(facets)), remainder.data.pose[:, 3:]
+    whole: Floats = np.einsum("niq,nm->niqm", turned, angles)
+    return whole.reshape(*remainder.noise.shape, -1)
+
+
+def scatter_columns(remainder: Remainder) -> Floats:
+    """The columns of light that each facet scatters onto the other detectors, by its share: its
+    power, and its power times its place."""
+    lamp, power = lamp_columns(remainder), remainder.model_readings[:, 2::3]
+    parts = [
+        lamp[:, :, 3 * k : 3 * k + 3] * power[:, None, None, j]
+        for j, k in permutations(range(3), 2)
+    ]
+    return np.concatenate(parts, axis=2)
+
+
 def power_columns(remainder: Remainder, detectors: tuple[int, ...]) -> Floats:
     """The columns of the powers of some detectors, each by itself."""
     columns = np.zeros((*remainder.noise.shape, len(detectors)))
@@ -261,7 +297,7 @@ def likely_fringes(remainder: Remainder, columns: Floats, k: int) -> Floats:
         square = np.einsum("ni,nij,nj->", column, remainder.inverse, column)
         level += np.abs((psi * pulled) @ zeta.T) ** 2 / max(square, 1e-300)
     level[np.hypot(along[:, None], WINDOW_PERIODS) < LEAST_PERIODS] = 0.0
-    best = np.argsort(-level, axis=None)[:LAST_WINDOWS]
+    best = np.argsort(-level, axis=None)[:LAST_TRIALS]
     first, second = np.unravel_index(best, level.shape)
     return np.column_stack([along[first], WINDOW_PERIODS[second]])
 
@@ -376,9 +412,9 @@ def aperture_columns(remainder: Remainder) -> Floats:
 
 
 #: How far the reference may err by each of its kinds of error, 1 sigma: shares of its ways, mm from
-#: the line of measurement, rad of its axes, and mm and rad at the ends of the motion.
-SCALE_SIGMA, ABBE_SIGMA_MM, SQUARENESS_SIGMA = 5e-3, 10.0, 5e-3
-BOW_SIGMAS = np.array([5e-3] * 3 + [2e-5] * 3)
+#: the line of measurement, rad of its axes; bow: of lengths and angles, mm and rad at the ends.
+REFERENCE_SIGMAS = {"scale": 5e-3, "abbe": 10.0, "squareness": 5e-3}
+BOW_SIGMAS = np.repeat([5e-3, 2e-5], 3)
 
 
 def reference_columns(remainder: Remainder, terms: list[tuple[int, Floats]]) -> Floats:
@@ -398,12 +434,14 @@ def reference_terms(remainder: Remainder) -> dict[str, list[tuple[int, Floats]]]
     pose = remainder.data.pose
     ends: Floats = pose / np.abs(pose).max(axis=0).clip(1e-12)
     pairs = {
+        "scale": [(n, n) for n in range(6)],
         "abbe": [(n, m) for n, m in product(range(3), range(3, 6)) if m != n + 3],
         "squareness": [*permutations(range(3), 2), *permutations(range(3, 6), 2)],
     }
-    sizes = {"abbe": ABBE_SIGMA_MM, "squareness": SQUARENESS_SIGMA}
-    terms = {kind: [(n, sizes[kind] * pose[:, m]) for n, m in pairs[kind]] for kind in pairs}
-    terms["scale"] = [(n, SCALE_SIGMA * pose[:, n]) for n in range(6)]
+    terms = {
+        kind: [(n, sigma * pose[:, m]) for n, m in pairs[kind]]
+        for kind, sigma in REFERENCE_SIGMAS.items()
+    }
     terms["bow"] = square_terms(ends, range(6), [(m, m) for m in range(3)])
     terms["cosine"] = square_terms(
         ends, range(3), list(combinations_with_replacement(range(3, 6), 2))

@@ -30,10 +30,11 @@ from .remainder import Remainder
 def plain(
     key: str,
     make: Callable[[Remainder], Floats],
-    sigma: float = np.inf,
+    sigma: Floats | float = np.inf,
     is_possible: Callable[[Floats], bool] = lambda amounts: True,
 ) -> Callable[[Remainder], Trace]:
-    """The test of columns that act on all rows.  sigma: prior standard uncertainty of amounts.
+    """The test of columns that act on all rows.  sigma: prior standard uncertainty of amounts, in
+    the units of the columns.
     is_possible: whether there can be such amounts (q,); others explain nothing."""
 
     def test(remainder: Remainder) -> Trace:
@@ -139,9 +140,9 @@ def powers(amounts: Floats) -> str:
     return f"by {sizes} uW on A, B and C"
 
 
-#: What light of a lamp may be on detectors, mW and mW mm, and the share of a detector's currents
-#: in the channels of another one, 1 sigma.
-LAMP_SIGMA, LEAK_SIGMA = np.array([3e-3, 9e-3, 9e-3] * 3), 0.01
+#: What light of a lamp may be on each detector, mW and mW mm, 1 sigma; of light that a facet
+#: scatters, over its power.
+LAMP_SIGMA = np.array([3e-3, 9e-3, 9e-3] * 3)
 THINGS = (
     *(
         Thing(f"detector_{k}", "detectors", f"detector {k.upper()}",
@@ -150,15 +151,22 @@ THINGS = (
         for n, k in enumerate(DETECTORS)
     ),
     *(
+        Thing(f"turn_{k}", "detectors", f"the rotation of detector {k.upper()} about its normal",
+              partial(columns.unknown_columns, names=(f"psd_{k}.roll",)), 0.01, turn_size,
+              "fasten it", "press lightly on its post, and look at its readings")
+        for k in DETECTORS
+    ),
+    *(
         Thing(f"gain_{k}", "electronics", f"the gain of detector {k.upper()}",
               partial(columns.power_columns, detectors=(n,)), 0.03, share_size,
               "look at its amplifier and its plugs",
               "let the mirror rest and look at that power over the other two")
         for n, k in enumerate(DETECTORS)
     ),
-    Thing("supply", "electronics", "all places together", columns.place_columns, 0.05, supply_size,
-          "look at the supply and the reference voltage of the amplifiers",
-          "let the mirror rest, and record all detectors"),
+    Thing("supply", "electronics", "the places on all detectors", columns.place_columns, 0.05,
+          supply_size, "look at the supply and the reference voltage of the amplifiers, and for "
+          "warm air in the beams' ways", "let the mirror rest under a cover, and look at all places"
+          ),
     Thing("seat", "reference", "the mirror on the reference (or its zero)",
           lambda remainder: remainder.pose_columns, np.array([0.01] * 3 + [5e-5] * 3), pose_size,
           "fasten the mirror, and look for cables that pull",
@@ -257,6 +265,20 @@ def facets_of(amounts: Floats) -> str:
     return f"on {whole or 'some facets'}"
 
 
+def one_facet_test(
+    key: str, make: Callable[[Remainder], Floats], sigma: Floats | float
+) -> Callable[[Remainder], Trace]:
+    """The test of the columns of one facet, the best of three; its number is the trace's place."""
+
+    def test(remainder: Remainder) -> Trace:
+        parts = np.split(make(remainder), 3, axis=2)
+        traces = [remainder.test(key, part, sigma) for part in parts]
+        best = max(range(3), key=lambda k: traces[k].fall)
+        return traces[best]._replace(log_trials=float(np.log(3)), at=(float(best),))
+
+    return test
+
+
 def reference_test(kind: str) -> Callable[[Remainder], Trace]:
     def test(remainder: Remainder) -> Trace:
         terms = columns.reference_terms(remainder)[kind]
@@ -340,9 +362,6 @@ def test_resets(remainder: Remainder) -> Trace:
     return trace._replace(log_trials=float(np.log(len(blocks) / 3)), at=(float(length),))
 
 
-#: Shares of the reading before that a detector keeps, and by which an amplifier's gain grows at a
-#: milliwatt of light, 1 sigma.
-MEMORY_SIGMA, BEND_SIGMA = 0.005, 0.1
 #: Errors of the reference of which parameters of the sensor explain all but this share of the
 #: square are left out: an error of the model would be magnified.
 LEAST_OF_REFERENCE = 5e-4
@@ -384,6 +403,21 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 test_dust, lambda trace, remainder: (
                     f"at {trace.at[0]:.2g} mm along x and {trace.at[1]:.2g} mm along y from the "
                     "tip")),
+    Alternative("uneven", "facets", "a facet reflects unevenly, as one that is tarnished",
+                "clean the mirror, or take another one", MICROSCOPE,
+                plain("uneven", columns.uneven_columns, 0.1),
+                lambda trace, remainder: (
+                    f"(by up to {100 * np.abs(trace.amounts).max():.2g} % for each mm)")),
+    Alternative("scatter", "facets", "light of one facet falls on another detector, "
+                "scattered by the facet or mirrored by its detector",
+                "clean the mirror, and shield the detectors from each other", "cover a facet",
+                one_facet_test("scatter", columns.scatter_columns, LAMP_SIGMA[:6])),
+    Alternative("yield", "facets", "a facet yields as the mirror turns",
+                "see how the facets are held", TURN,
+                one_facet_test("yield", columns.yield_columns, 1e-3),
+                lambda trace, remainder: (
+                    f"({DETECTORS[int(trace.at[0])].upper()}, by up to "
+                    f"{1e3 * np.abs(trace.amounts).max():.2g} urad for each mrad)")),
     # the reference
     *(
         Alternative(key, "reference", words, OF_REFERENCE, TURN, reference_test(key),
@@ -430,7 +464,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("memory", "electronics", "detectors or their amplifiers keep a share of the "
                 "reading before", "wait longer at each pose, or slow down",
                 "repeat a pose from the other side, and wait there",
-                plain("memory", columns.memory_columns, MEMORY_SIGMA,
+                plain("memory", columns.memory_columns, 0.005,
                       lambda amounts: bool(amounts.max() > -amounts.min())),
                 lambda trace, remainder: (
                     f"(up to {100 * np.abs(trace.amounts).max():.2g} %)"),
@@ -444,11 +478,11 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("amplifiers", "electronics", "the amplifiers bend (their gain changes with the "
                 "current)", "use a lower range of the amplifiers, or let calibrate.before.bend_um "
                 "vary", "halve the laser's power",
-                plain("amplifiers", columns.amplifier_columns, BEND_SIGMA)),
+                plain("amplifiers", columns.amplifier_columns, 0.1)),
     Alternative("crosstalk", "electronics", "currents of one detector leak into the channels of "
                 "another", "keep their cables apart",
                 "block one detector, and look at its readings",
-                plain("crosstalk", columns.leak_columns, LEAK_SIGMA),
+                plain("crosstalk", columns.leak_columns, 0.01),
                 lambda trace, remainder: (
                     f"(up to {100 * np.abs(trace.amounts).max():.2g} %)")),
     Alternative("dark.reset", "electronics", "offsets of the detectors are set again and again, as "

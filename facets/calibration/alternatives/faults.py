@@ -29,14 +29,14 @@ from ..fitting.bundle_adjustment import Data
 from ..fitting.fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
 from ..fitting.samples import row_numbers
 from ..fitting.unknowns import Choice
-from .alternative import Alternative, Finding, capitalise
+from .alternative import LAST_TRIALS, Alternative, Finding, capitalise
 from .remainder import likeliest_states
 
 Change = Callable[[Data], Data]
 ColumnChange = Callable[[Floats], Floats]
 
-#: Samples and steps of a first trial and of a last, for so many of the hypotheses.
-SAMPLES, STEPS, LAST_TRIALS = (30, 120), (4, 12), 4
+#: Samples and steps of a first trial and of a last.
+SAMPLES, STEPS = (30, 120), (4, 12)
 #: How many of the best may be one of two faults.
 PARTNERS = 6
 #: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so

@@ -8,6 +8,7 @@ as so many chances.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,10 +20,10 @@ from ...core.small_matrices import one_thread
 from ...core.units import Floats
 from ...estimation.dwells import median
 from ...model.arrays import EFFECTS
-from ..fitting.bundle_adjustment import Data
+from ..fitting.bundle_adjustment import LEAST_COUNTED, Data
 from ..fitting.fit import NORMAL_MEDIAN, Fit
 from ..fitting.samples import model_accuracy, row_numbers
-from .alternative import APART_CHANCE, TOLD_CHANCE, Alternative, Trace
+from .alternative import APART_CHANCE, LAST_TRIALS, TOLD_CHANCE, Alternative, Trace
 from .entries import ALTERNATIVES, BY_KEY
 from .remainder import Remainder
 from .scatter import Together
@@ -44,13 +45,9 @@ NOISY = 1.1
 POWER_FACTOR = 4.0
 #: Steps that are not told from steady light, which no effect has yet.
 LIKE_STEADY_LIGHT = ("lamp.jumped", "dark.jumped")
-#: How many things that may have jumped are tried as faults of the samples.
-STEPS_TRIED = 3
 #: What moves the poses by more than this share of what is stated forbids the use: what stays with
 #: the sensor, and what does not, which is undone and of which the uncertainty has the shift.
 MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 4.0
-#: A shift of the poses that counts, over the noise of one.
-LEAST_MOVED = 0.3
 #: A pose is not known where its variance is so many times that of most.
 WORST_VARIANCE = 100.0
 #: Unknowns of a run that are no part of the sensor.
@@ -166,7 +163,7 @@ def steps_as_changes(remainder: Remainder) -> list[Alternative]:
         if part.refuses and part.key not in LIKE_STEADY_LIGHT and len(trace.at) == 1:
             change = partial(undo_causes, causes=[cause])
             steps.append(replace(part, words=cause.clauses[0], change=change))
-    return steps[:STEPS_TRIED]
+    return steps[:LAST_TRIALS]
 
 
 @one_thread
@@ -257,6 +254,19 @@ def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:
     ]  # fmt: skip
 
 
+def rivals_of_shape(remainder: Remainder, names: Iterable[str]) -> tuple[list[Trace], bool]:
+    """What is no light and explains as well what unknowns of the beam's cross-section explain, the
+    likeliest first; and whether that beats them."""
+    bare, places = remainder.drop_unknowns(names), remainder.release(names)[2]
+    shape = bare.test("shape", remainder.likelihood.common[:, :, places])
+    others = [
+        trace for trace in clear_traces(bare)
+        if BY_KEY[trace.key].group != "light" and not BY_KEY[trace.key].general
+        and not beats(shape, trace, bare)
+    ]  # fmt: skip
+    return others, bool(others) and beats(others[0], shape, bare)
+
+
 def whole_trace(remainder: Remainder, trace: Trace) -> Trace:
     """The trace, complete where that moves the poses by the sensor's own parameters; another place
     of the mirror on the reference moves none."""
@@ -264,7 +274,7 @@ def whole_trace(remainder: Remainder, trace: Trace) -> Trace:
     apart = trace._replace(amounts=whole.amounts - trace.amounts)
     moved, variance, _ = shifted_poses(remainder, apart)
     over = np.sqrt((moved**2).mean(axis=0) / variance)
-    return whole if over.max() > LEAST_MOVED else trace
+    return whole if over.max() > LEAST_COUNTED else trace
 
 
 def pose_shift(remainder: Remainder, trace: Trace) -> float:

@@ -25,15 +25,13 @@ from ..fitting.bundle_adjustment import OWN_UNITS, Data, own_sigma, states_of
 from ..fitting.fit import Fit, Task
 from ..fitting.samples import row_numbers
 from ..fitting.unknowns import assign_values, values_of
-from .alternative import WORTH_MORE, Trace
+from .alternative import LAST_TRIALS, WORTH_MORE, Trace
 from .scatter import NAMES, NONE_TOGETHER, UNMEASURED_SIGMA, Likelihood, Together
 
 #: A direction of columns that the unknowns explain but for this share of its square is left out.
 LEAST_OWN_SHARE = 1e-6
 #: A step has at least this number of samples on both sides.
 STEP_MARGIN = 8
-#: Of courses of two functions, so many are compared beside the unknowns.
-LAST_COURSES = 4
 #: How often sizes and states of something that switches are found in turn.
 SWITCH_ROUNDS = 6
 #: Of what switches more often than in this share of the samples nobody would say so.
@@ -137,9 +135,25 @@ class Remainder:
 
     def rise_without(self, names: Iterable[str]) -> float:
         """By how much chi-square would rise without some of the fit's unknowns."""
+        off, step, _ = self.release(names)
+        return float(off @ step)
+
+    def release(self, names: Iterable[str]) -> tuple[Floats, Floats, list[int]]:
+        """How far some of the fit's unknowns are from what they were before, that times their
+        information, and their places."""
         at = [self.fit.choice.names.index(name) for name in names]
         off = (self.values - values_of(self.nominal)[self.fit.choice.places])[at]
-        return float(off @ np.linalg.solve(self.covariance[np.ix_(at, at)], off))
+        return off, np.linalg.solve(self.covariance[np.ix_(at, at)], off), at
+
+    def drop_unknowns(self, names: Iterable[str]) -> Remainder:
+        """The remainder in which some of the fit's unknowns are what they were before."""
+        _, step, gone = self.release(names)
+        kept = np.setdiff1d(np.arange(len(self.matrix)), gone)
+        rest = copy(self)
+        rest.pulled = self.pulled + self.weighted @ (self.covariance[:, gone] @ step)
+        rest.matrix, rest.weighted = self.matrix[np.ix_(kept, kept)], self.weighted[:, :, kept]
+        rest.covariance, rest.values = np.linalg.inv(rest.matrix), np.delete(self.values, gone)
+        return rest
 
     def project(self, columns: Floats, amounts: Floats) -> Floats:
         """P C a: (n, 9)."""
@@ -211,7 +225,7 @@ class Remainder:
         prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, columns.shape[2:])
         if not courses.any() or not columns.any():
             return Trace(key, 0.0, 0.0, columns, np.zeros(columns.shape[2]), 0.0, (0.0,))
-        if courses.shape[2] > 1 and trials > LAST_COURSES:
+        if courses.shape[2] > 1 and trials > LAST_TRIALS:
             kept = self.screen_courses(columns, courses)
             trace = self.compare_courses(key, columns, courses[kept], prior)
             return trace._replace(
@@ -228,7 +242,7 @@ class Remainder:
         sides = np.einsum("mnw,nq->mwq", courses, pulled, optimize=True)
         whole = np.einsum("mnw,nq->mwq", courses**2, squares, optimize=True)
         falls = (sides**2 / np.maximum(whole, 1e-300)).sum(axis=(1, 2))
-        return np.argsort(-falls)[:LAST_COURSES]
+        return np.argsort(-falls)[:LAST_TRIALS]
 
     def compare_courses(self, key: str, columns: Floats, courses: Floats, prior: Floats) -> Trace:
         """The best of a few courses; see `test_courses`."""

@@ -30,7 +30,7 @@ from ...core.names import POSE, READING_COLUMNS
 from ...core.sensor import Sensor
 from ...core.small_matrices import one_thread
 from ...core.units import Floats
-from ..fitting.bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
+from ..fitting.bundle_adjustment import CLEAR_SIGMAS, OWN_UNITS, Data, deviations, own_sigma
 from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
 from ..fitting.samples import LEAST_WEIGHT
 from ..fitting.unknowns import DELAY, MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
@@ -83,12 +83,13 @@ SCATTER = {
 BEAM_SCATTER, REFERENCE_SCATTER = "beam_scatter", "reference_scatter"
 CLOCK_SCATTER = "clock_scatter"
 DETECTOR_SCATTER, SUPPLY_SCATTER = "detector_scatter", "supply_scatter"
-#: The correlation of places of different detectors from which on they scatter together, and the
-#: least in standard deviations of chance.
-LEAST_SHARED, SHARED_SIGMAS = 0.3, 4.0
+#: The correlation of places of different detectors from which on they scatter together, where it
+#: is clear.
+LEAST_SHARED = 0.3
 #: The share of a sample's chi-square that one column explains where it alone errs; in how many
 #: samples at least.
 MOST_OF_ERROR, LEAST_ERRING = 0.9, 3
+OF_LIGHT = ("the laser's power", "the beam's x", "the beam's y")
 #: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
@@ -244,15 +245,16 @@ class Likelihood:
 
 
 def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
-    """The axis of the reference, or the reading, of which an error alone explains most of samples
-    that are no part of a fit; None where there is none, or where they are few."""
+    """The axis of the reference, the part of the light or the reading of which an error alone
+    explains most of samples that are no part of a fit; None where there is none, or where they are
+    few."""
     if len(data.raw) < LEAST_ERRING:
         return None
     own = np.zeros((len(data.raw), result.own_values.shape[1]))
     like = Likelihood(Task(sensor, data, result.choice, None), replace(result, own_values=own))
     known = prior_variances(data, result.choice)
     inverse = np.linalg.inv(like.variance(known, np.zeros(len(NAMES))))
-    columns = np.concatenate([like.own[:, :, :6], np.broadcast_to(np.eye(9), (len(own), 9, 9))], 2)
+    columns = np.concatenate([like.own, np.broadcast_to(np.eye(9), (len(own), 9, 9))], axis=2)
     weighted = inverse @ columns
     square = np.maximum((weighted * columns).sum(axis=1), 1e-300)
     fall = (weighted * like.residual[:, :, None]).sum(axis=1) ** 2 / square
@@ -261,7 +263,7 @@ def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
     best = int(np.argmax(count))
     if count[best] < max(LEAST_ERRING, len(own) / 2):
         return None
-    return (*POSE, *READING_COLUMNS)[best]
+    return (*POSE, *OF_LIGHT, *READING_COLUMNS)[best]
 
 
 def geometric_mean(covariance: Floats, seen: Floats, due: Floats) -> Floats:
@@ -306,7 +308,7 @@ class Sizes(NamedTuple):
         matrix, noise = self.together.matrix, like.place_noise
         whole = np.diag(noise**2) + matrix if self.together.is_absolute else np.eye(6) + matrix
         size = np.sqrt(np.diag(whole))
-        least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(len(like.residual)))
+        least = max(LEAST_SHARED, CLEAR_SIGMAS / np.sqrt(len(like.residual)))
         is_shared = np.abs((whole / size / size[:, None])[IS_BETWEEN]).max() > least
         level, ways = np.linalg.eigh(matrix)
         more = self.together._replace(matrix=(ways * np.maximum(level, 0.0)) @ ways.T)
@@ -491,15 +493,13 @@ def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Cho
     return (
         data._replace(sigma=np.hypot(data.sigma, further), noise=noise),
         replace(
-            chosen, power=max(power, LEAST_POWER) if power else power, beam=scatter.size_of("beam")
+            chosen, power=max(power, JITTERS[0]) if power else power, beam=scatter.size_of("beam")
         ),
     )
 
 
 #: Where a size begins: the share of a reading's noise that it adds then.
 FIRST_NOISE_SHARE = 0.3
-#: A laser is not steadier than this from sample to sample.
-LEAST_POWER = 5e-5
 #: The fit changes what weighs less, and with it the sizes: how often they are taken.
 SIZE_ROUNDS = 2
 

@@ -61,6 +61,9 @@ __all__ = ["ALL", "MOUNTING", "Choice", "values_of"]
 OWN_COUNT = 9
 #: Their units: um and urad of the pose, a thousandth of the power, um of the beam.
 OWN_UNITS = np.array([*FINE_UNITS[:6], 1e-3, 1e-3, 1e-3])
+#: What is clear, such as a step of the reference, is so many times its standard uncertainty; what
+#: counts in readings or poses is this share of their noise.
+CLEAR_SIGMAS, LEAST_COUNTED = 4.0, 0.3
 #: Residual, in standard deviations, of a reading for which the model has no value.
 MISSING_RESIDUAL = 1e4
 
@@ -189,15 +192,11 @@ def add_power_polynomials(data: Data) -> Data:
     return data._replace(slow=np.polynomial.legendre.legvander(time, count)[:, 1:])
 
 
-#: A step that counts as one, over the reference's standard uncertainty.
-LEAST_STEP_SIGMAS = 4.0
-
-
 def add_approach(data: Data) -> Data:
     """Add each axis's last step and next one, its direction, and the readings before it; the rows
     are in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
-    sign = np.where(np.abs(step) > LEAST_STEP_SIGMAS * data.sigma, np.sign(step), 0.0)
+    sign = np.where(np.abs(step) > CLEAR_SIGMAS * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
     bend = np.zeros(step.shape)

@@ -144,6 +144,7 @@ OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "
 #: two time constants, and how fast it changes, which a late thermometer shows too late.
 CLOCKS = ("time", "temperature", "past_1", "past_2", "ahead")
 DRIFTS = tuple(f"{cause}.{what}" for cause in CLOCKS for what in OF_DRIFT)
+TIME_DRIFT = DRIFTS[: len(OF_DRIFT)]
 PAST = tuple(name for name in DRIFTS if name.startswith(("past", "ahead")))
 
 #: The laser's slow drift, shares: polynomials over the run.
