@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -103,9 +104,9 @@ def tarnish(sensor, state, exact):
     return exact
 
 
-def scatter(sensor, state, exact):
+def scatter(sensor, state, exact, share=1e-3):
     """0.1 % of the light of facet B falls on detector A, beside its middle."""
-    stray = 1e-3 * exact[:, 5:6]
+    stray = share * exact[:, 5:6]
     rest = exact[:, 2:3] + stray
     exact[:, :2] = (exact[:, :2] * exact[:, 2:3] + stray * [1.0, -2.0]) / rest
     exact[:, 2:3] = rest
@@ -327,6 +328,13 @@ def test_a_mirror_that_drifted_on_the_reference_may_be_as_it_was_at_the_start():
     assert 1.5e-5 < np.nanmedian(solved.uncertainty[:, 3]) < 4e-5
 
 
+def stated(judged, name):
+    """The standard uncertainty of a calibrated parameter."""
+    known = judged.sensor.calibration
+    place = known.names.index(name)
+    return known.covariance[place][place] ** 0.5
+
+
 def test_a_slow_drift_is_no_jump():
     def drift(sensor, state, exact):
         exact[:, 3] += np.linspace(0, 0.01, COUNT)
@@ -336,6 +344,29 @@ def test_a_slow_drift_is_no_jump():
     (finding,) = [part for part in judged.findings if part.causes]
     assert finding.causes[0] == "detector_b.drifted"
     assert {key.partition(".")[0] for key in finding.causes} <= {"detector_b", "facet_b"}
+    # the detector's drift was undone, and it could be the facet's; without drift it is 0.06 mm
+    assert stated(judged, "psd_b.height") > 0.1
+
+
+def test_a_drift_with_time_is_told_and_part_of_the_uncertainty():
+    """A beam that goes 4 um along x."""
+
+    def walk(count, rng):
+        return np.outer(np.linspace(-1, 1, count), [2e-3, 0.0])
+
+    data = sample_rig(COUNT, beam=walk)[1]
+    data = data._replace(clock=np.linspace(-1, 1, COUNT)[:, None] * np.eye(5)[0])
+    judged = judge(data, settings(time_drift="auto"))
+    assert re.search(r"drifted over the run \(bx by (3\.9|4|4\.1) um", words_of(judged))
+    assert stated(judged, "light.centre_x") == pytest.approx(4e-3, rel=0.1)
+
+
+def test_what_explains_more_than_the_beams_profile_is_told_instead_of_it():
+    """Nine numbers of the profile take up much of it, and less than the light of one facet does."""
+    asked = settings(profile="auto", asymmetry="auto")
+    words = words_of(judge(sample_rig(COUNT, alter=partial(scatter, share=0.02))[1], asked))
+    assert "light of one facet falls on another detector" in words
+    assert "profile" not in words
 
 
 def test_noise_is_no_drift_of_the_laser():
