@@ -29,6 +29,7 @@ from .alternatives.judge import (
     rivals_of_shape,
     steps_as_changes,
     undo_causes,
+    unsaid_shift,
 )
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import fit_steady_laser
@@ -73,6 +74,7 @@ from .uncertainty import (
     centre_sigma,
     misfit_covariance,
     validation_table,
+    widen,
 )
 
 if TYPE_CHECKING:
@@ -442,7 +444,9 @@ def validate(
     centre = float(np.hypot(centre, beam_drift(result, causes)))
     made = add_unseen_errors(made, result, data, misfit, centre)
     made = add_shared_noise(made, remainder, done.scatter, settings.outliers)
-    made = add_background_scale(add_causes(made, remainder, causes), result, data)
+    shift = unsaid_shift(remainder)
+    made = widen(add_causes(made, remainder, causes), result, np.outer(shift, shift))
+    made = add_background_scale(made, result, data)
     known = replace(result, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)

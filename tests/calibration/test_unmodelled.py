@@ -161,6 +161,20 @@ def test_what_spoils_readings_is_named(alter, words):
     assert words in words_of(judged)
 
 
+def stated(judged, name):
+    """The standard uncertainty of a calibrated parameter."""
+    known = judged.sensor.calibration
+    place = known.names.index(name)
+    return known.covariance[place][place] ** 0.5
+
+
+def test_what_is_likely_and_not_told_is_part_of_the_uncertainty():
+    """Axes 0.5 mrad out of square look like a beam that is tilted by as much."""
+    judged = judge(sample_rig(COUNT, mirror=err_along(0, lambda pose: -5e-4 * pose[:, 2]))[1])
+    assert not [part.causes for part in judged.findings if part.causes]
+    assert stated(judged, "beam.tilt_y") == pytest.approx(5e-4, rel=0.3)
+
+
 def err_along(axis, of_pose):
     """Displace the mirror along an axis by a function of its poses."""
     return lambda pose, rng: np.outer(of_pose(pose), np.eye(6)[axis])
@@ -326,13 +340,6 @@ def test_a_mirror_that_drifted_on_the_reference_may_be_as_it_was_at_the_start():
     off = np.nanmean((solved.state - state)[:, 3])  # the states have the drift in them
     assert abs(off + 1e-5) < 1.2e-5
     assert 1.5e-5 < np.nanmedian(solved.uncertainty[:, 3]) < 4e-5
-
-
-def stated(judged, name):
-    """The standard uncertainty of a calibrated parameter."""
-    known = judged.sensor.calibration
-    place = known.names.index(name)
-    return known.covariance[place][place] ** 0.5
 
 
 def test_a_slow_drift_is_no_jump():

@@ -8,7 +8,7 @@ as so many chances.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,13 +23,22 @@ from ...model.arrays import EFFECTS
 from ..fitting.bundle_adjustment import LEAST_COUNTED, Data
 from ..fitting.fit import NORMAL_MEDIAN, Fit
 from ..fitting.samples import model_accuracy, row_numbers
-from .alternative import APART_CHANCE, LAST_TRIALS, TOLD_CHANCE, Alternative, Trace
+from .alternative import (
+    APART_CHANCE,
+    LAST_TRIALS,
+    OF_SENSOR,
+    TOLD_CHANCE,
+    Alternative,
+    Trace,
+)
 from .entries import ALTERNATIVES, BY_KEY
 from .remainder import Remainder
 from .scatter import Together
 
 #: How many causes are told at most.
 MOST_CAUSES = 4
+#: The chance below which a thing is likely, and its error is part of the uncertainty.
+LIKELY_CHANCE = 0.05
 #: What has less than this share of the likeliest cause's score may come of its linear model.
 LEAST_SHARE = 0.03
 #: An alternative is beaten where it is `APART_CHANCE` times less likely, by so many standard
@@ -200,12 +209,27 @@ def find_causes(remainder: Remainder) -> list[Cause]:
     return causes
 
 
-def clear_traces(remainder: Remainder) -> list[Trace]:
-    """The alternatives beyond chance whose effect is larger than the model's own error; the
+@one_thread
+def unsaid_shift(remainder: Remainder) -> Floats:
+    """By how much the likeliest thing beside the sensor would have moved the unknowns of the fit
+    (p,), where it is likely and not sure enough to be told; else zero."""
+    beside = [part for part in ALTERNATIVES if part.group not in OF_SENSOR]
+    likely = clear_traces(remainder, beside, LIKELY_CHANCE)
+    if not likely:
+        return np.zeros(len(remainder.fit.values))
+    return remainder.shift_of_unknowns(whole_trace(remainder, likely[0]))
+
+
+def clear_traces(
+    remainder: Remainder,
+    alternatives: Sequence[Alternative] = ALTERNATIVES,
+    chance: float = TOLD_CHANCE,
+) -> list[Trace]:
+    """The alternatives beyond a chance whose effect is larger than the model's own error; the
     likeliest first, those that stand for a group behind its members."""
-    limit = np.log(len(ALTERNATIVES) / TOLD_CHANCE)
+    limit = np.log(len(ALTERNATIVES) / chance)
     traces = list[Trace]()
-    for alternative in ALTERNATIVES:
+    for alternative in alternatives:
         try:
             assert alternative.test is not None
             trace = alternative.test(remainder)
