@@ -392,7 +392,6 @@ NO_CAUSE, ALWAYS = "outliers", "laser.drifted"
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
 GROUP_OF |= {"clock_set": "time", "saturated": "electronics", "shaded": "detectors",
              "spikes": "electronics", "reference_outliers": "reference",
-             "light_outliers": "light",
              "reading_outliers": "electronics", NO_CAUSE: NO_CAUSE}  # fmt: skip
 
 

@@ -33,7 +33,6 @@ from .alternatives.scatter import (
     DETECTOR_SCATTER,
     FAR_SIGMAS,
     LEAST_ERRING,
-    OF_LIGHT,
     PLACES,
     POWERS,
     SCATTER,
@@ -233,8 +232,9 @@ def drift_finding(result: Fit) -> Finding | None:
     return Finding(False, (
         f"The beam, the detectors or the mirror on its reference drifted over the run ({told}; bx "
         "and by are the beam's). The fit follows a straight line in time, and the result is for "
-        "its middle; the stated uncertainty includes half of this, and all of the beam's, since x "
-        "and y are from the beam. Let the rig warm up, and calibrate faster, to be rid of it."
+        "the middle of the run; the stated uncertainty includes half of this, and all of the "
+        "beam's, from which x and y are measured. Let the rig warm up, and calibrate faster, to be "
+        "rid of it."
     ), ("time_drift",))  # fmt: skip
 
 
@@ -491,11 +491,6 @@ def common_of_outliers(
         return (
             f". In most of them the reference's {place} errs: look at it, and at its digits in the "
             "table.", "reference_outliers",
-        )  # fmt: skip
-    if place in OF_LIGHT:
-        return (
-            f". In most of them {place} errs: look at the laser, and for light that goes back into "
-            "it.", "light_outliers",
         )  # fmt: skip
     return (
         f". In most of them {place} errs: look at that detector's cable, and at the digits.",

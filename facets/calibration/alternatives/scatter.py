@@ -89,7 +89,6 @@ LEAST_SHARED = 0.3
 #: The share of a sample's chi-square that one column explains where it alone errs; in how many
 #: samples at least.
 MOST_OF_ERROR, LEAST_ERRING = 0.9, 3
-OF_LIGHT = ("the laser's power", "the beam's x", "the beam's y")
 #: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
 UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
@@ -245,16 +244,15 @@ class Likelihood:
 
 
 def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
-    """The axis of the reference, the part of the light or the reading of which an error alone
-    explains most of samples that are no part of a fit; None where there is none, or where they are
-    few."""
+    """The axis of the reference, or the reading, of which an error alone explains most of samples
+    that are no part of a fit; None where there is none, or where they are few."""
     if len(data.raw) < LEAST_ERRING:
         return None
     own = np.zeros((len(data.raw), result.own_values.shape[1]))
     like = Likelihood(Task(sensor, data, result.choice, None), replace(result, own_values=own))
     known = prior_variances(data, result.choice)
     inverse = np.linalg.inv(like.variance(known, np.zeros(len(NAMES))))
-    columns = np.concatenate([like.own, np.broadcast_to(np.eye(9), (len(own), 9, 9))], axis=2)
+    columns = np.concatenate([like.own[:, :, :6], np.broadcast_to(np.eye(9), (len(own), 9, 9))], 2)
     weighted = inverse @ columns
     square = np.maximum((weighted * columns).sum(axis=1), 1e-300)
     fall = (weighted * like.residual[:, :, None]).sum(axis=1) ** 2 / square
@@ -263,7 +261,7 @@ def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
     best = int(np.argmax(count))
     if count[best] < max(LEAST_ERRING, len(own) / 2):
         return None
-    return (*POSE, *OF_LIGHT, *READING_COLUMNS)[best]
+    return (*POSE, *READING_COLUMNS)[best]
 
 
 def geometric_mean(covariance: Floats, seen: Floats, due: Floats) -> Floats:
