@@ -408,7 +408,7 @@ ALSO = {
     "rows ": ("time",), "averaged": ("time",), "axis_delays": ("reference",),
     "seat.jumped": ("table",),  # the reference's zero, as between two recordings
     "beam": ("environment",), "seat": ("environment",), "reference_scatter": ("environment",),
-    "supply.": ("environment",),  # warm air in the beams' ways
+    "supply.": ("environment",),  # warm air in the beams' paths
     "scatter": ("detectors",),  # light that a detector mirrors
     "time_drift": ("light", "detectors", "reference"),
     "memory": ("detectors",), "detector_scatter": ("electronics",),

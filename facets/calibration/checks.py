@@ -208,7 +208,7 @@ def unordered_rows(data: Data) -> list[Finding]:
         step = np.diff(data.pose, axis=0)
         noise, least = CLEAR_SIGMAS * data.sigma, np.median(step, axis=0)
         is_up = (step.min(axis=0) > -noise) & (least > noise)
-        is_random = (step**2).mean(axis=0) > data.pose.var(axis=0)  # else half of twice it
+        is_random = (step**2).mean(axis=0) > data.pose.var(axis=0)  # twice it at random
         if is_up.sum() != 1 or not is_random.any():
             return []
         words = f"{REFERENCE[int(np.argmax(is_up))]} goes up all the time, and others jump"

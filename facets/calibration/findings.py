@@ -442,7 +442,7 @@ def describe_places(scatter: Scatter) -> str:
     told = ", ".join(f"{size:.3g}" for size in sizes)
     together = (
         "together, as by a supply or a reference voltage that they share" if scatter.is_shared
-        else "each by itself, as by their own noise or by warm air in the beams' ways"
+        else "each by itself, as by their own noise or by warm air in the beams' paths"
     )  # fmt: skip
     return (
         f"the places on A, B and C scatter by {told} times the stated noise, {together}, and the "

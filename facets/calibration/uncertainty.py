@@ -62,8 +62,8 @@ def misfit_covariance(
 ) -> Floats:
     """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the detectors
     scatter by beside their noise, what the residuals show beyond chance, of a cause that is not
-    known or that stays with the sensor, what a detector's spline leaves open, and the steps in
-    which readings are written.
+    known or that stays with the sensor, what a detector's spline leaves open, what drifted since
+    the middle of the run, and the steps in which readings are written.
 
     data: with the readings as they were. The unknowns take up a part of it, as they do of the
     noise, and a larger one, since what a model misses changes smoothly from pose to pose: what is
@@ -79,7 +79,7 @@ def misfit_covariance(
         share = float(result.redundancy[np.isfinite(data.raw)].mean())
         missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
     spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
-    drifted = np.zeros(9)  # since the middle of the run
+    drifted = np.zeros(9)
     drifted[PLACE_READINGS] = result.all_values[block(TIME_DRIFT)][2:]
     matrix: Floats = np.outer(drifted, drifted) + scattered * stated * stated[:, None]
     matrix += np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
