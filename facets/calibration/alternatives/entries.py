@@ -165,8 +165,7 @@ THINGS = (
     ),
     Thing("supply", "electronics", "the places on all detectors", columns.place_columns, 0.05,
           supply_size, "look at the supply and the reference voltage of the amplifiers, and for "
-          "warm air in the beams' paths", "let the mirror rest under a cover, and look at all places"
-          ),
+          "warm air in the beams' paths", "let the mirror rest under a cover, and record it"),
     Thing("seat", "reference", "the mirror on the reference (or its zero)",
           lambda remainder: remainder.pose_columns, np.array([0.01] * 3 + [5e-5] * 3), pose_size,
           "fasten the mirror, and look for cables that pull",
