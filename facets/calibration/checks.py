@@ -5,6 +5,7 @@ from __future__ import annotations
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.names import ANGLES, DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
@@ -180,11 +181,18 @@ def untimed_channels(sensor: Sensor, data: Data) -> list[Finding]:
     ))]  # fmt: skip
 
 
+def written_times(data: Data) -> tuple[Floats, NDArray[np.int64]]:
+    """The times of the rows that have one, in half runs, and the numbers of these rows."""
+    time = np.zeros(len(data.raw)) if data.clock is None else data.clock[:, 0]
+    return time[time != 0], row_numbers(data)[time != 0]  # the clock of a row without is 0
+
+
 def time_gaps(data: Data) -> list[Finding]:
     """A finding on a time that jumps, or goes back, in a table of even steps."""
-    if data.clock is None or not data.clock[:, 0].any():
+    time, rows = written_times(data)
+    if len(time) < 2:
         return []
-    step, rows = np.diff(data.clock[:, 0]), row_numbers(data)
+    step = np.diff(time)
     usual = float(np.median(step))
     even = np.median(np.abs(step - usual)) < EVEN_STEPS * usual
     odd = np.flatnonzero((step > GAP_STEPS * usual) | (step < 0))
@@ -200,8 +208,9 @@ def time_gaps(data: Data) -> list[Finding]:
 def unordered_rows(data: Data) -> list[Finding]:
     """A finding on rows that do not stand in the order of time: time_s goes back, or a pose that
     goes up all the time while the others jump as if at random shows that they were sorted."""
-    if data.clock is not None and data.clock[:, 0].any():
-        if np.sum(np.diff(data.clock[:, 0]) < 0) <= MOST_GAPS:
+    time, _ = written_times(data)
+    if len(time):
+        if np.sum(np.diff(time) < 0) <= MOST_GAPS:
             return []
         words = "time_s goes back again and again"
     else:

@@ -343,7 +343,7 @@ def profile_finding(result: Fit, remainder: Remainder) -> Finding | None:
             " It is not symmetric, perhaps by a second reflex: x and y may have an offset that is "
             "the same in all poses and that no reading shows; the stated uncertainty includes it."
         )
-    rivals, _ = rivals_of_shape(remainder, [result.choice.names[n] for n in places])
+    rivals, _ = rivals_of_shape(remainder, tuple(result.choice.names[n] for n in places))
     others = [BY_KEY[trace.key] for trace in rivals]
     if others:
         words += f" It could be that {' or that '.join(part.words for part in others)} as well."

@@ -184,7 +184,7 @@ def add_unseen_errors(
 ) -> Sensor:
     """The calibrated sensor whose uncertainty includes what the model misses in readings (`misfit`:
     the covariance, see `misfit_covariance`), what the model of real light itself errs by, and the
-    uncertainty of the light's middle (`centre`, mm)."""
+    uncertainty of the light's middle, with what the beam drifted (`centre`, mm)."""
     from scipy.linalg import block_diag
 
     known = sensor.calibration
@@ -205,7 +205,8 @@ def add_unseen_errors(
 
 def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sensor:
     """The calibrated sensor whose uncertainty includes that causes, or their rivals, are known by
-    the samples alone, and by how much those that do not stay with it may have moved its parameters.
+    the samples alone, and by how much those that do not stay with it may have moved its parameters:
+    the likeliest, which was undone, or a rival in its place.
 
     remainder: of the fit to samples without the causes.
     """
@@ -222,12 +223,13 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
     beside = remainder.extend_by(traces)
     extra = beside.covariance[:size, :size] - remainder.covariance[:size, :size]
     for cause in causes:
-        rest, undone = cause.remainder, np.zeros(size)
+        rest = cause.remainder
+        undone = rest.shift_of_unknowns(cause.best)
         for part, trace in zip(cause.alternatives, cause.traces, strict=True):
             if not part.persists:
-                shift = rest.shift_of_unknowns(trace_in_use(rest, trace)) - undone
+                shift = rest.shift_of_unknowns(trace_in_use(rest, trace))
+                shift = shift if trace is cause.best else shift - undone
                 extra += np.outer(shift, shift)
-            undone = rest.shift_of_unknowns(cause.best)
     return widen(sensor, result, extra)
 
 

@@ -384,8 +384,8 @@ def needless_effects(
         if chance_of(rest.rise_without(names), len(names)) > CHANCE:
             needless.append(candidate.key)
     shapes = [part.key for part in asked if part.key in BEAM_SHAPES]
-    names = set(done.fit.choice.names) & set(PROFILE)
-    if shapes and rivals_of_shape(remainder, names)[1]:
+    of_shape = tuple(name for name in done.fit.choice.names if name in PROFILE)
+    if shapes and rivals_of_shape(remainder, of_shape)[1]:
         needless += shapes
     return needless
 

@@ -164,12 +164,35 @@ def test_rows_that_were_sorted_are_told(samples, has_time):
     assert words not in words_of(judge(whole))
 
 
+@pytest.mark.parametrize("missing", [1, 6])
+def test_rows_without_a_time_are_neither_sorted_nor_of_another_clock(samples, missing):
+    time = np.linspace(-1, 1, len(samples.raw))
+    time[20 : 20 + 7 * missing : 7] = 0  # as the table without them is read
+    words = words_of(judge(samples._replace(clock=time[:, None] * np.eye(5)[0])))
+    assert "in the order of time" not in words
+    assert "time_s jumps" not in words
+
+
+def round_to_steps(pose):
+    """Poses (n, 6) whose x is written in steps of 2 um."""
+    rounded = pose.copy()
+    rounded[:, 0] = np.round(pose[:, 0] / 2e-3) * 2e-3
+    return rounded
+
+
 def test_a_reference_that_is_rounded_is_told(samples):
     """Not one whose poses lie on a grid and are so."""
-    pose = samples.pose.copy()
-    pose[:, 0] = np.round(pose[:, 0] / 2e-3) * 2e-3
     words = "(tx in steps of 2 um), which is more than its uncertainty"
-    assert words in words_of(judge(samples._replace(pose=pose)))
+    assert words in words_of(judge(samples._replace(pose=round_to_steps(samples.pose))))
+    wanted = list[np.ndarray]()
+
+    def go_to_the_grid(pose, rng):
+        wanted.append(round_to_steps(pose))
+        return wanted[0] - pose
+
+    data = sample_rig(240, mirror=go_to_the_grid)[1]
+    data.pose[:, 0] = wanted[0][:, 0]
+    assert words not in words_of(judge(data))
 
 
 def test_a_late_reference_is_found():

@@ -32,7 +32,7 @@ DEGREE = 4
 #: motion of half a millimetre.
 FRINGE_PERIODS_MM, FRINGE_DIRECTIONS = np.geomspace(0.12, 0.6, 14), 12
 #: Numbers of periods over a motion's spots, along psi and zeta, at which fringes of a detector's
-#: window are searched for; the least of both together, and how many of the best are compared.
+#: window are searched for, and the least of both together.
 WINDOW_PERIODS, LEAST_PERIODS = np.arange(-22.0, 22.5, 0.5), 2.0
 #: Half of a width about the best of these, and the number of steps over it.
 FINER_WINDOWS = (0.4, 9)

@@ -34,8 +34,8 @@ def plain(
     is_possible: Callable[[Floats], bool] = lambda amounts: True,
 ) -> Callable[[Remainder], Trace]:
     """The test of columns that act on all rows.  sigma: prior standard uncertainty of amounts, in
-    the units of the columns.
-    is_possible: whether there can be such amounts (q,); others explain nothing."""
+    the units of the columns.  is_possible: whether there can be such amounts (q,); others explain
+    nothing."""
 
     def test(remainder: Remainder) -> Trace:
         trace = remainder.test(key, make(remainder), sigma)

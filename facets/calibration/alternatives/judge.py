@@ -8,7 +8,7 @@ as so many chances.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -31,6 +31,7 @@ from .alternative import (
     Alternative,
     Trace,
 )
+from .columns import unknown_columns
 from .entries import ALTERNATIVES, BY_KEY
 from .remainder import Remainder
 from .scatter import Together
@@ -278,11 +279,11 @@ def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:
     ]  # fmt: skip
 
 
-def rivals_of_shape(remainder: Remainder, names: Iterable[str]) -> tuple[list[Trace], bool]:
+def rivals_of_shape(remainder: Remainder, names: tuple[str, ...]) -> tuple[list[Trace], bool]:
     """What is no light and explains as well what unknowns of the beam's cross-section explain, the
     likeliest first; and whether that beats them."""
-    bare, places = remainder.drop_unknowns(names), remainder.release(names)[2]
-    shape = bare.test("shape", remainder.likelihood.common[:, :, places])
+    bare = remainder.drop_unknowns(names)
+    shape = bare.test("shape", unknown_columns(remainder, names))
     others = [
         trace for trace in clear_traces(bare)
         if BY_KEY[trace.key].group != "light" and not BY_KEY[trace.key].general

@@ -135,19 +135,19 @@ class Remainder:
 
     def rise_without(self, names: Iterable[str]) -> float:
         """By how much chi-square would rise without some of the fit's unknowns."""
-        off, step, _ = self.release(names)
+        _, off, step = self.offsets(names)
         return float(off @ step)
 
-    def release(self, names: Iterable[str]) -> tuple[Floats, Floats, list[int]]:
-        """How far some of the fit's unknowns are from what they were before, that times their
-        information, and their places."""
+    def offsets(self, names: Iterable[str]) -> tuple[list[int], Floats, Floats]:
+        """The places of some of the fit's unknowns, how far they are from what they were before,
+        and that times their information."""
         at = [self.fit.choice.names.index(name) for name in names]
         off = (self.values - values_of(self.nominal)[self.fit.choice.places])[at]
-        return off, np.linalg.solve(self.covariance[np.ix_(at, at)], off), at
+        return at, off, np.linalg.solve(self.covariance[np.ix_(at, at)], off)
 
     def drop_unknowns(self, names: Iterable[str]) -> Remainder:
         """The remainder in which some of the fit's unknowns are what they were before."""
-        _, step, gone = self.release(names)
+        gone, _, step = self.offsets(names)
         kept = np.setdiff1d(np.arange(len(self.matrix)), gone)
         rest = copy(self)
         rest.pulled = self.pulled + self.weighted @ (self.covariance[:, gone] @ step)
