@@ -26,8 +26,7 @@ _NAMES_OF = {
     "core.rigid_body": "MeasuredObject",
     "core.rules": "Rules",
     "core.sensor": (
-        "Apertures Beam BenchLight Calibration Correction Electronics Facet Grid "
-        "Imperfections Noise Psd Sensor"
+        "Apertures Beam BenchLight Calibration Correction Electronics Facet Grid Noise Psd Sensor"
     ),
     "core.settings": "Config",
     "optics.parameters": "PARAMETERS",
@@ -84,7 +83,6 @@ if TYPE_CHECKING:
     from .core.sensor import Electronics as Electronics
     from .core.sensor import Facet as Facet
     from .core.sensor import Grid as Grid
-    from .core.sensor import Imperfections as Imperfections
     from .core.sensor import Noise as Noise
     from .core.sensor import Psd as Psd
     from .core.sensor import Sensor as Sensor

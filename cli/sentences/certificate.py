@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from facets import characterization, core, proof
+from facets import characterization, proof
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
 from .bounds import box_lines, light_text, piece_text, round_down
@@ -30,10 +30,6 @@ def describe_set(claim: Claim, certificate: Certificate, cover: RangeCover | Non
         "  sub-beam meets its detector's plane is part of what is proved. The laser's power may\n"
         "  be known or not, and the beam may stand anywhere."
     )
-    if claim.settings.sensor.imperfections != core.sensor.Imperfections():
-        lines.append(
-            "  sensor.imperfections is no part of it: the solver does not know them either"
-        )
     if claim.tolerances is not None:
         exact = ", ".join(claim.tolerances.exact) or "none"
         left_out = ", ".join(claim.tolerances.left_out) or "none"

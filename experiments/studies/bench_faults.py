@@ -21,7 +21,7 @@ from facets.core.units import Floats
 from facets.detectors.noise import standard_deviations
 
 from . import bench_rays
-from .bench_rays import RayBench, RayFacet, spots
+from .bench_rays import RayBench, RayFacet, facet_light, spots
 from .rigs import BOX, REACH_MM, REFERENCE, BenchRig, Rig, Rng
 
 #: Half size of a detector, mm; the power on it at rest, mW; its noise of a place, mm.
@@ -198,34 +198,7 @@ def change_currents(raw: Floats, change: Callable[[Floats], Floats]) -> Floats:
 def facet_of(scene: MotionScene, k: int) -> RayFacet:
     assert scene.bench is not None
     assert scene.states is not None
-    sensor, state = scene.real.rig.sensor, scene.states
-    normals = np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
-                         np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
-                        for f in sensor.facets])  # fmt: skip
-    turns = [bench_rays.rotation_about(2 - i, state[:, 5 - i]) for i in range(3)]
-    edges, beam = bench_rays.edges_of(normals), bench_rays.RayBeam.from_sensor(sensor)
-    turn, both = turns[0] @ turns[1] @ turns[2], edges[[k, (k + 1) % 3]]
-    return RayFacet(sensor, scene.bench, beam, state, turn, normals[k], both, k)
-
-
-def facet_light(
-    facet: RayFacet, points: Floats, weights: Floats, slope: Floats | float = 0.0
-) -> tuple[Floats, Floats]:
-    """Power (n,) and place (n, 2) of the light that points (m, 3) of a facet reflect.
-
-    weights: their areas times their reflectance.  slope: of the surface there (m, 3).
-    """
-    world = facet.states[:, None, :3] + points @ np.swapaxes(facet.turn, 1, 2)
-    density, cosine, along = bench_rays.incident_light(facet, world)
-    share = facet.sensor.beam.power * bench_rays.reflected_share(facet, cosine)
-    weight = share * density * weights
-    normal = bench_rays.normalise(facet.normal - slope * np.ones_like(points))
-    surface = normal @ np.swapaxes(facet.turn, 1, 2)
-    leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
-    place, _ = bench_rays.landing_point(world, leaving, facet.psd)
-    power = weight.sum(axis=1)
-    centre: Floats = (weight[..., None] * place).sum(axis=1) / power[:, None]
-    return power, centre
+    return bench_rays.facet_of(scene.real.rig.sensor, scene.bench, scene.states, k)
 
 
 def plane_points(facet: RayFacet, polar: Floats, flat: Floats) -> Floats:
@@ -242,7 +215,7 @@ def lose_patch(k: int, polar: Floats, flat: Floats, area: float, loss: float) ->
     def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         facet = facet_of(scene, k)
         points = plane_points(facet, polar, flat)
-        power, place = facet_light(facet, points, np.full(len(flat), area / len(flat)))
+        power, place, _ = facet_light(facet, points, np.full(len(flat), area / len(flat)))
         powers, places = np.zeros((len(exact), 3)), np.zeros((len(exact), 3, 2))
         powers[:, k], places[:, k] = -loss * power, place
         return add_light(exact, powers, places)
@@ -322,7 +295,7 @@ def fibre_turns(rng: Rng) -> Fault:
     def hook(exact: Floats, scene: MotionScene, rng: Rng) -> Floats:
         assert scene.states is not None
         assert scene.bench is not None
-        other = scene.bench._replace(polarisation=scene.bench.polarisation + turn)
+        other = scene.bench._replace(polarisation=(scene.bench.polarisation or 0.0) + turn)
         end = spots(scene.real.rig.sensor, other, scene.states).reshape(-1, 3, 3)
         dimmed = exact.reshape(-1, 3, 3) * [1, 1, 0]
         dimmed[..., 2] = exact[:, 2::3] * (1 - scene.share)[:, None]
@@ -365,8 +338,8 @@ def curved_facet(rng: Rng) -> Fault:
         basis = np.array([facet.edges[0], facet.inward[0]])
         slope = points @ basis.T @ bend @ basis
         out = exact.copy()
-        moved = facet_light(facet, points, area, slope)[1] - facet_light(facet, points, area)[1]
-        out[:, 3 * k : 3 * k + 2] += moved
+        bent, flat = facet_light(facet, points, area, slope), facet_light(facet, points, area)
+        out[:, 3 * k : 3 * k + 2] += bent.place - flat.place
         return out
 
     words = f"facet {'abc'[k]} is not flat; its radii of curvature are over {radius / 1e3:.3g} m"
@@ -380,7 +353,7 @@ def tarnish(rng: Rng) -> Fault:
         facet = facet_of(scene, k)
         points, area, distances = bench_rays.sample_facet(facet)
         lost = np.minimum(loss * distances[:, 0], 1)
-        power, place = facet_light(facet, points, area * lost)
+        power, place, _ = facet_light(facet, points, area * lost)
         powers, places = np.zeros((len(exact), 3)), np.zeros((len(exact), 3, 2))
         powers[:, k], places[:, k] = -power, place
         return add_light(exact, powers, places)

@@ -1,4 +1,4 @@
-"""Readings of a sensor on a bench, by rays: an oracle for calibrations that shares no optics.
+"""Readings of a sensor on a bench, by rays: an oracle for tests and studies that shares no optics.
 
 Every facet is covered by a net of points, Gauss nodes in the angle between its edges and in the
 distance from its apex. Through each point goes the ray of a beam with an elliptical cross-section
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facets.core.sensor import Psd, Sensor
+from facets.core.sensor import BenchLight, Psd, Sensor
 from facets.core.units import Floats
 
 #: Nodes between the edges and away from the apex; how far the net goes, in the beam's sigmas.
@@ -26,21 +26,23 @@ class RayBench(NamedTuple):
     """The properties of the light that the nominal model does not have.
 
     covariance: of the irradiance (2, 2), mm^2.  curvature: of the wavefront (2, 2), 1/mm.
-    wavelength: mm.  metal: its complex index, None for a perfect mirror.  polarisation: rad.
-    strips: mm, of edges 0 to 2.
+    wavelength: mm.  metal: its complex index, None for a perfect mirror.  polarisation: rad, None
+    for unpolarised light.  strips: mm, of edges 0 to 2.
     depth, width: of the roll-off at each facet's two edges (3, 2) mm, and its decay, mm.
     background: (3, 3) power and place, mW and mm.
     profile: factor of the irradiance at places (..., 2) across the beam, in standard deviations;
     None for a Gaussian beam.  chip: radius of the piece broken off the tip of the first two
     facets, mm.  dust: place on facet B from the tip, along x and y of the mirror (2,), and radius
-    (to 1/e) of a patch that absorbs all in its middle, mm; None without.
+    (to 1/e) of a patch that absorbs all in its middle, mm; None without.  tip: area, square to the
+    mirror's axis, of a disc at the tip that reflects nothing, mm^2.  domes: curvatures of facets A,
+    B and C, positive where their middle bulges out, 1/mm.  gain: factor of the beam's power.
     """
 
     covariance: Floats
     curvature: Floats
     wavelength: float
     metal: complex | None
-    polarisation: float
+    polarisation: float | None
     strips: Floats
     depth: Floats
     width: float
@@ -48,6 +50,55 @@ class RayBench(NamedTuple):
     profile: Callable[[Floats], Floats] | None = None
     chip: float = 0.0
     dust: tuple[float, float, float] | None = None
+    tip: float = 0.0
+    domes: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gain: float = 1.0
+
+    @classmethod
+    def from_sensor(cls, sensor: Sensor) -> RayBench:
+        """The light of a sensor's beam with the effects of its `light`, and counted as there: its
+        power over the reflectance for unpolarised light at 45 degrees, the roll-off's depth from
+        the end of a lost strip on."""
+        beam, light = sensor.beam, sensor.light
+        turn = rotation_about(2, beam.rotation)[:2, :2]
+        covariance = turn @ np.diag([beam.diameter_x**2, beam.diameter_y**2]) / 16 @ turn.T
+        xx, xy, yy = light.curvature_xx, light.curvature_xy, light.curvature_yy
+        metal = complex(*light.index) if light.index else None
+        plain = np.mean(reflectance(np.sqrt(np.array([0.5])), metal)) if metal else 1.0
+        strips, width = np.array(light.strips), light.rolloff_width / 2 or 0.03
+        gaps = np.column_stack([strips, np.roll(strips, -1)]) / 2
+        return cls(
+            covariance,
+            np.array([[xx, xy], [xy, yy]]),
+            light.wavelength,
+            metal,
+            light.polarization,
+            strips,
+            np.array(light.rolloff).reshape(3, 2) * np.exp(gaps / width),
+            width,
+            np.array(light.background),
+            hermite_profile(light, covariance) if light.has_profile else None,
+            tip=light.tip,
+            gain=float(1 / plain),
+        )
+
+
+def hermite_profile(light: BenchLight, covariance: Floats) -> Callable[[Floats], Floats]:
+    """The factor of the irradiance that the coefficients of a beam's profile describe."""
+    series = np.zeros((5, 5))
+    series[0, 0] = 1.0
+    for values in (light.profile, light.asymmetry):
+        for k, value in enumerate(values):
+            series[len(values) - 1 - k, k] = value
+    size, axes = np.linalg.eigh(covariance)
+    whitening = np.sqrt(np.trace(covariance) / 2) * axes @ np.diag(size**-0.5) @ axes.T
+
+    def factor(places: Floats) -> Floats:
+        x, y = np.moveaxis(places @ whitening, -1, 0)
+        irradiance: Floats = np.polynomial.hermite_e.hermeval2d(x, y, series)
+        return irradiance
+
+    return factor
 
 
 def rotation_about(axis: int, angle: Floats | float) -> Floats:
@@ -135,6 +186,10 @@ class RayFacet(NamedTuple):
         return self.sensor.psds[self.k]
 
     @property
+    def power(self) -> float:
+        return self.sensor.beam.power * self.bench.gain
+
+    @property
     def world_normal(self) -> Floats:
         return self.turn @ self.normal
 
@@ -145,45 +200,69 @@ class RayFacet(NamedTuple):
         return np.array([np.cross(self.normal, first), np.cross(second, self.normal)])
 
 
-def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:
-    """Exact readings (n, 9) at states (n, 8)."""
+def facet_of(sensor: Sensor, bench: RayBench, states: Floats, k: int) -> RayFacet:
     normals = np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
                          np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
                         for f in sensor.facets])  # fmt: skip
-    edges, beam = edges_of(normals), RayBeam.from_sensor(sensor)
-    parts = [rotation_about(2 - i, state[:, 5 - i]) for i in range(3)]
-    turn = parts[0] @ parts[1] @ parts[2]
-    out = np.empty((len(state), 9))
-    for k in range(3):
-        both = edges[[k, (k + 1) % 3]]
-        facet = RayFacet(sensor, bench, beam, state, turn, normals[k], both, k)
-        out[:, 3 * k : 3 * k + 3] = spot(facet)
-    return out
+    parts = [rotation_about(2 - i, states[:, 5 - i]) for i in range(3)]
+    turn, both = parts[0] @ parts[1] @ parts[2], edges_of(normals)[[k, (k + 1) % 3]]
+    return RayFacet(sensor, bench, RayBeam.from_sensor(sensor), states, turn, normals[k], both, k)
+
+
+def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:
+    """Exact readings (n, 9) at states (n, 8); the bench's light replaces the sensor's."""
+    return np.hstack([spot(facet_of(sensor, bench, state, k)) for k in range(3)])
+
+
+class ReflectedLight(NamedTuple):
+    """Light that points of a facet reflect: its power (n,), mW, its place (n, 2), mm, and the
+    reflected share at each point (n, m)."""
+
+    power: Floats
+    place: Floats
+    reflected: Floats
+
+
+def facet_light(
+    facet: RayFacet, points: Floats, weights: Floats, slope: Floats | float = 0.0
+) -> ReflectedLight:
+    """The light that points (m, 3) of a facet reflect onto its detector.
+
+    weights: their areas times their reflectance.  slope: of the surface there (m, 3).
+    """
+    turn = np.swapaxes(facet.turn, 1, 2)
+    world = facet.states[:, None, :3] + points @ turn
+    density, cosine, along = incident_light(facet, world)
+    reflected = reflected_share(facet, cosine)
+    weight = facet.power * density * weights * reflected
+    surface = normalise(facet.normal - slope * np.ones_like(points)) @ turn
+    leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
+    place, _ = landing_point(world, leaving, facet.psd)
+    power = weight.sum(axis=1)
+    return ReflectedLight(power, (weight[..., None] * place).sum(axis=1) / power[:, None], reflected)
 
 
 def spot(facet: RayFacet) -> Floats:
     """Place and power (n, 3) of the light of one facet."""
-    bench, turn = facet.bench, np.swapaxes(facet.turn, 1, 2)
-    points, area, distances = sample_facet(facet)
-    world = facet.states[:, None, :3] + points @ turn
-    density, cosine, along = incident_light(facet, world)
-    reflected = reflected_share(facet, cosine)
-    weight = facet.sensor.beam.power * density * area * reflected
-    if bench.chip and facet.k < 2:
-        weight = weight * (np.linalg.norm(points, axis=-1) > bench.chip)
-    if bench.dust is not None and facet.k == 1:
+    bench, k = facet.bench, facet.k
+    points, weights, distances = sample_facet(facet)
+    if bench.chip and k < 2:
+        weights = weights * (np.linalg.norm(points, axis=-1) > bench.chip)
+    if bench.dust is not None and k == 1:
         x, y, radius = bench.dust
         far = (points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2
-        weight = weight * (1 - np.exp(-far / radius**2))
-    surface = normalise(facet.normal - surface_slope(facet, distances)) @ turn
-    leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
-    place, _ = landing_point(world, leaving, facet.psd)
-    power = weight.sum(axis=1)
-    centre = (weight[..., None] * place).sum(axis=1) / power[:, None]
+        weights = weights * (1 - np.exp(-far / radius**2))
+    slope = surface_slope(facet, distances) - bench.domes[k] * points
+    power, centre, reflected = facet_light(facet, points, weights, slope)
+    if bench.tip:
+        lost = facet_light(facet, *sample_tip(facet))
+        rest = power - lost.power
+        centre = (centre * power[:, None] - lost.place * lost.power[:, None]) / rest[:, None]
+        power = rest
     if bench.wavelength:
         for edge in facet.edges:
             power, centre = add_diffraction(facet, edge, reflected.mean(axis=1), power, centre)
-    extra, at = bench.background[facet.k, 0], bench.background[facet.k, 1:]
+    extra, at = bench.background[k, 0], bench.background[k, 1:]
     whole = power + extra
     return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
 
@@ -205,6 +284,20 @@ def sample_facet(facet: RayFacet) -> tuple[Floats, Floats, Floats]:
     points = (corner + flat.reshape(-1, 2)) @ basis
     return points, np.outer(of_far * far, of_turns).ravel(), np.column_stack(
         [points @ v for v in inward])  # fmt: skip
+
+
+def sample_tip(facet: RayFacet) -> tuple[Floats, Floats]:
+    """Points (m, 3) of a facet inside the disc that is lost at the tip, and their areas."""
+    first, last = (np.arctan2(edge[1], edge[0]) for edge in facet.edges)
+    opening = (last - first) % (2 * np.pi)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    radius = np.sqrt(facet.bench.tip / np.pi)
+    angle, far = first + (nodes + 1) / 2 * opening, (nodes + 1) / 2 * radius
+    flat = np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle))], axis=-1)
+    flat = flat.reshape(-1, 2)
+    height = -(flat @ facet.normal[:2]) / facet.normal[2]
+    level = np.outer(weights * radius / 2 * far, weights * opening / 2).ravel()
+    return np.column_stack([flat, height]), level / facet.normal[2]
 
 
 def incident_light(facet: RayFacet, world: Floats) -> tuple[Floats, Floats, Floats]:
@@ -232,9 +325,11 @@ def reflected_share(facet: RayFacet, cosine: Floats) -> Floats:
     bench, beam = facet.bench, facet.beam
     if bench.metal is None:
         return np.ones_like(cosine)
+    s, p = reflectance(cosine, bench.metal)
+    if bench.polarisation is None:
+        return (s + p) / 2
     field = np.cos(bench.polarisation) * beam.x + np.sin(bench.polarisation) * beam.y
     upright = (normalise(np.cross(beam.along, facet.world_normal)) @ field) ** 2
-    s, p = reflectance(cosine, bench.metal)
     mixed: Floats = upright[:, None] * s + (1 - upright[:, None]) * p
     return mixed
 
@@ -258,7 +353,7 @@ def add_diffraction(
     points = states[:, None, :3] + along[:, None] * world[:, None]
     bell, _, fan = incident_light(facet, points)
     facing = -np.einsum("nmi,ni->nm", fan, surface)
-    bell *= facet.sensor.beam.power * reflected[:, None] / facing
+    bell *= facet.power * reflected[:, None] / facing
     flat = np.stack([world @ beam.x, world @ beam.y], axis=-1)
     stretch = np.linalg.norm(flat, axis=-1)
     weight = bell * weights * far / 2

@@ -2,10 +2,10 @@
 
     python -m facets.experiments.studies.neglected [--output FILE.csv]
 
-Readings of the paper's head with one imperfection at a time, by rays, over the motions of `rigs`,
-without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over a
-reading's own uncertainty, worst of x and y, and worst of the others. Then the same after a
-calibration that knows nothing of the imperfection either, and with the imperfection in the model
+Readings of the paper's head with one effect at a time, by rays (`bench_rays`), over the motions of
+`rigs`, without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over
+a reading's own uncertainty, worst of x and y, and worst of the others. Then the same after a
+calibration that knows nothing of the effect either, and with the effect in the model
 (`sensor.light`). Effects grow in proportion to what causes them, so one over a number is by how
 much larger its cause may be before it shows above the noise. Diffraction at the edges between
 facets is there by its closed form, and once more as a scalar field by Fresnel's propagation (FFT):
@@ -24,13 +24,13 @@ import numpy as np
 import facets
 from facets.calibration.fitting.bundle_adjustment import Choice, Data
 from facets.calibration.fitting.fit import fit
-from facets.core.sensor import BenchLight, Imperfections, Sensor
+from facets.core.sensor import BenchLight, Sensor
 from facets.core.units import Booleans, Floats
 from facets.detectors.correction import correct
 from facets.files.tables import write_table
-from facets.simulation.imperfect_optics import imperfect_readings
 
 from . import rigs
+from .bench_rays import RayBench, spots
 
 ALUMINIUM = (1.37, 7.62)  # at 633 nm
 WAVELENGTH, PATH = 632.8e-6, 250.0
@@ -45,52 +45,44 @@ def wavefront(distance: float) -> float:
     return float(distance * (1 + (rayleigh / distance) ** 2))
 
 
-def imperfect_configuration(**flaws: Any) -> Sensor:
-    return replace(facets.Sensor(), imperfections=Imperfections(**flaws))
-
-
 #: A tenth of a wave over the last 0.1 mm, and a little less.
 DEPTHS_MM = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
 
 
 class NeglectedEffect(NamedTuple):
-    """A sensor that is not ideal, and the one that a solver would have to know."""
+    """The light of a bench, and the sensor that a solver would have to know."""
 
-    real: Sensor
+    bench: RayBench
     known: Sensor
 
 
-def imperfection_case(**flaws: Any) -> NeglectedEffect:
-    """One of `Imperfections`, by rays, and the same in the model."""
-    light = dict(flaws)
-    if "wavefront_radius" in light:
-        bend = 1 / light.pop("wavefront_radius")
-        light |= {"curvature_xx": bend, "curvature_yy": bend}
-    return NeglectedEffect(
-        imperfect_configuration(**flaws), replace(facets.Sensor(), light=BenchLight(**light))
-    )
+def effect_case(sensor: Sensor) -> NeglectedEffect:
+    return NeglectedEffect(RayBench.from_sensor(sensor), sensor)
+
+
+def light_case(**light: Any) -> NeglectedEffect:
+    """Effects of `sensor.light`, by rays, and the same in the model."""
+    return effect_case(replace(facets.Sensor(), light=BenchLight(**light)))
 
 
 def cases() -> dict[str, NeglectedEffect]:
     nominal = facets.Sensor()
     beam = nominal.beam
-    sag = WAVELENGTH / 10
+    dome, bend = 8 * (WAVELENGTH / 10) / 5.0**2, 1 / wavefront(500.0)
     wide = replace(nominal, beam=replace(beam, diameter_x=1.05 * beam.diameter_x))
     tilted = replace(nominal, beam=replace(beam, tilt_x=1.4e-3, tilt_y=-1.4e-3))
-    domed = imperfect_configuration(sag=(sag, -sag, sag))
+    domed = RayBench.from_sensor(nominal)._replace(domes=(dome, -dome, dome))
     return {
-        "aluminium; light unpolarised": imperfection_case(index=ALUMINIUM),
-        "aluminium; light polarised": imperfection_case(index=ALUMINIUM, polarization=0.3),
-        "ellipticity 5 %": NeglectedEffect(wide, wide),
-        "beam tilt 2 mrad": NeglectedEffect(tilted, tilted),
-        "divergence; 0.5 m from a HeNe": imperfection_case(wavefront_radius=wavefront(500.0)),
-        "diffraction at the edges": imperfection_case(wavelength=WAVELENGTH),
-        "edges rolled off 63 nm over 0.1 mm": imperfection_case(
-            rolloff=DEPTHS_MM, rolloff_width=0.1
-        ),
-        "strips of 10, 14, 8 um lost at edges": imperfection_case(strips=(0.01, 0.014, 0.008)),
-        "a flat tip, 25 um in radius": imperfection_case(tip=np.pi * 0.025**2),
-        "other light, 0.5 uW on each": imperfection_case(
+        "aluminium; light unpolarised": light_case(index=ALUMINIUM),
+        "aluminium; light polarised": light_case(index=ALUMINIUM, polarization=0.3),
+        "ellipticity 5 %": effect_case(wide),
+        "beam tilt 2 mrad": effect_case(tilted),
+        "divergence; 0.5 m from a HeNe": light_case(curvature_xx=bend, curvature_yy=bend),
+        "diffraction at the edges": light_case(wavelength=WAVELENGTH),
+        "edges rolled off 63 nm within 0.05 mm": light_case(rolloff=DEPTHS_MM, rolloff_width=0.1),
+        "strips of 10, 14, 8 um lost at edges": light_case(strips=(0.01, 0.014, 0.008)),
+        "a flat tip, 25 um in radius": light_case(tip=np.pi * 0.025**2),
+        "other light, 0.5 uW on each": light_case(
             background=((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
         ),
         "facets domed by a tenth wave over 5 mm": NeglectedEffect(domed, nominal),
@@ -104,13 +96,14 @@ def calibrated_unknowns() -> Choice:
     return Choice(tuple(known), np.array(list(known.values())))
 
 
-def draw_samples(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
+def draw_samples(
+    effect: NeglectedEffect, count: int, rng: np.random.Generator
+) -> tuple[Data, Floats]:
     """Samples of a random motion with exact readings and exact poses, and their states (n, 8)."""
     pose = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
     state = np.concatenate([pose, np.zeros((count, 2))], axis=1)
-    return Data(
-        imperfect_readings(sensor, state), pose, rigs.REFERENCE, np.zeros((count, 2))
-    ), state
+    exact = spots(effect.known, effect.bench, state)
+    return Data(exact, pose, rigs.REFERENCE, np.zeros((count, 2))), state
 
 
 def errors_over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
@@ -127,14 +120,14 @@ def compare_optics() -> list[tuple[Any, ...]]:
     """(what, then in x and y and in others: before, after calibration, in the model)."""
     rows: list[tuple[Any, ...]] = []
     still = np.zeros(2)
-    for name, (real, known) in cases().items():
+    for name, effect in cases().items():
         rng = np.random.default_rng(1)
-        data, _ = draw_samples(real, 150, rng)
-        fresh, state = draw_samples(real, 200, rng)
+        data, _ = draw_samples(effect, 150, rng)
+        fresh, state = draw_samples(effect, 200, rng)
         before = errors_over_noise(facets.Sensor(), fresh, state, still)
         fitted = fit(facets.Sensor(), data, calibrated_unknowns(), None)
         after = errors_over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
-        best = errors_over_noise(known, fresh, state, still)
+        best = errors_over_noise(effect.known, fresh, state, still)
         rows.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
     return rows
 
@@ -174,10 +167,9 @@ def closed_form_shifts(offset: float, places: Floats) -> Floats:
     for place in places:
         height = facets.readings(nominal, state)[1] + place
         psds = (replace(nominal.psds[0], height=height), *nominal.psds[1:])
-        sensor = replace(imperfect_configuration(wavelength=WAVELENGTH), psds=psds)
-        shifts.append(
-            facets.readings(sensor, state)[1] - imperfect_readings(sensor, state[None])[0, 1]
-        )
+        sensor = replace(nominal, psds=psds)
+        lit = replace(sensor, light=BenchLight(wavelength=WAVELENGTH))
+        shifts.append(facets.readings(sensor, state)[1] - facets.readings(lit, state)[1])
     return np.array(shifts)
 
 

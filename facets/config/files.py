@@ -72,6 +72,7 @@ def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Mark
     if file in known:
         return known[file]
     tree = read(file)
+    _drop_imperfections(tree)
     extends = tree.value.pop("extends", None)
     links: list[Marked] = []
     if extends is not None and extends.value is not None:
@@ -93,6 +94,29 @@ def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Mark
         laid = below if laid is None else merge(laid, below)
     known[file] = tree if laid is None else merge(laid, tree)
     return known[file]
+
+
+def _drop_imperfections(tree: Marked) -> None:
+    """Drop the block `sensor.imperfections` of files of version 0.2, where all of it is off.
+
+    Raises ConfigError if it describes an effect, which later versions have in `sensor.light`.
+    """
+    sensor = tree.value.get("sensor")
+    if sensor is None or not isinstance(sensor.value, dict):
+        return
+    block = sensor.value.get("imperfections")
+    if block is None or not isinstance(block.value, dict):
+        return
+    del sensor.value["imperfections"]
+    for name, value in block.plain().items():
+        if name.startswith(("sag_over", "rolloff_width", "background_mm")):
+            continue  # of no effect without the other keys
+        if any(value) if isinstance(value, list) else value:
+            raise ConfigError(
+                f"{block.value[name].place}: sensor.imperfections.{name}: this block no longer "
+                "exists; give the effect in sensor.light, simulate with it, and solve the readings "
+                "with a configuration without it"
+            )
 
 
 def _find_parent(link: Marked) -> Path:

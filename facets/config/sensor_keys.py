@@ -20,7 +20,6 @@ from ..core.sensor import (
     Electronics,
     Facet,
     Grid,
-    Imperfections,
     Noise,
     Psd,
     Sensor,
@@ -172,12 +171,6 @@ SENSOR = KeyBlock(
                 block_of(Electronics),
             ),
             ("apertures", "apertures", "apertures that cut the light; off unless given", APERTURES),
-            (
-                "imperfections",
-                "imperfections",
-                "imperfections of the optics, in simulations alone; off unless given",
-                block_of(Imperfections),
-            ),
             (
                 "light",
                 "light",

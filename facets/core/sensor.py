@@ -485,23 +485,6 @@ CURVATURE_PER_M = Key(
     Three,
     {"ge": -1e3, "le": 1e3},
 )
-WAVELENGTH_NM: dict[str, Any] = {
-    "meaning": "wavelength of the light, for diffraction at edges; null: no diffraction",
-    "gt": 0,
-    "le": 20_000,
-    "null": 0.0,
-}
-POLARIZATION_DEG: dict[str, Any] = {
-    "meaning": "angle of the light's polarisation from the beam's x axis; null: unpolarised",
-    "unit": "deg_of_phase",
-    **ANGLE_DEG,
-}
-INDEX: dict[str, Any] = {
-    "meaning": "complex refractive index n, k of the coating; null: ideal reflection",
-    "ge": 0,
-    "le": 100,
-}
-DEPTHS_NM: dict[str, Any] = {"hint": Six, "ge": -1e5, "le": 1e5}
 
 
 #: Distance from the beam's middle, in its sigmas, within which the irradiance must be positive.
@@ -523,15 +506,22 @@ def lowest_irradiance(asymmetry: Four, profile: Five) -> float:
     return lowest
 
 
-def background_field(power_meaning: str, place_meaning: str) -> Any:
+def background_field() -> Any:
     """Declare background light on the detectors: keys for its power and its place, and one field
     for both."""
     keys = (
-        Key("background_uw", (0.0,) * 3, power_meaning, "uw", Three, {"ge": -1e6, "le": 1e6}),
+        Key(
+            "background_uw",
+            (0.0,) * 3,
+            "power of background light on detectors A, B and C",
+            "uw",
+            Three,
+            {"ge": -1e6, "le": 1e6},
+        ),
         Key(
             "background_mm",
             ((0.0, 0.0),) * 3,
-            place_meaning,
+            "psi and zeta of the background light's centroid on each detector",
             "mm",
             tuple[Pair, Pair, Pair],
             {"ge": -1e3, "le": 1e3},
@@ -581,7 +571,14 @@ class BenchLight:
         item_of(CURVATURE_PER_M, 2), "light.curvature_yy", **CURVATURE
     )
     wavelength: float = declare_effect(
-        key("wavelength_nm", None, **WAVELENGTH_NM),
+        key(
+            "wavelength_nm",
+            None,
+            "wavelength of the light, for diffraction at edges; null: no diffraction",
+            gt=0,
+            le=20_000,
+            null=0.0,
+        ),
         "light.wavelength",
         candidate="diffraction",
         sigma=1e-3,
@@ -593,7 +590,9 @@ class BenchLight:
             (0.0,) * 6,
             "depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
             "and bc, of c at bc and ca",
-            **DEPTHS_NM,
+            hint=Six,
+            ge=-1e5,
+            le=1e5,
         ),
         *(f"{edge}.rolloff" for edge in FACET_EDGES),
         candidate="rolloff",
@@ -639,16 +638,19 @@ class BenchLight:
         apertures="for a flat tip give apertures.tip_um alone",
     )
     background: tuple[Three, ...] = declare_effect(
-        background_field(
-            "power of background light on detectors A, B and C",
-            "psi and zeta of the background light's centroid on each detector",
-        ),
+        background_field(),
         *(f"background_{letter}.{what}" for letter in DETECTORS for what in ("power", "y", "z")),
         candidate="background",
         sigma=(3e-3, 3.0, 3.0) * 3,  # mW, and anywhere on the sensitive area, mm
     )
     index: Pair | None = declare_effect(
-        key("index", None, **INDEX),
+        key(
+            "index",
+            None,
+            "complex refractive index n, k of the coating; null: ideal reflection",
+            ge=0,
+            le=100,
+        ),
         "coating.n",
         "coating.k",
         candidate="coating",
@@ -656,7 +658,13 @@ class BenchLight:
         absent=(1.0, 0.0),
     )
     polarization: float | None = declare_effect(
-        key("polarization_deg", None, **POLARIZATION_DEG),
+        key(
+            "polarization_deg",
+            None,
+            "angle of the light's polarisation from the beam's x axis; null: unpolarised",
+            unit="deg_of_phase",
+            **ANGLE_DEG,
+        ),
         "light.polarization",
         candidate="coating",
         sigma=1.0,
@@ -750,64 +758,6 @@ LIGHT_EFFECTS: dict[str, LightEffect] = {
     one.name: one.metadata["effect"] for one in fields(BenchLight) if "effect" in one.metadata
 }
 EFFECTS = tuple(name for effect in LIGHT_EFFECTS.values() for name in effect.names)
-
-
-@check_arguments
-@dataclass(frozen=True)
-class Imperfections:
-    """Imperfections of the optics that are simulated, and that the solver does not know.
-
-    index: complex refractive index (n, k) of the facets' coating, None for ideal reflection.
-    polarization: angle of the light's field from the beam's x axis, rad; None for unpolarised.
-    wavefront_radius: of the beam at the mirror, mm, positive for a diverging beam. wavelength: of
-    the light, mm, for diffraction at the facets' edges; 0 for none. sag: of each facet, mm,
-    positive where its middle bulges out, over the diameter `sag_over`, mm. rolloff, rolloff_width,
-    strips, tip, background: as in `BenchLight`, in addition to those.
-    """
-
-    index: Pair | None = key("index", None, **INDEX)
-    polarization: float | None = key("polarization_deg", None, **POLARIZATION_DEG)
-    wavefront_radius: float = key(
-        "wavefront_radius_mm",
-        None,
-        "wavefront radius at the mirror, positive for a diverging beam; null: collimated",
-        ge=-1e9,
-        le=1e9,
-        null=math.inf,
-    )
-    wavelength: float = key("wavelength_nm", None, **WAVELENGTH_NM)
-    sag: Three = key(
-        "sag_nm",
-        (0.0, 0.0, 0.0),
-        "height by which facets A, B, C bulge over the diameter `sag_over_mm`",
-        ge=-10_000,
-        le=10_000,
-    )
-    sag_over: float = key(
-        "sag_over_mm", 5.0, "diameter over which `sag_nm` is measured", gt=0, le=1000
-    )
-    rolloff: tuple[float, ...] = key(
-        "rolloff_nm", (0.0,) * 6, "roll-off depths, added to those in `light`", **DEPTHS_NM
-    )
-    rolloff_width: float = key(
-        "rolloff_width_um", 0.0, "roll-off width, which replaces the one in `light`", ge=0, le=1000
-    )
-    strips: Three = key(
-        "strips_um",
-        (0.0, 0.0, 0.0),
-        "widths of the strips that reflect nothing, added to those in `light`",
-        ge=0,
-        le=1e3,
-    )
-    tip: float = key("tip_um2", 0.0, "area of a worn tip, added to that in `light`", ge=0, le=1e6)
-    background: tuple[Three, ...] = background_field(
-        "power of background light, added to that in `light`", "its centroid as in `light`"
-    )
-
-    def __post_init__(self) -> None:
-        _require(self.wavefront_radius != 0, "wavefront_radius", 0, "any but 0 mm")
-        _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
-        _require(self.sag_over > 0, "sag_over", self.sag_over, "above 0 mm")
 
 
 @check_arguments
@@ -928,7 +878,7 @@ class Sensor:
     """The whole sensor. `facets` and `psds` run A, B, C.
 
     electronics: if given, noise follows from it instead of from `noise`. calibration: if given, its
-    uncertainty is part of every pose's uncertainty. imperfections: effects in simulations only.
+    uncertainty is part of every pose's uncertainty.
     light: effects in the model of every reading. thermal: what follows the temperature, where a
     table of readings has it. drift: slow noise, in simulations and in stated densities.
 
@@ -943,14 +893,11 @@ class Sensor:
     apertures: Apertures = Apertures()
     electronics: Electronics | None = None
     calibration: Calibration | None = None
-    imperfections: Imperfections = Imperfections()
     light: BenchLight = BenchLight()
     thermal: Thermal = Thermal()
     drift: Drift = Drift()
 
     def __post_init__(self) -> None:
-        both = self.apertures.cut and self.imperfections != Imperfections()
-        _require(not both, "imperfections", "given with apertures", "one of the two")
         if self.apertures.cut:
             for name in self.light.edge_effects:
                 _require(

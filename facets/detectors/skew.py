@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..model.arrays import readings
 
 Times = NDArray[np.floating[Any]]
 
@@ -59,3 +60,16 @@ def delay_states(time: Times, states: Floats, delay: float) -> Floats:
     """States (n, 8) of a motion, later by `delay`, s."""
     moved: Floats = states + delay * slopes(time, states)
     return moved
+
+
+def delayed_readings(sensor: Sensor, time: Times, motion: Floats, states: Floats) -> Floats:
+    """Readings (n, 9) at states (n, 8), each detector's later by its delay.
+
+    time: (n,) s.  motion: (n, 8) the states without the noise from sample to sample.
+    """
+    exact = readings(sensor, states)
+    for k, delay in enumerate(sensor.light.delays):
+        if delay:
+            late = readings(sensor, states + delay_states(time, motion, delay) - motion)
+            exact[:, 3 * k : 3 * k + 3] = late[:, 3 * k : 3 * k + 3]
+    return exact

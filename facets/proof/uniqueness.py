@@ -132,8 +132,7 @@ def certify(
     covered.
     tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad, mW.
     effort: pieces and time; pieces that are not proved within it count as doubtful. tell: receives
-    the completed part. Only the edges cut the light; `sensor.imperfections`, which the solver does
-    not know either, is not included.
+    the completed part. Only the edges cut the light.
     """
     begin = time.perf_counter()
 

@@ -11,7 +11,6 @@ else:
         __name__,
         {
             "axis_runs": "command_columns course_of course_states run_states",
-            "imperfect_optics": "imperfect_readings ray_readings",
             "motion": "shaker_force states",
             "reference": "reference_columns reference_poses",
             "run": "axes pose_table reading_table reference_table statuses",

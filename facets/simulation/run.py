@@ -19,7 +19,7 @@ from ..core.units import Floats
 from ..detectors.correction import invert_correction
 from ..detectors.drift import draw_beam_and_temperature, draw_readings
 from ..detectors.noise import add_noise, fullness
-from ..detectors.skew import align
+from ..detectors.skew import align, delayed_readings
 from ..estimation.measurement import Measurement
 from ..estimation.object_pose import transform
 from ..estimation.result import worded_columns
@@ -30,7 +30,6 @@ from ..estimation.tally import Tally
 from ..estimation.zero import PoseColumns
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
-from .imperfect_optics import delayed_readings
 from .motion import shaker_force, states
 from .reference import reference_columns, reference_poses
 

@@ -6,6 +6,7 @@ import numpy as np
 
 import facets
 from facets import BenchLight, simulate
+from facets.core import Sweep
 from facets.detectors import align, delay_states, slopes
 
 LATE = replace(facets.Sensor(), light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
@@ -43,3 +44,18 @@ def test_simulations_have_it_and_the_solver_takes_it_off():
     raw = facets.solve(at_once, segment.readings, beam="known").state - segment.truth
     rest = np.abs(segment.error[1:-1, 3:6]).max()
     assert rest < 0.05 * np.abs(raw[1:-1, 3:6]).max()
+
+
+def test_each_detector_is_read_late_by_its_own_delay():
+    """The bench's converters read along a motion along z, at 1 mm/s."""
+    delays = (0.0, 2e-3, 5e-3)
+    sweep = Sweep((0.0,) * 8, (0.0, 0.0, 0.1, *(0.0,) * 5), 101, 1000.0)
+    sensor = replace(facets.Sensor(), light=BenchLight(delays=delays))
+    config = replace(facets.load("paper"), motions={"sweep": sweep}, sensor=sensor)
+    (segment,) = simulate(config, noise=False)
+    for k, delay in enumerate(delays):
+        late = segment.truth.copy()
+        late[:, 2] += delay
+        part = np.s_[10:-10, 3 * k : 3 * k + 3]
+        expected = facets.readings(facets.Sensor(), late)[part]
+        np.testing.assert_allclose(segment.readings[part], expected, atol=1e-9)

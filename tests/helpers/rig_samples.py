@@ -18,17 +18,7 @@ NOMINAL = CONFIG.sensor
 #: Half widths of a motion that is wide enough for the powers to bend, mm and rad.
 WIDE = np.array([rigs.REACH_MM, rigs.REACH_MM, *rigs.BOX[2:]])
 #: The light of rays (`bench_rays`) that is that of the nominal sensor.
-IDEAL_RAYS = bench_rays.RayBench(
-    covariance=np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2,
-    curvature=np.zeros((2, 2)),
-    wavelength=0.0,
-    metal=None,
-    polarisation=0.0,
-    strips=np.zeros(3),
-    depth=np.zeros((3, 2)),
-    width=0.03,
-    background=np.zeros((3, 3)),
-)
+IDEAL_RAYS = bench_rays.RayBench.from_sensor(NOMINAL)
 
 
 def settings(**effects):

@@ -16,9 +16,8 @@ from ...core.errors import InputError
 from ...core.units import Floats
 from ...detectors.correction import invert_correction
 from ...detectors.counts import counts_to_xy_sum, readings_to_counts
-from ...detectors.skew import delay_states
+from ...detectors.skew import delay_states, delayed_readings
 from ...model.arrays import mask_missed_spots
-from ...simulation.imperfect_optics import delayed_readings
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
 from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, RawSamples, encode

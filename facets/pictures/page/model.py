@@ -94,7 +94,7 @@ SOLVED = (
 BEAM: tuple[BeamKnowledge, ...] = ("free", "known")
 POWER: tuple[PowerKnowledge, ...] = ("known", "unknown")
 #: What the page's sensor leaves out: it has no part in readings and estimates.
-UNUSED = ("correction", "calibration", "imperfections", "thermal", "delays", "drift")
+UNUSED = ("correction", "calibration", "thermal", "delays", "drift")
 #: The properties of a sensor's parts that the texts read.
 PROPERTIES = ("cut", "on", "has_profile")
 
