@@ -239,7 +239,9 @@ def facet_light(
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
     place, _ = landing_point(world, leaving, facet.psd)
     power = weight.sum(axis=1)
-    return ReflectedLight(power, (weight[..., None] * place).sum(axis=1) / power[:, None], reflected)
+    return ReflectedLight(
+        power, (weight[..., None] * place).sum(axis=1) / power[:, None], reflected
+    )
 
 
 def spot(facet: RayFacet) -> Floats:
