@@ -58,13 +58,6 @@ SearchWorst = Annotated[
         help="Also search for the state with the smallest singular value.",
     ),
 ]
-Reach = Annotated[
-    bool,
-    typer.Option(
-        "--reach",
-        help="Also find the largest scaling of the box for which the proof succeeds.",
-    ),
-]
 Deviations = Annotated[
     float | None,
     typer.Option(
@@ -98,7 +91,6 @@ def jacobian(
     left_out: LeftOut = "power_c",
     search_worst: SearchWorst = True,
     certify: Certify = 0,
-    reach: Reach = False,
     tolerances: Deviations = None,
     limit: Limit = 300.0,
     threads: Threads = 1,
@@ -112,8 +104,7 @@ def jacobian(
     (Eq. (11) and Fig. 4 of the paper) and its smallest singular value, in standard deviations
     of readings per µm or µrad. With --certify, proves with interval arithmetic that no state of
     the box is singular and that no two states have the same readings, and writes a certificate;
-    exit status 1 if this is not proved. Without --box the box holds the whole range, if that
-    can be proved.
+    exit status 1 if this is not proved.
     """
     if certify:
         core.extras.require_extra("flint", "--certify")
@@ -121,7 +112,7 @@ def jacobian(
     place = output_folder(folder, settings.name, "jacobian")
     request = SurveyRequest(
         settings, *choose_box(settings, box), states, uniform, seed, left_out, threads, place,
-        plot.value, state_table and state_table.value, certify > 0, reach,
+        plot.value, state_table and state_table.value, certify > 0,
     )  # fmt: skip
     results = ResultFolder(place, request.names, force)
     with results.publish(settings, seed):

@@ -29,14 +29,13 @@ DEPTH = 8
 
 @dataclass
 class CheckResult:
-    """Verified lower bounds of the margin and of Eq. (11)'s |det|, and the claims checked.
+    """Verified lower bounds of the margin and of Eq. (11)'s |det|, and the claims left.
 
-    verified, not_verified: sentences about claims that hold, and about claims not verified.
+    not_verified: sentences about claims that were not verified.
     """
 
     margin: Fraction = Fraction(0)
     determinant: Fraction = Fraction(0)
-    verified: list[str] = field(default_factory=list)
     not_verified: list[str] = field(default_factory=list)
 
 

@@ -42,14 +42,6 @@ LIGHT = record(
         "slope": INTERVAL,
     }
 )
-RANGE = record(
-    {
-        "farthest": array({"type": "number", "exclusiveMinimum": 0}, 6),
-        "halves_mm": array(array({"type": "number", "exclusiveMinimum": 0}, 2), 3),
-        "whole_spot": {"type": "boolean"},
-        "boxes": {"type": "integer", "minimum": 0},
-    }
-)
 AFFINE = record(
     {
         "place": array(NUMBER, 6),
@@ -68,6 +60,7 @@ ABOUT = (
     "seconds",
     "work",
     "middles",
+    "range",
 )
 SCHEMA: dict[str, Any] = {
     "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -102,7 +95,7 @@ SCHEMA: dict[str, Any] = {
             "weights": array({"type": "number", "exclusiveMinimum": 0}, 6),
             "pieces": {"type": "array", "items": PIECE, "minItems": 1},
             "doubtful": {"type": "array", "items": PIECE, "maxItems": 0},
-            "range": {**RANGE, "type": ["object", "null"]},
+            "range": {"type": ["object", "null"]},
         },
         ABOUT,
     ),

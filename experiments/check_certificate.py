@@ -34,7 +34,6 @@ from flint import arb
 
 from .certificate_optics import IntervalSensor, edges_of, farthest_offset, openings_between, span
 from .certificate_pieces import CheckResult, check_hull, check_middles, check_pieces
-from .certificate_range import check_range
 from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 
 #: Number of cells on each side of the square of offsets, of rays across a facet (more in cells
@@ -354,9 +353,8 @@ def check_content(content: dict[str, Any]) -> CheckResult:
         check_hull(jacobians, content, result)
     else:
         check_middles(rig, jacobians, content, result)
-    if content["range"] is not None:
-        result.verified, unverified = check_range(rig, content)
-        result.not_verified += unverified
+    if content.get("range") is not None:
+        result.not_verified.append("that the box holds every pose of the range")
     known = ("object", "facets", "seed", "command", "made", "seconds", "work")
     result.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
     return result
@@ -375,7 +373,6 @@ def describe(found: CheckResult) -> str:
     return "\n".join(
         [
             f"holds, with a margin of at least {margin:.3f}; |Eq. (11)| is at least {bound}",
-            *(f"  found again: {sentence}" for sentence in found.verified),
             f"  not verified: {unverified}",
         ]
     )

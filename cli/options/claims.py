@@ -19,14 +19,13 @@ class Claim:
     """A claim to prove, with its sensors and states.
 
     least_share: of the light, on each facet; None for the least anywhere in the box with its
-    offsets.  whole_range: whether the box is to hold every pose that keeps the rules.
-    weakest: the weakest state that a search found, from where to look for a counterexample.
+    offsets.  weakest: the weakest state that a search found, where to begin to look for a
+    counterexample.
     """
 
     settings: Config
     box: StateBox
     least_share: float | None
-    whole_range: bool
     tolerances: Tolerances | None
     weakest: Floats | None
 
@@ -50,9 +49,8 @@ def claim_for(
 ) -> Claim:
     """factor: of the standard uncertainties that are allowed for; None for the sensor as it is."""
     known = None if factor is None else proof.tolerances.calibration_tolerances(settings, factor)
-    whole = least_share is not None
-    if whole and known is not None:
+    if least_share is not None and known is not None:
         least_share = characterization.state_box.least_share(
             settings.sensor, settings.range, known.values[0]
         )
-    return Claim(settings, box, least_share, whole, known, weakest)
+    return Claim(settings, box, least_share, known, weakest)

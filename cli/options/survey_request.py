@@ -33,7 +33,6 @@ class SurveyRequest:
     plot: str
     table_format: str | None
     certify: bool
-    reach: bool
 
     @property
     def picture(self) -> Path:
@@ -52,8 +51,7 @@ class SurveyRequest:
         """Names of all files that may be written."""
         names = [self.picture.name, "density.csv", "run.yaml"]
         names += [self.table.name] if self.table is not None else []
-        names += [self.certificate.name] * self.certify
-        return names + [reach_file(self.certificate).name] * (self.certify and self.reach)
+        return names + [self.certificate.name] * self.certify
 
 
 def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
@@ -95,7 +93,3 @@ def duration(seconds: float) -> str:
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds:.2g} s"
-
-
-def reach_file(file: Path) -> Path:
-    return file.with_name(f"{file.stem}-reach{file.suffix}")

@@ -182,4 +182,4 @@ def certify_and_report(
     weakest = None if worst is None else worst.state
     claim = claim_for(request.settings, request.domain, request.least_share, tolerances, weakest)
     about = files.provenance.provenance_header(request.settings, request.seed)
-    return prove(claim, work, limit, request.reach, request.certificate, about)
+    return prove(claim, work, limit, request.certificate, about)

@@ -12,18 +12,21 @@ from .bounds import box_lines, light_text, piece_text, round_down
 if TYPE_CHECKING:
     from facets.characterization.ambiguity import PairSearch
     from facets.config import Config
-    from facets.proof.range_cover import RangeCover
     from facets.proof.uniqueness import Certificate
 
     from ..options.claims import Claim
 
 
-def describe_set(claim: Claim, certificate: Certificate, cover: RangeCover | None) -> list[str]:
+def describe_set(claim: Claim, certificate: Certificate) -> list[str]:
     """Describe the states of the certificate and its assumptions."""
     light = light_text(certificate.share, claim.largest_power)
     lines = [f"taken: every state with {light}", "  and its pose in"]
     lines += box_lines(certificate.box.low, certificate.box.high)
-    lines += describe_range(claim, cover)
+    if claim.least_share is not None:
+        lines.append(
+            "  which are the ranges of the axes, each with the others at rest: where several axes\n"
+            "  move together, some poses that keep the rules of the range lie outside of it"
+        )
     lines.append(
         "  The model is the one that poses are solved with: collimated light, flat facets, no\n"
         "  other light and nothing that cuts it. That every facet faces the beam and every\n"
@@ -39,23 +42,6 @@ def describe_set(claim: Claim, certificate: Certificate, cover: RangeCover | Non
         )
     lines.append(f"  {len(certificate.pieces)} pieces proved, {certificate.seconds:.1f} s")
     return lines
-
-
-def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
-    if cover is not None:
-        lengths = ", ".join(round_down(far) for far in cover.farthest[:3])
-        angles = ", ".join(round_down(far, 3, 1000) for far in cover.farthest[3:])
-        return [
-            "  The certificate's box, whose ends are rounded inwards here, holds every pose that\n"
-            "  keeps the rules of the range, for any place of the beam and any power up to that,\n"
-            f"  of those within {lengths} mm and {angles} mrad; this is proved by intervals."
-        ]
-    if claim.whole_range:
-        return [
-            "  which are the ranges of the axes, each with the others at rest: where several axes\n"
-            "  move together, some poses that keep the rules of the range lie outside of it"
-        ]
-    return []
 
 
 def outcome(certificate: Certificate, pair: PairSearch | None) -> str:

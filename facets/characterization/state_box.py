@@ -59,7 +59,7 @@ def range_box(sensor: Sensor, rules: Rules) -> StateBox:
 
     Each range is that of one axis with the others at rest. Not all axes can reach their ends
     together, and a combined motion can be longer than one axis alone: the box does not contain
-    every pose that keeps the rules (`facets.proof.range_cover` finds one that does).
+    every pose that keeps the rules.
     """
     from dataclasses import replace
 

@@ -5,8 +5,6 @@ from ..core.faces import load_on_use
 if TYPE_CHECKING:
     from . import certificate as certificate
     from . import designs as designs
-    from . import range_cover as range_cover
-    from . import reach as reach
     from . import tolerances as tolerances
     from . import uniqueness as uniqueness
 else:
@@ -14,7 +12,6 @@ else:
         __name__,
         {
             "certificate": "write_certificate",
-            "range_cover": "cover_range",
             "tolerances": "Tolerances calibration_tolerances",
             "uniqueness": ("Certificate Effort certify edges_over_rotations slope_of_powers"),
         },

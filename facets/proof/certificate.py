@@ -9,7 +9,6 @@ from typing import Any
 from ..core.sensor import Sensor
 from ..files.tables import Whole
 from ..model.arrays import parameters
-from .range_cover import RangeCover
 from .uniqueness import Certificate
 
 #: The format of the file; a checker refuses any other.
@@ -22,12 +21,11 @@ def write_certificate(
     certificate: Certificate,
     about: dict[str, str],
     resolved: dict[str, Any] | None = None,
-    cover: RangeCover | None = None,
 ) -> None:
     """Write a certificate in mm, rad and mW, with floats that read back the same.
 
-    resolved: the configuration whose checksum `about` has.  cover: the box proved to contain the
-    measurement range. An unsuccessful certificate is written too, and the checker refuses it.
+    resolved: the configuration whose checksum `about` has. An unsuccessful certificate is written
+    too, and the checker refuses it.
     """
     content = {
         "format": FORMAT,
@@ -37,7 +35,6 @@ def write_certificate(
         "tolerances": certificate.tolerances,
         **certificate_claims(certificate),
         **certificate_proof(certificate),
-        "range": None if cover is None else certificate_range(cover),
     }
     with Whole(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1), "utf-8")
@@ -68,13 +65,4 @@ def certificate_proof(certificate: Certificate) -> dict[str, Any]:
         "weights": certificate.weights.tolist(),
         "pieces": [piece._asdict() for piece in certificate.pieces],
         "doubtful": [piece._asdict() for piece in certificate.doubtful],
-    }
-
-
-def certificate_range(cover: RangeCover) -> dict[str, Any]:
-    return {
-        "farthest": cover.farthest,
-        "halves_mm": cover.halves,
-        "whole_spot": cover.whole,
-        "boxes": cover.work,
     }

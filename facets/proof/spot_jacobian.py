@@ -20,7 +20,6 @@ from ..optics.rays import flight, gradient_of_normal, gradient_of_shift, reflect
 from ..optics.vectors import (
     Matrix,
     Vector,
-    add,
     combine,
     cross,
     dot,
@@ -197,18 +196,3 @@ def gradient_of_spot(
         dot(turn, axes[j]) + by_light[0] * turns[0][j] + by_light[1] * turns[1][j] for j in range(3)
     ]
     return [*along, *by_turn]
-
-
-def spot_places(
-    geometry: Geometry, pose: Sequence[Interval], from_point: Sequence[Sequence[Interval]]
-) -> list[Interval]:
-    """The places (6,) psi and zeta on A, B, C, mm, of the rays `from_point` (3, 2) sigmas off the
-    apex."""
-    at = dark_scene_over(geometry, pose)
-    places = []
-    for k in range(3):
-        ray = sub_beam(geometry, at, k, from_point[k])
-        landed = add(ray.start, scale(ray.length, ray.leaving))
-        spot = subtract(landed, geometry.centres[k])
-        places += [dot(spot, axis) for axis in geometry.axes[k][1:]]
-    return places

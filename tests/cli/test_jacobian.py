@@ -44,17 +44,14 @@ def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
 
 
 @pytest.mark.slow
-def test_every_larger_box_that_is_tried_is_proved_for_every_sensor_within_tolerances(tmp_path):
-    """Where every factor is proved there is nothing between a proof and a failure to be found."""
+def test_a_box_is_proved_for_every_sensor_within_tolerances(tmp_path):
     result = command(
         "jacobian", "paper", "--box", "tx_mm=0.05,tz_mm=0.05", "--states", "100", "--certify",
-        "--reach", "--tolerances", "1", "--no-search-worst", "-d", "out", cwd=tmp_path,
+        "--tolerances", "1", "--no-search-worst", "-d", "out", cwd=tmp_path,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
-    assert "the largest that is tried" in result.stdout
     assert "taken as exact: beam.power" in result.stdout.replace("\n", " ").replace("  ", " ")
-    for name in ("certificate.json", "certificate-reach.json"):
-        assert check_certificate.check(tmp_path / "out" / name).margin > 0
+    assert check_certificate.check(tmp_path / "out" / "certificate.json").margin > 0
 
 
 @pytest.mark.slow

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import ast
-import copy
 import hashlib
 import json
 import math
 import subprocess
 import sys
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 from facets.experiments import (
-    certificate_optics,
-    certificate_range,
     certificate_schema,
     check_certificate,
 )
 from sensors import SENSORS
 
 import facets
-from facets.characterization import box_of_poses, clearances, least_share, parse_box, range_box
+from facets.characterization import parse_box
 from facets.files import provenance
 from facets.model import parameters
-from facets.proof import certify, cover_range, write_certificate
+from facets.proof import certify, write_certificate
 
 #: Small, so that a test is quick: one place and one angle.
 BOX = parse_box("tx_mm=1,yaw_mrad=3")
@@ -296,105 +291,9 @@ def test_the_checker_agrees_about_other_sensors(tmp_path, name, box, share, tole
         assert proof.margin < certify(sensor, box, share).margin
 
 
-@pytest.fixture
-def ranged(content):
-    """A claim that a box holds the range, with which nothing but the box is wrong."""
-    content["range"] = {
-        "farthest": [30.0, 30.0, 30.0, 0.3, 0.3, 0.5], "halves_mm": [[6.5] * 2] * 3,
-        "whole_spot": True, "boxes": 1,
-    }  # fmt: skip
-    content["least_share"] = 0.1
-    return content
-
-
-def check_only_range(content):
-    rig = certificate_optics.IntervalSensor(content["parameters"], content["tolerances"])
-    return certificate_range.check_range(rig, content)
-
-
-@pytest.mark.parametrize(
-    ("pointer", "value", "reason"),
-    [
-        ("/range/boxes", 1, "may keep the rules"),
-        ("/range/farthest", [1e-9] * 6, "beyond the box"),
-        ("/range/farthest/5", 0.003, "beyond the box.*axis 6"),
-        ("/range/halves_mm/1/0", 6.0, "half the detectors"),
-        ("/range/whole_spot", False, "whole_spot"),
-        ("/resolved/range/spot", "centroid", "whole_spot"),
-        ("/least_share", 0.2, "least_share is more"),
-        ("/resolved/range/snr", 100, "least_share is more"),
-        ("/resolved/range/snr", "much", "no rules"),
-        ("/resolved/range", None, "no rules"),
-        ("/resolved/sensor/psd/a/size_mm", [13], "no rules"),
-    ],
-)
-def test_a_false_claim_of_a_range_shows_before_anything_is_cut(
-    ranged, monkeypatch, pointer, value, reason
-):
-    monkeypatch.setattr(certificate_range, "MOST", 0)
-    put(ranged, pointer, value)
-    with pytest.raises(certificate_schema.Refused, match=reason):
-        check_only_range(ranged)
-
-
-def test_a_range_within_no_distance_is_refused(ranged):
-    ranged["range"]["farthest"][0] = 0.0
-    with pytest.raises(certificate_schema.Refused, match="farthest"):
-        certificate_schema.conform(ranged, certificate_schema.SCHEMA)
-
-
-def test_what_the_electronics_make_of_the_least_share_is_not_found_again(ranged):
-    ranged["resolved"]["sensor"]["noise"]["model"] = "electronics"
-    assert "electronics" in certificate_range.check_rules(ranged)[0]
-    ranged["resolved"] = None
-    assert "any configuration" in certificate_range.check_rules(ranged)[0]
-
-
-@pytest.fixture(scope="module")
-def whole_range(tmp_path_factory):
-    """A certificate of the whole range of the paper's sensor."""
-    path = tmp_path_factory.mktemp("range") / "certificate.json"
-    config = facets.load("paper")
-    share = least_share(config.sensor, config.range)
-    cover = cover_range(config.sensor, config.range, share)
-    proof = certify(config.sensor, box_of_poses(cover.low, cover.high), share)
-    assert proof.margin > 0.3
-    about = provenance.provenance_header(config)
-    write_certificate(path, config.sensor, proof, about, config.resolved, cover)
-    content = json.loads(path.read_text())
-    # some per cent more than the box, and quicker than all that a certificate looks among
-    content["range"]["farthest"] = [16.5, 16.5, 8.9, 0.0211, 0.02251, 0.0361]
-    return content
-
-
-@pytest.mark.slow
-def test_that_the_box_holds_the_range_is_found_again(whole_range, tmp_path):
-    path = tmp_path / "certificate.json"
-    path.write_text(json.dumps(whole_range))
-    checked = check_certificate.check(path)
-    near = "16.5, 16.5, 8.9 mm and 21.1, 22.5, 36.1 mrad"
-    assert f"every pose of the range, of those within {near}" in check_certificate.describe(checked)
-    assert not any("range" in line for line in checked.not_verified)
-
-
-@pytest.mark.slow
-def test_poses_that_keep_the_rules_lie_in_the_box_that_holds_the_range(whole_range):
-    """Poses near the corners of the range, which the box of the axes' ranges leaves out."""
-    config = facets.load("paper")
-    rules = replace(config.range, tracking=True)
-    half = np.array([15, 15, 9, 0.025, 0.025, 0.04])
-    poses = np.random.default_rng(3).uniform(-half, half, (30_000, 6))
-    kept = poses[clearances(config.sensor, poses, rules).min(axis=1) > 0]
-    assert len(kept) > 60
-    assert (kept >= whole_range["low"]).all()
-    assert (kept <= whole_range["high"]).all()
-    axes = range_box(config.sensor, rules)
-    assert ((kept < axes.low[:6]) | (kept > axes.high[:6])).any()
-
-
-@pytest.mark.slow
-def test_a_range_that_the_box_does_not_hold_is_refused(whole_range):
-    content = copy.deepcopy(whole_range)
-    content["high"][5] /= 3
-    with pytest.raises(certificate_schema.Refused, match="may keep the rules"):
-        check_only_range(content)
+def test_an_older_claim_that_the_box_holds_the_range_is_not_checked(certificate, tmp_path):
+    content = json.loads(certificate.read_text())
+    assert "range" not in content
+    (tmp_path / "older.json").write_text(json.dumps(content | {"range": {"boxes": 1}}))
+    checked = check_certificate.check(tmp_path / "older.json")
+    assert "that the box holds every pose of the range" in checked.not_verified

@@ -10,7 +10,6 @@ from facets.experiments import certificate_pieces, certificate_schema, check_cer
 from flint import arb
 
 import facets
-from facets import proof
 from facets.characterization import box_of_poses
 from facets.model import parameters, sensor_with
 from facets.proof import Effort, certify, edges_over_rotations, middles, write_certificate
@@ -80,14 +79,6 @@ def test_what_is_forged_is_refused_with_a_reason(content, tmp_path, changes, rea
 @pytest.mark.slow
 def test_nothing_is_proved_past_the_singular_sensor():
     assert not certify(between(1.0), box_of_poses(-HALF, HALF), SHARE, effort=Effort(150)).unique
-
-
-@pytest.mark.slow
-def test_where_a_box_is_not_proved_a_smaller_one_is():
-    factor, core = proof.reach.find_core(between(0.93), box_of_poses(-HALF, HALF), SHARE, work=50)
-    assert 0 < factor < 1
-    assert core.unique
-    np.testing.assert_allclose(core.box.high[:6], factor * HALF)
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +12,6 @@ from flint import arb
 from sensors import SENSORS
 
 import facets
-from facets import proof
 from facets.characterization import (
     StateBox,
     find_pair_in_box,
@@ -29,7 +26,6 @@ from facets.proof import (
     Effort,
     calibration_tolerances,
     certify,
-    cover_range,
     edges_over_rotations,
     light_sharing,
     slope_of_powers,
@@ -91,25 +87,6 @@ def test_jacobians_at_random_states_lie_in_what_is_proved(name, factor):
             assert (held >= bounds[:, :, 0] - 1e-9).all()
             assert (held <= bounds[:, :, 1] + 1e-9).all()
             assert least_slope <= np.linalg.det(matrix[np.ix_([2, 5], [6, 7])]) <= largest_slope
-
-
-def test_a_range_without_an_end_has_no_box():
-    rules = facets.load("paper").range
-    assert cover_range(PAPER, rules, 0.108, work=10) is None
-    large = replace(PAPER, psds=tuple(replace(psd, size_y=200.0) for psd in PAPER.psds))
-    assert cover_range(large, rules, 0.108, work=300) is None
-
-
-def test_the_reach_is_the_same_whatever_the_clock_says(monkeypatch):
-    box = parse_box("tx_mm=1,tz_mm=1,yaw_mrad=5")
-    factor, certificate = proof.reach.find_reach(PAPER, box, 0.3, farthest=3.0)
-    ticks = itertools.count(0, 1e6)
-    monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
-    again = proof.reach.find_reach(PAPER, box, 0.3, farthest=3.0)
-    assert factor == again[0] == 3.0
-    assert certificate.margin == again[1].margin
-    np.testing.assert_allclose(certificate.box.high, 3 * box.high)
-    assert proof.reach.find_reach(PAPER, box, 0.9) == (1.0, None)
 
 
 def test_tolerances_come_from_what_is_known_before():
