@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 PortName = Annotated[
     str | None,
     typer.Option(
-        help="Serial port, TCP address or file of the detector board.  [default: the "
-        "configuration's `acquire.port`]"
+        help="Serial port, TCP address or file of the detector board, or virtual:MOTION for a "
+        "simulated bench, stage included.  [default: the configuration's `acquire.port`]"
     ),
 ]
 Record = Annotated[

@@ -109,7 +109,7 @@ def emulate(
 def announce(bench: live.virtual.Bench, settings: Config) -> None:
     """Print the ports of the bench and the files that it writes."""
     typer.echo(
-        f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
+        f"board: {bench.folder / 'board'}   stage: {bench.stage.link} ({settings.stage.driver})"
     )
     if bench.truth:
         path = bench.folder / "truth.bin"

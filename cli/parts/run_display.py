@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
@@ -41,14 +40,14 @@ def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> It
             with suppress(OSError):  # the terminal may be gone
                 screen.stop()
         return
-    interval_s, last, known = 1 / (rate or (8 if json else 1)), time.monotonic(), 0
+    interval_s, last, known = 1 / (rate or (8 if json else 1)), state.clock(), 0
 
     def print_line(now: live.Live) -> None:
         """Print a line at each interval, and at once when a message appears or ends."""
         nonlocal last, known
         count = len(now.messages())
-        if count != known or time.monotonic() - last >= interval_s:
-            last, known = time.monotonic(), count
+        if count != known or state.clock() - last >= interval_s:
+            last, known = state.clock(), count
             typer.echo(live.json_line(now) if json else live.plain_line(now))
 
     yield print_line

@@ -21,7 +21,6 @@ import multiprocessing
 import os
 import resource
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -34,6 +33,7 @@ from typing import Any
 import numpy as np
 
 import facets
+from facets.bench.live import virtual_bench
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from facets.files.provenance import run_record
 from facets.live import Subscription
@@ -195,21 +195,12 @@ def load(busy: int, mixed: int) -> Iterator[None]:
 def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any]:
     """Run the live example of the README in a new folder; return its outcome."""
     before = ORDINARY if ordinary else []
-    bench = subprocess.Popen(
-        [*PROGRAM, "emulate", "bench", "--motion", "circle"], cwd=folder, stdout=subprocess.DEVNULL
-    )
-    try:
-        last = time.monotonic() + PATIENCE_S
-        while not (folder / "bench" / "stage").exists() and time.monotonic() < last:
-            time.sleep(0.02)
+    with virtual_bench(folder, seed=1):
         run = subprocess.run(
             [*before, *PROGRAM, "acquire", "bench", "--track", "--port", "bench/board",
              "--stage-port", "bench/stage", "--plain", "--seconds", str(seconds), "-d", "recorded"],
             cwd=folder, capture_output=True, text=True, check=False,
         )  # fmt: skip
-    finally:
-        bench.send_signal(signal.SIGINT)
-        bench.wait()
     (folder / "output.txt").write_text(run.stdout + run.stderr, "utf-8")
     return {
         "status": run.returncode,

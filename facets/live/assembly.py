@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -27,6 +26,7 @@ from .run.pipeline import Pipeline
 from .run.reader import Reader
 from .stage_setup import check_sentences, open_tracker, refuse_board
 from .streams.publication import Publications, require_packages
+from .virtual.in_process import SCHEME, BenchInProcess, BenchReader
 from .web.page import WebPage
 from .web.status import status_of
 
@@ -126,10 +126,14 @@ class Run:
     10000
     """
 
-    def __init__(self, config: Config, options: RunOptions) -> None:
+    def __init__(
+        self, config: Config, options: RunOptions, bench: BenchInProcess | None = None
+    ) -> None:
         """Prepare the solver; `from_config` adds the source and the sinks."""
-        self.config, self.options = config, options
+        self.config, self.options, self.bench = config, options, bench
         self.live = Live(Pipeline(config, options.columns))
+        if bench:  # the only clock of a run that is not the host's
+            self.live.clock = bench.clock
         self.live.pipeline.warm_up()
         self.reader: Reader
         self.ending = Ending()
@@ -171,10 +175,11 @@ class Run:
         port = require_port(port or config.acquire.port, "--port", "acquire.port")
         if options.moves_stage:
             refuse_board(config, port)
+        bench = open_bench(port, config, options)
         if options.check_stage:  # the check uses only the readings' place of the beam
             config = replace(config, solve=replace(config.solve, beam="free"))
         require_packages(options.publish, options.web)
-        run = cls(resolve_object(config), options)
+        run = cls(resolve_object(config), options, bench)
         with ExitStack() as on_failure:
             on_failure.callback(run.abandon)
             if options.record:
@@ -183,7 +188,7 @@ class Run:
                 run.publish(tell)
             if options.moves_stage:
                 run.open_stage(tell)
-            run.reader = Reader(config, port, options.reconnect, run.live, tell)
+            run.open_reader(port, tell)
             on_failure.pop_all()
         run.ending = Ending(options.seconds or inf, options.samples or inf, run.is_check_over)
         return run
@@ -202,12 +207,15 @@ class Run:
         """Begin a recording in a new folder."""
         now = datetime.now(UTC)
         folder = self.options.folder or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
-        begin = {"begin_utc": now.isoformat(), "begin_monotonic": time.monotonic()}
+        begin = {"begin_utc": now.isoformat(), "begin_monotonic": self.live.clock()}
         if (zero := self.live.pipeline.measurement.request) is not None:
             begin["zero"] = zero.text
         meta = run_record(self.config, None, 0.0, begin)
         with hold_signals():  # a folder that is begun has an owner, who removes it
-            self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
+            config, clock = self.config, self.live.clock
+            self.recording = Recording(
+                folder, meta, config.resolved, config.acquire.sync, clock=clock
+            )
         self.live.sinks.append(self.recording)
 
     def publish(self, tell: Tell) -> None:
@@ -232,14 +240,20 @@ class Run:
 
     def open_stage(self, tell: Tell) -> None:
         """Open the stage, which the page can then resume."""
-        port = self.options.stage_port or self.config.stage.port
+        port = "virtual" if self.bench else self.options.stage_port or self.config.stage.port
         self.stage_port = require_port(port, "--stage-port", "stage.port")
-        tracker = open_tracker(
-            self.config, self.stage_port, self.options.check_stage, tell, self.live.add_event
-        )
+        check, say = self.options.check_stage, self.live.add_event
+        tracker = open_tracker(self.config, self.stage_port, self.bench, check, tell, say)
         self.live.tracker = tracker
         if self.page:
             self.page.resume = partial(tracker.resume, "the page")
+
+    def open_reader(self, port: str, tell: Tell) -> None:
+        """Open the detector board's port."""
+        if self.bench:
+            self.reader = BenchReader(self.bench, self.config, self.live)
+        else:
+            self.reader = Reader(self.config, port, self.options.reconnect, self.live, tell)
 
     def abandon(self) -> None:
         """Close the parts of a run that does not begin, and remove its empty recording."""
@@ -310,6 +324,15 @@ def resolve_object(config: Config) -> Config:
         return config
     resolved = config.resolved | {"object": keys}
     return replace(config, resolved=resolved, sha256=fingerprint(resolved))
+
+
+def open_bench(port: str, config: Config, options: RunOptions) -> BenchInProcess | None:
+    """Make the virtual bench that a port names, whose stage is the only one that may then move."""
+    if not port.startswith(SCHEME):
+        return None
+    if options.stage_port:
+        raise InputError(f"--stage-port: {port} has a stage of its own; leave the option out")
+    return BenchInProcess(port, config)
 
 
 def require_port(port: str | None, option: str, key: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,13 +16,21 @@ from ..tracking.check import StageCheck, checked_today, stage_identity
 from ..tracking.control import Law, margin_of, pull_of
 from ..tracking.tracker import Tracker
 from .sources.ports import open_line
+from .virtual.in_process import SCHEME
 
 if TYPE_CHECKING:
     from ..core.settings import Config
+    from .virtual.in_process import BenchInProcess
 
 
 def refuse_board(config: Config, port: str) -> None:
-    """Raise `InputError` for a permit or a heartbeat by a board that does not support it."""
+    """Raise `InputError` for a permit or a heartbeat that the board does not support."""
+    lines = {config.stage.permit, config.stage.heartbeat}
+    if port.startswith(SCHEME) and not lines <= {None, "board"}:
+        raise InputError(
+            f"stage.permit and stage.heartbeat must be board or left out for {port}, because "
+            "nothing real may depend on a virtual bench"
+        )
     if config.stage.permit == "board" and config.acquire.format == "text":
         raise InputError(
             "stage.permit is board: lines of text have no flag for it; use acquire.format: frames"
@@ -49,18 +58,20 @@ def require_stage_check(config: Config, port: str) -> None:
 def open_tracker(
     config: Config,
     port: str,
+    bench: BenchInProcess | None,
     check: bool,
     tell: Callable[[str], None],
     add_event: Callable[..., None],
 ) -> Tracker:
     """Open the stage, and report the stability of the loop before anything moves.
 
-    check: move the stage to check its wiring, instead of following the mirror. Raises `InputError`
+    bench: a virtual bench, whose stage and clock are then used.  check: move the stage to check its
+    wiring, instead of following the mirror. Raises `InputError`
     if the stage was not checked, or the loop would be unstable; `PortError` if the port cannot be
     opened.
     """
     stage = config.stage
-    if not check:
+    if not check and bench is None:
         require_stage_check(config, port)
     axes = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
     clearance = min(axis.symmetric / 2 for axis in axes)
@@ -72,13 +83,15 @@ def open_tracker(
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
 
-    def open_stage() -> Any:
+    def open_port() -> Any:
         return port if stage.driver == "other" else open_line(port, stage.baud, 0.02)
 
+    # no stage but the virtual one has another clock than the host's
+    open_stage, clock = (bench.open_stage, bench.clock) if bench else (open_port, time.monotonic)
     law = Law.from_sensor(config.sensor, stage)
     if check:
-        return StageCheck(open_stage(), stage, law, add_event)
-    return Tracker(open_stage(), stage, law, add_event, open_again=open_stage)
+        return StageCheck(open_stage(), stage, law, add_event, clock)
+    return Tracker(open_stage(), stage, law, add_event, clock, open_stage)
 
 
 def check_sentences(

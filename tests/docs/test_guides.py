@@ -27,7 +27,7 @@ ELSEWHERE = (
 SHORTER = {
     "-o results/rig.png": "-o results/rig.png --width 320 --height 240",
     "--designs 1000": "--designs 20",
-    "--rate 250": "--rate 100",
+    "rate=250": "rate=100",
     "--samples 3300": "--samples 1320",
     "--samples 24000": "--samples 8000",
     "--seconds 8": "--seconds 4",

@@ -15,13 +15,11 @@ from textwrap import dedent
 import typer
 from facets.cli import whole_app
 
-#: What the live commands are given: a mirror at rest, a converter that is finer than the noise, and
-#: a stage that waits for a busy machine.
+#: What the live commands are given: a mirror at rest, and a converter that is finer than the noise.
 FILES = {
     "my bench.yaml": """
         extends: bench
         sensor: {electronics: {adc_bits: 24}}
-        stage: {stale_ms: 500, resume: auto}
         motions:
           rest: {kind: sine, amplitude: {tx_mm: 0}, samples: 1000, rate_hz: 100}
           runs: {kind: runs, to: {tz_mm: 1}, steps: 3, runs: 2, dwell_ms: 60, move_ms: 20}
@@ -65,10 +63,10 @@ CHAINS = {
     "live": """
         emulate 'my bench.yaml' --motion rest --rate 250 --folder 'virtual bench' &
         acquire 'my bench.yaml' --port 'virtual bench/board' --samples 500 -d 'a run' --plain
-        acquire 'my bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
+        acquire 'my bench.yaml' --port virtual:rest,rate=250
           --check-stage --write 'my checked bench.yaml' -d 'checked' --plain
-        acquire 'my checked bench.yaml' --port 'virtual bench/board'
-          --stage-port 'virtual bench/stage' --track --samples 200 -d 'tracked' --plain
+        acquire 'my checked bench.yaml' --port virtual:rest,rate=250
+          --track --samples 200 -d 'tracked' --plain
         replay 'a run' --compare -o 'a run again.mcap'
         replay 'a run' --recover
         noise 'a run' -d 'the noise' --write 'with noise.yaml'

@@ -119,7 +119,7 @@ def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
         ages.append(arrival - (samples.times - late))
 
     stage = SimpleNamespace(halt=halts.append, begun=0.0, feed=feed)
-    loop = Loop(Live(Pipeline(config), tracker=stage), SimpleNamespace(port=None))
+    loop = Loop(Live(Pipeline(config), tracker=stage), SimpleNamespace(port=None, is_stepped=False))
     for data, came in packets(66_000, 100.0):
         arrival = came + 0.3 * (came > 101.2)
         loop.take(Block(data, arrival, None))

@@ -34,7 +34,7 @@ NEWEST_FIRST_AFTER_S = 0.05
 class Clock:
     now = 1_000.0
 
-    def monotonic(self):
+    def __call__(self):
         return self.now
 
 
@@ -42,6 +42,7 @@ class Board:
     """A reader whose blocks come when the clock says so."""
 
     port = error = None
+    is_stepped = False
 
     def __init__(self, clock, count):
         self.clock, self.queue, size = clock, self, EACH * SIZE
@@ -51,12 +52,9 @@ class Board:
             for n in range(count)
         ]
 
-    def get(self, timeout):
-        if self.blocks:
+    def next_block(self, wait=0.0):
+        if wait and self.blocks:
             self.clock.now = max(self.clock.now, self.blocks[0].arrival)
-        return self.get_nowait()
-
-    def get_nowait(self):
         if not self.blocks or self.blocks[0].arrival > self.clock.now:
             raise Empty
         return self.blocks.pop(0)
@@ -93,12 +91,10 @@ class Slow(Pipeline):
         return super().solve(batch)
 
 
-def run(monkeypatch, seconds, count):
+def run(seconds, count):
     """The run, the names of its events, its poses in order, and the messages after each batch."""
     clock, memory, messages = Clock(), Memory(), []
-    monkeypatch.setattr("facets.live.run.loop.time", clock)
-    monkeypatch.setattr("facets.live.run.live.time", clock)
-    live = Live(Slow(clock, seconds), sinks=[memory], begin=clock.now)
+    live = Live(Slow(clock, seconds), clock, sinks=[memory])
     loop = Loop(live, Board(clock, count), lambda now: messages.append(now.messages()))
     loop.run(Ending())
     loop.finish()
@@ -117,17 +113,17 @@ def solve_in_turn(count):
     return join_columns([part.columns() for part in parts])
 
 
-def test_a_loop_in_time_solves_in_turn_and_says_nothing(monkeypatch):
-    live, events, poses, messages = run(monkeypatch, repeat(1e-3), 50)
+def test_a_loop_in_time_solves_in_turn_and_says_nothing():
+    live, events, poses, messages = run(repeat(1e-3), 50)
     assert not any(messages)
     assert events == ["end"]
     assert compare(poses, solve_in_turn(50)).is_same
     assert live.late == live.pipeline.tally.skipped_count == 0
 
 
-def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_up(monkeypatch):
+def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_up():
     """30 batches take 20 ms each, ten times what there is; then it goes fast again."""
-    live, events, poses, messages = run(monkeypatch, [0.02] * 30 + [1e-4] * 470, 500)
+    live, events, poses, messages = run([0.02] * 30 + [1e-4] * 470, 500)
     assert events == ["behind", "caught up", "end"]
     assert any(messages)
     assert not messages[-1]
@@ -143,7 +139,7 @@ def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     """Twice too slow for ever: all is accounted for, half is skipped, the newest is not old."""
     monkeypatch.setattr("facets.live.run.loop.GIVE_UP_AFTER_S", 0.5)
     monkeypatch.setattr("facets.live.run.loop.FINISH_S", 0.05)
-    live, events, poses, _ = run(monkeypatch, repeat(4e-3), 1_000)
+    live, events, poses, _ = run(repeat(4e-3), 1_000)
     assert events == ["behind", "caught up", "end"]
     assert (poses["seq"] == np.arange(1_000 * EACH)).all()
     skipped = poses["status"] == Status.SKIPPED
@@ -179,14 +175,13 @@ def test_skipped_samples_of_a_calibrated_rig_have_the_parts_of_an_uncertainty():
     assert compare(before, solved).is_same  # a recording of before
 
 
-def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
+def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop():
     clock = Clock()
-    monkeypatch.setattr("facets.live.run.loop.time", clock)
 
     def show(_):
         raise OSError(5, "Input/output error")
 
-    live = Live(Pipeline(CONFIG))
+    live = Live(Pipeline(CONFIG), clock)
     Loop(live, Board(clock, 10), show).run(Ending())
     assert live.pipeline.tally.samples == 10 * EACH
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,9 +18,16 @@ from facets.live import Live, Pipeline
 from facets.live.run import view
 
 
-def live(light=1.0, config=BENCH):
+class Clock:
+    now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+def live(light=1.0, config=BENCH, clock=time.monotonic):
     """A run whose newest sample has so much of its light."""
-    now = Live(Pipeline(config))
+    now = Live(Pipeline(config), clock)
     now.newest = now.pipeline.feed(kills.stream(60), 1.0)
     now.newest.readings[:, 2::3] *= light
     return now
@@ -87,15 +95,13 @@ def test_a_loop_that_is_behind_says_so_in_every_view():
 
 
 @pytest.fixture
-def clock(monkeypatch):
+def clock():
     """A clock that stands; the test moves it."""
-    clock = SimpleNamespace(now=1000.0, monotonic=lambda: clock.now)
-    monkeypatch.setattr("facets.live.run.live.time", clock)
-    return clock
+    return Clock()
 
 
 def test_the_last_pose_of_a_silent_board_is_not_the_present_one(clock):
-    now = live()
+    now = live(clock=clock)
     now.add_arrival(clock.now)
     clock.now += 0.9
     assert "yaw_mrad" in view.values(now)
@@ -118,7 +124,7 @@ def test_the_last_pose_of_a_silent_board_is_not_the_present_one(clock):
 
 
 def test_a_slow_board_is_not_silent_between_its_samples(clock):
-    now = live()
+    now = live(clock=clock)
     now.pipeline.tally.samples = 0
     for _ in range(3):
         clock.now += 20
@@ -130,7 +136,7 @@ def test_a_slow_board_is_not_silent_between_its_samples(clock):
 
 
 def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
-    now = Live(Pipeline(BENCH), begin=clock.now)
+    now = Live(Pipeline(BENCH), clock, begin=clock.now)
     clock.now += 3
     assert "no bytes arrive" in now.messages()[0]
     now.bytes = 1
@@ -142,7 +148,7 @@ def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
 @pytest.mark.parametrize("steps", [(2e-3, 2e-3), (1e-3, 2e-3)])
 def test_fewer_samples_than_before_are_told(clock, steps):
     """By the board's clock, or where this became as slow as the samples."""
-    now, arrival = Live(Pipeline(BENCH)), clock.now
+    now, arrival = Live(Pipeline(BENCH), clock), clock.now
     sequence = now.pipeline.sequence
     sequence.seq = sequence.time = 0
     for part in range(100):

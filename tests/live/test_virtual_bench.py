@@ -52,9 +52,9 @@ def test_the_beam_stands_at_the_origin_where_that_lights_the_motion(
     assert np.isinf(model.mirror.begin) == waits
 
 
-def test_a_late_bench_catches_up_until_the_stage_moves(bench, monkeypatch):
+def test_a_late_bench_catches_up_until_the_stage_moves(bench):
     made = bench(sine((0, 0), 0.1))
-    monkeypatch.setattr("time.monotonic", lambda: made.begin + made.last + 0.15)
+    made.clock = lambda: made.begin + made.last + 0.15
     assert (made.now(), made.count.slipped) == (pytest.approx(0.15), 0.0)
     made.count.moves = 1
     assert made.now() == pytest.approx(0.155)

@@ -27,6 +27,7 @@ def bench(tmp_path):
         bench.begin = time.monotonic()
         while not ending.is_set():
             bench.round()
+            bench.answer()
 
     thread = threading.Thread(target=turn)
     thread.start()

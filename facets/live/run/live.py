@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import time
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, isnan, nan
 from typing import Any
@@ -31,7 +33,8 @@ FEWER = 0.8
 class Live:
     """The state of a run, for those who show it.
 
-    newest: poses of the newest samples that are solved.  latency: of each batch that was the newest
+    clock: of the run, s; another than the host's only together with a virtual bench.  newest: poses
+    of the newest samples that are solved.  latency: of each batch that was the newest
     when it was solved, from its last byte to its poses, s.  backlog: number of samples that wait.
     most: largest backlog so far.  age: how long the oldest of them has waited, s.  behind: whether
     the loop has fallen behind.  late: number of samples that were solved after newer ones.
@@ -40,9 +43,10 @@ class Live:
     """
 
     pipeline: Pipeline
+    clock: Callable[[], float] = time.monotonic
     begin: float = field(default_factory=time.monotonic)
     newest: RunPoses | None = None
-    latency: list[float] = field(default_factory=list)
+    latency: deque[float] = field(default_factory=lambda: deque(maxlen=5_000))
     backlog: int = 0
     most: int = 0
     age: float = 0.0
@@ -74,7 +78,7 @@ class Live:
     @property
     def now(self) -> float:
         """The present time, s; that of the end once the run has ended."""
-        return min(time.monotonic(), self.end)
+        return min(self.clock(), self.end)
 
     @property
     def silence(self) -> float:
@@ -114,7 +118,7 @@ class Live:
 
     def latency_p99(self) -> float:
         """The 99th percentile of the newest latencies, s; NaN where nothing is solved yet."""
-        return float(np.quantile(self.latency[-5000:], 0.99)) if self.latency else float("nan")
+        return float(np.quantile(list(self.latency), 0.99)) if self.latency else float("nan")
 
     def messages(self) -> list[str]:
         """Return the sentences that a person should read now, those on the moving stage first."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
@@ -87,7 +86,7 @@ class Ending:
     def is_reached(self, live: Live) -> bool:
         if self.is_over():
             return True
-        passed = time.monotonic() - live.begin
+        passed = live.now - live.begin
         return passed >= self.seconds or live.pipeline.tally.samples >= self.samples
 
 
@@ -121,11 +120,9 @@ class Loop:
     def gather(self, wait: float = 0.0) -> None:
         """Take in all blocks that have come; wait up to `wait` seconds for the first."""
         with suppress(Empty):
-            self.take(
-                self.reader.queue.get(timeout=wait) if wait else self.reader.queue.get_nowait()
-            )
+            self.take(self.reader.next_block(wait))
             while True:
-                self.take(self.reader.queue.get_nowait())
+                self.take(self.reader.next_block())
 
     def take(self, block: Block) -> None:
         clock, tally = self.live.pipeline.host_time, self.live.pipeline.tally
@@ -140,10 +137,10 @@ class Loop:
 
     def solve_batch(self) -> None:
         """Solve one batch, and give up those that are too old."""
-        age = self.backlog.age(time.monotonic())
+        age = self.backlog.age(self.live.clock())
         batch = self.backlog.pop(newest=age > NEWEST_FIRST_AFTER_S and not self.patient)
         self.pass_on(self.live.pipeline.solve(batch), batch.arrival)
-        while not self.patient and self.backlog.age(time.monotonic()) > GIVE_UP_AFTER_S:
+        while not self.patient and self.backlog.age(self.live.clock()) > GIVE_UP_AFTER_S:
             self.give_up()
 
     def give_up(self) -> None:
@@ -157,9 +154,8 @@ class Loop:
             live.beam_loss.add(poses.host, has_pose, live.tracker.begun)
         if live.newest is None or poses.seq[-1] > live.newest.seq[-1]:
             live.newest = poses
-            live.latency.append(time.monotonic() - arrival)
-            if len(live.latency) > 20_000:
-                del live.latency[:10_000]
+            if not self.reader.is_stepped:  # otherwise the clock stands still meanwhile
+                live.latency.append(live.clock() - arrival)
             if live.tracker:
                 is_permitted = bool((poses.flags & PERMITTED).all())
                 apexes, beams = apexes_of(poses)
@@ -180,7 +176,7 @@ class Loop:
     def report_backlog(self) -> None:
         """Tell the sinks, once each, that the loop has fallen behind and that it has caught up."""
         live = self.live
-        live.backlog, live.age = self.backlog.samples, self.backlog.age(time.monotonic())
+        live.backlog, live.age = self.backlog.samples, self.backlog.age(live.clock())
         live.most = max(live.most, live.backlog)
         if not live.behind and live.age > BACKLOG_WARNING_S and not self.patient:
             live.behind = True
@@ -200,8 +196,8 @@ class Loop:
         """Solve what waits for up to `FINISH_S`, and give up the rest."""
         self.gather()
         self.backlog.add(self.live.pipeline.release())
-        last = time.monotonic() + FINISH_S
-        while self.backlog and time.monotonic() < last:
+        last = self.live.clock() + FINISH_S
+        while self.backlog and self.live.clock() < last:
             self.solve_batch()
         while self.backlog:
             self.give_up()
@@ -272,8 +268,11 @@ def acquire(
                 live.tracker.envelope.heartbeat.to_board = reader.write
             closing.enter_context(resume_by_signal(live.tracker))
             closing.enter_context(watch_keys({"r": partial(live.tracker.resume, "the key r")}))
-            closing.enter_context(live.tracker)
-        live.begin = time.monotonic()
+            if reader.is_stepped:
+                closing.callback(live.tracker.close)
+            else:
+                closing.enter_context(live.tracker)
+        live.begin = live.clock()
         reader.start()
         if not loop.patient:
             live.is_urgent = closing.enter_context(urgent())
@@ -282,7 +281,7 @@ def acquire(
         except KeyboardInterrupt:
             live.note = INTERRUPTED
         finally:
-            live.end = time.monotonic()
+            live.end = live.clock()
     if reader.error:
         raise reader.error
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from queue import SimpleQueue
 
@@ -32,7 +32,12 @@ class Reader(threading.Thread):
     The thread ends at the source's end, or with an error in `error`. A block is passed on at once
     where the loop waits for it. Where the loop is busy, the block grows for up to `MAX_BLOCK_S`:
     each block has a cost beside that of its samples, and few large blocks let the loop catch up.
+
+    is_stepped: whether the loop reads the source and moves the stage itself, in one thread, while
+    it waits for a block, because the run's clock is that of a virtual bench.
     """
+
+    is_stepped = False
 
     def __init__(
         self,
@@ -62,11 +67,17 @@ class Reader(threading.Thread):
         self.error: FacetsError | None = None
 
     def run(self) -> None:
+        for _ in self.steps():
+            pass
+
+    def steps(self) -> Iterator[None]:
+        """Read until the end of the source or of the run, step by step; close the port then."""
         try:
             with nullcontext() if self.port and self.port.waits else urgent():
                 self.discard_old_bytes()
                 while not self.ending.is_set() and (self.port is None or not self.port.ended):
                     self.step()
+                    yield
         except FacetsError as error:
             self.error = error
         except Exception as error:
@@ -108,10 +119,10 @@ class Reader(threading.Thread):
             self.live.note = "unplugged; waiting for it to come back"
             return
         if data:
-            self.arrival = time.monotonic()
+            self.arrival = self.live.clock()
             self.since = self.since if self.pending else self.arrival
             self.pending += data
-        if self.port.waits or self.loop_is_idle() or time.monotonic() - self.since > MAX_BLOCK_S:
+        if self.port.waits or self.loop_is_idle() or self.live.clock() - self.since > MAX_BLOCK_S:
             self.pass_on()
 
     def loop_is_idle(self) -> bool:
@@ -140,6 +151,10 @@ class Reader(threading.Thread):
         self.live.reconnects += self.live.bytes > 0
         self.live.note = ""
         self.live.add_event("connected again" if self.live.bytes else "connected")
+
+    def next_block(self, wait: float = 0.0) -> Block:
+        """Return the next block; raise `Empty` if none comes within `wait` seconds."""
+        return self.queue.get(timeout=wait) if wait else self.queue.get_nowait()
 
     def write(self, data: bytes) -> bool:
         """Send bytes to the board, from any thread; return whether the line took them."""

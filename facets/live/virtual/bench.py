@@ -8,7 +8,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
+from io import FileIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +25,21 @@ from .pty import Pty
 from .reference import Reference
 from .stages import PiController, ZaberDevice
 
+if TYPE_CHECKING:
+    from .wire import Wire
+
 #: Time between two rounds of the bench's loop, s.
 ROUND_INTERVAL_S = 1e-3
-#: Making samples keeps the stage waiting for about this time at most, s.
-MAX_STAGE_DELAY_S = 0.01
 #: Samples of this span are made and sent together, s, like the packets of a USB board.
 PACKET_S = 2e-3
-#: The fewest samples that are made at once, however long they take.
-FEWEST = 10
-#: The bench's time advances by this at most at once, s, and by no more than its samples can be made
-#: in. So a busy machine makes bench and mirror slower. Otherwise the mirror would run away from
-#: samples that come late and from a stage that is not answered: the circle of the shipped bench
-#: would go on by 0.03 mm, a tenth of the range in which there are poses.
+#: The bench's time advances by this at most at once, s. So a busy machine makes bench and mirror
+#: slower. Otherwise the mirror would run away from samples that come late and from a stage that is
+#: not answered: the circle of the shipped bench would go on by 0.03 mm, a tenth of the range in
+#: which there are poses.
 MAX_ADVANCE_S = 0.005
-#: Factor of both limits until the stage is first moved: until then nothing follows the mirror, and
-#: the bench catches up, so that its samples have no gaps.
-CATCHING_UP = 40
+#: The same until the stage is first moved: until then nothing follows the mirror, and the bench
+#: catches up, so that its samples have no gaps.
+MAX_CATCHING_UP_S = 0.2
 #: Column of the auxiliary channel that shows the force of a shaker, N.
 FORCE_COLUMN = "force_n"
 #: The bench reports that its clock stood still if it did so for at least this time, s.
@@ -54,11 +55,15 @@ class Bench:
     mirror. A motion that leaves that beam, too, begins when the stage is first asked to move.
     """
 
-    def __init__(self, setup: BenchSetup, folder: Path) -> None:
+    truth: FileIO | None = None
+
+    def __init__(
+        self, setup: BenchSetup, folder: Path, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         config, seed = setup.config, setup.seed
         if config.stage.driver == "other":
             raise InputError("the virtual bench has no stage for stage.driver: other; use zaber")
-        self.config, self.rate, self.folder = config, setup.rate, folder
+        self.config, self.rate, self.folder, self.clock = config, setup.rate, folder, clock
         self.mirror = Mirror(config, setup.motion, seed)
         self.model = StageModel(config.stage)
         place = np.zeros(2)
@@ -72,19 +77,25 @@ class Bench:
         self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
         self.schedule = Schedule(setup.faults, np.random.default_rng(seed))
         self.count = Count()
+        setup = replace(setup, signals={**self.bench_signals(), **setup.signals})
+        line = self.open_lines(setup.truth)
+        self.board = Board(setup, self.schedule, self.count, line, clock)
+        self.is_enabled = False
+        self.last = 0.0
+
+    def open_lines(self, has_truth: bool) -> Pty | Wire:
+        """Open the stage's line and the files in the folder; return the board's line."""
+        folder = self.folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self.truth = (folder / "truth.bin").open("wb", buffering=0) if setup.truth else None
+            if has_truth:
+                self.truth = (folder / "truth.bin").open("wb", buffering=0)
         except OSError as error:
             raise OutputError(
                 f"{folder}: is not a folder that can be written in: {error.strerror}"
             ) from None
-        setup = replace(setup, signals={**self.bench_signals(), **setup.signals})
-        self.board = Board(setup, self.schedule, self.count, folder / "board")
         self.stage = Pty(folder / "stage")
-        self.is_enabled = False
-        self.cost = 1e-5
-        self.last = 0.0
+        return Pty(folder / "board")
 
     def bench_signals(self) -> dict[str, Signal]:
         """Signals of the bench by the names of their channels: the force of a shaker, and for a
@@ -102,11 +113,12 @@ class Bench:
 
     def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
         """Run the bench for some seconds, or until ^C.  tell: called in each round."""
-        self.begin = time.monotonic()
+        self.begin = self.clock()
         self.board.switch_on(self.begin)
         try:
             while self.last < seconds:
                 self.round()
+                self.answer()
                 tell(self)
         except KeyboardInterrupt:
             pass
@@ -123,7 +135,7 @@ class Bench:
                 closing.callback(self.truth.close)
             with suppress(KeyboardInterrupt):
                 last = time.monotonic() + 0.5
-                while self.board.pending and time.monotonic() < last:
+                while self.board.packets and time.monotonic() < last:
                     self.board.flush()
                     time.sleep(ROUND_INTERVAL_S)
 
@@ -154,11 +166,8 @@ class Bench:
 
     def now(self) -> float:
         """The bench's time, s, which slips where the machine is too busy for it."""
-        passed = time.monotonic() - self.begin - self.last
-        most, delay = MAX_ADVANCE_S, MAX_STAGE_DELAY_S
-        if not self.count.moves:
-            most, delay = CATCHING_UP * most, CATCHING_UP * delay
-        most = min(most, max(FEWEST, delay / self.cost) / self.rate)
+        passed = self.clock() - self.begin - self.last
+        most = MAX_ADVANCE_S if self.count.moves else MAX_CATCHING_UP_S
         if passed > most:
             self.begin += passed - most
             self.count.slipped += passed - most
@@ -166,7 +175,7 @@ class Bench:
         return self.last
 
     def round(self) -> None:
-        """Draw faults, make and send the samples that are due, and answer the stage's commands."""
+        """Draw faults, and make and send the samples that are due."""
         now = self.now()
         self.schedule.draw(now)
         self.board.suffer(now)
@@ -178,7 +187,6 @@ class Bench:
         if due >= max(1, int(PACKET_S * self.rate)):
             self.make(due, now)
         self.board.flush()
-        self.answer()
 
     def enable(self, may_move: bool) -> None:
         """Stop the stage if it may not move, as the board's relay does without a heartbeat."""
@@ -190,7 +198,6 @@ class Bench:
 
     def make(self, due: int, now: float) -> None:
         """Make `due` samples: write the truth, and give it to the board."""
-        start = time.perf_counter()
         first = self.count.made
         times = (first + np.arange(due)) / self.rate
         here, before = self.model.place.copy(), self.model.now
@@ -206,18 +213,21 @@ class Bench:
         fate = self.board.take(states, seq, host, now)
         if self.truth:
             self.truth.write(truth_rows(seq, host, states, fate))
-        self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
 
     def answer(self) -> None:
         """Wait a round for the stage's commands, and answer them line by line."""
         ready, _, _ = select.select([self.stage.end], [], [], ROUND_INTERVAL_S)
-        if not ready:
-            return
+        if ready:
+            self.stage.write(self.receive(self.stage.read()))
+
+    def receive(self, data: bytes) -> bytes:
+        """Give bytes to the stage's controller, and return its answers."""
         self.model.advance(self.now())
-        self.stage.write(self.device.receive(self.stage.read()))
+        answers = self.device.receive(data)
         if self.device.moves > self.count.moves:
             self.count.moves = self.device.moves
             self.mirror.begin = min(self.mirror.begin, self.model.now)
+        return answers
 
 
 def truth_rows(

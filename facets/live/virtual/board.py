@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,11 +22,12 @@ from ..run.board_poses import SOLVED
 from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, RawSamples, encode
 from ..sources.frames import SATURATED as FULL
 from .faults import Faults, Schedule
-from .pty import Pty
 
 if TYPE_CHECKING:
     from ...core.settings import Config
     from ...firmware.library import FirmwareLibrary
+    from .pty import Pty
+    from .wire import Wire
 
 
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
@@ -142,12 +142,19 @@ class HeartbeatWatch:
 class Board:
     """Samples the light, numbers the samples, and sends them.
 
-    link: path of the port.  born, born_at: number of the bench's sample at which the board was last
+    clock: of the host, s.  born, born_at: number of the bench's sample at which the board was last
     switched on, and the host's time then, s, from which the board counts samples and microseconds.
     Its clock goes on where a busy machine makes the bench's time stand still, as a quartz does.
     """
 
-    def __init__(self, setup: BenchSetup, schedule: Schedule, count: Count, link: Path) -> None:
+    def __init__(
+        self,
+        setup: BenchSetup,
+        schedule: Schedule,
+        count: Count,
+        port: Pty | Wire,
+        clock: Callable[[], float],
+    ) -> None:
         self.config, self.rate, self.firmware = setup.config, setup.rate, setup.firmware
         self.schedule, self.count = schedule, count
         signals = dict(setup.signals)
@@ -158,13 +165,12 @@ class Board:
         if signals:
             raise InputError(f"acquire.channels names no channel {', '.join(signals)}")
         self.rng = schedule.rng
-        self.port = Pty(link)
-        self.pending = bytearray()
-        self.read_at = time.monotonic()  # when the line last took something
+        self.port, self.clock = port, clock
+        self.read_at = clock()  # when the line last took something
         self.overrun = self.unplugged = self.booting = False
         self.born = 0
         self.born_at: float | None = None
-        self.released: deque[tuple[float, int]] = deque()  # times and numbers of bytes
+        self.packets: deque[tuple[float, bytearray]] = deque()  # and when they may leave
         self.watch = HeartbeatWatch()
 
     def switch_on(self, host: float) -> None:
@@ -232,7 +238,7 @@ class Board:
         number = (seq.astype(np.int64) - self.born) % 2**32
         channels = self.sample_channels(seq / self.rate, states)
         return RawSamples(
-            kinds, flags, number.astype(np.uint32), self.clock(host), counts, channels
+            kinds, flags, number.astype(np.uint32), self.microseconds(host), counts, channels
         )
 
     def sample_channels(self, times: Floats, states: Floats) -> NDArray[np.float32]:
@@ -244,7 +250,7 @@ class Board:
         ]
         return np.stack(raw, axis=1) if raw else np.zeros((len(times), 0), np.float32)
 
-    def clock(self, host: Floats) -> NDArray[np.uint32]:
+    def microseconds(self, host: Floats) -> NDArray[np.uint32]:
         """Readings of the board's clock at the host's times (n,), us."""
         assert self.born_at is not None
         passed = (host - self.born_at) / (1 + 1e-6 * self.schedule.faults.drift_ppm)
@@ -259,8 +265,7 @@ class Board:
 
     def clear(self) -> None:
         """Throw the waiting bytes away."""
-        self.pending.clear()
-        self.released.clear()
+        self.packets.clear()
 
     def lose(self, count: int) -> None:
         """Count samples that are never sent; the next sample carries the flag OVERRUN."""
@@ -276,7 +281,8 @@ class Board:
             self.overrun = False
         data = self.encode(samples)
         size = len(data) // len(samples)
-        space = max(0, (BUFFER_BYTES - len(self.pending)) // max(size, 1))
+        pending = sum(len(packet) for _, packet in self.packets)
+        space = max(0, (BUFFER_BYTES - pending) // max(size, 1))
         if space < len(samples):
             self.lose(len(samples) - space)
             fate[space:] = DROPPED
@@ -285,30 +291,12 @@ class Board:
         self.count.sent += len(samples)
         broken, bad = self.spoil(data, len(samples))
         fate[bad] = SPOILT
-        self.pending += broken
         jitter = 1e-3 * self.schedule.faults.jitter_ms
-        if jitter:
-            last = self.released[-1][0] if self.released else 0.0
-            self.released.append(
-                (max(last, time.monotonic() + self.rng.uniform(0, jitter)), len(broken))
-            )
+        due = self.clock() + (self.rng.uniform(0, jitter) if jitter else 0.0)
+        if self.packets:
+            due = max(due, self.packets[-1][0])
+        self.packets.append((due, bytearray(broken)))
         return fate
-
-    def ready(self) -> int:
-        """Number of the waiting bytes that may leave the port now."""
-        if not self.schedule.faults.jitter_ms:
-            return len(self.pending)
-        now = time.monotonic()
-        return sum(size for due, size in self.released if due <= now)
-
-    def forget(self, count: int) -> None:
-        """Remove the first `count` waiting bytes."""
-        del self.pending[:count]
-        while count and self.released:
-            due, size = self.released.popleft()
-            if size > count:
-                self.released.appendleft((due, size - count))
-            count -= min(size, count)
 
     def spoil(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
         """The bytes with their faults, and the numbers of the samples that have one."""
@@ -334,21 +322,24 @@ class Board:
         """Send as many bytes as the port takes."""
         if self.unplugged:
             return
-        while ready := min(65_536, self.ready()):
-            done = self.port.write(self.pending[:ready])
-            if done == 0:
+        now = self.clock()
+        while self.packets and self.packets[0][0] <= now:
+            packet = self.packets[0][1]
+            if done := self.port.write(packet):
+                self.read_at = now
+            del packet[:done]
+            if packet:
                 break
-            self.forget(done)
-            self.read_at = time.monotonic()
-        if not self.ready():
-            self.read_at = time.monotonic()
-        if self.pending and time.monotonic() - self.read_at > UNREAD_TIMEOUT_S:
+            self.packets.popleft()
+        else:
+            self.read_at = now
+        if self.packets and now - self.read_at > UNREAD_TIMEOUT_S:
             self.clear()
             self.overrun = True
 
     def may_move(self) -> bool:
         """Whether the program that moves the stage lives, and lets it move."""
-        now = time.monotonic()
+        now = self.clock()
         self.watch.feed(b"" if self.unplugged else self.port.read(), now)
         return self.watch.is_alive(now)
 

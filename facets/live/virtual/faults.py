@@ -11,6 +11,8 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.plain_numbers import assignments, plain_number
 
+FORM = "NAME=NUMBER"
+
 
 @dataclass(frozen=True)
 class Faults:
@@ -61,20 +63,27 @@ class Faults:
     @classmethod
     def from_text(cls, text: str) -> Faults:
         """The faults that a command line names: `flip=1e-4,drop=1e-3`."""
-        names = [field.name for field in fields(cls)]
-        chances, form = {}, "NAME=NUMBER"
-        given = assignments(text, "--faults", names, form) if text else {}
-        for name, value in given.items():
+        return cls.from_words(assignments(text, "--faults", cls.names(), FORM) if text else {})
+
+    @classmethod
+    def from_words(cls, words: dict[str, str], option: str = "--faults") -> Faults:
+        """The faults with numbers in text.  option: where they were given, for messages."""
+        chances = {}
+        for name, value in words.items():
             try:
                 chances[name] = plain_number(value)
             except ValueError:
                 chances[name] = -1.0
             if not 0 <= chances[name] < inf:
                 raise InputError(
-                    f"--faults has '{name}={value}'; allowed: {form} with NAME one of "
-                    f"{', '.join(names)}"
+                    f"{option} has '{name}={value}'; allowed: {FORM} with NAME one of "
+                    f"{', '.join(cls.names())}"
                 )
         return cls(**chances)
+
+    @classmethod
+    def names(cls) -> list[str]:
+        return [field.name for field in fields(cls)]
 
 
 class Schedule:

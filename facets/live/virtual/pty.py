@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import termios
-import tty
 from pathlib import Path
 
 from ...core.errors import OutputError
@@ -21,6 +19,9 @@ class Pty:
         self.open()
 
     def open(self) -> None:
+        import termios  # not on Windows
+        import tty
+
         self.end, self.other = os.openpty()
         tty.setraw(self.other, termios.TCSANOW)
         os.set_blocking(self.end, False)

@@ -12,22 +12,17 @@ from ...tracking.zaber import ACCELERATION_UNIT_STEPS_PER_S2, SPEED_UNIT_STEPS_P
 PI_UNKNOWN, PI_SERVO_OFF, PI_STOPPED = 2, 5, 10
 
 
-class ZaberDevice:
-    """A Zaber device of two axes.
+class VirtualController:
+    """A controller of two axes, which answers lines.
 
-    refuse: whether to reject every move.  referenced: whether the device has been homed since its
+    refuse: whether to reject every move.  referenced: whether the axes have been homed since the
     last restart.  moves: number of moves that were obeyed.  held: bytes of an unfinished line.
     """
 
     def __init__(self, model: StageModel) -> None:
         self.model = model
         self.refuse, self.referenced, self.moves = False, True, 0
-        self.zero, self.step = np.array(model.settings.zero), model.settings.step
-        self.target = np.array(model.place)
-        self.limits = {
-            "maxspeed": np.full(2, model.max_speed / self.step / SPEED_UNIT_STEPS_PER_S),
-            "accel": np.full(2, model.acceleration / self.step / ACCELERATION_UNIT_STEPS_PER_S2),
-        }
+        self.zero = np.array(model.settings.zero)
         self.held = b""
 
     def receive(self, data: bytes) -> bytes:
@@ -35,11 +30,32 @@ class ZaberDevice:
         *lines, self.held = (self.held + data).split(b"\n")
         return b"".join(self.answer(line.decode("ascii", "replace")).encode() for line in lines)
 
+    def answer(self, line: str) -> str:
+        """The answer to one line; empty if there is none."""
+        raise NotImplementedError
+
     def restart(self) -> None:
-        """Lose power and get it back: the device stands still, and has lost its position."""
+        """Lose power and get it back: the axes stand still, cannot move, and have lost their
+        position."""
         self.model.halt()
         self.held, self.referenced = b"", False
         self.zero = np.array(self.model.place)
+
+
+class ZaberDevice(VirtualController):
+    """A Zaber device of two axes."""
+
+    def __init__(self, model: StageModel) -> None:
+        super().__init__(model)
+        self.step = model.settings.step
+        self.target = np.array(model.place)
+        self.limits = {
+            "maxspeed": np.full(2, model.max_speed / self.step / SPEED_UNIT_STEPS_PER_S),
+            "accel": np.full(2, model.acceleration / self.step / ACCELERATION_UNIT_STEPS_PER_S2),
+        }
+
+    def restart(self) -> None:
+        super().restart()
         self.target = np.array(self.model.place)
 
     def answer(self, line: str) -> str:
@@ -109,34 +125,22 @@ class ZaberDevice:
         return "IDLE" if self.model.is_settled else "BUSY"
 
 
-class PiController:
-    """A PI controller of two axes.
-
-    refuse: whether its servos are off.  referenced: whether the controller has not been restarted.
-    moves: number of moves that were obeyed.  held: bytes of an unfinished line.
-    """
+class PiController(VirtualController):
+    """A PI controller of two axes, which refuses moves while its servos are off."""
 
     def __init__(self, model: StageModel) -> None:
-        self.model = model
-        self.refuse, self.referenced, self.moves = False, True, 0
-        self.zero = np.array(model.settings.zero)
+        super().__init__(model)
         self.most = model.max_speed, model.acceleration
         self.error = 0
-        self.held = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes, and return the answers to the lines that they complete."""
         for _ in range(data.count(STOP_ALL)):  # acts at once, in the middle of a line
             self.stop()
-        *lines, self.held = (self.held + data.replace(STOP_ALL, b"")).split(b"\n")
-        return b"".join(self.answer(line.decode("ascii", "replace")).encode() for line in lines)
+        return super().receive(data.replace(STOP_ALL, b""))
 
     def restart(self) -> None:
-        """Lose power and get it back: the controller stands still, its servos are off, and it has
-        lost its position."""
-        self.model.halt()
-        self.held, self.error, self.referenced = b"", 0, False
-        self.zero = np.array(self.model.place)
+        super().restart()
+        self.error = 0
 
     def stop(self) -> None:
         self.model.halt()

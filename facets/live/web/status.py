@@ -5,7 +5,6 @@ Each is a name, a value and a unit; a value that is not known is None, with the 
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +30,7 @@ def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False
 
 def status_of(live: Live) -> dict[str, Any]:
     """Return the status of a run that goes on."""
-    passed = max(time.monotonic() - live.begin, 1e-9)
+    passed = max(live.now - live.begin, 1e-9)
     pipeline = live.pipeline
     return {
         "seconds": round(passed, 3),
