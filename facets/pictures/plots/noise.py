@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from ...core.hues import DASHES, chosen_hues
 from ...core.names import ANGLES, DETECTORS, POSE
 from ...core.units import Floats, write_micro
 from .. import style
+from ..reports import report_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,83 +20,72 @@ if TYPE_CHECKING:
 
     from ...characterization.noise_report import Channel, NoiseReport
 
-CSS = """body{font:15px/1.5 system-ui,sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem;
-background:var(--ground);color:var(--ink)}table{border-collapse:collapse;font-size:13px}
-td,th{padding:.2rem .6rem;text-align:right;border-bottom:1px solid var(--rule)}
-td:first-child,th:first-child{text-align:left}svg{max-width:100%;width:46rem;height:auto}
-p{max-width:50rem}section{overflow-x:auto}"""
-
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
-    readings, poses = report.channels[:9], report.channels[9:]
-    head = "".join(
-        f"<tr><th>{escape(key)}</th><td>{escape(value)}</td></tr>" for key, value in about.items()
-    )
-    parts = [
-        f"<h1>{escape(title)}</h1>",
-        f"<p>{report.samples} samples in {report.seconds:.4g} s at {report.rate:.6g} Hz, "
+    """The page of a recording's noise: channels, spectra, Allan deviations, correlations."""
+    section, readings, poses = report_page.ReportSection, report.channels[:9], report.channels[9:]
+    words = (
+        f"{report.samples} samples in {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing. What the mirror did while it was recorded is part of all this: "
-        "noise is what a mirror that stands still gives.</p>",
-        faults(report.faults),
-        f"<section><table>{table(report.channels)}</table></section>",
-        "<p>Amplitudes with 95 % intervals. In the spectra a band reaches from the least to the "
-        "largest of neighbouring frequencies, the line is the fitted white and flicker noise, and "
-        "dotted is the configured noise as white: one standard deviation squared over half the "
-        "rate. Thin upright lines are found lines. Bands of the Allan deviations are 95 % "
-        "intervals.</p>",
-        spectra("Spectra of the readings", group_channels(readings)),
-        spectra("Spectra of the poses", group_channels(poses)),
-        deviations(group_channels(report.channels)),
-        "<h2>Correlation of the readings&#39; fast noise</h2>",
-        f"<table>{correlations(report)}</table>",
-        f"<p>The three powers have {1e6 * report.common:.3g} ppm in common (the laser)."
-        f"{'' if report.faults else configuration_text(report)}</p>",
-        f"<h2>How this was made</h2><table>{head}</table>",
-    ]  # fmt: skip
-    body = "\n".join(parts)
-    return (
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(title)}</title>"
-        f"<style>{chosen_hues().css}{CSS}</style>\n{body}\n</html>\n"
+        "noise is what a mirror that stands still gives."
     )
-
-
-def faults(sentences: list[str]) -> str:
-    """List the findings that contradict a mirror at rest."""
-    if not sentences:
-        return ""
-    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
-    return f"<p><strong>{NOT_NOISE.capitalize()}:</strong></p><ul>{items}</ul>"
-
-
-def configuration_text(report: NoiseReport) -> str:
-    return (
-        f" For the configuration: position_um {1e3 * report.position:.4g} at {report.at_power:g} "
-        f"mW, power_uw {1e3 * report.power:.4g}."
-    )
-
-
-def table(channels: list[Channel]) -> str:
-    words = ("channel", "white /&radic;Hz", "flicker at 1 Hz /&radic;Hz", "drift /s", "1 sigma",
-             "configured", "ratio", "lines", "spikes")  # fmt: skip
-    rows = ["<tr>" + "".join(f"<th>{word}</th>" for word in words) + "</tr>"]
-    for channel in channels:
-        model = channel.model
-        lines = "; ".join(
-            f"{line.name}: {line.amplitude.value:.3g} at {line.frequency:.2f} Hz"
-            if line.name != "unknown"
-            else f"{line.amplitude.value:.3g} at {line.frequency:.2f} Hz"
-            for line in model.lines
+    common = f"The three powers have {1e6 * report.common:.3g} ppm in common (the laser)."
+    if not report.faults:
+        common += (
+            f" For the configuration: position_um {1e3 * report.position:.4g} at "
+            f"{report.at_power:g} mW, power_uw {1e3 * report.power:.4g}."
         )
-        cells = (
-            f"{channel.name} ({write_micro(channel.unit)})", amplitude(model.white),
-            amplitude(model.flicker),
-            f"{model.drift.value:.2g} &plusmn; {1.96 * model.drift.sigma:.1g}",
-            f"{model.standard_deviation:.3g}", f"{channel.configured:.3g}",
-            f"{model.standard_deviation / channel.configured:.2f}", lines or "none",
-            str(model.spikes),
-        )  # fmt: skip
-        rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    return "".join(rows)
+    names = [channel.name.rpartition("_")[0] for channel in readings]
+    sections = [
+        section(
+            "Channels",
+            [
+                "Amplitudes with 95 % intervals. In the spectra a band reaches from the least to "
+                "the largest of neighbouring frequencies, the line is the fitted white and flicker "
+                "noise, and dotted is the configured noise as white: one standard deviation "
+                "squared over half the rate. Thin upright lines are found lines. Bands of the "
+                "Allan deviations are 95 % intervals."
+            ],
+            ("channel", "white /√Hz", "flicker at 1 Hz /√Hz", "drift /s", "1 sigma", "configured",
+             "ratio", "lines", "spikes"),
+            [channel_cells(channel) for channel in report.channels],
+            wide=True,
+        ),
+        section("Spectra of the readings", drawing=spectra(group_channels(readings))),
+        section("Spectra of the poses", drawing=spectra(group_channels(poses))),
+        section("Allan deviations", drawing=deviations(group_channels(report.channels)),
+                wide=True),
+        section(
+            "Correlation of the readings' fast noise",
+            [common],
+            ("", *names),
+            [
+                (name, *(f"{value:+.2f}" for value in values))
+                for name, values in zip(names, report.correlation, strict=True)
+            ],
+            wide=True,
+        ),
+        section("How this was made", text="\n".join(f"{k}: {v}" for k, v in about.items()),
+                wide=True),
+    ]  # fmt: skip
+    warning = f"{NOT_NOISE.capitalize()}: {' '.join(report.faults)}" if report.faults else ""
+    return report_page.report(title, words, sections, about["command"], warning)
+
+
+def channel_cells(channel: Channel) -> tuple[str, ...]:
+    """The row of a channel in the page's table."""
+    model = channel.model
+    lines = "; ".join(
+        f"{line.name + ': ' if line.name != 'unknown' else ''}{line.amplitude.value:.3g} at "
+        f"{line.frequency:.2f} Hz"
+        for line in model.lines
+    )
+    return (
+        f"{channel.name} ({write_micro(channel.unit)})", amplitude(model.white),
+        amplitude(model.flicker), f"{model.drift.value:.2g} ± {1.96 * model.drift.sigma:.1g}",
+        f"{model.standard_deviation:.3g}", f"{channel.configured:.3g}",
+        f"{model.standard_deviation / channel.configured:.2f}", lines or "none", str(model.spikes),
+    )  # fmt: skip
 
 
 def amplitude(density: Any) -> str:
@@ -104,16 +93,7 @@ def amplitude(density: Any) -> str:
     return f"{np.sqrt(max(density.value, 0.0)):.3g} ({low:.3g} to {high:.3g})"
 
 
-def correlations(report: NoiseReport) -> str:
-    names = [channel.name.rpartition("_")[0] for channel in report.channels[:9]]
-    rows = ["<tr><th></th>" + "".join(f"<th>{name}</th>" for name in names) + "</tr>"]
-    for name, values in zip(names, report.correlation, strict=True):
-        cells = "".join(f"<td>{value:+.2f}</td>" for value in values)
-        rows.append(f"<tr><td>{name}</td>{cells}</tr>")
-    return "".join(rows)
-
-
-def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
+def spectra(groups: dict[str, list[Channel]]) -> str:
     """Draw Welch's spectra, a panel for each group of channels that share a unit."""
     with style.style_context():
         picture, panels = page_of(len(groups))
@@ -128,7 +108,7 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
             panel.set(xscale="log", yscale="log", xlabel="frequency, Hz", title=name)
             panel.set_ylabel(f"amplitude density, {unit}/√Hz")
         legend(picture, panels, groups)
-    return f"<h2>{title}</h2>{style.svg_text(picture)}"
+    return report_page.inline(picture, "spectra of the noise")
 
 
 def spectrum(panel: Axes, channel: Channel) -> None:
@@ -170,7 +150,7 @@ def deviations(groups: dict[str, list[Channel]]) -> str:
             panel.set(xscale="log", yscale="log", xlabel="averaging time, s", title=name)
             panel.set_ylabel(f"Allan deviation, {unit}")
         legend(picture, panels, groups)
-    return f"<h2>Allan deviations</h2>{style.svg_text(picture)}"
+    return report_page.inline(picture, "Allan deviations")
 
 
 def page_of(count: int) -> tuple[Figure, Any]:
