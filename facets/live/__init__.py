@@ -44,7 +44,7 @@ _NAMES_OF = {
     "sources": "Block check_missing check_source",
     "sources.clock": "Sequence WRAP",
     "sources.frames": (
-        "ELECTRODES FixedFrames MARK POSE SIZE RawSamples XY_SUM encode pack parser"
+        "ELECTRODES FixedFrames MARK PERMIT POSE SIZE RawSamples XY_SUM encode pack parser"
     ),
     "sources.host_time": "HostTime",
     "sources.ports": "DatagramPort PortError PortInUse open_port",

@@ -35,7 +35,7 @@ from .arrival import (
 )
 from .drivers import LIMITING, Driver, open_driver
 from .encoder import Encoder
-from .interlock import Always, Heartbeat, Permit, close_line, open_permit
+from .interlock import ALWAYS, Heartbeat, Permit, close_line, open_permit
 from .limits import Limits
 from .native_limits import NativeLimits
 from .stage import StageError
@@ -70,7 +70,8 @@ class Envelope:
     """The only user of a stage's driver, which it opens, limits and closes.
 
     port: open; for `stage.driver: other` its name.  say: called with an event's name and its
-    values.  open_again: returns the port again after a fault.  failed: whether the line is closed.
+    values, by the threads that protect: it should return at once, and delays no stop if it does
+    not.  open_again: returns the port again after a fault.  failed: whether the line is closed.
     latched: the reason of a stop until somebody resumes, otherwise ''.  stops: their number.
     lost_reference: the reason why nobody can resume a stage that came back at another place, or ''.
     """
@@ -91,7 +92,7 @@ class Envelope:
         self.latched, self.latched_at, self.is_for_auto = "", -math.inf, False
         self.stops, self.lost_reference = 0, ""
         self.resumed: deque[float] = deque()
-        self.permit: Permit = Always()
+        self.permit: Permit = ALWAYS
         self.heartbeat: Heartbeat | None = None
         self.beat = clock()
         self.cried = -math.inf
@@ -104,7 +105,7 @@ class Envelope:
     def _prepare(self) -> None:
         s = self.settings
         try:
-            if isinstance(self.permit, Always) and s.permit:
+            if self.permit is ALWAYS and s.permit:
                 self.permit = open_permit(s.permit, s.stale)
             if not self.heartbeat and s.heartbeat:
                 self.heartbeat = Heartbeat(s.heartbeat)
@@ -261,18 +262,22 @@ class Envelope:
 
         is_for_auto: whether `stage.resume: auto` may end this stop.
         """
-        self._note_stop(reason, is_for_auto)
+        self._begin_stop(reason, is_for_auto)
         self.sent = None
         self._driver.stop()
         self.moving = self.stalled = False
         self.beat = self.clock()
 
-    def _note_stop(self, reason: str, is_for_auto: bool) -> None:
-        """Note the first reason of a stop; a later one may require a person to resume."""
-        self.is_for_auto = is_for_auto and (self.is_for_auto or not self.latched)
-        if not self.latched:
+    def _begin_stop(self, reason: str, is_for_auto: bool) -> None:
+        """Latch, tell the stage to stop, and only then report the first reason of a stop; a later
+        reason may require a person to resume."""
+        is_first = not self.latched
+        self.is_for_auto = is_for_auto and (self.is_for_auto or is_first)
+        if is_first:
             self.latched, self.latched_at = reason, self.clock()
             self.stops += 1
+        self.cry()
+        if is_first:
             self.tell("stop", reason=reason)
 
     def resume(self, by: str) -> str:
@@ -323,32 +328,28 @@ class Envelope:
             return
         if self.clock() - self.cried < STOP_REPEAT_INTERVAL_S:
             return
-        self.cried = self.clock()
-        if not self.stalled:
-            self.stalled = True
-            self._note_stop(STALLED, is_for_auto=True)
-        with suppress(Exception):  # the loop will meet a fault of the line, too
-            self._driver.cry()
+        self.cried, self.stalled = self.clock(), True
+        self._begin_stop(STALLED, is_for_auto=True)
 
     def fail(self, reason: str) -> None:
         """Stop the stage by every remaining means, and close its line. Never raises."""
         with self.ending:
             if not self.failed:
-                self._note_stop(reason, is_for_auto=False)
-                self.tell("stage error", reason=reason)
+                self._begin_stop(reason, is_for_auto=False)
                 self._stop_by_every_means()
+                self.tell("stage error", reason=reason)
 
     def close(self, reason: str = "end") -> bool:
         """Stop the stage finally, and close its port. Never raises. Returns False if the stage did
         not answer, so that it may still move."""
         with self.ending:
             was_closed, self.closed = self.closed or self.failed, True
+            answered = was_closed or self._stop_by_every_means()
             close_line(self.permit)
             close_line(self.heartbeat)
-            if was_closed:
-                return True
-            self.tell("stop", reason=reason)
-            return self._stop_by_every_means()
+            if not was_closed:
+                self.tell("stop", reason=reason)
+            return answered
 
     def cry(self) -> None:
         """Stop at once, without waiting for an answer; from any thread. Never raises."""
@@ -357,20 +358,21 @@ class Envelope:
 
     def _stop_by_every_means(self) -> bool:
         """Repeat the stop until it is answered; close the port. Never raises. False: no answer."""
-        self.failed, answered = True, False
+        self.failed, failures = True, list[str]()
         for _ in range(STOP_ATTEMPTS):
             try:
                 self._driver.cry()
                 self._driver.stop(patience=STOP_WAIT_S)
                 self.moving = False
                 getattr(self._driver, LIMITING, lambda: None)()
-                answered = True
                 break
             except Exception as error:
-                self.tell("stop not answered", reason=str(error) or type(error).__name__)
+                failures.append(str(error) or type(error).__name__)
         with suppress(Exception):
             self._driver.close()
-        return answered
+        for reason in failures:
+            self.tell("stop not answered", reason=reason)
+        return len(failures) < STOP_ATTEMPTS
 
     def tell(self, name: str, **more: Any) -> None:
         """Report an event; a failure to record the event must not delay a stop."""

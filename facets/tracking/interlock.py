@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ..core.errors import InputError
 from ..core.extras import require_extra
@@ -39,62 +39,61 @@ def heartbeat_frame(count: int, may_move: bool) -> bytes:
     return head + zlib.crc32(head).to_bytes(4, "little")
 
 
-class Permit(Protocol):
-    """Permission for the stage to move; None while it is unknown.
+class Permit:
+    """Permission for the stage to move, which this one always gives.
 
-    was_lost: whether the permit was missing at any time since somebody resumed.
+    was_lost: whether the permit was found missing at any time since somebody resumed.
     """
-
-    was_lost: bool
-
-    def allows_motion(self, now: float) -> bool | None: ...
-
-
-class Always:
-    """A stage without an external permit."""
 
     was_lost = False
 
-    def allows_motion(self, now: float) -> bool | None:
+    def read(self, now: float) -> bool | None:
+        """Whether the permit is given now; None while that is unknown."""
         return True
 
+    def allows_motion(self, now: float) -> bool | None:
+        """Read the permit; False from its first loss on, even if it has come back."""
+        is_given = self.read(now)
+        self.was_lost |= is_given is False
+        return False if self.was_lost else is_given
 
-class BoardPermit:
-    """The flag of the newest samples, while they are fresh; even the shortest loss counts."""
+
+#: The permit of a stage without an external one.
+ALWAYS = Permit()
+
+
+class BoardPermit(Permit):
+    """The flag of the newest samples, while they are fresh; every sample that arrived counts."""
 
     def __init__(self, stale: float) -> None:
-        self.stale, self.time, self.on, self.was_lost = stale, -math.inf, False, False
+        self.stale, self.time, self.on = stale, -math.inf, False
 
     def take(self, time: float, on: bool) -> None:
-        """Take the flag `on` of samples, the last of which has the time `time`, s."""
+        """Take the flags of samples, the last of which has the time `time`, s; on: all are set."""
         self.was_lost |= not on
         self.time, self.on = time, on
 
-    def allows_motion(self, now: float) -> bool | None:
-        if self.was_lost:
-            return False
+    def read(self, now: float) -> bool | None:
+        """The flag of the newest samples, while they are fresh."""
         return self.on if now - self.time <= self.stale else None
 
 
-class FilePermit:
+class FilePermit(Permit):
     """A file that contains 1; any other content and a missing file forbid motion."""
-
-    was_lost = False
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def allows_motion(self, now: float) -> bool | None:
+    def read(self, now: float) -> bool | None:
+        """Whether the file contains 1."""
         try:
             return self.path.read_bytes().strip() == b"1"
         except OSError:
             return False
 
 
-class CardLine:
+class CardLine(Permit):
     """A digital line of a card. Not tested on a card: written from the maker's documentation."""
-
-    was_lost = False
 
     def __init__(self, name: str, is_output: bool) -> None:
         try:
@@ -108,7 +107,7 @@ class CardLine:
             raise StageError(f"{name}: cannot be opened: {error}") from None
         self.name, self.high = name, False
 
-    def allows_motion(self, now: float) -> bool | None:
+    def read(self, now: float) -> bool | None:
         """Whether the input is high."""
         try:
             return bool(self.task.read())

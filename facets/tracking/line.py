@@ -18,7 +18,7 @@ PATIENCE_S = 5.0
 POLL_S = 0.02
 #: Longest time for which one write waits for space in the port, or for another thread's write, s.
 WRITE_TIMEOUT_S = 1.0
-#: Largest length of a stage's answer; longer ones are refused.
+#: Largest number of bytes without a line end; more are refused.
 MAX_ANSWER_BYTES = 1000
 
 
@@ -54,7 +54,7 @@ class Line:
                     "port and baud rate"
                 )
             self.rest += self.port.read(max(1, getattr(self.port, "in_waiting", 0) or 0))
-            if len(self.rest) > MAX_ANSWER_BYTES:
+            if len(self.rest.rpartition(b"\n")[2]) > MAX_ANSWER_BYTES:
                 raise StageError(f"the stage sends data without line ends: {self.rest[:40]!r}")
         line, _, self.rest = self.rest.partition(b"\n")
         return line.decode("ascii", "replace").rstrip("\r")

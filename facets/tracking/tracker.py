@@ -176,18 +176,19 @@ class Tracker:
             self.error = "the stage did not answer when it was to stop at the end"
         join(watchdog)
 
-    def feed(
-        self, samples: SolvedSamples, permit: bool = False, late: float = 0.0, doubt: str = ""
-    ) -> None:
-        """Take samples.  permit: whether all of them have the external permit.  late: how much
-        earlier than their times they may have been taken, s.  doubt: why the stage may not follow
-        them, or ''."""
+    def take_permit(self, time: float, is_given: bool) -> None:
+        """Take the board's permit of samples, before they are solved: the time of the last one, s,
+        and whether all of them have it."""
+        if isinstance(self.envelope.permit, BoardPermit):
+            self.envelope.permit.take(time, is_given)
+
+    def feed(self, samples: SolvedSamples, late: float = 0.0, doubt: str = "") -> None:
+        """Take samples.  late: how much earlier than their times they may have been taken, s.
+        doubt: why the stage may not follow them, or ''."""
         came = self.clock()
         if not len(samples.times):
             return
         times, self.late, self.distrust = samples.times - late, late, doubt
-        if isinstance(self.envelope.permit, BoardPermit):
-            self.envelope.permit.take(float(times[-1]), permit)
         for row in range(len(times) - 1, -1, -1):
             beam = NO_BEAM if samples.beams is None else samples.beams[row]
             sample = self.screen_sample(
@@ -287,8 +288,8 @@ class Tracker:
     def stop(self, reason: str) -> None:
         """Stop the stage for lack of good samples."""
         self.bridging = False
-        self.end_search(reason)
         self.envelope.latch(reason, is_for_auto=True)
+        self.end_search(reason)
 
     def wait(self, doubt: str, newest: Sample, now: float) -> None:
         """Wait for the first good sample; a fresh sample that is not good stops the stage."""

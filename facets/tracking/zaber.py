@@ -24,8 +24,6 @@ ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
 LIMITS = ("maxspeed", "accel")
 #: The numbers of messages are below this, and repeat.
 MESSAGE_NUMBERS = 90
-#: Largest number of other lines before an expected answer.
-MAX_OTHER_LINES = 500
 
 
 def checksum(message: str) -> str:
@@ -51,7 +49,7 @@ class Zaber(NativeLimits):
     def receive(self, number: str, command: str, patience: float = PATIENCE_S) -> list[str]:
         """The data of the answer to a command; alerts and late answers are discarded."""
         until = self.line.clock() + patience
-        for _ in range(MAX_OTHER_LINES):
+        while self.line.clock() <= until:
             reply = self.line.read_line(patience)
             if reply[:1] in ("!", "#"):
                 continue
@@ -62,8 +60,6 @@ class Zaber(NativeLimits):
                 raise StageError(f"the stage's answer cannot be understood: {reply!r}")
             if words[2] == number:
                 return self.data_of(words, command)
-            if self.line.clock() > until:
-                break
         raise StageError(f"the stage sends data, but does not answer {command!r}")
 
     def data_of(self, words: list[str], command: str) -> list[str]:

@@ -448,7 +448,8 @@ class World(StagePort):
         with np.errstate(all="ignore"):
             pairs = (np.array([row, row]) for row in (powers, apex, beam))
             samples = SolvedSamples(rows + delay, *pairs)
-            self.tracker.feed(samples, is_permitted, delay, doubt)
+            self.tracker.take_permit(taken, is_permitted)
+            self.tracker.feed(samples, delay, doubt)
 
     def spoil_sample(self, taken, powers, apex):
         """Apply the current faults to the time, powers and apex of a sample."""

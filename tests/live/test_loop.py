@@ -9,11 +9,13 @@ from queue import Empty
 import numpy as np
 import pytest
 from facets.experiments.studies import kills
-from streams import CALIBRATED
+from stage_world import stage_on
+from streams import CALIBRATED, samples_of
 
 import facets
 from facets import Status
 from facets.live import (
+    PERMIT,
     SIZE,
     Block,
     Ending,
@@ -23,8 +25,9 @@ from facets.live import (
     Sink,
     compare,
     join_columns,
+    pack,
 )
-from facets.tracking import Encoder
+from facets.tracking import Encoder, Law, Tracker
 
 CONFIG = facets.load("bench")
 EACH = 20
@@ -99,6 +102,8 @@ def run(seconds, count):
     loop.run(Ending())
     loop.finish()
     loop.report_end(0, [])
+    live.end_events()
+    live.deliver_events()
     columns = join_columns(memory.parts)
     order = np.argsort(columns["seq"])
     poses = {name: column[order] for name, column in columns.items()}
@@ -147,6 +152,38 @@ def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     assert skipped.sum() == live.pipeline.tally.skipped_count
     assert np.isnan(poses["tx_mm"][skipped]).all()
     assert live.latency_p99() < NEWEST_FIRST_AFTER_S + 0.02
+
+
+def test_nobody_who_tells_of_an_event_waits_for_those_who_hear_it():
+    memory = Memory()
+    live = Live(Pipeline(CONFIG), sinks=[memory])
+    live.add_event("stop", reason="no light")
+    assert not memory.events
+    live.end_events()
+    live.deliver_events()
+    ((name, details),) = memory.events
+    assert (name, details["reason"]) == ("stop", "no light")
+    assert details.keys() >= {"monotonic", "utc"}
+
+
+def test_a_loss_of_the_board_s_permit_is_found_in_a_backlog_too():
+    """25 ms without it in the midst of 75 ms that wait, of which the newest are solved first."""
+    stage = replace(CONFIG.stage, permit="board")
+    port = stage_on(stage)
+    law = Law.from_sensor(CONFIG.sensor, stage)
+    clock = Clock()
+    live = Live(Pipeline(CONFIG), clock, tracker=Tracker(port, stage, law, print, port.clock))
+    loop = Loop(live, Board(clock, 0))
+    samples = samples_of(facets.readings(CONFIG.sensor, np.zeros((750, 8))))
+    samples.flags[:] = PERMIT
+    samples.flags[250:500] = 0
+    for first in range(0, 750, 250):
+        block = pack(samples.where(slice(first, first + 250)))
+        loop.take(Block(block, port.now + 1e-4 * first, None))
+    clock.now = port.now + 0.2
+    loop.solve_batch()
+    assert live.newest.seq[-1] == 749
+    assert live.tracker.envelope.permit.allows_motion(port.now) is False
 
 
 def test_a_comparison_knows_what_it_can_not_compare():

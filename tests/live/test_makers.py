@@ -143,6 +143,8 @@ def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
     permit = open_permit("ni:Dev1/port0/line0", 0.05)
     assert permit.allows_motion(0.0) is False
     permit.task.level = True
+    assert permit.allows_motion(0.0) is False  # until somebody resumes
+    permit.was_lost = False
     assert permit.allows_motion(0.0) is True
     heartbeat = Heartbeat("ni:Dev1/port0/line1")
     levels = []

@@ -80,6 +80,12 @@ def test_zaber_says_what_is_wrong(reply, words, chatter):
     assert port.now < 21.0
 
 
+def test_zaber_passes_over_the_answers_to_many_stops_of_the_watchdog():
+    port = scripted(600 * b"@01 0 99 OK IDLE -- 0\r\n" + b"@01 0 01 OK IDLE -- 0 0\r\n")
+    port.in_waiting = 4096
+    np.testing.assert_allclose(driver_on(port).place(), [0.5, 0.0])
+
+
 def test_pi_speaks_as_its_manual_says():
     port = stage_on(PI)
     driver = driver_on(port, PI)
@@ -288,6 +294,39 @@ def test_nothing_moves_without_the_permit(tmp_path, content):
     assert run.names == ["stop", "resume refused", "resume", "move"]
 
 
+def test_a_loss_of_the_permit_that_only_a_command_finds_stops_the_stage(tmp_path, monkeypatch):
+    permit = tmp_path / "permit"
+    permit.write_text("1")
+    run, contents = Run(permit=f"file:{permit}"), iter([b"1", b"0"])
+    monkeypatch.setattr(Path, "read_bytes", lambda _: next(contents, b"1"))
+    run.go(count=2)
+    assert run.tracker.stop_reason == "the external permit is not given"
+    assert run.names == ["stop"]
+
+
+@pytest.mark.parametrize("fault", ["watchdog", "permit", "stage", "end"])
+def test_a_stage_is_told_to_stop_before_anybody_else_hears_of_it(fault, tmp_path):
+    permit = tmp_path / "permit"
+    permit.write_text("1")
+    run, heard = Run(permit=f"file:{permit}"), []
+    run.go()
+    run.port.sent.clear()
+    run.tracker.envelope.say = lambda *_, **__: heard.append("stop" in "".join(run.port.sent))
+    if fault == "permit":
+        permit.write_text("0")
+        run.go()
+    elif fault == "stage":
+        run.port.answers = False
+        run.tracker.step()
+    elif fault == "end":
+        run.tracker.close()
+    else:
+        run.port.now += 0.2
+        run.tracker.envelope.watch()
+    assert heard
+    assert all(heard)
+
+
 def test_nothing_moves_where_the_heartbeat_can_not_be_sent():
     run, frames, works = Run(heartbeat="board"), [], True
     run.go()
@@ -374,7 +413,7 @@ def test_a_search_is_limited_in_distance_time_and_reversals(seconds, powers, out
         run.go(apex=NOWHERE, powers=powers[len(places) % len(powers)])
         places.append(run.model.place.copy())
     assert run.tracker.stop_reason == outcome
-    assert run.names[-2:] == ["search ended", "stop"]
+    assert run.names[-2:] == ["stop", "search ended"]
     if outcome.endswith("15 s"):  # it begins at the last good place, and goes round there
         away = np.hypot(*(np.array(places) - home).T)
         assert away.min() < 0.02

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, isnan, nan
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -38,8 +39,9 @@ class Live:
     when it was solved, from its last byte to its poses, s.  backlog: number of samples that wait.
     most: largest backlog so far.  age: how long the oldest of them has waited, s.  behind: whether
     the loop has fallen behind.  late: number of samples that were solved after newer ones.
-    sinks: where samples go.  beam_loss: counts for a beam that follows the mirror.  is_urgent:
-    whether the system gave the run a real-time priority.  note: what the reader waits for.
+    sinks: where samples go.  events: those that the sinks do not have yet.  beam_loss: counts for a
+    beam that follows the mirror.  is_urgent: whether the system gave the run a real-time priority.
+    note: what the reader waits for.
     """
 
     pipeline: Pipeline
@@ -56,6 +58,7 @@ class Live:
     reconnects: int = 0
     tracker: Tracker | None = None
     sinks: list[Sink] = field(default_factory=list)
+    events: SimpleQueue[tuple[str, dict[str, Any]] | None] = field(default_factory=SimpleQueue)
     is_urgent: bool = False
     beam_loss: BeamLoss = field(default_factory=BeamLoss)
     note: str = ""
@@ -152,9 +155,19 @@ class Live:
         return {name: value for sink in self.sinks for name, value in sink.values().items()}
 
     def add_event(self, name: str, **details: Any) -> None:
-        """Tell all sinks of something that happened now."""
-        for sink in self.sinks:
-            sink.add_event(name, **details)
+        """Note something that happened now, from any thread, without waiting for a sink."""
+        now = {"monotonic": self.clock(), "utc": time.time()}
+        self.events.put((name, now | details))
+
+    def deliver_events(self) -> None:
+        """Give the sinks the events as they come, until `end_events` is called."""
+        for name, details in iter(self.events.get, None):
+            for sink in self.sinks:
+                sink.add_event(name, **details)
+
+    def end_events(self) -> None:
+        """Let `deliver_events` return once it has delivered what was noted so far."""
+        self.events.put(None)
 
     def line_messages(self) -> list[str]:
         """Say what the reader waits for, or why samples do not come, are fewer or all alike."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
@@ -127,11 +128,16 @@ class Loop:
     def take(self, block: Block) -> None:
         clock, tally = self.live.pipeline.host_time, self.live.pipeline.tally
         moves, samples = clock.moves, tally.samples
-        self.backlog.add(self.live.pipeline.take(block.data, block.arrival, block.encoder))
+        batches = self.live.pipeline.take(block.data, block.arrival, block.encoder)
+        self.backlog.add(batches)
+        if tracker := self.live.tracker:
+            for batch in batches:
+                is_permitted = bool((batch.flags & PERMITTED).all())
+                tracker.take_permit(batch.host[-1] - self.live.pipeline.late, is_permitted)
         if clock.moves > moves:
+            if tracker:
+                tracker.halt(CLOCK_MOVED)
             self.live.add_event("clock moved", late_ms=round(1e3 * clock.late, 3))
-            if self.live.tracker:
-                self.live.tracker.halt(CLOCK_MOVED)
         if tally.samples > samples:
             self.live.add_arrival(block.arrival, self.patient)
 
@@ -157,11 +163,10 @@ class Loop:
             if not self.reader.is_stepped:  # otherwise the clock stands still meanwhile
                 live.latency.append(live.clock() - arrival)
             if live.tracker:
-                is_permitted = bool((poses.flags & PERMITTED).all())
                 apexes, beams = apexes_of(poses)
                 known = live.pipeline
                 samples = SolvedSamples(poses.host, powers_of(poses), apexes, beams)
-                live.tracker.feed(samples, is_permitted, known.late, known.trust.doubt)
+                live.tracker.feed(samples, known.late, known.trust.doubt)
         else:
             live.late += len(poses)
         self.give_to_sinks(poses)
@@ -251,6 +256,10 @@ def acquire(
         sys.setswitchinterval(min(THREAD_SWITCH_INTERVAL_S, sys.getswitchinterval()))
         for sink in live.sinks:
             closing.callback(sink.close)
+        deliverer = threading.Thread(target=live.deliver_events, name="events", daemon=True)
+        deliverer.start()
+        closing.callback(deliverer.join)
+        closing.callback(live.end_events)
 
         def finish(
             kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None

@@ -11,8 +11,8 @@ from .pipeline import RunPoses
 class Sink(Protocol):
     """Receives what a run reads and solves. No method raises, or keeps a live run waiting.
 
-    `add_block` is called by the thread that reads, `add_event` by this one and the
-    thread that solves, all others by the latter.
+    `add_block` is called by the thread that reads, `add_event` by one of its own, all others by the
+    thread that solves.
     """
 
     def add_block(self, block: Block) -> None:
@@ -23,7 +23,7 @@ class Sink(Protocol):
         """Take the poses of some samples, as soon as they are solved."""
 
     def add_event(self, name: str, **details: Any) -> None:
-        """Take note of something that happened now."""
+        """Take note of something that happened; details: `monotonic` and `utc`, when it did, s."""
         return
 
     def messages(self) -> list[str]:
