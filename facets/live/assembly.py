@@ -338,7 +338,10 @@ def open_bench(port: str, config: Config, options: RunOptions) -> BenchInProcess
 def require_port(port: str | None, option: str, key: str) -> str:
     """Return the port; raise `InputError` if there is none."""
     if not port:
-        raise InputError(f"no port is given: use {option}, or set {key} in the configuration")
+        raise InputError(
+            f"no port is given: use {option}, or set {key} in the configuration; without hardware, "
+            "--port virtual:MOTION simulates the board and the stage"
+        )
     return port
 
 

@@ -14,7 +14,7 @@ from stage_world import stage_on
 
 import facets
 from facets.core import Sine
-from facets.live import Pipeline, Run, RunOptions, recorded_poses
+from facets.live import Pipeline, Run, RunOptions, recorded_poses, summary
 
 CONFIG = facets.load("bench")
 ZERO, ONES = (0.0,) * 8, (1.0,) * 8
@@ -101,6 +101,9 @@ def test_a_stage_with_a_permit_and_a_heartbeat_is_stopped_as_a_real_one(driver, 
     assert reason in run.live.stage_stop
     assert bool(run.live.stage_stop) == bool(reason)
     assert bool(run.bench.count.moves) == (not reason)
+    text = "\n".join(summary(run.live))
+    assert "p99" not in text  # by a clock that stands while the run computes
+    assert "real-time priority" not in text
 
 
 def test_a_bench_of_another_rig(tmp_path):

@@ -47,7 +47,8 @@ class SimulatedClock:
     def advance(self, seconds: float) -> None:
         self.time += seconds
         self.due = max(self.due + seconds, time.monotonic() - CATCHING_UP_S)
-        time.sleep(max(0.0, self.due - time.monotonic()))
+        if (ahead := self.due - time.monotonic()) > 0:
+            time.sleep(ahead)
 
 
 class BenchInProcess(Bench):

@@ -6,14 +6,13 @@ from __future__ import annotations
 class Wire:
     """One end of a serial line, like `Pty`.  sent, received: bytes on their way to either end."""
 
-    def __init__(self) -> None:
-        self.open()
+    sent = received = b""
 
     def open(self) -> None:
-        self.sent, self.received = bytearray(), bytearray()
+        """Begin without bytes on their way."""
+        self.sent = self.received = b""
 
-    def close(self) -> None:
-        self.open()
+    close = open
 
     def write(self, data: bytes | bytearray) -> int:
         """Send all bytes, and return their number."""
@@ -21,10 +20,10 @@ class Wire:
         return len(data)
 
     def read(self) -> bytes:
-        data, self.received = bytes(self.received), bytearray()
+        data, self.received = self.received, b""
         return data
 
     def take(self) -> bytes:
         """Return what was sent, at the other end."""
-        data, self.sent = bytes(self.sent), bytearray()
+        data, self.sent = self.sent, b""
         return data

@@ -106,8 +106,9 @@ def counts(pipeline: Pipeline) -> list[Item]:
 def loop_counts(live: Live) -> list[Item]:
     """How the loop keeps up."""
     skipped = live.pipeline.tally.skipped_count
+    unknown = "no sample is solved yet, or the bench is virtual"
     return [
-        item("latency p99", 1e3 * live.latency_p99(), "ms", "no sample is solved yet"),
+        item("latency p99", 1e3 * live.latency_p99(), "ms", unknown),
         item("waiting", live.backlog, "samples", bad=live.behind),
         item("solved late", live.late, bad=live.late > 0),
         item("left to a replay", skipped, bad=skipped > 0),
