@@ -1,7 +1,6 @@
 """Calibrations of rigs that are disturbed in a way that no model of a calibration knows.
 
-    python -m facets.experiments.studies.disturbed_rigs [--only outliers] [--draws 1]
-                                                        [--samples 500] [--config paper]
+    python -m facets.experiments.studies.disturbed_rigs [--only outliers] [--draws 1] [--first 0]
 
 Each rig has the light of a real bench, read by rays (`bench_rays`), and one thing wrong: readings
 that jump, a reference with faults, a beam or a mirror that does not stand still, light that is not
@@ -31,7 +30,7 @@ from facets.detectors.electrodes import tetra_lateral_ratios
 
 from .bench_faults import change_currents
 from .bench_rays import RayBench
-from .rigs import RATE_HZ, REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
+from .rigs import RATE_HZ, REFERENCE, Disturbance, RigTrial, Rng, try_bench_rig
 
 
 class Case(NamedTuple):
@@ -607,43 +606,20 @@ def cases() -> list[Case]:
 # ---- results
 
 
-class Result(NamedTuple):
-    """over, inside: the worst ratio and the mean share, (2,) for x and y and for the other axes.
-    wrong: whether the result is trusted and wrong."""
-
-    trusted: bool
-    over: Floats
-    inside: Floats
-    beyond: Floats
-    wrong: bool
-    named: bool | None
-    seconds: float
-    words: str
-
-
-def result(case: Case, trial: BenchTrial) -> Result:
-    said = " ".join(finding.words for finding in trial.verdict.findings)
-    return Result(
-        trial.verdict.is_trusted,
-        np.array([trial.over[:2].max(), trial.over[2:].max()]),
-        np.array([trial.inside[:2].mean(), trial.inside[2:].mean()]),
-        np.array([trial.beyond[:2].max(), trial.beyond[2:].max()]),
-        trial.verdict.is_trusted and is_wrong(trial),
-        any(word in said for word in case.words) if case.words else None,
-        trial.seconds,
-        said,
-    )
-
-
 #: Limits for a calibration: errors over those of a perfectly known rig, in x and y and in the
 #: other axes; the least share of 95 % intervals that holds; errors over the stated uncertainties.
 MOST_OVER, LEAST_INSIDE, MOST_BEYOND = np.array([1.5] * 2 + [1.2] * 4), 0.9, 2.0
 
 
-def is_wrong(trial: BenchTrial) -> bool:
-    """Whether an axis's errors exceed both the limits and the stated uncertainties."""
-    is_small = (trial.over <= MOST_OVER) & (trial.inside >= LEAST_INSIDE)
-    return bool((~is_small & (trial.beyond > MOST_BEYOND)).any())
+def is_wrong(trial: RigTrial) -> bool:
+    """Whether a calibration is trusted, and an axis's errors exceed both the limits and the stated
+    uncertainties."""
+    is_small = (trial.over <= MOST_OVER) & (trial.held >= LEAST_INSIDE)
+    return trial.is_trusted and bool((~is_small & (trial.beyond > MOST_BEYOND)).any())
+
+
+def is_named(case: Case, trial: RigTrial) -> bool:
+    return any(word in finding.words for word in case.words for finding in trial.findings)
 
 
 def main() -> None:
@@ -651,44 +627,39 @@ def main() -> None:
     parser.add_argument("--only", default="", help="groups or names that contain this text")
     parser.add_argument("--draws", type=int, default=1, help="rigs for each case")
     parser.add_argument("--first", type=int, default=0, help="seed of the first rig")
-    parser.add_argument("--samples", type=int, default=500)
-    parser.add_argument("--config", default="paper")
-    parser.add_argument("--brief", action="store_true", help="leave out what is said")
     options = parser.parse_args()
     print(
         "trusted  x, y  others  95 % held: x, y  others  over stated: x, y  others  named  time, s"
     )
-    every, bad = list[Result](), list[str]()
+    every = list[tuple[Case, RigTrial]]()
     for case in cases():
         if options.only not in f"{case.group}: {case.name}":
             continue
         for seed in range(options.first, options.first + options.draws):
-            trial = try_bench_rig(seed, options.samples, options.config, wrong=case.wrong)
-            row = result(case, trial)
-            every.append(row)
-            print(line(case, row), flush=True)
-            if not options.brief:
-                for finding in trial.verdict.findings:
-                    print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
-            if row.wrong:
-                bad.append(case.name)
-                print("    TRUSTED AND WRONG", flush=True)
-    asked = [row for row in every if row.named is not None]
+            trial = try_bench_rig(seed, 500, "paper", wrong=case.wrong)
+            every.append((case, trial))
+            print_trial(case, trial)
+    asked = [is_named(case, trial) for case, trial in every if case.words]
+    bad = [case.name for case, trial in every if is_wrong(trial)]
     print(
-        f"{len(every)} calibrations: {sum(row.trusted for row in every)} trusted; "
-        f"{sum(bool(row.named) for row in asked)} of {len(asked)} faults named; "
+        f"{len(every)} calibrations: {sum(trial.is_trusted for _, trial in every)} trusted; "
+        f"{sum(asked)} of {len(asked)} faults named; "
         f"{len(bad)} rigs trusted and wrong{': ' * bool(bad)}{', '.join(bad)}"
     )
 
 
-def line(case: Case, one: Result) -> str:
-    named = {None: "", True: "yes", False: "no"}[one.named]
-    return (
-        f"{'yes' if one.trusted else 'no':7} {one.over[0]:5.2f} {one.over[1]:7.2f} "
-        f"{100 * one.inside[0]:15.0f} {100 * one.inside[1]:7.0f} {one.beyond[0]:18.2f} "
-        f"{one.beyond[1]:7.2f}  {named:5} "
-        f"{one.seconds:7.1f}  {case.name}"
+def print_trial(case: Case, trial: RigTrial) -> None:
+    over, beyond = ((row[:2].max(), row[2:].max()) for row in (trial.over, trial.beyond))
+    held = 100 * trial.held[:2].mean(), 100 * trial.held[2:].mean()
+    named = ("yes" if is_named(case, trial) else "no") if case.words else ""
+    print(
+        f"{'yes' if trial.is_trusted else 'no':7} {over[0]:5.2f} {over[1]:7.2f} {held[0]:15.0f} "
+        f"{held[1]:7.0f} {beyond[0]:18.2f} {beyond[1]:7.2f}  {named:5} {trial.seconds:7.1f}  "
+        f"{case.name}"
     )
+    trial.print_findings()
+    if is_wrong(trial):
+        print("    TRUSTED AND WRONG", flush=True)
 
 
 if __name__ == "__main__":

@@ -41,8 +41,7 @@ from facets.calibration.alternatives.entries import ALTERNATIVES
 from facets.calibration.alternatives.scatter import SCATTER
 from facets.calibration.candidates import EVERY_EFFECT
 from facets.calibration.fitting.unknowns import fold_mount
-from facets.calibration.table import choice, gather_samples
-from facets.calibration.verdict import verdict
+from facets.calibration.table import gather_samples
 from facets.core.calibrate import Calibrate
 from facets.core.errors import FacetsError
 from facets.core.names import READING_COLUMNS
@@ -63,7 +62,19 @@ from .bench_faults import (
     show_temperature,
 )
 from .bench_rays import spots
-from .rigs import CLEARANCE_MM, REFERENCE, BenchRig, Rig, Rng, draw_bench_rig, poses_on_bench, rms
+from .rigs import (
+    CLEARANCE_MM,
+    REFERENCE,
+    BenchRig,
+    Rig,
+    RigTrial,
+    Rng,
+    assess_poses,
+    calibrate,
+    draw_bench_rig,
+    poses_on_bench,
+    rms,
+)
 
 #: Rows of a table in random poses and along a motion, and of the motion to test with.
 RANDOM_ROWS, TIMED_ROWS, TEST_ROWS = 500, 600, 800
@@ -314,9 +325,9 @@ def build_rig(name: str, seed: int, kinds: tuple[Kind, ...], nominal: Sensor) ->
     return UnseenRig(name, seed, columns, readings, sample_states(folded, use.pose), truth)
 
 
-def rigs(only: str = "", draw: int = 0, config: str = "paper") -> Iterator[UnseenRig]:
+def rigs(only: str = "", draw: int = 0) -> Iterator[UnseenRig]:
     """The rigs whose names contain `only`, one after the other as they are built."""
-    nominal = facets.load(config).sensor
+    nominal = facets.load("paper").sensor
     for name, seed, kinds in plan_rigs(draw):
         if only in name:
             yield build_rig(name, seed, kinds, nominal)
@@ -325,55 +336,30 @@ def rigs(only: str = "", draw: int = 0, config: str = "paper") -> Iterator[Unsee
 # ---- trials of a calibration
 
 
-class RigTrial(NamedTuple):
-    """is_trusted: the verdict.  findings: its words.  over: errors on the other motion over those
-    of a perfectly known rig (6,).  held: the share of 95 % intervals that held.  beyond: r.m.s.
-    errors over stated standard uncertainties.  seconds: of processor time."""
-
-    is_trusted: bool
-    findings: list[Finding]
-    over: Floats
-    held: Floats
-    beyond: Floats
-    seconds: float
-
-    @property
-    def is_wrong(self) -> bool:
-        across = (self.beyond[:2] > 2).any()
-        others = (self.beyond[2:] > 1.25) & (self.held[2:] < 0.88)
-        return bool(self.is_trusted and (across or others.any()))
+def is_wrong(trial: RigTrial) -> bool:
+    across = (trial.beyond[:2] > 2).any()
+    others = (trial.beyond[2:] > 1.25) & (trial.held[2:] < 0.88)
+    return bool(trial.is_trusted and (across or others.any()))
 
 
 def try_rig(rig: UnseenRig, sensor: Sensor, settings: Calibrate) -> RigTrial:
     """Calibrate a rig from its table as the command does, and solve the other motion with it."""
-    start, nothing = time.process_time(), np.full(6, np.nan)
+    start = time.process_time()
     try:
         data = gather_samples(Path(f"{rig.name}.csv"), rig.columns, settings)
-        result = verdict(sensor, data, choice(sensor, settings), settings)
+        result, trial = calibrate(sensor, data, settings)
     except FacetsError as refusal:
-        seconds = time.process_time() - start
         refused = [Finding(True, str(refusal), ("table",))]
-        return RigTrial(False, refused, nothing, nothing, nothing, seconds)
-    seconds = time.process_time() - start
-    findings = result.findings
+        return RigTrial(False, refused, [], time.process_time() - start)
     if result.sensor is None:
-        return RigTrial(False, findings, nothing, nothing, nothing, seconds)
-    solved = solve(result.sensor, rig.readings)
+        return trial
     rng = np.random.default_rng([rig.seed, 92])
-    ideal = add_noise(result.sensor, facets.readings(result.sensor, rig.states), rng)
-    perfect = facets.solve(result.sensor, ideal, beam="known", power="unknown", threads=1)
-    error = (solved.state - rig.states)[:, :6]
-    with np.errstate(invalid="ignore"):
-        inside = np.abs(error) < 1.96 * solved.uncertainty[:, :6]
-    held = inside.sum(axis=0) / np.isfinite(error).sum(axis=0)
-    over = rms(error) / rms((perfect.state - rig.states)[:, :6])
-    beyond = rms(error) / rms(solved.uncertainty[:, :6])
-    return RigTrial(bool(result.is_trusted), findings, over, held, beyond, seconds)
+    return assess_poses(trial, result.sensor, rig.readings, rig.states, rng)
 
 
 def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
     word = "trusted" if trial.is_trusted else "refused"
-    if trial.is_wrong:
+    if is_wrong(trial):
         word = "TRUSTED AND WRONG"
     rows = (trial.over, trial.held, trial.beyond)
     over, held, beyond = (" ".join(f"{x:6.2f}" for x in row) for row in rows)
@@ -382,8 +368,7 @@ def print_trial(rig: UnseenRig, trial: RigTrial) -> None:
     print_truth(rig)
     for truth in rig.truth:
         print(f"    {classify_truth(truth, rig, trial.findings):5} {truth.group}: {truth.words}")
-    for finding in trial.findings:
-        print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
+    trial.print_findings()
 
 
 #: What says where rows are wrong, and not why; and what all of these rigs do.
@@ -449,7 +434,7 @@ def count_trials(pairs: list[tuple[UnseenRig, RigTrial]]) -> None:
     faulty = [trial for rig, trial in pairs if not all(truth.harmless for truth in rig.truth)]
     for label, trials in (("clean or harmless", clean), ("with harmful faults", faulty)):
         trusted = sum(trial.is_trusted for trial in trials)
-        wrong = sum(trial.is_wrong for trial in trials)
+        wrong = sum(is_wrong(trial) for trial in trials)
         print(f"{len(trials)} rigs {label}: {trusted} trusted, {wrong} of them wrong")
     told = Counter(
         (truth.harmless, classify_truth(truth, rig, trial.findings))
@@ -469,11 +454,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="part of the names of the rigs to try")
     parser.add_argument("--draw", type=int, default=0, help="number of the draw of all rigs")
-    parser.add_argument("--config", default="paper", help="whose sensor and calibration")
     parser.add_argument("--list", action="store_true", help="print the truth, calibrate nothing")
     options = parser.parse_args()
-    settings, pairs = facets.load(options.config), []
-    for rig in rigs(options.only, options.draw, options.config):
+    settings, pairs = facets.load("paper"), []
+    for rig in rigs(options.only, options.draw):
         if options.list:
             print(f"{rig.seed} {rig.name}, {len(next(iter(rig.columns.values())))} rows")
             print_truth(rig)
