@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from facets import live
+from facets import core, files, live
 
 from ..console import show_progress
 
@@ -19,6 +19,19 @@ def solve_recording(playback: live.Playback) -> Columns:
     with show_progress("solving the recording") as tell:
         parts = [poses.columns() for poses in playback.poses(tell=tell)]
     pipeline = playback.pipeline
-    if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
+    sequence = pipeline.sequence
+    if playback.damage.words or pipeline.parser.corrupt or sequence.lost or sequence.leaps:
         typer.echo("\n".join(playback.sentences()))
-    return live.recording.pose_table.join_columns(parts) if parts else {}
+    columns = live.recording.pose_table.join_columns(parts) if parts else {}
+    report_clock(columns)
+    return columns
+
+
+def report_clock(columns: Columns) -> None:
+    """Print by how much a board's clock is off, if the times of the arrivals replace its own."""
+    rate = files.columns.clock_rate(columns)
+    if rate and rate < 1 - core.clocks.STANDSTILL:
+        typer.echo(
+            f"{core.clocks.describe_rate(rate)}. The times and frequencies here are those of the "
+            "arrivals."
+        )

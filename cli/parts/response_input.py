@@ -10,7 +10,7 @@ from facets import characterization, core, files, live
 from facets.core.errors import InputError
 
 from ..console import load_config
-from .recordings import solve_recording
+from .recordings import report_clock, solve_recording
 
 if TYPE_CHECKING:
     from facets.characterization.frequency_response import FrequencyResponse
@@ -79,7 +79,9 @@ def read_columns(data: Path, inputs: list[str], config: str | None) -> tuple[Col
             f"{data}: a table needs --config CONFIG, the configuration of the sensor, whose noise "
             "and bandwidth the picture shows"
         )
-    return characterization.response_signals.read_signal_table(data, inputs), load_config(config)
+    columns = characterization.response_signals.read_signal_table(data, inputs)
+    report_clock(columns)
+    return columns, load_config(config)
 
 
 def solve_columns(recording: Path, inputs: list[str], config: str | None) -> tuple[Columns, Config]:

@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
+from ..files.columns import row_times
 from .allan import Allan, allan
 from .noise_model import MIN_SAMPLES, NoiseModel, fit_noise
 from .rest import Columns, RecordingSection, find_faults
@@ -99,7 +100,6 @@ def report_of(
     """
     piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
-    time = 1e-6 * columns["board_us"][rows]
     channels = []
     for n, (column, (scale, unit)) in enumerate(CHANNELS.items()):
         tell(n, len(CHANNELS))
@@ -117,7 +117,7 @@ def report_of(
     faults = find_faults(columns, piece, [channel.model for channel in channels[:9]], config)
     missing = int(piece.seq[-1] - piece.seq[0]) + 1 - len(piece.seq)
     return NoiseReport(
-        rate, float(time[-1] - time[0]), len(piece.seq), missing, channels,
+        rate, float(piece.seq[-1] - piece.seq[0]) / rate, len(piece.seq), missing, channels,
         correlation(readings), position, at_power, power, common, faults,
     )  # fmt: skip
 
@@ -129,14 +129,15 @@ def longest_section(columns: Columns, name: str) -> RecordingSection:
     """
     if not columns or len(columns["seq"]) < MIN_SAMPLES:
         raise InputError(f"{name}: holds less than {MIN_SAMPLES} samples, too few for their noise")
-    passed, counted = np.diff(columns["board_us"]), np.diff(columns["seq"])
+    times = row_times(columns)
+    passed, counted = np.diff(times), np.diff(columns["seq"])
     usual = float(np.median(passed / counted))
     ends = np.flatnonzero(passed > usual * (counted + JUMP_SAMPLES)) + 1
     starts = np.concatenate([[0], ends])
     stops = np.concatenate([ends, [len(columns["seq"])]])
     n = int(np.argmax(stops - starts))
     rows = slice(int(starts[n]), int(min(stops[n], starts[n] + MAX_SAMPLES)))
-    seq, time = columns["seq"][rows], 1e-6 * columns["board_us"][rows]
+    seq, time = columns["seq"][rows], times[rows]
     if len(seq) < MIN_SAMPLES:
         raise InputError(
             f"{name}: holds less than {MIN_SAMPLES} samples without a gap, too few for their noise"

@@ -17,7 +17,7 @@ from ..detectors.counts import SATURATED
 from ..estimation.plan import make_plan
 from ..estimation.samples import common_detectors, detectors_of
 from ..estimation.uncertainty import propagate
-from ..files.columns import TIMES, unit_of_column
+from ..files.columns import TIMES, row_times, unit_of_column
 from ..files.tables import Source, read_chunks, read_words
 from .frequency_response import Stretches, find_stretches
 
@@ -55,7 +55,7 @@ def read_signal_table(path: Source, inputs: Sequence[str]) -> Columns:
 
     Raises `InputError` without a column of times, of a pose or of an input.
     """
-    optional = (*TIMES, *STATE_COLUMNS[6:], "flags", "misfit")
+    optional = (*TIMES, "host_s", *STATE_COLUMNS[6:], "flags", "misfit")
     parts = [chunk.columns for chunk in
              read_chunks(path, (*inputs, *STATE_COLUMNS[:6]), optional)]  # fmt: skip
     if not parts:
@@ -75,8 +75,7 @@ def build_signals(
     body: the point of interest.  config: configuration of the sensor, for its noise.  name: name of
     the columns' source, for messages.
     """
-    unit = next(key for key in TIMES if key in columns)
-    time = TIMES[unit] * columns[unit].astype(float)
+    time = row_times(columns)
     poses = np.stack(
         [columns[key] * STATE_UNITS[n] for n, key in enumerate(STATE_COLUMNS[:6])], axis=1
     )

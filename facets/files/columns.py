@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.clocks import LARGEST_RATE, STANDSTILL, describe_rate
 from ..core.errors import InputError
 from ..core.names import covariance_entries
 from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
@@ -103,6 +104,39 @@ def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
 TIMES = {"time_s": 1.0, "board_us": 1e-6}
 #: Columns that are times and no signals, in tables and those of recordings.
 TIME_COLUMNS = (*TIMES, "host_s", "utc_s")
+#: Share of a table's rows, the newest, by which the clocks are compared, and the number of steps of
+#: whose ratios the median counts.
+NEWEST_SHARE, CLOCK_STEPS = 0.1, 20
+
+
+def clock_rate(columns: Columns) -> float:
+    """The share of the host's time (host_s) by which the board's clock (board_us) is slow; 0 for a
+    difference that a quartz explains, or an unknown one."""
+    if not {"board_us", "host_s"} <= columns.keys():
+        return 0.0
+    newest = slice(-max(2, int(NEWEST_SHARE * len(columns["host_s"]))), None)
+    board, host = (np.asarray(columns[name], float)[newest] for name in ("board_us", "host_s"))
+    stride = max(1, len(board) // CLOCK_STEPS)
+    passed = host[stride:] - host[:-stride]
+    pace = 1e-6 * (board[stride:] - board[:-stride])[passed > 0] / passed[passed > 0]
+    rate = 1.0 - float(np.median(pace)) if len(pace) else 0.0
+    return rate if abs(rate) > LARGEST_RATE else 0.0
+
+
+def row_times(columns: Columns) -> Floats:
+    """The times of rows (n,), s, by the first column of `TIMES` that is there.
+
+    Those of a board's clock that contradicts the host's are scaled to the latter. Raises
+    `InputError` for a board's clock that stands still.
+    """
+    name = next(name for name in TIMES if name in columns)
+    time: Floats = TIMES[name] * np.asarray(columns[name], float)
+    rate = clock_rate(columns) if name == "board_us" else 0.0
+    if rate > 1 - STANDSTILL:
+        raise InputError(describe_rate(rate))
+    return time / (1 - rate) if rate else time
+
+
 #: Columns over which the others are drawn.
 AXES = (*TIMES, "frequency_hz", "position_mm", "position_deg")
 #: The dimension of tables without such a column.

@@ -25,6 +25,7 @@ from .columns import (
     pack_covariances,
     refuse_text,
     row_chunks,
+    row_times,
     units_of,
 )
 
@@ -202,7 +203,8 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     source = FrameTable(table)
     if infer_kind(table[axis]) not in NUMBERS:
         raise refuse_text(source, axis, table[axis].dtype)
-    time = TIMES[axis] * numbers_of(source, axis)
+    times = [name for name in TIME_COLUMNS if name in table]
+    time = row_times({name: numbers_of(source, name) for name in times})
     even = np.linspace(time[0], time[-1], len(time)) if len(time) > 1 else np.empty(0)
     step = np.diff(even[:2]).sum()
     is_even = step > 0 and np.abs(time - even).max() <= LARGEST_JITTER * step

@@ -140,15 +140,14 @@ class Playback:
             f"{self.folder}: {tally.samples} samples, {sequence.lost} lost, "
             f"{parser.corrupt} frames refused, {parser.skipped} bytes passed over"
         )
-        if sequence.restarts:
-            yield f"  the board restarted {sequence.restarts} times; what it lost is not known"
         if self.damage.words:
             yield f"  damaged: {self.damage.words}"
         for words, count in tally.statuses.items():
             if count and words != "converged":
                 yield f"  {count} {words}"
         board, sentences = self.pipeline.board, self.pipeline.measurement.sentences()
-        for text in (*sentences, board.sentence(), board.trouble()):
+        clock = (sequence.restart_sentence, *self.pipeline.clock_messages)
+        for text in (*clock, *sentences, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"
 

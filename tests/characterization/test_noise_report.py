@@ -1,12 +1,13 @@
 """A recording with known noise, through the command: found, told, and put to use."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from colours import flicker
 
 import facets
-from facets.characterization import noise_report
-from facets.core import READING_COLUMNS, STATE_COLUMNS
+from facets.characterization import build_signals, noise_report
+from facets.core import READING_COLUMNS, STATE_COLUMNS, MeasuredObject
 from facets.detectors import readings_to_counts
 from facets.live import RawSamples, pack
 
@@ -89,6 +90,23 @@ def test_a_recording_that_does_not_show_the_noise_is_refused_and_leaves_nothing(
     columns = {"seq": np.arange(20), "board_us": np.arange(20)}
     with pytest.raises(facets.InputError, match="too few for their noise"):
         noise_report.longest_section(columns, "it")
+
+
+@pytest.mark.parametrize("pace", [10.0, 1.01, 1e-2])
+def test_the_rate_of_a_recording_is_that_of_its_arrivals(pace):
+    """Where the board's clock is off by more than a quartz, also in frequency responses and signals
+    for other programs."""
+    rows = np.arange(4096)
+    columns = {"seq": rows, "board_us": np.round(1e3 * pace * rows), "host_s": 50 + 1e-3 * rows}
+    assert noise_report.longest_section(columns, "it").rate == pytest.approx(1000, rel=1e-3)
+    columns |= {name: np.zeros(4096) for name in (*STATE_COLUMNS, "force_n")}
+    signals = build_signals(columns, ["force_n"], MeasuredObject(), BENCH, "it")
+    assert signals.stretches.rate == pytest.approx(1000, rel=1e-3)
+    table = pd.DataFrame(columns)
+    assert facets.to_sep005(table)[0]["fs"] == pytest.approx(1000, rel=1e-3)
+    table["board_us"] = 5
+    with pytest.raises(facets.InputError, match="stands still"):
+        facets.to_sep005(table)
 
 
 @pytest.fixture(scope="module")

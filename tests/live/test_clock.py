@@ -119,6 +119,17 @@ def test_time_goes_on_by_the_hosts_clock_when_a_board_restarts(first, second, ga
     assert (np.delete(steps, 39) == PERIOD).all()
 
 
+def test_a_clock_that_leaps_while_the_numbers_go_on_is_no_restart():
+    """A counter of 24 bits, and a clock that is set ahead by 2 s, in which no sample is missing."""
+    sequence, arrival = Sequence(), 100.0
+    for n in range(200):
+        numbers = 100 * n + np.arange(100)
+        times = (16_000_000 + 100 * numbers + 2_000_000 * (n > 150)) % 2**24
+        sequence.follow(samples(numbers, times), arrival + 0.01 * n)
+    assert (sequence.lost, sequence.restarts, sequence.silent) == (0, 0, 0)
+    assert "leapt 1 times" in sequence.leap_sentence
+
+
 def test_a_restart_in_the_middle_of_a_block_jumps_by_no_hour():
     counts, seq, time = follow(
         (range(5_000, 5_040), 7.0), ([*range(5_040, 5_045), *range(5)], 7.01)

@@ -12,11 +12,15 @@ from streams import BENCH, samples_of, yawing
 import facets
 from facets.live import (
     CLOCK_MOVED,
+    WRAP,
     Block,
     HostTime,
     Live,
     Loop,
     Pipeline,
+    Playback,
+    Run,
+    RunOptions,
     encode,
 )
 from facets.live.sources import host_time
@@ -60,10 +64,9 @@ def test_the_uncertainty_is_that_of_lines_under_exponential_points():
     rng, count, lines = np.random.default_rng(3), 100, []
     x = np.arange(count) / count
     for _ in range(600):
-        offset, slope, is_free = host_time.touching_line(
-            x - x.mean(), rng.exponential(size=count), -np.inf, np.inf
-        )
-        assert is_free
+        lag = rng.exponential(size=count)
+        slope = host_time.hull_slope(x - x.mean(), lag, np.nan)
+        offset, _ = host_time.touching_line(x - x.mean(), lag, slope)
         lines.append((offset, offset + slope * (1 - x.mean()), slope))
     centre, end, slope = count * np.array(lines).T
     assert centre.mean() == pytest.approx(host_time.BIAS, abs=0.25)
@@ -102,9 +105,54 @@ def test_a_delay_that_the_line_takes_over_is_remembered_until_it_goes():
     assert moves[8_000 - 1] == moves[-1] == 1  # the line was moved to the late data
 
 
-def packets(count, begin):
-    """Packets (bytes, arrival) of 20 samples."""
+@pytest.mark.parametrize("drift", [1e-3, 5e-3, -0.01])
+def test_a_clock_that_is_off_by_more_than_a_quartz_is_told_and_its_times_are_known(drift):
+    """In 30 s; the stated uncertainty holds from the beginning, also where it is not told yet."""
+    clock, true, ratios = HostTime(), np.arange(0, 30, PACKET), []
+    came = arrive(true, np.random.default_rng(8), 1.5e-3, "exponential")
+    for real, arrival in zip(true, came, strict=True):
+        at = np.round(1e6 * real / (1 + drift)) / 1e6
+        clock.add(at, arrival)
+        ratios.append((clock.line.host_times(at) - real) / clock.uncertainty)
+    assert np.abs(ratios).max() < 6
+    assert clock.ppm == pytest.approx(1e6 * drift / (1 + drift), abs=10)
+    assert ("slow" if drift > 0 else "fast") in clock.complaint
+    assert clock.uncertainty < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("pace", "words"),
+    [(10.0, "10 times"), (1.2, "prescaler"), (1e-3, "counts milliseconds"), (1e3, "nanoseconds"),
+     (0.0, "stands still")],
+)  # fmt: skip
+def test_a_board_whose_times_are_in_another_unit_ends_with_a_complaint(pace, words):
+    pipeline = Pipeline(BENCH)
+    for data, arrival in packets(40_000, 100.0, pace):
+        poses = pipeline.take(data, arrival)
+    assert words in pipeline.clock_fault
+    assert poses[-1].host[-1] == pytest.approx(arrival, abs=2 * JITTER)
+    run = Run(BENCH, RunOptions(record=False))
+    run.live.pipeline = pipeline
+    assert any(words in text for text in run.complaints())
+    assert any(words in text for text in run.live.messages())
+
+
+def test_a_file_has_no_arrivals_and_its_clock_no_fault(tmp_path):
+    """However fast it is read; its samples are as far apart as the board says."""
+    (tmp_path / "board.bin").write_bytes(b"".join(data for data, _ in packets(40_000, 0.0)))
+    options = RunOptions(folder=tmp_path / "rec")
+    Run.from_config(BENCH, f"file:{tmp_path / 'board.bin'}", options).acquire()
+    playback = Playback(tmp_path / "rec")
+    host = np.concatenate([poses.host for poses in playback.poses()])
+    assert np.diff(host) == pytest.approx(np.full(39_999, 1e-4), abs=1e-9)
+    assert playback.pipeline.clock_messages == []
+
+
+def packets(count, begin, pace=1.0):
+    """Packets (bytes, arrival) of 20 samples.  pace: of the board's clock."""
     samples = samples_of(facets.readings(BENCH.sensor, yawing(count)))
+    times = np.round(pace * samples.time).astype(np.int64) % WRAP
+    samples = replace(samples, time=times.astype(np.uint32))
     true = begin + 1e-4 * np.arange(count)[19::20] * (1 + DRIFT)
     for n, arrival in enumerate(arrive(true, np.random.default_rng(7))):
         yield encode("frames", samples.where(slice(20 * n, 20 * n + 20))), arrival

@@ -53,6 +53,15 @@ def test_times_are_those_of_the_pulses_whatever_the_host_says(drift):
     assert (clock.refused, clock.used) == (0, marked.sum())
 
 
+def test_a_clock_that_is_far_off_is_steered_too():
+    """By 0.5 %: the marks stay at whole seconds, by the host's clock."""
+    clock = PulseClock()
+    true, device, marked = board(20_000, 5e-3)
+    times, sigma = follow(clock, device, marked, true + 0.01)
+    assert (clock.refused, clock.used) == (0, marked.sum())
+    assert np.nanmax(np.abs(times - true) / sigma) < 3
+
+
 def test_an_edge_beside_lost_samples_and_marks_that_are_no_pulses():
     """The one is known as badly as it is, the others are refused."""
     true, device, marked = board(20_000)

@@ -41,17 +41,17 @@ class Trust:
     def __init__(self, config: Config) -> None:
         self.electronics, self.stale = config.electronics, config.stage.stale
         self.is_frozen = False
-        self.last, self.same, self.changed = np.full((1, 12), -(2**31)), 0, 0
+        self.last, self.same, self.changed = np.full((1, 12), -(2**31)), 0, 0.0
         self.misfit, self.judged = 0.0, inf
 
-    def add_counts(self, counts: NDArray[np.int32], time: NDArray[np.int64]) -> None:
-        """Some samples: counts (n, 12) at the board's times (n,), us."""
+    def add_counts(self, counts: NDArray[np.int32], time: Floats) -> None:
+        """Some samples: counts (n, 12) at times (n,) on the host's clock, s."""
         differs = np.diff(np.vstack([self.last, counts]), axis=0).any(axis=1)
         self.last, self.same = counts[-1:], self.same + len(counts)
         if differs.any():
             newest = int(np.flatnonzero(differs)[-1])
-            self.same, self.changed = len(counts) - 1 - newest, int(time[newest])
-        lasted = 1e-6 * (int(time[-1]) - self.changed)
+            self.same, self.changed = len(counts) - 1 - newest, float(time[newest])
+        lasted = float(time[-1]) - self.changed
         self.is_frozen = lasted > self.stale and self.same > self.most_same(self.last[0])
 
     def most_same(self, counts: NDArray[np.int32]) -> float:
@@ -63,7 +63,7 @@ class Trust:
         return log(FROZEN_CHANCE) / (9 * log(same)) if same < 1 else inf
 
     def add_poses(self, solution: Solution, time: float) -> None:
-        """The poses of some samples, the last of which the board took at a time, s."""
+        """The poses of some samples, the last of which was taken at a time, s."""
         judged = solution.converged & (solution.checks > 0)
         if judged.any():
             weight = min(max(time - self.judged, 0.0) / MISFIT_S, 1.0)

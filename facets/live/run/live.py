@@ -135,6 +135,7 @@ class Live:
         if self.tracker and self.tracker.note:
             sentences.append(self.tracker.note)
         sentences += self.line_messages()
+        sentences += self.pipeline.clock_messages
         if self.behind:
             sentences.append(
                 f"the loop is {self.age:.1f} s behind: all bytes are recorded, and the newest "

@@ -139,7 +139,8 @@ class Loop:
                 tracker.halt(CLOCK_MOVED)
             self.live.add_event("clock moved", late_ms=round(1e3 * clock.late, 3))
         if tally.samples > samples:
-            self.live.add_arrival(block.arrival, self.patient)
+            arrival = self.live.clock() if self.patient else block.arrival
+            self.live.add_arrival(arrival, self.patient)
 
     def solve_batch(self) -> None:
         """Solve one batch, and give up those that are too old."""
@@ -160,7 +161,7 @@ class Loop:
             live.beam_loss.add(poses.host, has_pose, live.tracker.begun)
         if live.newest is None or poses.seq[-1] > live.newest.seq[-1]:
             live.newest = poses
-            if not self.reader.is_stepped:  # otherwise the clock stands still meanwhile
+            if not self.reader.is_stepped and not self.patient:  # else it is no time of waiting
                 live.latency.append(live.clock() - arrival)
             if live.tracker:
                 apexes, beams = apexes_of(poses)

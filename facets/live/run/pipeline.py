@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.clocks import IMPOSSIBLE_RATE
 from ...core.errors import InputError
 from ...core.names import READING_COLUMNS, TEMPERATURE_COLUMN
 from ...core.units import Floats
@@ -198,7 +199,7 @@ class Pipeline:
 
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
         """Return the samples that a block completes, in batches to be solved, in order."""
-        restarts = self.sequence.restarts
+        restarts, beginnings = self.sequence.restarts, self.sequence.beginnings
         came = self.parser.feed(block)
         self.refuse_other_channels()
         solved = is_pose(came)
@@ -210,10 +211,10 @@ class Pipeline:
             self.board.add(poses, self.sequence, self.sequence.restarts > restarts)
         if not len(samples):
             return []
-        host = self.host_times(time, arrival, self.sequence.restarts > restarts)
+        host = self.host_times(time, arrival, self.sequence.beginnings > beginnings)
         arrival = self.known_arrival(arrival, time)
         self.last = arrival, int(time[-1])
-        self.trust.add_counts(samples.counts, time)
+        self.trust.add_counts(samples.counts, host)
         readings, flags = self.convert(samples)
         flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
         flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
@@ -272,10 +273,12 @@ class Pipeline:
             self.host_time.restart()
         if not isnan(arrival):
             self.host_time.add(float(device[-1]), arrival)
-        if self.config.acquire.timing == "arrival" or self.host_time.line is None:
-            known = self.known_arrival(arrival, time)
-            return known - self.config.acquire.delay - 1e-6 * (time[-1] - time)  # type: ignore[no-any-return]
-        host = self.host_time.line.host_times(device)
+        line, clock = self.host_time.line, self.host_time
+        if self.config.acquire.timing == "arrival" or line is None or clock.stands_still:
+            known = self.known_arrival(arrival, time) - self.config.acquire.delay
+            age: Floats = (device[-1] - device) / (1 if clock.stands_still else 1 - clock.rate)
+            return known - age
+        host = line.host_times(device)
         if restarted and before is not None:
             host[: self.sequence.fresh] = before.host_times(device[: self.sequence.fresh])
         host -= self.config.acquire.least_delay
@@ -300,6 +303,19 @@ class Pipeline:
         far says, s."""
         over = self.host_time.over if self.config.acquire.timing == "arrival" else 0.0
         return self.host_time.late + over
+
+    @property
+    def clock_messages(self) -> list[str]:
+        """Sentences on a board's clock that leaps or is off."""
+        return [text for text in (self.sequence.leap_sentence, self.host_time.complaint) if text]
+
+    @property
+    def clock_fault(self) -> str:
+        """The sentence on a board's clock that cannot be a clock; or nothing."""
+        clock, sequence = self.host_time, self.sequence
+        if sequence.leaps > 1 and not clock.is_known:
+            return sequence.leap_sentence
+        return clock.complaint if abs(clock.ppm) > 1e6 * IMPOSSIBLE_RATE else ""
 
     def warm_up(self) -> None:
         """Compile or load the code that the stream needs, before it runs."""
@@ -342,7 +358,7 @@ class Pipeline:
             cold = ~np.isfinite(samples.temperature)
         solution = poses.solution
         self.doubts.add(batch.readings, batch.flags, solution.misfit, cold)
-        self.trust.add_poses(solution, 1e-6 * int(batch.time[-1]))
+        self.trust.add_poses(solution, float(batch.host[-1]))
         if self.board.came:  # the board does not know the temperature
             known = solution
             if samples.temperature is not None:

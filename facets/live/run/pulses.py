@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.clocks import COUNT_SIGMA_S, QUARTZ_RATE
 from ...core.units import Booleans, Floats
 from .pipeline import MARKED
 
@@ -22,10 +23,6 @@ EDGE_MEMORY_S = 60
 #: An edge farther than this from a whole second of the host's clock is refused, s: it could belong
 #: to either of two seconds.
 MAX_HOST_ERROR_S = 0.25
-#: No clock of a board is wrong by more, 1 sigma.
-WORST_RATE = 100e-6
-#: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
-COUNT_SIGMA_S = 1e-6 / 12**0.5
 
 
 class Edge(NamedTuple):
@@ -40,13 +37,16 @@ class PulseClock:
     """Follows a board's samples in their order.
 
     edges: that are used.  refused: marks that are at no whole second, by the host's clock or by the
-    edges before.
+    edges before.  rate: largest difference of the board's rate that is credible, which a host's
+    clock that ran differently since the first sample widens.
     """
 
     def __init__(self) -> None:
         self.edges: deque[Edge] = deque()
         self.refused = self.used = 0
         self.last: float | None = None
+        self.first: tuple[float, float] | None = None  # times of the board and in UTC, s
+        self.rate = QUARTZ_RATE
 
     def follow(
         self, time: NDArray[np.int64], marked: Booleans, utc: Floats
@@ -59,6 +59,8 @@ class PulseClock:
         before = np.concatenate([[np.nan if self.last is None else self.last], device[:-1]])
         utc_s, sigma = np.full(len(device), np.nan), np.full(len(device), np.nan)
         start = 0
+        if self.first is None and len(device):
+            self.first = float(device[0]), float(utc[0])
         for n in np.flatnonzero(marked).tolist():
             utc_s[start:n], sigma[start:n] = self.utc_times(device[start:n])
             start = n
@@ -72,6 +74,9 @@ class PulseClock:
         """Add a mark, by the board's times of its sample and the sample before, and by UTC."""
         if not device > before:  # the first sample of all: the edge may be long ago
             return
+        if self.first is not None:
+            passed, counted = utc - self.first[1], device - self.first[0]
+            self.rate = max(QUARTZ_RATE, abs(passed / counted - 1))
         edge = (before + device) / 2
         at = utc - (device - edge)
         second = round(at)
@@ -94,7 +99,7 @@ class PulseClock:
         """Whether the time since the last edge agrees with the whole seconds since then."""
         last = self.edges[-1]
         passed = second - last.second
-        slack = 5 * WORST_RATE * passed + 4 * (sigma + last.sigma)
+        slack = (5 * QUARTZ_RATE + self.rate) * passed + 4 * (sigma + last.sigma)
         return passed > 0 and abs(edge - last.device - passed) < slack
 
     def utc_times(self, device: Floats) -> tuple[Floats, Floats]:
@@ -104,11 +109,11 @@ class PulseClock:
         x = np.array([edge.device for edge in self.edges])
         lag = np.array([edge.second - edge.device for edge in self.edges])
         worst = max(edge.sigma for edge in self.edges)
-        middle, rate, spread = float(x.mean()), 0.0, WORST_RATE
+        middle, rate, spread = float(x.mean()), 0.0, self.rate
         if len(x) > 1:
             off = x - middle
             rate = float(off @ lag / (off @ off))
-            spread = min(WORST_RATE, worst * 2**0.5 / float(x[-1] - x[0]))
+            spread = worst * 2**0.5 / float(x[-1] - x[0])
         utc: Floats = device + float(lag.mean()) + rate * (device - middle)
         sigma: Floats = np.hypot(worst, spread * np.maximum(device - x[-1], 0.0))
         return utc, sigma

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
+from math import nan
 from queue import SimpleQueue
 
 from ...core.errors import FacetsError
@@ -136,7 +137,10 @@ class Reader(threading.Thread):
         data = bytes(self.pending)
         self.pending.clear()
         tracker = self.live.tracker
-        block = Block(data, self.arrival, tracker.encoder if tracker else None)
+        # what a file holds came at an unknown time; its first bytes are a beginning for the others
+        waits = self.port is not None and self.port.waits
+        arrival = nan if waits and self.live.bytes else self.arrival
+        block = Block(data, arrival, tracker.encoder if tracker else None)
         for sink in self.live.sinks:
             sink.add_block(block)
         self.live.bytes += len(data)

@@ -19,6 +19,7 @@ from ...estimation.solution import LABELS, Status
 from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live
+from .loop import CLOCK_MOVED
 from .pipeline import FLAGS, RunPoses
 
 if TYPE_CHECKING:
@@ -202,8 +203,8 @@ def loop_sentences(live: Live) -> Iterator[str]:
         yield f"no sample came for {without:.1f} s of the {live.now - live.begin:.1f} s"
     for sink in live.sinks:
         yield from sink.sentences()
-    if live.pipeline.sequence.restarts:
-        yield f"the board restarted {live.pipeline.sequence.restarts} times"
+    if restarts := live.pipeline.sequence.restart_sentence:
+        yield restarts
 
 
 def clock_sentences(live: Live) -> Iterator[str]:
@@ -214,10 +215,19 @@ def clock_sentences(live: Live) -> Iterator[str]:
             f"the samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), beside "
             "what acquire.least_delay_ms is off"
         )
-    if np.isfinite(clock.ppm):
+    if (moves := clock.moves - live.pipeline.sequence.beginnings) > 0:
+        yield f"{CLOCK_MOVED}, {moves} times"
+    yield from live.pipeline.clock_messages
+    if clock.is_held and clock.is_known:
+        most = 1e6 * (abs(clock.rate) + clock.rate_sigma)
+        yield (
+            f"by the arrivals, the board's clock may be up to {most:.2g} ppm off, more than a "
+            "quartz is; a longer run tells"
+        )
+    elif np.isfinite(clock.ppm) and not clock.complaint:
         yield (
             f"the board's clock is {abs(clock.ppm):.3g} ppm {'slow' if clock.ppm > 0 else 'fast'}"
-            f", +- {1e6 * clock.rate_sigma:.2g}"
+            f", +- {1e6 * clock.known[1]:.2g}"
         )
 
 

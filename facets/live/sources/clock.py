@@ -59,9 +59,10 @@ class Sequence:
 
     lost: samples that never came.  doubled: samples that came again, or too late, and were dropped.
     restarts: of the board, whose counters then begin anew; the samples lost meanwhile are not
-    known.  silent: time for which the board took no samples, though none is missing by its number,
-    us.  period: between samples, us, 0 while it is not known.  fresh: position of the first sample
-    after a restart among the samples that were followed last; 0 without a restart.
+    known.  leaps: of the board's clock alone, while the numbers go on.  silent: time for which the
+    board took no samples, though none is missing by its number, us.  period: between samples, us, 0
+    while it is not known.  fresh: position of the first sample after a restart or a leap among the
+    samples that were followed last; 0 without one.
     """
 
     #: Largest step back of a sample that comes again or late.
@@ -70,7 +71,7 @@ class Sequence:
     AHEAD = 10_000_000
 
     def __init__(self) -> None:
-        self.lost = self.doubled = self.restarts = self.fresh = self.silent = 0
+        self.lost = self.doubled = self.restarts = self.leaps = self.fresh = self.silent = 0
         self.seq = self.time = -1
         self.raw_seq = self.raw_time = 0
         self.period = 0.0
@@ -112,6 +113,26 @@ class Sequence:
         self.remember(samples)
         return samples, seq, time
 
+    @property
+    def beginnings(self) -> int:
+        """How often the board's time began anew."""
+        return self.restarts + self.leaps
+
+    @property
+    def restart_sentence(self) -> str:
+        """The sentence on restarts of the board; empty without any."""
+        text = f"the board restarted {self.restarts} times; what it lost is not known"
+        return text if self.restarts else ""
+
+    @property
+    def leap_sentence(self) -> str:
+        """The sentence on leaps of the board's clock; empty without any."""
+        text = (
+            f"the detector board's clock (t_us) leapt {self.leaps} times while the numbers of the "
+            "samples went on: check that it wraps at 32 bits, and that nothing sets it"
+        )
+        return text if self.leaps else ""
+
     def remember(self, samples: RawSamples) -> None:
         """Keep the newest samples, at least LATE of them."""
         self.recent.append(samples)
@@ -145,15 +166,17 @@ class Sequence:
                     continue
                 whole = self.elapsed_time(step, passed, gap, first=not seqs)
                 if whole is None:
-                    self.restarts += 1
+                    self.restarts += step != 1
+                    self.leaps += step == 1
                     self.fresh = int(keep.sum())
                     known.clear()
                     oldest = number
                     waited = gap if isfinite(gap) and not seqs else 0.0
                     step, whole = 1, int(max(waited, self.period, 1.0))
                 self.lost += step - 1
-                if step == 1 and self.period and whole > max(CLOSE_US, 10 * self.period):
-                    self.silent += whole
+                pause = int(min(whole, gap))  # a clock that was set ahead is no silence
+                if step == 1 and self.period and pause > max(CLOSE_US, 10 * self.period):
+                    self.silent += pause
                 run = slice(n, end)
                 seqs.append(seq + step + np.arange(end - n))
                 times.append(time + whole + elapsed_counts(samples.time[run]))

@@ -4,7 +4,8 @@ A block can only be late: the port, the system and a busy reader keep it for a w
 brings it early. The earliest of all arrivals therefore tell the time best. The line under the
 arrivals against the board's clock that touches them from below, with the least sum of distances
 (Moon, Skelly and Towsley, 1999), is the maximum of the likelihood for exponential delays; it is
-an edge of the lower convex hull. Its slope is the drift of the board's clock.
+an edge of the lower convex hull. Its slope is the drift of the board's clock, which is held within
+that of a quartz until the arrivals lie along another line: then the clock is off, and is told.
 """
 
 from __future__ import annotations
@@ -12,19 +13,25 @@ from __future__ import annotations
 import time
 from collections import deque
 from itertools import pairwise
-from math import hypot, inf, isfinite, log, nan
+from math import hypot, inf, log, nan
 from typing import NamedTuple
 
 import numpy as np
 
+from ...core.clocks import (
+    COUNT_SIGMA_S,
+    DELAY_CHANGE_S,
+    LARGEST_RATE,
+    QUARTZ_RATE,
+    STANDSTILL,
+    describe_rate,
+)
 from ...core.units import Floats
 
 #: Arrivals are remembered for this time, s: a quartz drifts with its temperature within minutes.
 ARRIVAL_MEMORY_S = 60.0
 #: Length of a bucket, s: only the arrival with the least delay in a bucket is remembered.
 BUCKET_S = 0.1
-#: Standard uncertainty of the rate of any board's clock; the slope is held within three of it.
-WORST_RATE = 100e-6
 #: Standard uncertainty of the change of a clock's rate between two lives of the board.
 RATE_CHANGE = 1e-6
 #: An arrival that is earlier than possible by more than this shows that a clock was set, s.
@@ -33,14 +40,16 @@ EARLY_ARRIVAL_S = 0.05
 KNOWN_BUCKETS = 5
 #: Number of newest buckets that must all be late to show that a clock has stood still.
 LATE_BUCKETS = 50
+#: Ratio of the arrivals' drift to their scatter above which they lie along a line of another rate.
+DRIFT_RATIO = 10.0
+#: Number of buckets from which on a rate beyond that of a quartz is believed.
+DRIFT_BUCKETS = 10
 #: An arrival with a delay above this counts as late, s.
 LATE_ARRIVAL_S = 0.01
 #: For a line under n points whose distances from it are exponential with mean m: its bias at the
 #: middle of the points, and the standard deviations of its value at their end and of its rise over
 #: all of them, in units of m/n; by simulation (tests/live/test_host_time.py repeats it).
 BIAS, END, RISE = 1.8, 4.0, 7.0
-#: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
-COUNT_SIGMA_S = 1e-6 / 12**0.5
 #: Pairs of times of the two clocks of which the closest one counts.
 CLOCK_READINGS = 3
 
@@ -57,94 +66,117 @@ def wall_clock_offset() -> float:
 
 
 class ClockLine(NamedTuple):
-    """host = device + offset + rate (device - middle), all in s."""
+    """host - device = offset + rate (host - middle), all in s."""
 
     middle: float
     offset: float
     rate: float
 
-    def lag(self, device: float) -> float:
+    def lag(self, host: float) -> float:
         """The host's time less the board's time, s."""
-        return self.offset + self.rate * (device - self.middle)
+        return self.offset + self.rate * (host - self.middle)
 
     def host_times(self, device: Floats) -> Floats:
-        times: Floats = device + self.offset + self.rate * (device - self.middle)
+        times: Floats = self.middle + (device + self.offset - self.middle) / (1 - self.rate)
         return times
 
 
 class HostTime:
     """The line between the clocks of a board and of the host, since the board's last start.
 
-    rate, rate_sigma: of the host's clock against the board's, with its standard uncertainty; they
-    outlive a restart.  restarts: number of new lines.  over: the delay of the newest block after
-    the line, s.  late: delay of the line after the soonest line so far, s, without the drift;
-    a board's clock that lost time looks the same as a delay.  moves: how often a known line was
-    moved by more than its drift.
+    rate, rate_sigma: share of the host's time by which the board's clock is slow, with its standard
+    uncertainty.  known: the last of both that the arrivals determined; they outlive a restart.
+    is_held: whether the arrivals drift by more than a quartz, but not clearly so.  restarts: number
+    of new lines.  over: the delay of the newest block after the line, s.  late: delay of the line
+    after the soonest line so far, s, without the drift of a quartz; a board's clock that lost time
+    looks the same as a delay.  moves: how often a known line was moved by more than its drift.
     """
 
     def __init__(self) -> None:
-        self.rate, self.rate_sigma = 0.0, WORST_RATE
+        self.rate, self.rate_sigma, self.is_held = 0.0, QUARTZ_RATE, False
+        self.known = self.rate, self.rate_sigma
         self.restarts, self.moves = -1, 0
         self.late = self.over = 0.0
-        self.points: deque[tuple[float, float]] = deque()  # board's time, and the lag of arrival
+        self.points: deque[tuple[float, float]] = deque()  # arrivals, and their lags, s
         self.restart()
 
     def restart(self) -> None:
         """Begin a new line: the clocks' offset changes here, their rates do not."""
         self.restarts += 1
-        self.moves += len(self.points) >= KNOWN_BUCKETS
+        self.moves += self.is_known
         self.line: ClockLine | None = None
         self.points.clear()
         self.bucket = -inf
         self.lowest: tuple[float, float] | None = None
         self.scale = 0.0
-        self.held = self.rate, hypot(self.rate_sigma, RATE_CHANGE)
+        self.held = self.known[0], hypot(self.known[1], RATE_CHANGE)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the line is known, apart from its uncertainty."""
+        return len(self.points) >= KNOWN_BUCKETS
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the board's clock does not go on, so that it gives no times."""
+        return self.rate > 1 - STANDSTILL
 
     def add(self, device: float, arrival: float) -> None:
         """Add a block: `device` is the board's time of its last sample, s."""
         lag = arrival - device
         if self.line is None:
-            self.line = ClockLine(device, lag, self.rate)
-            self.bucket = device
-        over = lag - self.line.lag(device)
+            self.line = ClockLine(arrival, lag, self.held[0])
+            self.bucket = arrival
+        over = lag - self.line.lag(arrival)
         self.late = max(self.late + min(over, 0.0), 0.0)
-        if over < -EARLY_ARRIVAL_S:
+        is_early = over < -EARLY_ARRIVAL_S * max(1.0, 1 - self.line.rate)
+        if is_early and self.is_known and not self.is_held:
             self.restart()
             self.add(device, arrival)
             return
         if over < 0:  # known at once, where the fit is only made now and then
             self.line = self.line._replace(offset=self.line.offset + over)
         if self.lowest is None or over < self.lowest[1] - self.line.lag(self.lowest[0]):
-            self.lowest = device, lag
-        if device - self.bucket >= BUCKET_S:
+            self.lowest = arrival, lag
+        if (passed := arrival - self.bucket) >= BUCKET_S:
             self.points.append(self.lowest)
-            self.lowest, self.bucket = None, device
-            while len(self.points) > 1 and self.points[0][0] < device - ARRIVAL_MEMORY_S:
+            self.lowest, self.bucket = None, arrival
+            while len(self.points) > 1 and self.points[0][0] < arrival - ARRIVAL_MEMORY_S:
                 self.points.popleft()
-            before = self.line.lag(device)
+            # data that come later and later look like a slow clock: beyond a quartz, they are late
+            before = self.line.lag(arrival) - max(self.line.rate - LARGEST_RATE, 0.0) * passed
             self.fit()
-            self.late = max(self.late + self.line.lag(device) - before, 0.0)
-        self.over = max(lag - self.line.lag(device), 0.0)
+            self.late = max(self.late + self.line.lag(arrival) - before, 0.0)
+        self.over = max(lag - self.line.lag(arrival), 0.0)
 
     def fit(self) -> None:
         """Fit the line under the remembered arrivals."""
         at, lag = np.array(self.points).T
-        middle = float(at.mean())
-        known, sigma = self.held
-        offset, rate, free = touching_line(at - middle, lag, known - 3 * sigma, known + 3 * sigma)
-        over = lag - offset - rate * (at - middle)
+        count, middle, length = len(at), float(at.mean()), float(at[-1] - at[0]) or BUCKET_S
+        x, (known, sigma) = at - middle, self.held
+        free = hull_slope(x, lag, known)
+        rate = min(max(free, known - 3 * sigma), known + 3 * sigma)
+        excess = abs(free - rate)
+        offset, over = touching_line(x, lag, free)
+        unclear = DELAY_CHANGE_S + DRIFT_RATIO * median_scale(over)
+        self.is_held = excess > 0 and (count < DRIFT_BUCKETS or excess * length < unclear)
+        if self.is_held:
+            offset, over = touching_line(x, lag, rate)
+        else:
+            rate = free
         if self.stood_still(over):
-            for _ in range(len(over) - LATE_BUCKETS):
+            for _ in range(count - LATE_BUCKETS):
                 self.points.popleft()
             self.moves += 1
             self.fit()
             return
-        count, length = len(over), float(at[-1] - at[0]) or BUCKET_S
-        self.scale = float(np.median(over)) / log(2) if count > 4 else float(over.mean())
-        self.rate = rate
-        spread = RISE * self.scale / count / length
-        # counts of microseconds are as much in doubt at both ends
-        self.rate_sigma = min(sigma, hypot(spread, 2 * COUNT_SIGMA_S / length)) if free else sigma
+        self.scale = median_scale(over)
+        self.rate, self.rate_sigma = rate, hypot(sigma, excess)
+        if self.is_known and not self.is_held:
+            # counts of microseconds are as much in doubt at both ends
+            own = hypot(RISE * self.scale / count / length, 2 * COUNT_SIGMA_S / length)
+            self.rate_sigma = own if excess else min(sigma, own)
+            self.known = rate, self.rate_sigma
         self.line = ClockLine(middle, offset - BIAS * self.scale / count, rate)
 
     def stood_still(self, over: Floats) -> bool:
@@ -160,34 +192,41 @@ class HostTime:
         """
         if self.line is None:
             return nan
-        if len(self.points) < KNOWN_BUCKETS:
+        if not self.is_known or self.stands_still:
             return inf
         end = END * self.scale / len(self.points)
-        reach = (self.points[-1][0] - self.points[0][0]) / 2
+        reach = (self.points[-1][0] - self.points[0][0]) / (1 if self.is_held else 2)
         held = self.rate_sigma * reach if self.rate_sigma >= self.held[1] else 0.0
-        return float(np.sqrt(end**2 + held**2 + COUNT_SIGMA_S**2))
+        return float(np.sqrt(end**2 + held**2 + COUNT_SIGMA_S**2)) / (1 - self.rate)
 
     @property
     def ppm(self) -> float:
-        """Relative rate of the host's clock over the board's, 1e-6; NaN until it is known."""
-        return 1e6 * self.rate if self.rate_sigma < WORST_RATE else nan
+        """Share of the host's time by which the board's clock is slow, 1e-6; NaN until it is
+        known."""
+        rate, sigma = self.known
+        return 1e6 * rate if sigma < max(QUARTZ_RATE, abs(rate) / 10) else nan
+
+    @property
+    def complaint(self) -> str:
+        """The sentence on a board's clock that is off by more than a quartz; or nothing."""
+        return describe_rate(1e-6 * self.ppm)
 
 
-def touching_line(x: Floats, y: Floats, least: float, most: float) -> tuple[float, float, bool]:
-    """The line under points (n,) with the least sum of distances, its slope between two ends.
-
-    x: ascending, of mean zero. Returns the line's value at zero, its slope, and whether the slope
-    lies between its ends.
-    """
-    slope = hull_slope(x, y)
-    free = isfinite(slope) and least < slope < most
-    if not free:
-        slope = min(max(slope, least), most) if isfinite(slope) else (least + most) / 2
-    return float((y - slope * x).min()), slope, free
+def touching_line(x: Floats, y: Floats, slope: float) -> tuple[float, Floats]:
+    """The line of a slope under points (n,): its value at zero, and their distances above it."""
+    rest = y - slope * x
+    offset = float(rest.min())
+    return offset, rest - offset
 
 
-def hull_slope(x: Floats, y: Floats) -> float:
-    """The slope of the lower convex hull where x is zero; NaN for a single point."""
+def median_scale(over: Floats) -> float:
+    """The mean of exponential distances (n,) from their median, or of few from their mean."""
+    return float(np.median(over)) / log(2) if len(over) > 4 else float(over.mean())
+
+
+def hull_slope(x: Floats, y: Floats, single: float) -> float:
+    """The slope of the lower convex hull where x, of mean zero and ascending, is zero: that of the
+    line with the least sum of distances; `single` for a single point."""
     hull: list[tuple[float, float]] = []
     for point in zip(x.tolist(), y.tolist(), strict=True):
         while len(hull) > 1 and turns_down(hull[-2], hull[-1], point):
@@ -196,7 +235,7 @@ def hull_slope(x: Floats, y: Floats) -> float:
     for (left, low), (right, high) in pairwise(hull):
         if right >= 0:
             return (high - low) / (right - left)
-    return nan
+    return single
 
 
 def turns_down(

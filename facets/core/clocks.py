@@ -1,0 +1,42 @@
+"""By how much the clock of a detector board may differ from the computer's."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+#: Standard uncertainty of the rate of a board's clock with a quartz.
+QUARTZ_RATE = 100e-6
+#: A quartz explains no larger difference.
+LARGEST_RATE = 4 * QUARTZ_RATE
+#: Beyond this difference no oscillator is at fault, and the board's times are wrong.
+IMPOSSIBLE_RATE = 0.05
+#: The least delay of a port can change by this, s, such as by the latency timer of a USB converter
+#: (16 ms): a drift of the arrivals by less is no evidence against a quartz.
+DELAY_CHANGE_S = 0.015
+#: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
+COUNT_SIGMA_S = 1e-6 / 12**0.5
+#: Units of times, by the ratio of the board's clock to the computer's.
+UNITS = {1e3: "nanoseconds", 1e-3: "milliseconds"}
+#: A clock that is slower than this ratio stands still.
+STANDSTILL = 1e-5
+
+
+def describe_rate(rate: float) -> str:
+    """The sentence on a board's clock that no quartz explains; empty for a credible rate.
+
+    rate: share of the computer's time by which the board's clock is slow; NaN if not known.
+    """
+    if not isfinite(rate) or abs(rate) <= LARGEST_RATE:
+        return ""
+    subject, pace = "the detector board's clock (t_us)", 1 - rate
+    if pace < STANDSTILL:
+        return f"{subject} stands still: check the counter that the firmware reads"
+    if abs(rate) <= IMPOSSIBLE_RATE:
+        size, late = f"{1e6 * abs(rate):.4g} ppm", "; or its data come later and later"
+        return (
+            f"{subject} is {size} {'slow' if rate > 0 else 'fast'} by the arrivals of its data, "
+            f"more than a quartz is: check its oscillator{late if rate > 0 else ''}"
+        )
+    unit = next((name for ratio, name in UNITS.items() if abs(pace / ratio - 1) < 0.05), "")
+    cause = f"t_us counts {unit}" if unit else "check its unit and its prescaler"
+    return f"{subject} runs {pace:.3g} times as fast as its data arrive: {cause}"
