@@ -166,7 +166,9 @@ def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
     def feed(samples, permit, late, doubt):
         ages.append(arrival - (samples.times - late))
 
-    stage = SimpleNamespace(halt=halts.append, begun=0.0, feed=feed)
+    stage = SimpleNamespace(
+        halt=halts.append, begun=0.0, feed=feed, take_permit=lambda taken, is_permitted: None
+    )
     loop = Loop(Live(Pipeline(config), tracker=stage), SimpleNamespace(port=None, is_stepped=False))
     for data, came in packets(66_000, 100.0):
         arrival = came + 0.3 * (came > 101.2)

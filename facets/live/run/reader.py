@@ -138,7 +138,7 @@ class Reader(threading.Thread):
         self.pending.clear()
         tracker = self.live.tracker
         # what a file holds came at an unknown time; its first bytes are a beginning for the others
-        waits = self.port is not None and self.port.waits
+        waits = self.port is not None and self.port.waits and not self.is_stepped
         arrival = nan if waits and self.live.bytes else self.arrival
         block = Block(data, arrival, tracker.encoder if tracker else None)
         for sink in self.live.sinks:
