@@ -329,8 +329,8 @@ def profile_finding(result: Fit, remainder: Remainder) -> Finding | None:
     if not (np.abs(values) > CLEAR_SIGMAS * sigmas).any():
         return None
     listed = ", ".join(
-        f"{result.choice.names[n].partition('.')[2]} {value:.2g} +- {sigma:.1g}"
-        for n, value, sigma in zip(places, values, sigmas, strict=True)
+        f"{result.choice.names[n].partition('.')[2]} {value:.2g}"
+        for n, value in zip(places, values, strict=True)
     )
     size = 100 * float(np.hypot(profile_size(result, "profile"), profile_size(result, "asymmetry")))
     words = (

@@ -27,6 +27,7 @@ from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
+from .alternatives.scatter import covariance_factor
 from .fitting.bundle_adjustment import Data
 from .fitting.fit import Fit
 from .fitting.unknowns import (
@@ -42,6 +43,7 @@ from .fitting.unknowns import (
     SKEW,
     Choice,
     block,
+    fold_mount,
     values_of,
 )  # fmt: skip
 
@@ -444,39 +446,45 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
     return ("um", 1e3) if head.startswith(("correction", "spline")) else ("mrad", 1e3)
 
 
-def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
-    """A table of each unknown's change and uncertainties.
+def standard_uncertainties(result: Fit, names: Sequence[str]) -> Floats:
+    """The standard uncertainty of each named parameter, in the units of the code.
 
-    The first mount's angles are left out: in what is written they are part of the facets, whose
-    change and uncertainty hold them here, too.
+    It is that of the covariance which is written, to which everything is added that the fit does
+    not see. An unknown of the motion, such as where the mirror sits on the reference, is not
+    written, and has that of the fit.
     """
     calibrated = result.sensor.calibration
     assert calibrated is not None
+    fitted = np.sqrt(covariance_factor(result)) * result.uncertainty
+    stated = dict(zip(result.choice.names, fitted, strict=True))
+    stated |= zip(calibrated.names, np.sqrt(np.diag(calibrated.covariance)), strict=True)
+    return np.array([stated[name] for name in names])
+
+
+def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
+    """A table of each unknown's change and uncertainties.
+
+    The first mount's angles are left out: they are part of the facets, whose change and
+    uncertainty hold them.
+    """
     kept = [n for n, name in enumerate(result.choice.names) if not name.startswith("mount.")]
     names = [result.choice.names[n] for n in kept]
     units = [unit_of(name, nominal) for name in names]
     factors = np.array([factor for _, factor in units])
-    change = (result.values - values_of(nominal)[result.choice.places])[kept]
-    written, after = values_of(result.sensor), np.sqrt(np.diag(calibrated.covariance))
-    u = result.uncertainty[kept]
-    for n, name in enumerate(names):
-        if name.startswith("facet_"):
-            change[n] = written[PLACE[name]] - values_of(nominal)[PLACE[name]]
-            u[n] = after[calibrated.names.index(name)]
+    change = fold_mount(result.all_values) - values_of(nominal)
     return {
         "parameter": np.array(names),
         "unit": np.array([unit for unit, _ in units]),
         "known_before": result.choice.sigma[kept] * factors,
-        "change": change * factors,
-        "u": u * factors,
+        "change": change[[PLACE[name] for name in names]] * factors,
+        "u": standard_uncertainties(result, names) * factors,
     }
 
 
 def parameter_table(nominal: Sensor, result: Fit, made: Sensor) -> dict[str, NDArray[Any]]:
     """A table of the calibrated parameters of the sensor `made` that a calibration has written.
 
-    factor: from the unit of the code to the one shown.  place: in the order of
-    `Sensor.calibration`.
+    place: in the order of `Sensor.calibration`.
     """
     assert made.calibration is not None
     names = [name for name in made.calibration.names if name in PLACE]
@@ -489,8 +497,8 @@ def parameter_table(nominal: Sensor, result: Fit, made: Sensor) -> dict[str, NDA
     return {
         "parameter": np.array(names),
         "unit": np.array([unit + more for (unit, _), more in zip(units, per, strict=True)]),
-        "factor": factors,
         "value": after[at] * factors,
         "change": (after - before)[at] * factors,
+        "u": standard_uncertainties(result, names) * factors,
         "place": np.array([made.calibration.names.index(name) for name in names]),
     }

@@ -30,7 +30,13 @@ from ..model.arrays import EFFECTS, readings
 from .alternatives.columns import beam_sigma, chip_columns, effect_columns
 from .alternatives.judge import Cause, trace_in_use
 from .alternatives.remainder import Remainder
-from .alternatives.scatter import PLACE_READINGS, POWERS, Scatter, is_doubtful
+from .alternatives.scatter import (
+    PLACE_READINGS,
+    POWERS,
+    Scatter,
+    covariance_factor,
+    is_doubtful,
+)
 from .candidates import bend_unknowns
 from .checks import rounding
 from .findings import profile_size, residual_sizes
@@ -172,11 +178,6 @@ def add_open_bends(sensor: Sensor, remainder: Remainder, settings: Calibrate) ->
     matrix[np.ix_(at, at)] += more.covariance
     joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
     return replace(sensor, calibration=joint)
-
-
-def covariance_factor(result: Fit) -> float:
-    """The factor of a fit's covariance in the written one: chi-square where it is in doubt."""
-    return result.reduced_chi_square if is_doubtful(result) else 1.0
 
 
 def add_unseen_errors(

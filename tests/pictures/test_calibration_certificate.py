@@ -12,8 +12,11 @@ from facets.experiments.studies import rigs
 
 import facets
 from facets.calibration import REFERENCE
+from facets.calibration.table import unit_of
+from facets.calibration.uncertainty import Budget
 from facets.core import READING_COLUMNS
 from facets.core import STATE_UNITS as UNITS
+from facets.pictures import calibration_certificate
 
 STATEMENT = """extends: paper
 calibrate:
@@ -48,13 +51,19 @@ def text_of(page):
     return " ".join(unescape(re.sub(r"<style.*?</style>|<[^>]*>", " ", page, flags=re.S)).split())
 
 
-def test_a_certificate_states_what_was_entered_found_and_read(folder):
+@pytest.fixture(scope="module")
+def calibrated(folder):
+    """What a calibration prints, and the text of its certificate."""
     words = ("my.yaml", "good.csv", "-o", "c.yaml", "--report", "c.html")
     printed = command("calibrate", *words, cwd=folder).stdout
+    return printed, text_of((folder / "c.html").read_text("utf-8"))
+
+
+def test_a_certificate_states_what_was_entered_found_and_read(folder, calibrated):
+    printed, text = calibrated
     assert "c.html" in printed
     assert "…" not in printed
     page = (folder / "c.html").read_text("utf-8")
-    text = text_of(page)
     assert "Calibration certificate of head <no. 3>" in text
     assert "NOT VALID" not in page
     for entry in ("2026/17-A", "0042", "2026-11-20", "certificate 123 of the national institute"):
@@ -78,12 +87,36 @@ def test_a_certificate_states_what_was_entered_found_and_read(folder):
     pose = text.partition(" at rest dof tx ")[2].split()
     standard = float(text.partition(" standard uncertainty u ")[2].split()[0])
     assert float(pose[0]) == pytest.approx(float(pose[3]) * standard, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["screen", "table", "certificate"])
+def test_a_parameter_has_the_uncertainty_that_is_written_with_it(folder, calibrated, kind):
+    """Bends of the detectors that no sample shows make a pitch less known than the fit says."""
+    printed, text = calibrated
+    sensor = facets.load(folder / "c.yaml").sensor
+    known = sensor.calibration
+    written = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
     found = pd.read_csv(folder / "c-found.csv", comment="#", index_col="parameter")
-    for name in ("psd_a.height", "facet_a.azimuth"):  # the screen, the table and the certificate
-        row = [x.replace("\N{MINUS SIGN}", "-") for x in text.partition(f" {name} ")[2].split()[:5]]
-        assert found.u[name] == pytest.approx(float(row[2]) / float(row[4]), rel=0.05)
-        change, u = f"{found.change[name]:+.4g}", f"{found.u[name]:.2g}"
-        assert re.search(rf"{name} .* {re.escape(change)} +{u} ", printed)
+    names = [name for name in found.index if name in written]
+    assert len(names) > 30
+    assert written["psd_a.pitch"] > 1e-3  # rad
+    for name in names:
+        expected = written[name] * unit_of(name, sensor)[1]
+        if kind == "table":
+            u = found.u[name]
+        elif kind == "screen":
+            u = float(re.search(rf" {re.escape(name)} .*? (\S+)  \S+$", printed, re.M)[1])
+        else:
+            row = text.partition(f" {name} ")[2].split()[:5]  # value, change, U, unit, k
+            u = float(row[2]) / float(row[4])
+        assert u == pytest.approx(expected, rel=0.06), name
+
+
+def test_the_largest_uncertainty_of_poses_is_not_below_that_at_rest():
+    """Where no sample is as uncertain as the pose at rest."""
+    parts = {"noise": np.array([np.full(6, 4e-8), np.full(6, 1e-8)])}
+    section = calibration_certificate.pose_section(Budget({}, ("noise",), 8.0), parts)
+    assert all(rest == largest for _, rest, largest, *_ in section.rows)
 
 
 @pytest.mark.slow

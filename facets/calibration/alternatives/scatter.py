@@ -369,6 +369,11 @@ def is_doubtful(result: Fit) -> bool:
     )
 
 
+def covariance_factor(result: Fit) -> float:
+    """The factor of a fit's covariance in the written one: chi-square where it is in doubt."""
+    return result.reduced_chi_square if is_doubtful(result) else 1.0
+
+
 def far_unknowns(sensor: Sensor, result: Fit, far: float = FAR_SIGMAS) -> list[tuple[str, float]]:
     """Unknowns that end more than `far` prior standard uncertainties from their prior, with that
     number; the farthest first."""

@@ -191,8 +191,7 @@ def parameter_section(verdict: Verdict, budget: Budget, made: Sensor) -> ReportS
     table = parameter_table(verdict.search.sensor, verdict.fit, made)
     columns = [table[name].tolist() for name in ("parameter", "unit", "value", "change")]
     variances = {source: np.diag(part)[table["place"]] for source, part in budget.sensor.items()}
-    standard = table["factor"] * np.sqrt(np.asarray(sum(variances.values())))
-    expanded, factors, freedom = expand(standard, budget.effective_freedom(variances))
+    expanded, factors, freedom = expand(table["u"], budget.effective_freedom(variances))
     rows = []
     for (name, unit, value, change), size, factor, count in zip(
         zip(*columns, strict=True), expanded.tolist(), factors, freedom, strict=True
@@ -210,7 +209,7 @@ def pose_section(budget: Budget, parts: dict[str, Floats]) -> ReportSection:
     freedom = budget.effective_freedom(parts)
     units = np.array([unit_of(axis).fine_factor for axis in POSE])
     expanded, factors, counts = expand(standard * units, freedom)  # those at rest come first
-    largest = np.nanmax(expanded[1:], axis=0)
+    largest = np.nanmax(expanded, axis=0)
     rows = [
         [axis, f"{expanded[0, n]:.2g}", f"{largest[n]:.2g}", unit_of(axis).fine_unit, factors[n],
          counts[n]]
