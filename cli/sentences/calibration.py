@@ -94,7 +94,7 @@ def show_errors(table: dict[str, Any]) -> None:
         "within the 95 % intervals"
     )
     typer.echo(f"  {'':6} {'before':>9} {'after':>9} {'robust':>9} {'stated':>9}       {'held':>6}")
-    for axis, unit, before, after, robust, stated, inside in zip(*table.values(), strict=True):
+    for axis, unit, before, after, robust, stated, inside, _ in zip(*table.values(), strict=True):
         if after == after:
             typer.echo(
                 f"  {axis:6} {before:9.3g} {after:9.3g} {robust:9.3g} {stated:9.3g} {unit:4} "

@@ -333,6 +333,7 @@ def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDAr
     the reference is not known then.  after: by the calibrated one, r.m.s.; robust: the same from
     the median of the errors' sizes, which a few spikes do not move.  stated: what the uncertainties
     of pose and reference say.  inside: per cent of 95 % intervals that held.
+    samples: number of poses.
     """
     known = np.isfinite(held.sigma)
     start = compare_poses(nominal, held, values_of(nominal), result)
@@ -343,6 +344,7 @@ def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDAr
         "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) / OWN_UNITS[:6],
         "stated": rms(ended.uncertainty) / OWN_UNITS[:6],
         "inside": 100 * ended.coverage,
+        "samples": np.isfinite(ended.error).sum(axis=0).astype(float),
     }
     names: dict[str, NDArray[Any]] = {
         "axis": np.array(POSE),

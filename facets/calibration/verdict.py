@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
+from ..core.units import Floats
 from ..estimation.estimates import compile_for
 from .alternatives.alternative import Finding, chance_of
 from .alternatives.faults import WORST_LIGHT_SIGMAS, Explanation, find_fault
@@ -47,7 +48,7 @@ from .findings import (
     spike_finding,
 )
 from .fitting.bundle_adjustment import Data, add_approach, add_power_polynomials
-from .fitting.fit import Fit, fit
+from .fitting.fit import NORMAL_MEDIAN, Fit, fit
 from .fitting.samples import (
     add_converter_steps,
     average_equal_poses,
@@ -80,11 +81,10 @@ from .uncertainty import (
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
 
-#: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
+#: Ratios of measured to stated error on held-back samples, above which the result is reported, and
+#: refused, if chance exceeds the ratio with no more than these probabilities.
 WIDER_FACTOR, WRONG_FACTOR = 1.5, 2.0
-#: An error is larger than stated beyond chance where it is so by more than this over the root of
-#: the number of samples: five standard deviations, by the median.
-BEYOND_CHANCE = 6.0
+WIDER_CHANCE, WRONG_CHANCE = 1e-2, 1e-4
 #: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
 #: before these effects: real light is explained by them nearly whole, a fault is not.
 PROMISING_CHI_SQUARE = 2.0
@@ -451,7 +451,7 @@ def validate(
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)
     if all(cause.alternatives[0].persists for cause in causes):  # else what is held back has them
-        said += validation_findings(errors, len(held.raw))
+        said += validation_findings(errors)
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
 
@@ -467,20 +467,42 @@ def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
     return not plain.ended or is_worse or bool(pull_findings(sensor, plain))
 
 
-def validation_findings(errors: dict[str, NDArray[Any]], count: int) -> list[Finding]:
-    """A finding on the errors of poses from a number of held-back samples."""
+def largest_by_chance(counts: Floats, probability: float) -> Floats:
+    """The ratio of robust to stated error, for each axis, which the errors of a calibration without
+    a fault exceed in any axis with this probability.
+
+    counts: (m,) of independent samples by axis. The median of n values has the rank of a beta
+    variable with (n + 1) / 2 twice; the m axes share the probability (Sidak).
+    """
+    from scipy.special import betaincinv, ndtri
+
+    half = (counts + 1) / 2
+    rank = betaincinv(half, half, (1 - probability) ** (1 / len(counts)))
+    limit: Floats = NORMAL_MEDIAN * ndtri((1 + rank) / 2)
+    return limit
+
+
+def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
+    """A finding on the errors of poses from held-back samples, see `validation_table`."""
     with np.errstate(invalid="ignore"):
         over = errors["robust"] / errors["stated"]
-    if not np.isfinite(over).any():
+    measured = np.flatnonzero(np.isfinite(over))
+    if not measured.size:
         return []
-    worst = int(np.nanargmax(over))
-    if over[worst] < WIDER_FACTOR:
-        return []
-    axis, unit = errors["axis"][worst], errors["unit"][worst]
-    words = (
-        f"On samples held back the poses err by {errors['robust'][worst]:.3g} {unit} in {axis}, "
-        f"where {errors['stated'][worst]:.3g} {unit} is stated: "
+    over, counts = over[measured], errors["samples"][measured]
+    wider, wrong = (
+        over / np.maximum(factor, largest_by_chance(counts, chance))
+        for factor, chance in ((WIDER_FACTOR, WIDER_CHANCE), (WRONG_FACTOR, WRONG_CHANCE))
     )
-    if over[worst] > max(WRONG_FACTOR, 1 + BEYOND_CHANCE / np.sqrt(count)):
+    if wider.max() <= 1:
+        return []
+    n = measured[np.argmax(wider)]
+    unit = errors["unit"][n]
+    words = (
+        f"On {errors['samples'][n]:.0f} samples held back the poses err by "
+        f"{errors['robust'][n]:.3g} {unit} in {errors['axis'][n]}, where "
+        f"{errors['stated'][n]:.3g} {unit} is stated, which is more than chance allows: "
+    )
+    if wrong.max() > 1:
         return [Finding(True, words + "the calibration does not hold beyond its own samples.")]
     return [Finding(False, words + "take the larger for the truth.")]

@@ -238,7 +238,7 @@ def error_rows(errors: dict[str, Any] | None) -> list[list[str]]:
     assert errors is not None
     return [
         [axis, f"{robust:.3g}", f"{stated:.3g}", unit.replace("u", MICRO, 1), f"{inside:.1f}"]
-        for axis, unit, _, after, robust, stated, inside in zip(*errors.values(), strict=True)
+        for axis, unit, _, after, robust, stated, inside, _ in zip(*errors.values(), strict=True)
         if after == after
     ]
 
