@@ -163,7 +163,7 @@ def test_a_stage_hears_how_late_data_are_and_that_the_clock_was_moved(timing):
     config = replace(BENCH, acquire=replace(BENCH.acquire, timing=timing))
     halts, ages = [], []
 
-    def feed(samples, permit, late, doubt):
+    def feed(samples, late, doubt):
         ages.append(arrival - (samples.times - late))
 
     stage = SimpleNamespace(
