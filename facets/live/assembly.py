@@ -212,10 +212,7 @@ class Run:
             begin["zero"] = zero.text
         meta = run_record(self.config, None, 0.0, begin)
         with hold_signals():  # a folder that is begun has an owner, who removes it
-            config, clock = self.config, self.live.clock
-            self.recording = Recording(
-                folder, meta, config.resolved, config.acquire.sync, clock=clock
-            )
+            self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
         self.live.sinks.append(self.recording)
 
     def publish(self, tell: Tell) -> None:

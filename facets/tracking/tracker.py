@@ -176,11 +176,11 @@ class Tracker:
             self.error = "the stage did not answer when it was to stop at the end"
         join(watchdog)
 
-    def take_permit(self, time: float, is_given: bool) -> None:
+    def take_permit(self, time: float, is_permitted: bool) -> None:
         """Take the board's permit of samples, before they are solved: the time of the last one, s,
         and whether all of them have it."""
         if isinstance(self.envelope.permit, BoardPermit):
-            self.envelope.permit.take(time, is_given)
+            self.envelope.permit.take(time, is_permitted)
 
     def feed(self, samples: SolvedSamples, late: float = 0.0, doubt: str = "") -> None:
         """Take samples.  late: how much earlier than their times they may have been taken, s.

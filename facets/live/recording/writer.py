@@ -15,7 +15,6 @@ import json
 import threading
 import time
 import zlib
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -62,15 +61,14 @@ class Recording(ClosedAtExit, Sink):
         resolved: dict[str, Any],
         sync: float = 0.0,
         disk: Disk | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Begin a recording with its meta data and the files that the configuration names.
 
         meta: the text of `meta.yaml`.  resolved: the whole configuration.  sync: time between
-        syncs, s; 0 for none.  clock: of the run, s, which dates the events. Raises `InputError` for
-        a folder that is not new, and `DiskError` for one that cannot be written.
+        syncs, s; 0 for none. Raises `InputError` for a folder that is not new, and `DiskError` for
+        one that cannot be written.
         """
-        self.folder, self.disk, self.clock = folder, disk or Disk(), clock
+        self.folder, self.disk = folder, disk or Disk()
         self.lost = 0
         self.troubles: dict[str, str] = {}
         self.refused = False
@@ -159,7 +157,7 @@ class Recording(ClosedAtExit, Sink):
 
     def add_event(self, name: str, **details: Any) -> None:
         """Write a line about an event of this moment, with the sum of all lines until there."""
-        row = {"monotonic": self.clock(), "utc": time.time(), "event": name, **details}
+        row = {"monotonic": time.monotonic(), "utc": time.time(), "event": name, **details}
         with self.summing:
             line = add_sum(json.dumps(row, default=str).encode(), self.events_crc)
             if self.put("events.jsonl", line):
