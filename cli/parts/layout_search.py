@@ -29,7 +29,7 @@ def search(settings: Config) -> Optimum:
     with show_progress("searching") as tell:
         optimum = design.search.optimize(settings.sensor, settings.layout, tell)
     if optimum.tried:
-        headings, rows = design.tables.part_rows(optimum)
+        headings, rows = design.tables.part_rows(optimum, settings.layout.aim)
         left = (0, 1, 2, len(headings) - 1)
         show_table("parts, the best first", headings, rows[:SHOWN], left=left)
         if len(rows) < optimum.choices or len(rows) > SHOWN:
@@ -37,7 +37,7 @@ def search(settings: Config) -> Optimum:
                 f"{len(rows)} of {optimum.choices} choices were tried; the others cannot be "
                 "better, or do not meet all requirements\n"
             )
-    headings, rows = design.tables.start_rows(optimum)
+    headings, rows = design.tables.start_rows(optimum, settings.layout.aim)
     report_object(settings)
     show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
     if not optimum.best.found:

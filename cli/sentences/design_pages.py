@@ -176,7 +176,7 @@ def sections_of(
         *built,
     ]  # fmt: skip
     if layout.optimum.tried:
-        parts = design.tables.part_rows(layout.optimum)
+        parts = design.tables.part_rows(layout.optimum, layout.settings.layout.aim)
         sections.append(section("Parts", (), *parts, wide=True))
     return [*sections, section("Are readings unique?", (proof,))]
 

@@ -64,8 +64,21 @@ def show_yields(settings: Config, yields: Yields) -> None:
         typer.echo(f"{yields.heads.unsettled} calibrations did not settle; their heads fail\n")
     show_table("tolerances, the most worth while first", *tolerance_rows(settings, yields),
                left=(0, 4))  # fmt: skip
-    if advice := margin_advice(settings, yields):
+    for advice in filter(None, (exact_tolerances(yields), margin_advice(settings, yields))):
         typer.echo(f"{fill(advice, 98)}\n")
+
+
+def exact_tolerances(yields: Yields) -> str:
+    """State which tolerances the heads do not have; "" if they have all."""
+    varied, words = [row.key for row in yields.by_tolerance], design.tolerancing.OF_HEADS
+    exact = [key + words[key] for key in words if key not in varied]
+    if not exact:
+        return ""
+    return (
+        f"Not varied from head to head: {', '.join(exact)}. A standard uncertainty in "
+        "calibrate.before includes the part of each in the yield; laser_percent needs "
+        "calibrate.laser: constant, too."
+    )
 
 
 #: Below this share of heads a design is said to leave too little margin.
@@ -143,7 +156,8 @@ def last_kind(settings: Config, yields: Yields) -> str:
 def tolerance_rows(settings: Config, yields: Yields) -> Rows:
     kind = last_kind(settings, yields)
     rows = [
-        [row.key, f"{settings.calibrate.before[row.key]:g}", percent(getattr(row.alone, kind)),
+        [row.key + design.tolerancing.OF_HEADS[row.key],
+         f"{settings.calibrate.before[row.key]:g}", percent(getattr(row.alone, kind)),
          percent(getattr(row.halved, kind)), row.worst]
         for row in yields.by_tolerance
     ]  # fmt: skip

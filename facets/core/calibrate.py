@@ -53,13 +53,13 @@ BEFORE = block_of_keys(
             "the profile found (a ghost, light lost at a chipped tip), where the data call for an "
             "effect of light",
         ),
-        _prior_sigma("power_percent", 2.0, 100, "each PSD's gain"),
+        _prior_sigma("power_percent", 2.0, 100, "each PSD's gain (not the laser's power)"),
         _prior_sigma("dark_uw", None, 1e6, "power that each PSD reads without light"),
         _prior_sigma(
             "laser_percent",
             None,
             100,
-            "the laser's power, where it is constant; or give power_percent",
+            "the laser's power, where it is constant, or from head to head in `facets tolerances`",
         ),
         _prior_sigma("scale_percent", 2.0, 100, "each PSD's scales along y and z"),
         _prior_sigma(

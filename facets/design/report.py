@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,18 +17,32 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 
+#: By aim, what an objective stands for, and this quantity from the number that is minimised.
+QUANTITIES: dict[str, tuple[str, Callable[[float], float]]] = {
+    "resolution": ("worst uncertainty", lambda square: max(square, 0.0) ** 0.5),
+    "mean-resolution": ("root mean square uncertainty", lambda square: max(square, 0.0) ** 0.5),
+    "range": ("times the volume", lambda negative: -negative),
+    "condition": ("worst condition number", lambda exponent: 10.0**exponent),
+    "weighted": ("weighted sum", lambda value: value),
+    "size": ("head, mm", lambda share: 100 * share),
+}
+
+
+def objective_quantity(aim: str, objective: float) -> float:
+    """The quantity that an objective stands for, in the unit that is printed."""
+    return QUANTITIES[aim][1](objective)
+
+
 def objective_text(aim: str, objective: float) -> str:
     """Describe an objective in words."""
+    number = f"{objective_quantity(aim, objective):.4g}"
     if aim in ("resolution", "mean-resolution"):
-        kind = "worst" if aim == "resolution" else "root mean square"
-        return f"{kind} uncertainty {np.sqrt(max(objective, 0.0)):.4g} of the requested units"
+        return f"{QUANTITIES[aim][0]} {number} of the requested units"
     if aim == "range":
-        return f"a volume {-objective:.4g} times as large in each axis"
-    if aim == "condition":
-        return f"worst condition number {10**objective:.4g}"
-    if aim == "weighted":
-        return f"weighted sum {objective:.4g}"
-    return f"a head of {100 * objective:.4g} mm"
+        return f"a volume {number} times as large in each axis"
+    if aim == "size":
+        return f"a head of {number} mm"
+    return f"{QUANTITIES[aim][0]} {number}"
 
 
 def gains(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from .changes import changes_of
+from .report import QUANTITIES, objective_quantity
 from .sheets import Rows
 
 if TYPE_CHECKING:
@@ -27,29 +28,29 @@ KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
 }
 
 
-def part_rows(optimum: Optimum) -> Rows:
+def part_rows(optimum: Optimum, aim: str) -> Rows:
     """Headings and rows of the choices of parts."""
-    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *optimum.names, "objective",
-                "end"]  # fmt: skip
+    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *optimum.names,
+                QUANTITIES[aim][0], "end"]  # fmt: skip
     rows = []
     for choice, end in optimum.tried:
         price = "" if choice.price is None else f"{choice.price:.0f}"
         weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
         values = [f"{value:.4g}" for value in end.x]
-        objective = f"{end.objective:.4g}" if end.found else "-"
+        objective = f"{objective_quantity(aim, end.objective):.4g}" if end.found else "-"
         parted = [choice.psd, choice.laser, choice.amplifier or "-", price, weeks]
         rows.append([*parted, *values, objective, end.status])
     return headings, rows
 
 
-def start_rows(optimum: Optimum) -> Rows:
+def start_rows(optimum: Optimum, aim: str) -> Rows:
     """Headings and rows of all starts, the best first."""
     rows = [
-        [*(f"{value:.5g}" for value in end.x), f"{end.objective:.6g}", f"{end.seconds:.1f}",
-         end.status]
+        [*(f"{value:.5g}" for value in end.x), f"{objective_quantity(aim, end.objective):.6g}",
+         f"{end.seconds:.1f}", end.status]
         for end in optimum.results
     ]  # fmt: skip
-    return [*optimum.names, "objective", "seconds", "end"], rows
+    return [*optimum.names, QUANTITIES[aim][0], "seconds", "end"], rows
 
 
 def change_rows(settings: Config, sensor: Sensor, made: Rounded | None, names: list[str]) -> Rows:

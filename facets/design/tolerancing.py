@@ -46,6 +46,12 @@ KEY_OF_PARAMETER = {
 }  # fmt: skip
 
 
+#: The tolerances of a head, with a word for those whose key does not say what they are.
+OF_HEADS = dict.fromkeys((*KEY_OF_PARAMETER.values(), "bend_um"), "") | {
+    "power_percent": " (each detector's gain)", "laser_percent": " (the laser's power)",
+}  # fmt: skip
+
+
 def key_of(name: str) -> str:
     """The key of `calibrate.before` that holds a parameter's tolerance."""
     head, _, part = name.rpartition(".")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from facets.cli.sentences import yields
 
 import facets
 from facets import InputError, optimize
@@ -18,11 +20,13 @@ from facets.design import (
     interval,
     predict_yields,
     problem_of,
+    report,
     robust_layout,
     sensitivities,
     sensor_of,
     simulate_heads,
     states_of,
+    tables,
 )
 
 from .conftest import LOOSE
@@ -214,3 +218,24 @@ def test_a_yield_that_can_not_be_had_is_told(run_in_process, tmp_path):
     assert status == 1, errors
     assert "no layout was found of whose heads 99 %" in printed
     assert not (tmp_path / "best.yaml").exists()
+
+
+@pytest.mark.parametrize(("laser", "is_said"), [("drifts", True), ("constant", False)])
+def test_it_is_said_whether_the_lasers_power_varies(tmp_path, laser, is_said):
+    """It does only with calibrate.laser: constant, whatever laser_percent says."""
+    text = LOOSE.replace("before: {", f"laser: {laser}\n  before: {{laser_percent: 3, ")
+    built = assembly(load(tmp_path, text))
+    rows = sensitivities(expand_margins(built), draw_heads(built))
+    words = yields.exact_tolerances(SimpleNamespace(by_tolerance=rows))
+    assert ("laser_percent (the laser's power)" in words) == is_said
+    assert "bend_um" in words
+
+
+def test_the_starts_of_a_search_show_what_the_objective_stands_for():
+    """The worst uncertainty is the root of what is minimised."""
+    end = SimpleNamespace(x=[1.0], objective=0.8434, seconds=0.1, status="solve succeeded")
+    optimum = SimpleNamespace(names=["radius_mm"], results=[end])
+    headings, rows = tables.start_rows(optimum, "resolution")
+    shown = rows[0][headings.index("worst uncertainty")]
+    assert float(shown) == pytest.approx(np.sqrt(0.8434), rel=1e-5)
+    assert shown[:5] in report.objective_text("resolution", 0.8434)
