@@ -25,10 +25,9 @@ STUDIES = {
     "starts": ("starts", "starts and first uses, nothing compiled before, and the next ones"),
     "live": ("live", "a live run at 10 kHz: from a byte to its pose"),
     "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
-    "layouts": ("layouts", "layouts: the best one, and many, beside SciPy on the float model"),
     "stability": ("stability", "errors over apex offset and tilt, against high precision"),
 }
-DRAWINGS = ("work_precision.svg", "stability.png")
+PICTURE = "stability.png"
 
 
 def bench(
@@ -41,19 +40,19 @@ def bench(
     """Measure run times and errors, and compare with other methods.
 
     All methods run in turn on the paper's sensor; ratios are relative to this package. Writes a
-    table for each study, the facts of the machine (machine.json) and two pictures into the
+    table for each study, the facts of the machine (machine.json) and a picture into the
     folder. --quick takes under a minute.
     """
-    for package in ("mpmath", "casadi"):
-        core.extras.require_extra(package, "facets bench")
-    names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
+    core.extras.require_extra("mpmath", "facets bench")
+    names = [*(f"{name}.csv" for name in STUDIES), "machine.json", PICTURE]
     files.tables.refuse_to_overwrite([folder / name for name in names], force)
     about = facts(seed)
     with files.tables.ResultSet():
         results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
         text = json.dumps({"about": about, **results}, indent=1)
         files.whole.write_text(folder / "machine.json", text)
-        draw(results, folder)
+        picture = benchmarks.pictures.heat_map(results["stability"])
+        pictures.style.save(picture, folder / PICTURE)
     typer.echo(f"{folder}/: {', '.join(names)}")
 
 
@@ -68,13 +67,6 @@ def run_study(
     files.tables.write_table(output / f"{name}.csv", columns, about)
     show(title, worst_of_tilts(rows) if name == "stability" else rows)
     return rows
-
-
-def draw(results: dict[str, list[dict[str, Any]]], output: Path) -> None:
-    work = benchmarks.pictures.work_precision(results["forward"], results["inverse"])
-    errors = benchmarks.pictures.heat_map(results["stability"])
-    for name, picture in zip(DRAWINGS, (work, errors), strict=True):
-        pictures.style.save(picture, output / name)
 
 
 def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -100,7 +92,7 @@ def facts(seed: int) -> dict[str, str]:
         "cores": str(model.threads.cores()),
         "system": platform.platform(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy", "llvmlite", "casadi", "mpmath")},
+        **{name: version(name) for name in ("numpy", "scipy", "llvmlite", "mpmath")},
     }
 
 
@@ -117,7 +109,7 @@ def processor() -> str:
 
 
 def show(title: str, rows: list[dict[str, Any]]) -> None:
-    keys = [key for key in rows[0] if key not in ("low_us", "high_us")]
+    keys = list(rows[0])
     words = [n for n, key in enumerate(keys) if isinstance(rows[0][key], str)]
     show_table(title, keys, [[cell(row[key]) for key in keys] for row in rows], left=words)
 

@@ -1,8 +1,7 @@
 """Cost of a call, relative to a loop: a batch, one pose at a time, and the first result.
 
 Times are processor times, so that other work of the machine matters little; they still depend on
-the processor. The floor of a batch is the time of the light's special functions alone, by the same
-instructions on inputs that need no computation. Each row also has its ratio to a reference loop,
+the processor. Each row also has its ratio to a reference loop,
 timed in turn with it, of a thousand additions, multiplications and divisions that depend on each
 other, and the stored ratio of the last measurement, so that a run shows what has become slower.
 """
@@ -24,7 +23,7 @@ import numpy as np
 from ..core.units import Floats
 from ..estimation.prepared import Solver
 from ..estimation.solver import solve
-from ..model.arrays import jacobian, packed_vectors, readings
+from ..model.arrays import jacobian, readings
 from ..model.blocks import address_of
 from .clock import Contender
 from .head import SENSOR, states_in_range
@@ -32,7 +31,6 @@ from .head import SENSOR, states_in_range
 #: Ratios to the reference loop on an AMD EPYC, whose loop takes 7.9 us.
 STORED = {
     "reference loop: 1000 steps": 1.0,
-    "functions of three edges alone: batch": 0.0029,
     "readings: batch": 0.0054,
     "Jacobians: batch": 0.0170,
     "poses from zero: batch": 0.073,
@@ -81,11 +79,7 @@ def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], None]:
 
 def contenders(poses: int, few: int) -> list[Contender]:
     """Ways to call; their inputs are readings, then states: (n, 17)."""
-    from . import stages
-
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
-    alone, vectors, out = stages.floor(), packed_vectors(SENSOR), np.empty(poses)
-
     steps = np.arange(few)[:, None] * [1e-4, 0, 2e-4, 0, 0, 2e-6, 0, 0]
     motion = readings(SENSOR, steps - steps.mean(axis=0))
 
@@ -97,12 +91,8 @@ def contenders(poses: int, few: int) -> list[Contender]:
         for _ in rows:
             near.solve(motion[0])
 
-    def floor(rows: Floats) -> None:
-        alone(vectors, np.ascontiguousarray(rows[:, 9:]), out)
-
     return [
         Contender("reference loop: 1000 steps", lambda rows: loop()(len(rows)), few),
-        Contender(f"{stages.FLOOR}: batch", floor, poses),
         Contender("readings: batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
         Contender("Jacobians: batch", lambda rows: jacobian(SENSOR, rows[:, 9:]), poses),
         Contender("poses from zero: batch", lambda rows: solve(SENSOR, rows[:, :9]), poses),

@@ -19,17 +19,8 @@ class Contender:
     poses: int
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Seconds per pose: median over the rounds, and the quartiles around it."""
-
-    median: float
-    low: float
-    high: float
-
-
-def alternate(contenders: Sequence[Contender], inputs: Any, rounds: int) -> list[Timing]:
-    """Time each contender in each round; contenders that take over 2 s, only in the first round."""
+def alternate(contenders: Sequence[Contender], inputs: Any, rounds: int) -> list[float]:
+    """Median seconds a pose of each contender; one that takes over 2 s runs only once."""
     taken: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:
         if contender.poses >= 100:
@@ -41,4 +32,4 @@ def alternate(contenders: Sequence[Contender], inputs: Any, rounds: int) -> list
             start = time.perf_counter()
             contender.work(inputs[: contender.poses])
             times.append((time.perf_counter() - start) / contender.poses)
-    return [Timing(*np.quantile(times, [0.5, 0.25, 0.75])) for times in taken]
+    return [float(np.median(times)) for times in taken]

@@ -15,7 +15,7 @@ from ..config.loading import load
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..estimation.solver import solve
-from ..model.arrays import derivatives, effect_jacobian, jacobian, parameter_jacobian, readings
+from ..model.arrays import derivatives, jacobian, parameter_jacobian, readings
 from .calls import least
 from .clock import Contender
 from .head import SENSOR, states_in_range
@@ -32,7 +32,6 @@ TASKS: dict[str, tuple[Callable[[Sensor, Floats, Floats], Any], int]] = {
     "near Jacobian": (lambda sensor, s, _: derivatives(sensor, s), 2),
     "exact Jacobian": (lambda sensor, s, _: jacobian(sensor, s), 4),
     "by 30 parameters": (lambda sensor, s, _: parameter_jacobian(sensor, s), 10),
-    "by 36 numbers of the light": (lambda sensor, s, _: effect_jacobian(sensor, s), 10),
     "pose with a free beam": (lambda sensor, _, r: solve(sensor, r), 4),
     "pose with a known beam": (lambda sensor, _, r: solve(sensor, r, beam="known"), 4),
     "pose with a free beam from near": (

@@ -35,7 +35,6 @@ def test_errors_are_those_of_rounding(results):
     assert (ours.place_error_mm < LAST_DIGIT * FLIGHT_MM).all()
     assert (ours.power_error < LAST_DIGIT).all()
     rivals = forward.place_error_mm
-    assert rivals["Gauss-Legendre 24 (NumPy batch)"] < 1e-12
     assert rivals["Gauss-Legendre 12 (NumPy batch)"] < 1e-6
     assert rivals["dblquad (as the paper)"] < 1e-10
     inverse = read(results, "inverse").set_index("way")
@@ -53,8 +52,7 @@ def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
         "forward.csv", "inverse.csv", "calls.csv", "light.csv", "starts.csv", "live.csv",
-        "apertures.csv", "layouts.csv", "stability.csv",
-        "machine.json", "work_precision.svg", "stability.png",
+        "apertures.csv", "stability.csv", "machine.json", "stability.png",
     }  # fmt: skip
     about = json.loads((results / "machine.json").read_text())["about"]
     assert {"processor", "cores", "numpy", "seed", "command"} <= set(about)
@@ -88,4 +86,4 @@ def test_slow_contenders_run_once_and_fast_ones_every_round(monkeypatch):
 
     timings = alternate([contender("slow", 2.1), contender("fast", 0.5)], [0], 3)
     assert calls == {"slow": 1, "fast": 3}
-    assert [timing.median for timing in timings] == pytest.approx([2.1, 0.5])
+    assert timings == pytest.approx([2.1, 0.5])
