@@ -24,9 +24,10 @@ from .run.live import Live
 from .run.loop import Ending, acquire
 from .run.pipeline import Pipeline
 from .run.reader import Reader
+from .sources.ports import VIRTUAL
 from .stage_setup import check_sentences, open_tracker, refuse_board
 from .streams.publication import Publications, require_packages
-from .virtual.in_process import SCHEME, BenchInProcess, BenchReader
+from .virtual.in_process import BenchInProcess, BenchReader
 from .web.page import WebPage
 from .web.status import status_of
 
@@ -327,7 +328,7 @@ def resolve_object(config: Config) -> Config:
 
 def open_bench(port: str, config: Config, options: RunOptions) -> BenchInProcess | None:
     """Make the virtual bench that a port names, whose stage is the only one that may then move."""
-    if not port.startswith(SCHEME):
+    if not port.startswith(VIRTUAL):
         return None
     if options.stage_port:
         raise InputError(f"--stage-port: {port} has a stage of its own; leave the option out")

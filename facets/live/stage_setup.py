@@ -15,8 +15,7 @@ from ..files import provenance, whole
 from ..tracking.check import StageCheck, checked_today, stage_identity
 from ..tracking.control import Law, margin_of, pull_of
 from ..tracking.tracker import Tracker
-from .sources.ports import open_line
-from .virtual.in_process import SCHEME
+from .sources.ports import VIRTUAL, open_line
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 def refuse_board(config: Config, port: str) -> None:
     """Raise `InputError` for a permit or a heartbeat that the board does not support."""
     lines = {config.stage.permit, config.stage.heartbeat}
-    if port.startswith(SCHEME) and not lines <= {None, "board"}:
+    if port.startswith(VIRTUAL) and not lines <= {None, "board"}:
         raise InputError(
             f"stage.permit and stage.heartbeat must be board or left out for {port}, because "
             "nothing real may depend on a virtual bench"

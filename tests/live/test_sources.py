@@ -8,7 +8,7 @@ from importlib.metadata import EntryPoint
 import pytest
 from facets.experiments.studies import kills
 
-from facets.live import SIZE, DatagramPort, PortError, check_source, open_port
+from facets.live import SIZE, DatagramPort, PortError, PortInUse, check_source, open_port
 from facets.live.sources import ports as module
 
 DATA = kills.stream(200)
@@ -82,6 +82,11 @@ def test_another_packages_source_is_a_port(others):
     ):
         with pytest.raises(PortError, match=words):
             open_port(name, 0)
+
+
+def test_a_virtual_bench_is_no_port_of_a_run_on_the_hosts_clock():
+    with pytest.raises(PortInUse, match=r"are opened by `facets acquire` and facets.live.Run"):
+        open_port("virtual:wobble", 0)
 
 
 @pytest.mark.parametrize("name", ["udp://:x", "udp://", "udp://256.1.1.1:5"])

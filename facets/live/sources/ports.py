@@ -26,6 +26,8 @@ SHIPPED = (
     EntryPoint("ni", "facets.live.sources.ni_card:Card", GROUP),
     EntryPoint("thorlabs", "facets.live.sources.thorlabs_heads:Heads", GROUP),
 )
+#: The beginning of the names of ports that are benches in the process of a run, on its clock.
+VIRTUAL = "virtual:"
 #: Time between attempts to open a port, s.
 RETRY_INTERVAL_S = 0.1
 
@@ -175,6 +177,10 @@ def open_port(name: str, baud: int) -> Source:
     """Open the port of a name; raises `PortError` if it cannot be opened."""
     if name.startswith("file:"):
         return FilePort(name)
+    if name.startswith(VIRTUAL):
+        raise PortInUse(
+            f"{name}: virtual benches are opened by `facets acquire` and facets.live.Run"
+        )
     if name.startswith("udp://"):
         return DatagramPort(name)
     if (other := source_of(name)) is not None:

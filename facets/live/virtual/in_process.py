@@ -17,6 +17,7 @@ from ...core.plain_numbers import assignments
 from ...tracking.line import POLL_S
 from ..run.live import Live
 from ..run.reader import Reader
+from ..sources.ports import VIRTUAL
 from ..sources.source import Block
 from .bench import PACKET_S, Bench
 from .board import BenchSetup
@@ -26,8 +27,6 @@ from .wire import Wire
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-#: The beginning of the names of ports that are virtual benches.
-SCHEME = "virtual:"
 FORM = "virtual:MOTION,NAME=VALUE,..."
 #: The most samples per second.
 MOST_RATE = 200_000
@@ -62,7 +61,7 @@ class BenchInProcess(Bench):
 
     def __init__(self, name: str, config: Config) -> None:
         """Raises `InputError` for a name that is not `FORM`, or has wrong values."""
-        motion, comma, more = name.removeprefix(SCHEME).partition(",")
+        motion, comma, more = name.removeprefix(VIRTUAL).partition(",")
         names, option = ["config", "rate", *Faults.names()], f"the port {name}"
         words = assignments(more, option, names, FORM) if comma else {}
         other, rate = words.pop("config", ""), words.pop("rate", "10000")
