@@ -118,6 +118,7 @@ def test_a_clock_that_is_off_by_more_than_a_quartz_is_told_and_its_times_are_kno
     assert clock.ppm == pytest.approx(1e6 * drift / (1 + drift), abs=10)
     assert ("slow" if drift > 0 else "fast") in clock.complaint
     assert clock.uncertainty < 2e-5
+    assert clock.worst > 4e-3 or drift < 0  # before the clock was believed to be so far off
 
 
 @pytest.mark.parametrize(

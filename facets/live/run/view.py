@@ -212,8 +212,8 @@ def clock_sentences(live: Live) -> Iterator[str]:
     clock = live.pipeline.host_time
     if live.pipeline.config.acquire.timing == "envelope" and np.isfinite(clock.uncertainty):
         yield (
-            f"the samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), beside "
-            "what acquire.least_delay_ms is off"
+            f"the newest samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), "
+            f"earlier ones to {1e6 * clock.worst:.2g} us, beside what acquire.least_delay_ms is off"
         )
     if (moves := clock.moves - live.pipeline.sequence.beginnings) > 0:
         yield f"{CLOCK_MOVED}, {moves} times"

@@ -90,13 +90,14 @@ class HostTime:
     of new lines.  over: the delay of the newest block after the line, s.  late: delay of the line
     after the soonest line so far, s, without the drift of a quartz; a board's clock that lost time
     looks the same as a delay.  moves: how often a known line was moved by more than its drift.
+    worst: the largest uncertainty of times that were newest, s.
     """
 
     def __init__(self) -> None:
         self.rate, self.rate_sigma, self.is_held = 0.0, QUARTZ_RATE, False
         self.known = self.rate, self.rate_sigma
         self.restarts, self.moves = -1, 0
-        self.late = self.over = 0.0
+        self.late = self.over = self.worst = 0.0
         self.points: deque[tuple[float, float]] = deque()  # arrivals, and their lags, s
         self.restart()
 
@@ -147,6 +148,7 @@ class HostTime:
             before = self.line.lag(arrival) - max(self.line.rate - LARGEST_RATE, 0.0) * passed
             self.fit()
             self.late = max(self.late + self.line.lag(arrival) - before, 0.0)
+            self.worst = max(self.worst, self.uncertainty) if self.is_known else self.worst
         self.over = max(lag - self.line.lag(arrival), 0.0)
 
     def fit(self) -> None:
