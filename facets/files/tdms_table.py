@@ -3,7 +3,8 @@
 Each channel is a column. Its name is that of the channel, with the unit of its property
 `unit_string` behind it if it ends in none: Force in N is `force_n`. A unit that would be read as
 another behind a name stands only in the head: Torque in Nm is `torque`. Without a channel `time_s`,
-the times come from the properties of waveforms, `wf_start_offset` and `wf_increment`.
+the times come from the properties of waveforms, `wf_start_offset` and `wf_increment`. Waveforms
+that began at different times, or have different rates, are no columns of one table.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ TIME = "time_s"
 #: Bytes before each segment; in the fifth the bit of numbers with the largest byte first, and from
 #: the 13th to the 20th the length of the segment.
 LEAD, BIG_ENDIAN = 28, 0x40
+#: Starts of waveforms that differ by less than this share of a step are equal: at the highest
+#: frequency a phase is 0.03 rad off.
+LARGEST_SHIFT = 0.01
 #: What npTDMS raises for damaged files.
 DAMAGES = (
     OSError, ValueError, LookupError, EOFError, struct.error, NotImplementedError, ArithmeticError,
@@ -84,12 +88,30 @@ def columns_in(path: Path, file: Any) -> dict[str, Any]:
     columns = {column_of(path, channel): channel for channel in channels}
     if len(columns) < len(channels):
         raise InputError(f"{path}: two channels give the same column; rename one of them")
-    if TIME not in columns:
-        timed = [channel for channel in channels if channel.properties.get("wf_increment")]
-        for what, one in (("wf_increment", 1), ("wf_start_offset", 0.0)):
-            found = {channel.name: float(channel.properties.get(what, one)) for channel in timed}
-            require_equal(path, what, found)
+    require_equal_times(path, [each for each in channels if each.properties.get("wf_increment")])
     return columns
+
+
+def require_equal_times(path: Path, waveforms: Sequence[Any]) -> None:
+    """Raise `InputError` if waveforms differ in rate or start, or have an axis other than time."""
+    steps = {each.name: float(each.properties["wf_increment"]) for each in waveforms}
+    require_equal(path, "wf_increment", steps)
+    units = {each.name: each.properties.get("wf_xunit_string") or "s" for each in waveforms}
+    if other := [name for name, unit in units.items() if unit != "s"]:
+        raise InputError(
+            f"{path}: channel {other[0]!r} has wf_xunit_string {units[other[0]]!r}; allowed: s"
+        )
+    starts = {each.name: start_of(each) for each in waveforms}
+    apart = np.ptp([*starts.values()]) / np.timedelta64(1, "s") if starts else 0.0
+    if starts and apart > LARGEST_SHIFT * min(steps.values()):
+        require_equal(path, "wf_start_time + wf_start_offset", starts)
+
+
+def start_of(waveform: Any) -> np.datetime64:
+    """When the first sample was taken: with no `wf_start_time`, it counts from LabVIEW's zero."""
+    offset = round(1e9 * float(waveform.properties.get("wf_start_offset", 0.0)))
+    begin = np.datetime64(waveform.properties.get("wf_start_time", "1904-01-01"), "ns")
+    return begin + np.timedelta64(offset, "ns")
 
 
 def require_equal(path: Path, what: str, values: dict[str, Any]) -> None:
@@ -97,8 +119,8 @@ def require_equal(path: Path, what: str, values: dict[str, Any]) -> None:
     if len(set(values.values())) > 1:
         shown = ", ".join(f"{name} {value}" for name, value in values.items())
         raise InputError(
-            f"{path}: the channels differ in {what} ({shown}); save those of one rate in a file of "
-            "their own"
+            f"{path}: the channels differ in {what} ({shown}); save those of one rate and one start "
+            "in a file of their own"
         )
 
 

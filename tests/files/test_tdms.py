@@ -92,13 +92,24 @@ def test_a_unit_that_contradicts_the_name_is_refused(tmp_path, name, unit):
 
 def test_waveforms_of_several_rates_or_starts_have_no_common_times(tmp_path):
     five, path = np.arange(5.0), tmp_path / "t.tdms"
-    for other in (WAVE | {"wf_increment": 0.5}, WAVE | {"wf_start_offset": 0.0}):
-        write(path, ("a", five, WAVE), ("b", five, other))
-        with pytest.raises(InputError, match=r"differ in wf_.* \(a .*, b .*\); save"):
-            list(tables.read_chunks(path, ["a"]))
-        timed = ("time_s", five, {})
-        write(path, ("a", five, WAVE), ("b", five, other), timed)
-        assert tables.read_frame(path).time_s.tolist() == five.tolist()
+    start = np.datetime64("2026-11-28T05:00:00.000000")
+    begun = WAVE | {"wf_start_time": start}
+    for first, other in (
+        (WAVE, WAVE | {"wf_increment": 0.5}),
+        (WAVE, WAVE | {"wf_start_offset": 0.0}),
+        (begun, begun | {"wf_start_time": start + np.timedelta64(3, "ms")}),
+        (begun, WAVE),  # which began when is not known
+    ):
+        for more in ([], [("time_s", five, {})]):
+            write(path, ("a", five, first), ("b", five, other), *more)
+            with pytest.raises(InputError, match=r"differ in wf_.* \(a .*, b .*\); save"):
+                list(tables.read_chunks(path, ["a"]))
+    write(path, ("a", five, WAVE | {"wf_xunit_string": "ms"}))
+    with pytest.raises(InputError, match="'a' has wf_xunit_string 'ms'; allowed: s"):
+        tables.read_frame(path)
+    sooner = {"wf_start_time": start - np.timedelta64(500, "ms"), "wf_start_offset": 1.5}
+    write(path, ("a", five, begun), ("b", five, WAVE | sooner))
+    assert tables.column_names(path) == ["time_s", "a", "b"]
     write(path, ("a", five, WAVE), ("b", five, WAVE), ("c", five, {}))
     assert tables.column_names(path) == ["time_s", "a", "b", "c"]
 
