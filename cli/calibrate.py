@@ -150,7 +150,7 @@ def calibrate(
         groups = read_groups(only)
         paths = CalibrationFiles(data, reference, path, plot.value, report)
         paths.require(settings, force)
-        write_results(settings, fit_rig(settings, paths, groups, accept_misfit), paths)
+        write_results(*fit_rig(settings, paths, groups, accept_misfit), paths)
 
 
 def read_groups(only: str | None) -> list[str]:

@@ -99,8 +99,8 @@ AcceptUnchecked = Annotated[
     bool,
     typer.Option(
         "--accept-unchecked",
-        help="Also give poses that were solved from as many readings as unknowns, so that no "
-        "reading is left to check them (for example when only two detectors have light).",
+        help="Also give poses that no redundant reading checks (for example when only two "
+        "detectors have light, or when beam and power are both hardly known).",
     ),
 ]
 

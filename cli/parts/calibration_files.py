@@ -61,7 +61,10 @@ class CalibrationFiles:
 
 
 def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -> None:
-    """Write the results to a temporary place and load them, so that no unreadable file is left."""
+    """Write the results to a temporary place and load them, so that no unreadable file is left.
+
+    settings: with `solve` as later readings are to be solved.
+    """
     path, table, covariance, picture = paths.results
     assert verdict.fit is not None
     assert verdict.errors is not None
@@ -140,17 +143,13 @@ def as_yaml(
             "table": table.name,
             "table_sha256": sha256(table.read_bytes()).hexdigest(),
         }
-    return files.provenance.configuration(choose_power(settings), keys, about)
-
-
-def choose_power(settings: Config) -> Config:
-    """A calibration determines the laser's power on its day; later solutions use it as a prior.
-    The beam's position in the calibration is known."""
-    solve = settings.resolved["solve"] | {"beam_offset_um": [0.0, 0.0]}
-    is_known = solve["power"] == "known" and solve["method"] != "paper"
-    if is_known and settings.calibrate.power_per_sample:
-        solve = solve | {"power": "prior"}
-    return replace(settings, resolved=settings.resolved | {"solve": solve})
+    solve = settings.resolved["solve"] | {
+        "beam_offset_um": [0.0, 0.0],  # the beam's place in the calibration
+        "power": settings.solve.power,
+        "power_sigma_percent": float(f"{100 * settings.solve.power_sigma:.3g}"),
+    }
+    settings = replace(settings, resolved=settings.resolved | {"solve": solve})
+    return files.provenance.configuration(settings, keys, about)
 
 
 def write_proposal(settings: Config, path: Path, count: int, force: bool) -> None:

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 def fit_rig(
     settings: Config, paths: CalibrationFiles, groups: list[str], accept_misfit: bool
-) -> Verdict:
+) -> tuple[Config, Verdict]:
     """Fit the rig's parameters, and print the result; exit status 1 if it is not to be trusted.
 
     groups: the parameters that alone have changed; none if all are calibrated.
+    Returns the configuration, with `solve` as later readings are to be solved, and the verdict.
     """
     samples, options = read_samples(settings, paths)
     unknowns = (
@@ -50,6 +51,7 @@ def fit_rig(
         )
         show_lost_uncertainties(settings, unknowns)
     verdict = calibration.verdict.verdict(settings.sensor, samples, unknowns, options)
+    settings, verdict = choose_power(settings, options, verdict)
     show_verdict(settings, verdict)
     if verdict.sensor is None or not (verdict.is_trusted or accept_misfit):
         typer.echo(
@@ -58,7 +60,18 @@ def fit_rig(
         if verdict.sensor is not None:
             typer.echo("To write it nevertheless, add --accept-misfit.", err=True)
         raise typer.Exit(FINDING)
-    return verdict
+    return settings, verdict
+
+
+def choose_power(settings: Config, options: Calibrate, verdict: Verdict) -> tuple[Config, Verdict]:
+    """Choose what later solutions know of the laser's power; add the finding that says so."""
+    if verdict.sensor is None or verdict.fit is None:
+        return settings, verdict
+    solve, findings = calibration.findings.later_power(
+        settings.solve, options, verdict.sensor, verdict.fit, verdict.fitted
+    )
+    later = replace(settings, solve=solve)
+    return later, replace(verdict, findings=[*verdict.findings, *findings])
 
 
 def read_samples(settings: Config, paths: CalibrationFiles) -> tuple[Data, Calibrate]:

@@ -23,6 +23,7 @@ else:
             ),
             "fitting.fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
             "alternatives.scatter": "fit_steady_laser",
+            "findings": "later_power",
             "motions": (
                 "choose_poses information mean_reduction pose_information short_order travel "
                 "weak_directions"

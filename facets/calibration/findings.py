@@ -6,17 +6,24 @@ the result.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from math import factorial
 
 import numpy as np
 
+from ..core.calibrate import Calibrate
 from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
+from ..core.settings import Solve
 from ..core.units import Booleans, Floats
 from ..detectors import temperature
-from ..model.arrays import EFFECTS
+from ..detectors.noise import standard_deviations
+from ..estimation.plan import make_plan
+from ..estimation.problem import MIN_REDUNDANCY
+from ..estimation.uncertainty import redundancies
+from ..model.arrays import EFFECTS, readings
 from .alternatives.alternative import (
     MOST_ROWS_LISTED,
     Finding,
@@ -180,12 +187,54 @@ def pull_findings(sensor: Sensor, result: Fit, far: float = FAR_SIGMAS) -> list[
 POWER_CHANGE, POWER_JITTER = 2e-3, 1e-3
 
 
-def power_finding(result: Fit, data: Data) -> Finding | None:
-    """A finding on changes of the laser's power: a slow drift or jitter."""
+def power_change(result: Fit, data: Data) -> float:
+    """The relative change (r.m.s.) of the laser's power during the motion, outliers left out."""
     light = relative_power(data, result.own_values, result.all_values)[
         (result.weights == 1).all(axis=1)
     ]
-    change = float(np.std(light)) if light.size else 0.0
+    return float(np.std(light)) if light.size else 0.0
+
+
+#: The powers of the samples scatter by the noise of their readings; up to this many times it, no
+#: change of the laser shows.
+STEADY = 2.0
+
+
+def later_power(
+    solve: Solve, settings: Calibrate, sensor: Sensor, result: Fit, data: Data
+) -> tuple[Solve, list[Finding]]:
+    """What later readings are solved with: `solve`, where a known power becomes a prior if the
+    laser changed by more than the noise of a reading; and the findings that say so.
+
+    sensor: the calibrated one.
+    """
+    if solve.power != "known" or solve.method == "paper" or not settings.power_per_sample:
+        return solve, []
+    rest = readings(sensor, np.zeros((1, 8)))
+    noise = np.linalg.norm(standard_deviations(sensor, rest)[0, 2::3]) / rest[0, 2::3].sum()
+    change = power_change(result, data)
+    if change < STEADY * noise:
+        words = "solve.power stays known: the laser's power changed by no more than the noise"
+        return solve, [Finding(False, f"{words} of a reading ({100 * noise:.2g} %).")]
+    later = replace(solve, power="prior", power_sigma=change)
+    words = (
+        "solve.power is changed from known to prior, because the laser's power changed by "
+        f"{100 * change:.2g} % (r.m.s.), more than the noise of a reading ({100 * noise:.2g} %); "
+        "that change is solve.power_sigma_percent."
+    )
+    plan = make_plan(sensor, later.knowledge(sensor))
+    if redundancies(sensor, np.zeros((1, 8)), plan).sum() < MIN_REDUNDANCY:
+        words += (
+            " Then hardly anything checks a pose, and readings get the status unchecked. Set "
+            "solve.beam to known if the beam stands still, or give solve.beam_sigma_um as small as "
+            "the beam's place is known."
+        )
+    return later, [Finding(False, words)]
+
+
+def power_finding(result: Fit, data: Data) -> Finding | None:
+    """A finding on changes of the laser's power: a slow drift or jitter."""
+    change = power_change(result, data)
     if change < POWER_CHANGE:
         return None
     shares = result.own_values[(result.weights == 1).all(axis=1), 6]
@@ -199,7 +248,7 @@ def power_finding(result: Fit, data: Data) -> Finding | None:
             "two shares only: x and y of this calibration are two to three times less accurate "
             "than with a steady laser, and their stated uncertainty is larger, too. "
         )
-    return Finding(False, words + "Solve with solve.power: unknown, or a prior.")
+    return Finding(False, words.strip())
 
 
 def backlash_finding(result: Fit) -> Finding | None:

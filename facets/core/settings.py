@@ -291,7 +291,7 @@ class Solve:
     )
     power: Literal["known", "prior", "unknown"] = key(
         "power",
-        "prior",
+        "known",
         "power of the beam: known (as in `sensor.beam`), prior (known within "
         "`power_sigma_percent`), or unknown (solved for); method: paper takes it as known",
     )
@@ -320,7 +320,7 @@ class Solve:
     accept_unchecked: bool = key(
         "accept_unchecked",
         False,
-        "whether to output poses without any redundant reading, such as those from two detectors",
+        "whether to output poses that hardly any redundancy checks, such as those from two detectors",
     )
 
     def knowledge(self, sensor: Sensor, position: Floats | None = None) -> Knowledge:

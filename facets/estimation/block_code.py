@@ -20,7 +20,17 @@ from ..scalars.lanes import LaneMemory, LaneWriter
 from ..scalars.machine import LONG, write_loop
 from ..scalars.nesting import leaves, nest
 from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, SCALES, UNKNOWNS, BlockTask, Form
-from .step import MIN_DAMPING, State, ask, begin, covariance_of, residual_of, step, unknown_slopes
+from .step import (
+    MIN_DAMPING,
+    State,
+    ask,
+    begin,
+    covariance_of,
+    final_status,
+    residual_of,
+    step,
+    unknown_slopes,
+)
 
 Numbers = list[Any]
 
@@ -65,7 +75,9 @@ def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> No
         going = new.status < CONVERGED
         usual = (new.damping < MIN_DAMPING) & (new.steps < PROGRESS_INTERVAL_STEPS - 1.5)
         repetition.again = code.any(going & (usual | code.same(patient)))
-    write_results(code, form, load(), used, rows)
+    end = load()
+    end = end._replace(status=final_status(end, question, used))
+    write_results(code, form, end, used, rows)
 
 
 def write_results(code: LaneWriter, form: Form, end: State, used: Numbers, rows: BlockRows) -> None:

@@ -29,6 +29,9 @@ PROGRESS_INTERVAL_STEPS, MAX_COST_SHARE = 10, 0.9
 MAX_DAMPING = 1e12
 #: Rounding of a computed reading, relative to the detector's distance or to the power.
 ROUNDING = 4e-15
+#: Redundancy of the readings below which nothing checks a pose: an error of one reading then stays
+#: below the limit of the residual up to some 400 of its standard deviations.
+MIN_REDUNDANCY = 1e-4
 UNKNOWNS = 9
 
 #: Where the numbers of a reading's solution are, which blocks write in one row: the state and the

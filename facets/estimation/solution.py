@@ -49,8 +49,8 @@ class Solution(UncertainResult):
     residual
         (...) root of the weighted sum of squares left, in sigmas.
     checks
-        (...) by how many numbers, those of the detectors used and the priors, exceed the unknowns;
-        0 where nothing checks the pose.
+        (...) degrees of freedom of the residual: by how many numbers, those of the detectors used
+        and the priors, exceed the unknowns; 0 where nothing checks the pose.
     limit
         (...) the residual that noise alone exceeds once in 10,000; infinite without checks.
     covariance

@@ -26,6 +26,7 @@ from .problem import (
     MAX_DAMPING,
     MAX_DARK_STEPS,
     MAX_STEPS,
+    MIN_REDUNDANCY,
     NEGLIGIBLE_GAIN,
     NO_LIGHT,
     NON_FINITE,
@@ -304,6 +305,26 @@ def estimate(
     while state.status == GOING:
         state = step(state, question, linearise)
     return state
+
+
+def redundancy_of(end: State, question: WeightedReading, used: Sequence[Any]) -> Any:
+    """The redundancy of the readings at a state that has converged: their number, plus the
+    fraction of beam and power that the priors determine, minus the number of unknowns."""
+    free = question.form.free
+    redundancy = 3 * (used[0] + used[1] + used[2]) - question.scales.eight - len(free)
+    variances = linear_algebra.inverse([row[6:] for row in end.factor[6:]])
+    for j, c in enumerate(free[6:]):
+        weight = question.scales.weight[c - 6]
+        redundancy = redundancy + weight * weight * variances[j][j]
+    return redundancy
+
+
+def final_status(end: State, question: WeightedReading, used: Sequence[Any]) -> Any:
+    """The status of an estimate: UNCHECKED where the readings have hardly any redundancy."""
+    if len(question.form.free) == 6:
+        return end.status
+    bare = (redundancy_of(end, question, used) < MIN_REDUNDANCY) & (question.scales.accepts < 0.5)
+    return select((end.status < 0.5) & (end.status > -0.5) & bare, UNCHECKED, end.status)
 
 
 def residual_of(end: State) -> Any:

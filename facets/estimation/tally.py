@@ -22,10 +22,11 @@ from ..core.plain_numbers import short_number
 from ..core.units import Floats, describe_bounds
 from ..detectors.temperature import PLACES, beam_shift
 from ..model.arrays import is_near_edge, readings
-from .plan import FALSE_ALARM_RATE
+from .plan import FALSE_ALARM_RATE, chance_of, make_plan
+from .problem import MIN_REDUNDANCY
 from .solution import LABELS, Solution, Status
 from .solver import solve
-from .uncertainty import unseen_errors
+from .uncertainty import redundancies, unseen_by_residual
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -41,6 +42,8 @@ KEPT = 10_000
 #: The most flagged readings of a run that are solved again; the largest median residual, over the
 #: noise's, with which a cause explains them; and the largest with it over that without it.
 MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_SHARE = 60, 2.0, 0.5
+#: Expected residuals, over the noise's, above which the priors of beam and power play no part.
+NO_PRIOR = 0.99
 #: A mirror whose poses scatter by less than so many standard uncertainties did not move.
 STILL_SIGMAS = 10.0
 
@@ -149,13 +152,18 @@ class Misfit:
             "says which."
         )
 
-    @property
-    def words(self) -> str:
-        """The message on the flags; where chance explains them all, the size of the residuals."""
-        if self.sentence or not self.kept:
+    def describe(self, least: float) -> str:
+        """The message on the flags; where chance explains them all, the size of the residuals.
+
+        least: the expected size where beam and power are as their priors say; 1 without priors.
+        """
+        if self.sentence or not self.kept or least**2 < MIN_REDUNDANCY:
             return self.sentence
         size = float(np.sqrt(np.mean(np.concatenate(self.sizes) ** 2)))
-        return f"the residuals are {size:.2f} times the noise (RMS; 1 is expected)"
+        told = f"the residuals are {size:.2f} times the noise"
+        if least > NO_PRIOR:
+            return f"{told} (RMS; 1 is expected)"
+        return f"{told} (RMS; {least:.2f} to 1 is expected, with the errors that the priors allow)"
 
     def cause(self, size: float) -> str:
         """The cause that explains the examples, whose residuals are `size` times the noise, as a
@@ -166,7 +174,8 @@ class Misfit:
         readings, places = (np.array(part) for part in zip(*self.examples, strict=True))
         enough = min(MAX_EXPLAINED_SIZE, EXPLAINED_SHARE * size)
         if knowledge.power != "unknown":
-            power = power_that_explains(sensor, readings, places, enough)
+            place = Prior(places, knowledge.beam_sigma)
+            power = power_that_explains(sensor, readings, place, enough)
             if power is not None:
                 return (
                     f"The readings fit a laser of {power:.3g} mW instead of "
@@ -211,13 +220,13 @@ def point(place: Floats) -> str:
 
 
 def power_that_explains(
-    sensor: Sensor, readings: Floats, places: Floats, enough: float
+    sensor: Sensor, readings: Floats, place: Prior, enough: float
 ) -> float | None:
     """The power of the laser, mW, with which readings (n, 9) fit; None where they fit with none.
 
-    enough: the largest `median_size` of a fit.
+    place: what is known of the beam's place.  enough: the largest `median_size` of a fit.
     """
-    solution = solve(sensor, readings, beam=Prior(places, 0.0), power="unknown")
+    solution = solve(sensor, readings, beam=place, power="unknown", accept_unchecked=True)
     if median_size(solution) > enough:
         return None
     return float(np.median(solution.power[solution.converged]))
@@ -287,6 +296,11 @@ class Tally:
     unseen
         (2,) the largest errors of a pose, in standard uncertainties, that one spoilt place and one
         spoilt power can cause without a sign in the residual; NaN where nothing was solved.
+    expected, sampled
+        The sum, over the number of poses at which `unseen` was sought, of the expected squares of
+        the residuals over their degrees of freedom, where beam and power are as their priors say.
+    is_bare
+        Whether the priors left hardly any redundancy at the last of these poses.
     unknown_temperatures, is_cold
         Number of samples without the temperature that the sensor follows, and whether there are
         samples without any thermometer.
@@ -300,6 +314,9 @@ class Tally:
     unchecked: int = 0
     edges: int = 0
     unseen: Floats = field(default_factory=lambda: np.full(2, np.nan))
+    expected: float = 0.0
+    sampled: int = 0
+    is_bare: bool = False
     unknown_temperatures: int = 0
     is_cold: bool = False
 
@@ -314,11 +331,11 @@ class Tally:
         self.misfit.carried |= samples.place_sigma is not None
         self.misfit.add(solution, sensor, knowledge, config.solve.method, exact)
         converged, checks = solution.converged, solution.checks > 0
-        self.unchecked += int((converged & ~checks).sum())
+        self.look_for_unseen(config, estimate)
+        self.unchecked += int((converged & (self.is_bare | ~checks)).sum())
         if not sensor.apertures.detectors:
             near = (is_near_edge(sensor, samples.readings) & solution.used).any(axis=1)
             self.edges += int((converged & near).sum())
-        self.look_for_unseen(config, estimate)
 
     def add_statuses(self, solution: Solution) -> None:
         """Count how estimates ended."""
@@ -343,12 +360,16 @@ class Tally:
         if not len(some):
             return
         known = config.solve.question(knowledge).rows(some)
-        errors = unseen_errors(
-            config.sensor, solution.state[some], beam=known.beam, power=known.power
-        )
-        errors = errors.reshape(-1, 3, 3)
+        plan = make_plan(config.sensor, known.knowledge, shape=some.shape)
+        redundancy = redundancies(config.sensor, solution.state[some], plan)
+        limit = chance_of(config.sensor, plan).limit
+        errors = unseen_by_residual(redundancy, limit).reshape(-1, 3, 3)
         largest = np.array([errors[..., :2].max(), errors[..., 2].max()])
         self.unseen = np.fmax(self.unseen, largest)
+        total = redundancy.sum(axis=1)
+        self.expected += float(np.nansum(total / solution.checks[some]))
+        self.sampled += int(np.isfinite(total).sum())
+        self.is_bare = bool(total[-1] < MIN_REDUNDANCY)
 
     @property
     def solved_count(self) -> int:
@@ -367,7 +388,7 @@ class Tally:
     def sentences(self, config: Config) -> list[str]:
         """The sentences on the poses for their user."""
         sentences = (
-            self.misfit.words,
+            self.misfit.describe(np.sqrt(self.expected / max(self.sampled, 1))),
             self.unchecked_sentence(),
             self.edge_sentence(),
             self.unseen_sentence(),
@@ -380,14 +401,16 @@ class Tally:
         refused = self.statuses[Status.UNCHECKED.label]
         if refused:
             return (
-                f"{self.what.capitalize()} with as many readings as unknowns: {refused}. A wrong "
-                "reading would not be noticed there; solve.accept_unchecked, or "
-                "--accept-unchecked, gives their poses all the same."
+                f"{self.what.capitalize()} without a redundant reading: {refused}. They have as "
+                "many readings as unknowns, or priors of beam and power that are too wide to check "
+                "them, so that a wrong reading would not be noticed. Tell what is known better, "
+                "such as solve.power: known; solve.accept_unchecked, or --accept-unchecked, gives "
+                "their poses all the same."
             )
         if self.unchecked:
             return (
-                f"Poses from as many readings as unknowns: {self.unchecked}. No reading is left to "
-                "check them, and a distant pose may give the same readings."
+                f"Poses without a redundant reading: {self.unchecked}. Nothing checks them, and a "
+                "distant pose may give the same readings."
             )
         return ""
 
@@ -407,9 +430,9 @@ class Tally:
         if not max(place, power) > MUCH:
             return ""
         return (
-            "A single wrong reading can shift a pose without raising its residual: a wrong "
-            f"position of a spot by {amount(place)}, a wrong power by {amount(power)} standard "
-            "uncertainties."
+            "A single wrong reading can shift a pose without raising its residual, in standard "
+            f"uncertainties: a wrong position of a spot by {amount(place)}, a wrong power by "
+            f"{amount(power)}."
         )
 
     def temperature_sentence(self, config: Config) -> str:

@@ -271,6 +271,24 @@ def unseen_errors(
     """
     states, shape = as_rows(state, 8, "state")
     plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
+    limit = chance_of(sensor, plan).limit
+    return unseen_by_residual(redundancies(sensor, states, plan), limit).reshape(*shape, 9)
+
+
+def unseen_by_residual(redundancy: Floats, limit: float) -> Floats:
+    """The errors of `unseen_errors`, from `redundancies` and the limit of the residual."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        errors = limit * np.sqrt((1 - redundancy) / redundancy)
+    return np.where(redundancy <= NOTHING, np.inf, errors)
+
+
+def redundancies(sensor: Sensor, states: Floats, plan: Plan) -> Floats:
+    """The redundancy (n, 9) of each number of the readings at states (n, 8): the fraction of its
+    error that stays in the residual, squared and in standard deviations.
+
+    Their sum over a reading is the expected square of its residual where beam and power are as the
+    priors of the plan say. NaN where a detector has no light.
+    """
     exact = readings(sensor, states)
     slopes = np.zeros((len(states), 9, 9))
     slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS
@@ -280,12 +298,9 @@ def unseen_errors(
     rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, plan.free]
     out = np.full((len(states), 9), np.nan)
     lit = np.isfinite(rows).all(axis=(1, 2))
-    into_pose = (np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0][:, :9] ** 2).sum(axis=2)
-    remainder = 1 - into_pose
-    limit = chance_of(sensor, plan).limit
-    with np.errstate(divide="ignore", invalid="ignore"):
-        out[lit] = np.where(remainder > NOTHING, limit * np.sqrt(into_pose / remainder), np.inf)
-    return out.reshape(*shape, 9)
+    factor = np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0]
+    out[lit] = 1 - (factor[:, :9] ** 2).sum(axis=2)
+    return out
 
 
 def column_lengths(matrices: Floats) -> Floats:

@@ -26,6 +26,7 @@ from facets.calibration import (
     choice,
     fit,
     fit_steady_laser,
+    later_power,
     linearise_model,
     predict_readings,
     states_of,
@@ -199,6 +200,29 @@ def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
     data = sample_rig(60, alter=drift)[1]
     steady = judge(data, replace(settings(), held_back=0.0)).fit
     assert steady.choice.power == pytest.approx(max(jitter, 2e-4), rel=0.8)
+
+
+@pytest.mark.parametrize(("jitter", "power"), [(0.0, "known"), (2e-3, "prior"), (4e-2, "prior")])
+def test_a_power_stays_known_unless_the_laser_changed_by_more_than_the_noise(jitter, power):
+    """And the prior that takes its place is as wide as the change, and said."""
+
+    def flicker(sensor, state, exact):
+        exact[:, 2::3] *= 1 + jitter * np.random.default_rng(4).normal(size=(len(exact), 1))
+        return exact
+
+    judged = judge(sample_rig(60, alter=flicker)[1], asked := replace(settings(), held_back=0.0))
+    before = replace(CONFIG.solve, beam="prior", beam_sigma=1.0, power="known")
+    of = (asked, judged.sensor, judged.fit, judged.fitted)
+    after, said = later_power(before, *of)
+    assert after.power == power
+    assert f"solve.power {'stays known' if power == 'known' else 'is changed from known'}" in (
+        said[0].words
+    )
+    assert ("get the status unchecked" in said[0].words) == (jitter > 0.01)
+    if power == "prior":
+        assert after.power_sigma == pytest.approx(jitter, rel=0.3)
+    chosen = replace(before, power="unknown")
+    assert later_power(chosen, *of) == (chosen, [])
 
 
 def test_a_mean_power_below_zero_is_refused(data):

@@ -109,13 +109,13 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     assert table.used.fillna("").tolist() == ["abc", "", "ac", "abc", ""]
     known = command(*words, "--beam", "known", "--force", cwd=tmp_path).stdout
     assert "2 of 5 rows solved" in known
-    assert "Rows with as many readings as unknowns: 1." in known
+    assert "Rows without a redundant reading: 1." in known
     assert poses(tmp_path / "poses.csv").status[2] == "unchecked"
     accepted = command(
         *words, "--beam", "known", "--accept-unchecked", "--force", cwd=tmp_path
     ).stdout
     assert "3 of 5 rows solved" in accepted
-    assert "Poses from as many readings as unknowns: 1. No reading is left to check" in accepted
+    assert "Poses without a redundant reading: 1. Nothing checks them" in accepted
 
 
 @pytest.mark.parametrize(

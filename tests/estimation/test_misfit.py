@@ -13,7 +13,9 @@ from facets import Measurement, Samples, add_noise
 from facets.estimation import (
     FALSE_ALARM_RATE,
     LIMITS,
+    MIN_REDUNDANCY,
     Misfit,
+    Tally,
 )
 
 CONFIG = facets.load("paper")
@@ -64,6 +66,78 @@ def test_errors_that_a_calibration_left_widen_the_limit():
     sensor = replace(CONFIG.sensor, calibration=known)
     solution = facets.solve(sensor, read(1)[0], beam="known")
     assert solution.limit == pytest.approx(np.sqrt(10) * LIMITS[3])
+
+
+def redundancy(sensor, sigmas):
+    """That of a reading at rest: the trace of what the residuals keep of an error, from a Jacobian
+    by differences.  sigmas: (3,) of the priors of bx, by and the power."""
+    steps, unit = np.diag([1e-4] * 3 + [1e-6] * 3 + [1e-4] * 2), np.zeros(8)
+    slopes = [
+        (facets.readings(sensor, unit + step) - facets.readings(sensor, unit - step))
+        / 2
+        / step.max()
+        for step in steps
+    ]
+    exact = facets.readings(sensor, unit)
+    slopes.append(np.where(np.arange(9) % 3 == 2, exact, 0.0) / sensor.beam.power)
+    noise = facets.standard_deviations(sensor, exact)
+    priors = np.zeros((3, 9))
+    priors[:, 6:] = np.diag(1 / np.array(sigmas))
+    rows = np.vstack([np.array(slopes).T / noise[:, None], priors])
+    rows /= np.linalg.norm(rows, axis=0)
+    return 9 - np.trace((rows @ np.linalg.pinv(rows))[:9, :9])
+
+
+@pytest.mark.parametrize(("name", "place"), [("paper", 5e-3), ("bench", 5e-4), ("bench", 5e-3)])
+def test_priors_that_are_too_wide_to_check_a_pose_leave_none(name, place):
+    """A reading whose error stays hidden up to hundreds of its standard deviations checks nothing;
+    a prior counts by how much it determines, not as a known value."""
+    sensor = facets.load(name).sensor
+    reading = facets.readings(sensor, np.zeros(8))
+    unknown = {"beam": facets.Prior((0.0, 0.0), place)}
+    for width in np.geomspace(1e-7, 1e-1, 13):
+        prior = facets.Prior(sensor.beam.power, width * sensor.beam.power)
+        solution = facets.solve(sensor, reading, power=prior, **unknown)
+        left = redundancy(sensor, [place, place, prior.sigma])
+        assert solution.ok == (left > MIN_REDUNDANCY), (width, left)
+        assert solution.ok or solution.status == facets.Status.UNCHECKED
+        assert facets.solve(sensor, reading, power=prior, **unknown, accept_unchecked=True).ok
+
+
+@pytest.mark.parametrize(
+    ("beam", "power", "least"),
+    [("prior", "known", "0.58 to 1"), ("known", "known", "1"), ("free", "known", "1")],
+)
+def test_the_expected_residual_is_that_of_what_priors_leave_to_check(beam, power, least):
+    """Of three degrees of freedom a beam that is known within 250 times the noise has two."""
+    config = facets.load("bench")
+    solve = replace(config.solve, beam=beam, power=power, beam_sigma=5e-3)
+    measurement = Measurement(replace(config, solve=solve))
+    solution = measurement.poses(Samples(read_bench(count=20_000))).solution
+    said = measurement.tally.sentences(measurement.config)[0]
+    measured = float(said.split("are ")[1].split(" times")[0])
+    assert f"(RMS; {least} is expected" in said
+    assert measured == pytest.approx(float(least.split()[0]), abs=0.03)
+    assert solution.ok.mean() > 0.999
+
+
+def test_poses_that_only_wide_priors_check_are_counted_as_unchecked():
+    config = facets.load("bench")
+    wide = replace(config.solve, beam="prior", power="prior", power_sigma=1.0, beam_sigma=0.05)
+    rest = np.repeat(facets.readings(BENCH, np.zeros((1, 8))), 20, axis=0)
+    for accepts, words in ((False, "Samples without a redundant reading: 20."),
+                           (True, "Poses without a redundant reading: 20.")):  # fmt: skip
+        measurement = Measurement(replace(config, solve=replace(wide, accept_unchecked=accepts)))
+        measurement.poses(Samples(rest))
+        said = " ".join(measurement.tally.sentences(measurement.config))
+        assert words in said
+        assert ("a wrong power by any amount" in said) == accepts
+        assert "times the noise" not in said
+    assert (
+        Tally(unseen=np.array([np.inf, np.inf]))
+        .unseen_sentence()
+        .endswith("a wrong position of a spot by any amount, a wrong power by any amount.")
+    )
 
 
 BENCH = facets.load("bench").sensor

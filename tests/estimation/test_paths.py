@@ -20,8 +20,8 @@ pytestmark = pytest.mark.slow
 #: What a user is told. A table has rows, and a run samples.
 TOLD = {
     "misfits": r"\d+ of \d+ poses have a residual beyond chance .*?; the median",
-    "unchecked poses": r"Poses from as many readings as unknowns: \d+",
-    "unseen errors": r"shift a pose without raising its residual: .*? standard uncertainties",
+    "unchecked poses": r"Poses without a redundant reading: \d+",
+    "unseen errors": r"shift a pose without raising its residual, .*? power by [^.]*",
     "missing temperatures": r"\d+ (rows|samples) have no value of temperature_c",
     "the zero": r"zero: .*? \d+ samples?: ",
 }

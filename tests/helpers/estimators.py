@@ -31,6 +31,7 @@ from facets.estimation import (
     ask,
     estimate,
     estimates,
+    final_status,
     linearise,
     scales_of,
     solve_each,
@@ -163,6 +164,7 @@ def solve_floats(question: Question) -> Answer:
                 one = Results(*(part[n : n + 1] for part in found))
                 usual(code(question.sensor, request), packed, some, rest, one, True)
                 continue
+            end = end._replace(status=final_status(end, asked, used))
             has_pose = end.status == Status.CONVERGED
             found.status[n], found.steps[n], found.used[n] = end.status, end.steps, used
             found.states[n] = end.end if has_pose else np.nan

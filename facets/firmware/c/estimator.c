@@ -7,6 +7,7 @@
 #define HEAVIEST R(1e12)
 #define PATIENCE 10
 #define STEPS_IN_THE_DARK 8
+#define LEAST_REDUNDANCY R(1e-4)
 
 typedef struct {
     facets_real found[10][10];        /* readings, then their derivatives */
@@ -357,13 +358,13 @@ static int estimate(Work *work, facets_wide x[UNKNOWNS], const facets_real *read
     return FACETS_MAX_STEPS;
 }
 
-/* (L L')^-1 of the unknowns that were asked for, at their places in the state's covariance. */
-static void put_covariance(Work *work, facets_real covariance[64])
+/* L^-1 of the unknowns from `first` on, into the rows. */
+static void invert_factor(Work *work, int first)
 {
     facets_real(*factor)[9] = work->factor;
     facets_real(*inverse)[10] = work->rows;
     int i, j, k;
-    for (j = 0; j < work->count; j++) {
+    for (j = first; j < work->count; j++) {
         inverse[j][j] = factor[j][j];
         for (i = j + 1; i < work->count; i++) {
             facets_real rest = R(0.0);
@@ -371,6 +372,27 @@ static void put_covariance(Work *work, facets_real covariance[64])
             inverse[i][j] = -rest * factor[i][i];
         }
     }
+}
+
+/* Whether the readings have hardly any redundancy: their number, plus the fraction of beam and power
+ * that the priors determine, minus the number of unknowns. */
+static int is_unchecked(Work *work, const int32_t used[3], const facets_options *options)
+{
+    facets_real redundancy = (facets_real)(3 * (used[0] + used[1] + used[2]) - work->count);
+    int i, k;
+    invert_factor(work, 6);
+    for (i = 6; i < work->count; i++)
+        for (k = i; k < work->count; k++)
+            redundancy += square(work->prior[work->free[i] - 6] * work->rows[k][i]);
+    return redundancy < LEAST_REDUNDANCY && !options->accept_unchecked;
+}
+
+/* (L L')^-1 of the unknowns that were asked for, at their places in the state's covariance. */
+static void put_covariance(Work *work, facets_real covariance[64])
+{
+    facets_real(*inverse)[10] = work->rows;
+    int i, j, k;
+    invert_factor(work, 0);
     for (i = 0; i < work->count; i++) {
         for (j = 0; j <= i; j++) {
             const int a = work->free[i], b = work->free[j];
@@ -470,6 +492,8 @@ int32_t facets_solve(const facets_real *reading, const facets_real *start,
         status = estimate(&work, x, reading, options, &solution->steps, &left);
         if (status == FACETS_CONVERGED && reaches_edge(x, solution->used))
             status = FACETS_OUT_OF_RANGE;
+        if (status == FACETS_CONVERGED && is_unchecked(&work, solution->used, options))
+            status = FACETS_UNCHECKED;
     }
     solution->status = status;
     if (status != FACETS_CONVERGED) {
@@ -508,6 +532,8 @@ int32_t facets_step(const facets_real *reading, facets_real *state, const facets
     if (dark) return FACETS_STALLED;
     if (gain < rounding_floor(work.weights) && reaches_edge(trial, used))
         return FACETS_OUT_OF_RANGE;
+    if (gain < rounding_floor(work.weights) && is_unchecked(&work, used, options))
+        return FACETS_UNCHECKED;
     for (c = 0; c < UNKNOWNS; c++) state[c] = R(trial[c]);
     return gain < rounding_floor(work.weights) ? FACETS_CONVERGED : FACETS_MAX_STEPS;
 }
