@@ -174,8 +174,8 @@ class Misfit:
         readings, places = (np.array(part) for part in zip(*self.examples, strict=True))
         enough = min(MAX_EXPLAINED_SIZE, EXPLAINED_SHARE * size)
         if knowledge.power != "unknown":
-            place = Prior(places, knowledge.beam_sigma)
-            power = power_that_explains(sensor, readings, place, enough)
+            known = Prior(places, knowledge.beam_sigma)
+            power = power_that_explains(sensor, readings, known, enough)
             if power is not None:
                 return (
                     f"The readings fit a laser of {power:.3g} mW instead of "
