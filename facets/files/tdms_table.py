@@ -119,8 +119,8 @@ def require_equal(path: Path, what: str, values: dict[str, Any]) -> None:
     if len(set(values.values())) > 1:
         shown = ", ".join(f"{name} {value}" for name, value in values.items())
         raise InputError(
-            f"{path}: the channels differ in {what} ({shown}); save those of one rate and one start "
-            "in a file of their own"
+            f"{path}: the channels differ in {what} ({shown}); save those of one rate and start in "
+            "a file of their own"
         )
 
 

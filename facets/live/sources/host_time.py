@@ -139,17 +139,24 @@ class HostTime:
             self.line = self.line._replace(offset=self.line.offset + over)
         if self.lowest is None or over < self.lowest[1] - self.line.lag(self.lowest[0]):
             self.lowest = arrival, lag
-        if (passed := arrival - self.bucket) >= BUCKET_S:
+        if arrival - self.bucket >= BUCKET_S:
             self.points.append(self.lowest)
-            self.lowest, self.bucket = None, arrival
-            while len(self.points) > 1 and self.points[0][0] < arrival - ARRIVAL_MEMORY_S:
-                self.points.popleft()
-            # data that come later and later look like a slow clock: beyond a quartz, they are late
-            before = self.line.lag(arrival) - max(self.line.rate - LARGEST_RATE, 0.0) * passed
-            self.fit()
-            self.late = max(self.late + self.line.lag(arrival) - before, 0.0)
-            self.worst = max(self.worst, self.uncertainty) if self.is_known else self.worst
+            self.follow(arrival)
         self.over = max(lag - self.line.lag(arrival), 0.0)
+
+    def follow(self, arrival: float) -> None:
+        """Fit the line again after a bucket that ended with an arrival, s."""
+        assert self.line is not None
+        while len(self.points) > 1 and self.points[0][0] < arrival - ARRIVAL_MEMORY_S:
+            self.points.popleft()
+        # data that come later and later look like a slow clock: beyond a quartz, they are late
+        slow = max(self.line.rate - LARGEST_RATE, 0.0) * (arrival - self.bucket)
+        before = self.line.lag(arrival) - slow
+        self.lowest, self.bucket = None, arrival
+        self.fit()
+        self.late = max(self.late + self.line.lag(arrival) - before, 0.0)
+        if self.is_known:
+            self.worst = max(self.worst, self.uncertainty)
 
     def fit(self) -> None:
         """Fit the line under the remembered arrivals."""
