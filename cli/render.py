@@ -37,7 +37,6 @@ class View(StrEnum):
     mirror = "mirror"
     detector = "detector"
     cutaway = "cutaway"
-    exploded = "exploded"
     range = "range"
     trail = "trail"
 
@@ -54,8 +53,8 @@ Views = Annotated[
     View,
     typer.Option(
         help="What to show: the whole rig (rig), the mirror's point magnified (mirror), the "
-        "detectors' faces (detector), all three (both), the rig cut open (cutaway) or taken apart "
-        "(exploded), the range of the mirror's position (range), or a motion's path (trail)."
+        "detectors' faces (detector), all three (both), the rig cut open (cutaway), the range of "
+        "the mirror's position (range), or a motion's path (trail)."
     ),
 ]
 Spots = Annotated[
@@ -164,7 +163,7 @@ def refuse_together(
         raise InputError("give one of --spots, --plan, --motion, --recording")
     if view is View.trail and not moves:
         raise InputError("--view trail draws the path of a motion: give --motion or --recording")
-    if moves and view in (View.cutaway, View.exploded, View.range):
+    if moves and view in (View.cutaway, View.range):
         raise InputError(f"--view {view.value} shows the rig at rest; a film needs another view")
 
 

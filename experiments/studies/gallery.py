@@ -72,7 +72,6 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "mirror.png": three_d("mirror", "dark"),
     "detector.png": three_d("detector", "dark"),
     "cutaway.png": three_d("cutaway", "light", REST),
-    "exploded.png": three_d("exploded", "dark", REST),
     "range.png": three_d("range", "dark", REST, rules=CONFIG.range),
     "range-track.png": three_d("range", "light", REST, rules=FOLLOWED),
     "trail.png": three_d("trail", "dark", REST, motion=wander()),

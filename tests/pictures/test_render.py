@@ -132,7 +132,7 @@ def test_facets_are_not_black_at_any_inclination(inclination):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "view"),
-    [("paper", "cutaway"), ("fig4", "exploded"), ("skewed", "both"), ("skewed", "detector")],
+    [("paper", "cutaway"), ("fig4", "mirror"), ("skewed", "both"), ("skewed", "detector")],
 )
 def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
     form = PictureForm(view, (200, 150), sharpness=1)

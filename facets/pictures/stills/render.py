@@ -21,7 +21,7 @@ from .scene import Stand
 from .solids import Solid
 from .studio import Studio, library, mesh_of
 
-ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "exploded", "range", "trail"]
+ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "trail"]
 #: File name endings: pictures, scenes that can be turned, films.
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 
@@ -31,7 +31,6 @@ VIEWS: dict[str, Callable[..., views.SceneView]] = {
     "mirror": views.MirrorView,
     "detector": views.DetectorView,
     "cutaway": views.CutawayView,
-    "exploded": views.ExplodedView,
     "range": space.RangeView,
     "trail": space.TrailView,
 }

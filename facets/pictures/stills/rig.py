@@ -8,7 +8,7 @@ on a board in a housing; it shrinks if the rig is too small for it. mm, world fr
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,19 +44,12 @@ class RigPart:
     """A piece of the rig.
 
     assembly: "head", "laser", "detector a", ..., "frame".  material: a name in `materials`.
-    apart: its displacement in an exploded view, mm.  sharp: whether all edges are.
     """
 
     name: str
     assembly: str
     material: str
     solid: Solid
-    apart: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def shift_apart(self) -> RigPart:
-        """Move the part to its place in an exploded view."""
-        solid = Solid(self.solid.points + np.array(self.apart), self.solid.faces)
-        return replace(self, solid=solid)
 
 
 def scale_of(stand: Stand) -> float:
@@ -114,16 +107,15 @@ def head(stand: Stand) -> Iterator[RigPart]:
     turn: Floats = np.array(stand.at.turn, float).T  # rows: the mirror's axes in the world
     apex = np.array(stand.at.apex)
 
-    def put(name: str, material: str, solid: Solid, up: float) -> RigPart:
-        away = tuple(float(x) for x in up * fit * turn[2])
-        return RigPart(name, "head", material, solid.move(apex, turn), away)  # type: ignore[arg-type]
+    def put(name: str, material: str, solid: Solid) -> RigPart:
+        return RigPart(name, "head", material, solid.move(apex, turn))
 
     bevel = 0.03 * radius
     rim = radius - bevel
     angles = edge_angles(stand)
     for k, letter in enumerate(DETECTORS):
         angle = np.linspace(angles[k], angles[k + 1], 33)
-        yield put(f"facet {letter}", "mirror", Solid(*facet(stand, angle, rim)), 26)
+        yield put(f"facet {letter}", "mirror", Solid(*facet(stand, angle, rim)))
     around = np.concatenate([np.linspace(angles[k], angles[k + 1], 33)[:-1] for k in range(3)])
     circle = np.stack([np.cos(around), np.sin(around)], axis=-1)
     falls = slopes(stand, around)
@@ -134,18 +126,18 @@ def head(stand: Stand) -> Iterator[RigPart]:
         np.column_stack([radius * circle, -radius * falls - bevel]),
         np.column_stack([rim * circle, -rim * falls]),
     ]
-    yield put("mirror body", "steel", stack(rings, closed=False), 26)
+    yield put("mirror body", "steel", stack(rings, closed=False))
     cup = radius + 1.8 * fit
     low = bottom - 6 * fit
     seat, wall = bottom + 4 * fit, radius + 0.05 * fit
     yield put("mount", "anodised", revolve([
         (cup - 0.6 * fit, low), (cup, low + 0.6 * fit), (cup, seat - 0.6 * fit),
         (cup - 0.6 * fit, seat), (wall, seat), (wall, bottom - 0.02 * fit),
-    ]), 8)  # fmt: skip
+    ]))  # fmt: skip
     screw = rod((cup - 1.2 * fit, 0, bottom), (cup + 2.2 * fit, 0, bottom), 1.6 * fit)
-    yield put("clamping screw", "brass", screw, 8)
+    yield put("clamping screw", "brass", screw)
     foot = floor_of(stand) + 16 * fit
-    yield put("post", "steel", cylinder(POST_RADIUS_MM * fit, foot, low, 0.4 * fit), 0)
+    yield put("post", "steel", cylinder(POST_RADIUS_MM * fit, foot, low, 0.4 * fit))
     block = slab(rectangle(52 * fit, 52 * fit, 5 * fit), floor_of(stand), foot + 2 * fit, 0.8 * fit)
     yield RigPart("moving stage", "frame", "anodised", block)
 
@@ -184,9 +176,8 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
     wide, high = housing_size(stand, k)
     width, height = psd.size_y, psd.size_z
 
-    def put(what: str, material: str, solid: Solid, out: float) -> RigPart:
-        away = tuple(float(x) for x in out * fit * axes[2])
-        return RigPart(f"{what} {DETECTORS[k]}", name, material, solid.move(centre, axes), away)  # type: ignore[arg-type]
+    def put(what: str, material: str, solid: Solid) -> RigPart:
+        return RigPart(f"{what} {DETECTORS[k]}", name, material, solid.move(centre, axes))
 
     def box(w: float, h: float, low: float, top: float, corner: float, bevel: float) -> Solid:
         return slab(rectangle(w, h, corner * fit), low * fit, top * fit, bevel * fit)
@@ -195,22 +186,22 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
         rectangle(wide, high, 2.5 * fit),
         rectangle(width + 2.4 * fit, height + 2.4 * fit, fit),
     )
-    yield put("bezel", "anodised", frame(outer, hole, -5 * fit, -0.4 * fit), -34)
-    yield put("window", "glass", box(width + 4 * fit, height + 4 * fit, -3.4, -2.4, 0.5, 0), -20)
-    yield put("sensitive area", "silicon", slab(rectangle(width, height), 0, 0.4 * fit), 0)
+    yield put("bezel", "anodised", frame(outer, hole, -5 * fit, -0.4 * fit))
+    yield put("window", "glass", box(width + 4 * fit, height + 4 * fit, -3.4, -2.4, 0.5, 0))
+    yield put("sensitive area", "silicon", slab(rectangle(width, height), 0, 0.4 * fit))
     rim = frame(rectangle(width + 1.2 * fit, height + 1.2 * fit, 0.2 * fit),
                 rectangle(width, height, 0.01 * fit), -0.05 * fit, 0.4 * fit)  # fmt: skip
-    yield put("bond ring", "gold", rim, 0)
-    yield put("carrier", "ceramic", box(width + 7 * fit, height + 7 * fit, 0.4, 2.4, 0.8, 0.2), 8)
+    yield put("bond ring", "gold", rim)
+    yield put("carrier", "ceramic", box(width + 7 * fit, height + 7 * fit, 0.4, 2.4, 0.8, 0.2))
     back = frame(outer, rectangle(width + 8 * fit, height + 8 * fit, fit), -0.4 * fit, 9 * fit)
-    yield put("housing", "anodised", back, 24)
+    yield put("housing", "anodised", back)
     pins = [
         cylinder(0.45 * fit, 2.4 * fit, 17 * fit).move((x, y, 0), np.eye(3))
         for x in np.linspace(-0.36, 0.36, 5) * (width + 4 * fit)
         for y in (-0.4 * (height + 4 * fit), 0.4 * (height + 4 * fit))
     ]
-    yield put("pins", "gold", join(pins), 8)
-    yield put("board", "board", box(wide + 5 * fit, high + 5 * fit, 10.5, 12.1, 1.5, 0), 44)
+    yield put("pins", "gold", join(pins))
+    yield put("board", "board", box(wide + 5 * fit, high + 5 * fit, 10.5, 12.1, 1.5, 0))
     plug = slab(rectangle(0.4 * wide, 0.26 * high, 0.4 * fit), 12.1 * fit, 19 * fit, 0.4 * fit)
     chips = [
         slab(rectangle(0.2 * wide, 0.14 * high), 12.1 * fit, 13.4 * fit).move(
@@ -218,7 +209,7 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
         )
         for x, y in ((-0.28, 0.3), (0.28, 0.3), (-0.28, -0.3), (0.28, -0.3))
     ]  # fmt: skip
-    yield put("amplifiers", "plastic", join([plug, *chips]), 44)
+    yield put("amplifiers", "plastic", join([plug, *chips]))
     yield from stand_of(stand, k, name, fit)
 
 
@@ -275,25 +266,22 @@ def laser(stand: Stand) -> Iterator[RigPart]:
     fit = scale_of(stand)
     origin, axes = laser_frame(stand)
 
-    def put(name: str, material: str, solid: Solid, up: float) -> RigPart:
-        away = tuple(float(x) for x in up * fit * axes[2])
-        return RigPart(name, "laser", material, solid.move(origin, axes), away)  # type: ignore[arg-type]
+    def put(name: str, material: str, solid: Solid) -> RigPart:
+        return RigPart(name, "laser", material, solid.move(origin, axes))
 
     s = fit
     yield put("collimator", "brass", tube([
         (4.6 * s, 0), (7.6 * s, 0), (8 * s, 0.4 * s), (8 * s, 11 * s), (7.4 * s, 11.6 * s),
         (5.4 * s, 11.6 * s), (5.4 * s, 5 * s), (4.6 * s, 5 * s),
-    ]), 16)  # fmt: skip
+    ]))  # fmt: skip
     lens = revolve([(0.1 * s, 5.1 * s), (3 * s, 5.3 * s), (5.3 * s, 6.4 * s), (5.3 * s, 7.4 * s),
                    (3 * s, 8.6 * s), (0.1 * s, 8.9 * s)])  # fmt: skip
-    yield put("collimating lens", "glass", lens, 2)
+    yield put("collimating lens", "glass", lens)
     diode = join([cylinder(4.5 * s, 19.6 * s, 21 * s), cylinder(2.8 * s, 16 * s, 19.6 * s)])
-    yield put("laser diode", "gold", diode, 30)
+    yield put("laser diode", "gold", diode)
     driver = slab(rectangle(14 * s, 1.6 * s), 30 * s, 52 * s)
-    yield put("driver board", "board", driver, 40)
-    yield put(
-        "heat sink", "aluminium", hollow_cylinder(9.2 * s, 3 * s, 21 * s, 29 * s, 0.4 * s), 38
-    )
+    yield put("driver board", "board", driver)
+    yield put("heat sink", "aluminium", hollow_cylinder(9.2 * s, 3 * s, 21 * s, 29 * s, 0.4 * s))
     yield put("laser housing", "anodised", tube([
         (9.3 * s, 11.6 * s), (10.4 * s, 11.6 * s), (11 * s, 12.2 * s), (11 * s, 62 * s),
         (10.4 * s, 62.6 * s), (10 * s, 64 * s), (11 * s, 64 * s), (11 * s, 66 * s),
@@ -302,7 +290,7 @@ def laser(stand: Stand) -> Iterator[RigPart]:
         (11 * s, 72 * s), (11 * s, 77.4 * s), (10.2 * s, 78.2 * s), (4 * s, 78.2 * s),
         (3.4 * s, 90 * s), (2.6 * s, 92 * s), (1.4 * s, 92 * s), (1.4 * s, 74 * s),
         (9.3 * s, 74 * s),
-    ]), 88)  # fmt: skip
+    ]))  # fmt: skip
     yield from gantry(stand, origin, fit)
 
 

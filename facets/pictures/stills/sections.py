@@ -1,4 +1,4 @@
-"""Sections of parts by a plane, and exploded parts."""
+"""Sections of parts by a plane."""
 
 from __future__ import annotations
 
@@ -11,11 +11,6 @@ import numpy as np
 from ...core.units import Floats
 from .rig import RigPart
 from .solids import Solid
-
-
-def explode(parts: Iterable[RigPart]) -> list[RigPart]:
-    """Move each part along its assembly's axis to its place in an exploded view."""
-    return [part.shift_apart() for part in parts]
 
 
 def cut_parts(

@@ -14,15 +14,15 @@ from ...model.arrays import readings
 from ...optics.vectors import rotation
 from . import insets, rig
 from .camera import Camera, fit, normalize
-from .exposure import Lighting, assemble, expose, expose_face
+from .exposure import Lighting, expose, expose_face
 from .ground import Ground, ground
 from .insets import Inset
 from .lettering import DrawingSheet, length_in_words
 from .materials import Theme
 from .rig import RigPart
 from .scene import Stand, array, cut
-from .sections import cut_parts, explode
-from .solids import Solid, join
+from .sections import cut_parts
+from .solids import join
 from .studio import Studio, bounds, library
 
 #: Direction from the rig to the camera: to the right, to the front and from above.
@@ -486,128 +486,3 @@ class CutawayView(SceneView):
                         extent=1.45 * high, size=(side, side))  # fmt: skip
         title = f"detector {DETECTORS[k].upper()}"
         return Inset(title, focus, camera, self.theme.hues[k], True, f"{camera.extent:.3g} mm wide")
-
-
-class ExplodedView(SceneView):
-    """Head, laser and detector A taken apart along their own axes, each part with its name."""
-
-    number = 0
-
-    def own_parts(self) -> list[RigPart]:
-        name = f"detector {DETECTORS[self.number]}"
-        carried = ("post", "foot", "screws")
-        return explode(
-            part for part in super().own_parts()
-            if part.assembly in ("head", "laser", name) and not part.name.startswith(carried)
-            and part.name not in ("column", "arm", "column clamp", "laser clamp")
-        )  # fmt: skip
-
-    def build(self) -> None:
-        """Place the three assemblies side by side, laser, head and detector, each taken apart."""
-        centre = np.array(self.rest.geometry.centres[self.number], float)
-        outward = normalize([centre[0], centre[1], 0.0])
-        shift = outward * (self.gap() - float(centre @ outward))
-        shift[2] = 8 * self.fit - float(centre[2])
-        shifts = {f"detector {DETECTORS[self.number]}": shift,
-                  "laser": self.fit * np.array([-84.0, 44.0, -128.0])}  # fmt: skip
-        self.parts = [
-            replace(
-                part,
-                solid=Solid(part.solid.points + shifts.get(part.assembly, 0), part.solid.faces),
-            )
-            for part in self.own_parts()
-        ]
-        self.studio = Studio(self.parts, self.theme)
-        self.floor = None
-
-    def gap(self) -> float:
-        """Distance of the detector from the axis in this view, mm."""
-        return 90 * self.fit
-
-    def camera(self) -> Camera:
-        if not hasattr(self, "_camera"):
-            start = Camera(place=(-300, -560, 230), focus=(0, 0, 0), angle=0.30, size=self.size)
-            self._camera = fit(start, bounds(self.parts), (0.16, 0.06, 0.92, 0.86))
-        return self._camera
-
-    def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        shot = self.studio.take(camera, self.sharpness)
-        return assemble(shot, self.theme, None)
-
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        self.axes(sheet, camera)
-        for part in self.labelled_parts():
-            self.name_part(sheet, camera, part)
-        sheet.scale_bar(
-            camera.pixel,
-            (self.size[0] - 28 * sheet.unit, self.size[1] - 26 * sheet.unit),
-            " at the head",
-        )
-        letter = DETECTORS[self.number].upper()
-        self.caption(sheet, f"laser, mirror head and detector {letter}, taken apart")
-
-    def caption(self, sheet: DrawingSheet, what: str) -> None:
-        """Write the title without a state, since no part is in its place."""
-        words = " \u00b7 ".join(part for part in (self.title, what) if part)
-        place = (24 * sheet.unit, sheet.size[1] - 20 * sheet.unit)
-        sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
-
-    def labelled_parts(self) -> list[RigPart]:
-        """List the parts with labels: all but facets, moving stage and amplifiers."""
-        hidden = ("facet", "moving stage", "amplifiers")
-        return [part for part in self.parts if not part.name.startswith(hidden)]
-
-    def axes(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """Draw the lines along which the assemblies come apart."""
-        for assembly in ("head", "laser", f"detector {DETECTORS[self.number]}"):
-            middles = np.array(
-                [middle_of(part) for part in self.parts if part.assembly == assembly]
-            )
-            way = int(np.ptp(middles, axis=0).argmax())
-            line = np.repeat(np.median(middles, axis=0)[None], 2, axis=0)
-            line[:, way] = middles[:, way].min(), middles[:, way].max()
-            ends = camera.project(line)
-            sheet.dashes(ends[0], ends[1])
-
-    def name_part(self, sheet: DrawingSheet, camera: Camera, part: RigPart) -> None:
-        """Write a part's name at the first free place, with a line to the part."""
-        seen = camera.project(part.solid.points)[:, :2]
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        middle = (low + high) / 2
-        words = part.name.removesuffix(f" {DETECTORS[self.number]}")
-        words = PLAIN.get(words, words)
-        wide, tall = sheet.measure(words, 14)
-        gap = 26 * sheet.unit
-        for factor in (1.0, 1.8, 2.8, 4.0):
-            for start, way in self.sides(part, low, high, middle):
-                at = start + factor * gap * way
-                left = (
-                    at[0] - wide if way[0] < -0.5 else at[0] if way[0] > 0.5 else at[0] - wide / 2
-                )
-                top = (
-                    at[1] - tall / 2 if abs(way[0]) > 0.5 else at[1] - tall if way[1] < 0 else at[1]
-                )
-                box = (left - 4, top - 5, left + wide + 4, top + tall + 5)
-                if sheet.free(box):
-                    sheet.line([start - 0.25 * gap * way, at - 3 * way], sheet.theme.faint, 1.1)
-                    sheet.dot(start - 0.25 * gap * way, 2.4, sheet.theme.faint)
-                    sheet.write((left + wide / 2, top + tall / 2), words, 14)
-                    return
-
-    def sides(self, part: RigPart, low: Floats, high: Floats, middle: Floats) -> list[Any]:
-        """Return starts and directions for a label's line: beside upright parts, else above."""
-        if part.assembly in ("head", "laser"):
-            left = (np.array([low[0], middle[1]]), np.array([-1.0, 0]))
-            return [left, (np.array([high[0], middle[1]]), np.array([1.0, 0]))]
-        above = (np.array([middle[0], low[1]]), np.array([0.25, -0.97]))
-        return [above, (np.array([middle[0], high[1]]), np.array([0.25, 0.97]))]
-
-
-#: Parts with another name in labels.
-PLAIN = {"mirror body": "mirror with three facets", "bond ring": "contact ring"}
-
-
-def middle_of(part: RigPart) -> Floats:
-    points = part.solid.points
-    middle: Floats = (points.min(axis=0) + points.max(axis=0)) / 2
-    return middle
