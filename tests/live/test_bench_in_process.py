@@ -69,7 +69,7 @@ def test_a_stage_follows_on_a_busy_machine_and_nothing_is_late(tmp_path, busy):
 
 
 def test_a_stage_is_checked_on_a_busy_machine(busy):
-    run = run_on("virtual:rest,rate=500", check_stage=True)
+    run = run_on("virtual:rest,rate=200", check_stage=True)
     assert run.complaints() == []
     assert "zaber virtual" in list(run.check_sentences(None))[-1]
     for axis in run.check.axes():
