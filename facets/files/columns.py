@@ -114,11 +114,10 @@ def clock_rate(columns: Columns) -> float:
     difference that a quartz explains, or an unknown one."""
     if not {"board_us", "host_s"} <= columns.keys():
         return 0.0
-    newest = slice(-max(2, int(NEWEST_SHARE * len(columns["host_s"]))), None)
-    board, host = (np.asarray(columns[name], float)[newest] for name in ("board_us", "host_s"))
-    stride = max(1, len(board) // CLOCK_STEPS)
-    passed = host[stride:] - host[:-stride]
-    pace = 1e-6 * (board[stride:] - board[:-stride])[passed > 0] / passed[passed > 0]
+    count = max(2, int(NEWEST_SHARE * len(columns["host_s"])))
+    steps = slice(-count, None, max(1, count // CLOCK_STEPS))
+    counted, passed = (np.diff(columns[name][steps]) for name in ("board_us", "host_s"))
+    pace = 1e-6 * counted[passed > 0] / passed[passed > 0]
     rate = 1.0 - float(np.median(pace)) if len(pace) else 0.0
     return rate if abs(rate) > LARGEST_RATE else 0.0
 

@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from ..estimation.result import worded_columns
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
+from ..files.columns import row_times
 from ..files.whole import STANDARD_STREAM
 from .recording.comparison import compare, comparison_sentences
 from .recording.index import Damage
@@ -196,7 +197,7 @@ class Playback:
         """Write the table of poses, with the likeliest poses given all samples beside them."""
         refuse_nothing(path, poses)
         joined, carried = join_poses(poses), self.pipeline.tally.misfit.carried
-        seconds = 1e-6 * joined.time.astype(float)
+        seconds = row_times(joined.columns())
         try:
             columns, result = smoothed_columns(
                 self.config, seconds, joined.solution, carried, model,

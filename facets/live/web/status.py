@@ -49,12 +49,11 @@ def status_of(live: Live) -> dict[str, Any]:
 
 def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
     """Return the status of a replay that has taken `seconds` s by now."""
-    board = pipeline.board.trouble()
-    zero = pipeline.measurement.messages()
-    messages = [*pipeline.doubts.said, *zero, *([board] if board else [])]
+    zero, board = pipeline.measurement.messages(), pipeline.board.trouble()
+    messages = [*pipeline.doubts.said, *pipeline.clock_messages, *zero, board]
     return {
         "seconds": round(seconds, 3),
-        "messages": messages,
+        "messages": [text for text in messages if text],
         "events": events(pipeline),
         "counts": counts(pipeline),
         "clock": clock(pipeline),
@@ -106,7 +105,7 @@ def counts(pipeline: Pipeline) -> list[Item]:
 def loop_counts(live: Live) -> list[Item]:
     """How the loop keeps up."""
     skipped = live.pipeline.tally.skipped_count
-    unknown = "no sample is solved yet, or the bench is virtual"
+    unknown = "no sample is solved yet, or the source is a file or virtual"
     return [
         item("latency p99", 1e3 * live.latency_p99(), "ms", unknown),
         item("waiting", live.backlog, "samples", bad=live.behind),
@@ -118,16 +117,11 @@ def loop_counts(live: Live) -> list[Item]:
 def clock(pipeline: Pipeline) -> list[Item]:
     known = pipeline.host_time
     slowness = "ppm slow" if known.ppm > 0 else "ppm fast"
-    arrival = pipeline.config.acquire.timing == "arrival"
-    why = (
-        "the times are those of arrival (acquire.timing)"
-        if arrival
-        else "too few samples have arrived yet"
-    )
-    return [
-        item("board's clock", abs(known.ppm), slowness, "too few samples have arrived yet"),
-        item("u(time)", float("nan") if arrival else 1e6 * known.uncertainty, "µs", why),
-    ]
+    why, sigma = "too few samples have arrived yet", 1e6 * known.uncertainty
+    items = [item("board's clock", abs(known.ppm), slowness, why)]
+    if pipeline.config.acquire.timing == "arrival":
+        why, sigma = "the times are those of arrival (acquire.timing)", float("nan")
+    return [*items, item("u(time)", sigma, "µs", why)]
 
 
 def recording(live: Live) -> str:
