@@ -101,9 +101,6 @@ Height = Annotated[
         help="Height of the picture in pixels.  [default: 900, or 480 for a film]",
     ),
 ]
-Show = Annotated[
-    bool, typer.Option("--show", help="Show the scene in a window instead of writing a file.")
-]
 
 
 def render(
@@ -123,7 +120,6 @@ def render(
     width: Width = None,
     height: Height = None,
     style: Style = Look.screen,
-    show: Show = False,
 ) -> None:
     """Draw the sensor as a picture, a page, a 3D scene or a film.
 
@@ -135,7 +131,7 @@ def render(
     refuse_together(view, motion, recording, [spots, plan])
     path = output_folder(output, settings.name, name_of(spots, plan, is_film, view))
     check_ending(path, is_flat, is_film)
-    files.tables.refuse_to_overwrite([] if show else [path], force)
+    files.tables.refuse_to_overwrite([path], force)
     state = state_of(at)
     theme = pictures.materials.theme_of(style.value)
     form = pictures.render.PictureForm(
@@ -146,9 +142,6 @@ def render(
     elif is_film:
         states = film_states(settings, motion, recording, frames)
         write_film(settings, states, form, path, frame_rate, exaggerate)
-    elif show:
-        pictures.render.show(settings.sensor, state)
-        return
     else:
         draw(settings, state, form, path, extras(settings, view, motion, recording, track))
     typer.echo(f"{path}")

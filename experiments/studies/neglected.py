@@ -1,6 +1,6 @@
 """Effects that ideal light neglects, and the pose errors that they cause.
 
-    python -m facets.experiments.studies.neglected [--output FILE.csv]
+    python -m facets.experiments.studies.neglected
 
 Readings of the paper's head with one effect at a time, by rays (`bench_rays`), over the motions of
 `rigs`, without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +26,6 @@ from facets.calibration.fitting.fit import fit
 from facets.core.sensor import BenchLight, Sensor
 from facets.core.units import Booleans, Floats
 from facets.detectors.correction import correct
-from facets.files.tables import write_table
 
 from . import rigs
 from .bench_rays import RayBench, spots
@@ -198,8 +196,7 @@ def covered_share(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path)
-    options = parser.parse_args()
+    parser.parse_args()
     rows = compare_optics()
     print("r.m.s. error over the noise of one reading: light ideal, calibrated so, in the model")
     print(f"{'':42}" + f" {'x; y':>8} {'others':>8}" * 3)
@@ -217,13 +214,6 @@ def main() -> None:
             shifts = way(offset, places)
             told = " ".join(f"{1e3 * (shift - shifts[0]):8.2f}" for shift in shifts)
             print(f"{offset:17.1f} {name:>6} {told}")
-    if options.output:
-        names = (
-            "what", "before_xy", "before_others", "after_xy", "after_others", "known_xy",
-            "known_others",
-        )  # fmt: skip
-        columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
-        write_table(options.output, columns, {"facets": facets.__version__})
 
 
 if __name__ == "__main__":

@@ -6,11 +6,9 @@ programs get every sample meanwhile, by `zmq://`.
 `python -m facets.experiments.studies.soak --runs 20 --busy 2` repeats the live example of the
 documentation instead, `emulate bench --motion circle` and `acquire bench --track` for 20 s each,
 beside two processes that do nothing but calculate. It prints for each run for what share of the
-time the beam was lost, the latency, the exit status and its reasons. `--mixed` are processes that
-work in bursts and start others, as a browser or a compiler does. The share counts each sample that
-the board took between the first pose and the last sample and that has no pose, whatever the reason.
-Where the user may ask for a real-time priority the runs have one; `--ordinary` takes that
-permission away.
+time the beam was lost, the latency, the exit status and its reasons. The share counts each sample
+that the board took between the first pose and the last sample and that has no pose, whatever the
+reason. Where the user may ask for a real-time priority the runs have one.
 """
 
 from __future__ import annotations
@@ -20,7 +18,6 @@ import json
 import multiprocessing
 import os
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -52,23 +49,9 @@ WRONG = 6.5
 #: Longest time that a reader may take to begin, and to report, s.
 PATIENCE_S = 60.0
 
-#: A program that calculates without end, and one that works in bursts and starts others, as a
-#: browser or a compiler does.
+#: A program that calculates without end.
 BUSY = "while True: pass"
-MIXED = """
-import random, subprocess, sys, time
-draw = random.Random(int(sys.argv[1]))
-while True:
-    end = time.perf_counter() + draw.uniform(0.001, 0.15)
-    while time.perf_counter() < end:
-        bytearray(2_000_000)
-    if draw.random() < 0.3:
-        subprocess.run([sys.executable, "-c", "import json, decimal, email"])
-    time.sleep(draw.uniform(0, 0.02))
-"""
 PROGRAM = [sys.executable, "-c", "from facets.cli import main; main()"]
-#: Takes a program's permission to ask for a real-time priority away.
-ORDINARY = ["setpriv", "--bounding-set", "-sys_nice"]
 
 
 def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
@@ -181,23 +164,21 @@ def check_recording(folder: Path, live: Live) -> dict[str, Any]:
 
 
 @contextmanager
-def load(busy: int, mixed: int) -> Iterator[None]:
+def load(busy: int) -> Iterator[None]:
     """Context in which a number of other programs run."""
-    texts = [(BUSY, n) for n in range(busy)] + [(MIXED, n) for n in range(mixed)]
     with ExitStack() as closing:
-        for text, seed in texts:
-            process = subprocess.Popen([sys.executable, "-c", text, str(seed)])
+        for _ in range(busy):
+            process = subprocess.Popen([sys.executable, "-c", BUSY])
             closing.callback(process.wait)
             closing.callback(process.kill)
         yield
 
 
-def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any]:
+def follow_circle(folder: Path, seconds: float) -> dict[str, Any]:
     """Run the live example of the README in a new folder; return its outcome."""
-    before = ORDINARY if ordinary else []
     with virtual_bench(folder, seed=1):
         run = subprocess.run(
-            [*before, *PROGRAM, "acquire", "bench", "--track", "--port", "bench/board",
+            [*PROGRAM, "acquire", "bench", "--track", "--port", "bench/board",
              "--stage-port", "bench/stage", "--plain", "--seconds", str(seconds), "-d", "recorded"],
             cwd=folder, capture_output=True, text=True, check=False,
         )  # fmt: skip
@@ -233,17 +214,15 @@ def recording_outcome(folder: Path, errors: str) -> dict[str, Any]:
     }
 
 
-def count_runs(runs: int, busy: int, mixed: int, seconds: float, ordinary: bool) -> None:
+def count_runs(runs: int, busy: int, seconds: float) -> None:
     """Repeat the run, and print a table."""
-    if ordinary and shutil.which(ORDINARY[0]) is None:
-        raise SystemExit("--ordinary needs the program setpriv of util-linux")
-    print(f"{runs} runs of {seconds:g} s beside {busy} busy and {mixed} mixed processes")
+    print(f"{runs} runs of {seconds:g} s beside {busy} busy processes")
     print(" run   beam lost   p99        load   status   reasons", flush=True)
     shares = []
-    with load(busy, mixed):
+    with load(busy):
         for run in range(1, runs + 1):
             with tempfile.TemporaryDirectory() as place:
-                outcome = follow_circle(Path(place), seconds, ordinary)
+                outcome = follow_circle(Path(place), seconds)
             shares.append(outcome["lost"])
             print(
                 f"{run:4}   {100 * outcome['lost']:7.2f} %   {outcome['p99']:8}  "
@@ -265,11 +244,9 @@ def main() -> None:
     parser.add_argument("--readers", type=int, default=0, help="programs that get every sample")
     parser.add_argument("--runs", type=int, default=0, help="repeat the live example this often")
     parser.add_argument("--busy", type=int, default=0, help="processes that calculate beside it")
-    parser.add_argument("--mixed", type=int, default=0, help="processes that work in bursts")
-    parser.add_argument("--ordinary", action="store_true", help="without a real-time priority")
     given = parser.parse_args()
     if given.runs:
-        count_runs(given.runs, given.busy, given.mixed, given.seconds or 20.0, given.ordinary)
+        count_runs(given.runs, given.busy, given.seconds or 20.0)
         return
     with tempfile.TemporaryDirectory() as place:
         seconds = given.seconds or 600.0

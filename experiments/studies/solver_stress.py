@@ -1,7 +1,6 @@
 """Counts wrong poses by cause, of a million random, noisy, cut, masked and spoilt readings.
 
     python -m facets.experiments.studies.solver_stress [--draws 1000000] [--bench-light]
-                                                       [--output FILE.csv]
 
 Two halves. The first asks whether the solver ends where the readings say: exact and noisy readings,
 near and far starts, of the paper's sensor and of ten without symmetry. A pose is wrong there if it
@@ -32,7 +31,6 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +39,6 @@ import facets
 from facets.config.files import shipped
 from facets.core.units import Floats
 from facets.detectors.noise import add_noise
-from facets.files.tables import write_table
 from facets.model.arrays import is_near_edge
 
 from .sensors import SENSORS
@@ -314,7 +311,6 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--bench-light", action="store_true")
-    parser.add_argument("--output", type=Path)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     asymmetric, every = list(SENSORS.values()), list(every_sensor().values())
@@ -324,11 +320,7 @@ def main() -> None:
             for sensors in (asymmetric, every)
         )
     stress_cases(asymmetric, options.draws, rng)
-    rows = stress_troubles(every, options.draws, rng)
-    if options.output:
-        columns = {key: [row.get(key, 0) for row in rows] for key in rows[0]}
-        about = {"facets": facets.__version__, "seed": str(options.seed)}
-        write_table(options.output, columns, about)
+    stress_troubles(every, options.draws, rng)
 
 
 def stress_cases(asymmetric: list[facets.Sensor], draws: int, rng: np.random.Generator) -> None:
@@ -344,22 +336,17 @@ def stress_cases(asymmetric: list[facets.Sensor], draws: int, rng: np.random.Gen
         )
 
 
-def stress_troubles(
-    every: list[facets.Sensor], draws: int, rng: np.random.Generator
-) -> list[dict[str, Any]]:
+def stress_troubles(every: list[facets.Sensor], draws: int, rng: np.random.Generator) -> None:
     """Print the outcomes of disturbed readings for each knowledge of the beam, a row each."""
-    rows = []
     for trouble in TROUBLES:
         for known in KNOWLEDGE:
             counts = spread_over_sensors(trouble, known, draws, every, rng)
-            rows.append({"trouble": trouble.name, "knowledge": known, **counts})
             print(
                 f"{trouble.name:34} {known:38} {counts['draws']:7d} drawn, {counts['poses']:7d} "
                 f"poses, {counts['wrong']:6d} wrong: misfit {counts['misfit']}, unseen "
                 f"{counts['unseen']}, edge {counts['edge']}, nothing {counts['nothing']}",
                 flush=True,
             )
-    return rows
 
 
 def spread_over_sensors(

@@ -1,6 +1,6 @@
 """Digits lost by the light in a wedge, over the whole domain, against ball arithmetic.
 
-    python -m facets.experiments.studies.wedge_errors [--points 100000] [--output FILE.csv]
+    python -m facets.experiments.studies.wedge_errors [--points 100000]
 
 Draws wedges: the point up to 35 sigma from the beam's centre, openings from 0.01 to 179.99 degrees,
 the beam's centre on an edge, beside one or anywhere. For each, the float code's mass, centroid,
@@ -17,13 +17,10 @@ import math
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import facets
-from facets.files.tables import write_table
 from facets.model.threads import cores
 from facets.optics.vectors import Plane
 from facets.optics.wedge import sides, turn_derivative, wedges
@@ -186,7 +183,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--output", type=Path)
     options = parser.parse_args()
     counts = list(batches(options.points, 500))
     seeds = np.random.SeedSequence(options.seed).generate_state(len(counts)).tolist()
@@ -199,12 +195,6 @@ def main() -> None:
     for kind, column in zip(KINDS, errors.T, strict=True):
         shares = "".join(f"{(column <= limit).mean():9.5f}" for limit in limits)
         print(f"{kind:20}{shares} {column.max():8.1e}  {describe(*wedges[column.argmax()][:2])}")
-    if options.output:
-        rows = [[*q, *u1, *u2, mass, *values] for (q, u1, u2), mass, values in wedges]
-        names = ("q_x", "q_y", "u1_x", "u1_y", "u2_x", "u2_y", "light", *KINDS)
-        columns = dict(zip(names, np.array(rows).T, strict=True))
-        about = {"facets": facets.__version__, "seed": str(options.seed)}
-        write_table(options.output, columns, about)
 
 
 if __name__ == "__main__":

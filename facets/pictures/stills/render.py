@@ -86,20 +86,6 @@ class Picture(ClosedAtExit):
 # --- scenes that can be turned: bodies of light beside the parts ---------------------------------
 
 
-def turnable(
-    sensor: Sensor, state: Floats, theme: ThemeName = "light", interactive: bool = False
-) -> Studio:
-    """Build parts and light as bodies: for a window, and for other programs."""
-    stand = Stand.from_state(sensor, state)
-    studio = Studio(parts(stand), THEMES[theme], interactive)
-    studio.plotter.set_background(THEMES[theme].bottom)
-    for body in scene.rig(sensor, state):
-        add_light(studio, body)
-    studio.plotter.camera_position = [(430, -540, 330), (0, 0, 0), (0, 0, 1)]
-    studio.plotter.reset_camera()
-    return studio
-
-
 def add_light(studio: Studio, body: scene.Body) -> None:
     """Add a beam or a spot as a surface in its hue."""
     if body.kind not in ("beam", "sub-beam", "spot"):
@@ -115,18 +101,16 @@ def add_light(studio: Studio, body: scene.Body) -> None:
 
 def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
     """Write a glTF file: the rig's parts with their materials, and the light as bodies."""
-    studio = turnable(sensor, state)
+    studio = Studio(parts(Stand.from_state(sensor, state)), THEMES["light"])
+    for body in scene.rig(sensor, state):
+        add_light(studio, body)
+    studio.plotter.camera_position = [(430, -540, 330), (0, 0, 0), (0, 0, 1)]
+    studio.plotter.reset_camera()
     with Whole(path) as temporary:
         studio.plotter.export_gltf(str(temporary))
     studio.close()
 
 
-def show(sensor: Sensor, state: Floats) -> None:
-    """Show the rig in a window, where the user can turn it."""
-    turnable(sensor, state, "dark", interactive=True).plotter.show()
-
-
 __all__ = [
     "MATERIALS", "MOVIES", "PICTURES", "SCENES", "Picture", "PictureForm", "library", "save_scene",
-    "show",
 ]  # fmt: skip

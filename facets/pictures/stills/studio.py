@@ -23,9 +23,9 @@ from .rig import RigPart
 from .solids import Solid, join
 
 
-def library(interactive: bool = False) -> Any:
+def library() -> Any:
     """Import pyvista, set up for the case without a display."""
-    if not interactive and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     try:
         import pyvista
@@ -38,7 +38,7 @@ def library(interactive: bool = False) -> Any:
             f"3D pictures need libraries that are missing ({error}); on Debian and Ubuntu: "
             "apt install libegl1 libegl-mesa0 libgl1-mesa-dri"
         ) from None
-    pyvista.OFF_SCREEN = not interactive
+    pyvista.OFF_SCREEN = True
     return pyvista
 
 
@@ -107,11 +107,9 @@ def surroundings(theme: Theme) -> Any:
 class Studio:
     """Parts that a camera can render from any place."""
 
-    def __init__(self, parts: Iterable[RigPart], theme: Theme, interactive: bool = False) -> None:
-        self.pyvista, self.theme = library(interactive), theme
-        self.plotter = self.pyvista.Plotter(
-            off_screen=not interactive, window_size=[64, 64], lighting="none"
-        )
+    def __init__(self, parts: Iterable[RigPart], theme: Theme) -> None:
+        self.pyvista, self.theme = library(), theme
+        self.plotter = self.pyvista.Plotter(off_screen=True, window_size=[64, 64], lighting="none")
         self.plotter.set_background("black")
         self.plotter.render_window.SetMultiSamples(0)
         self.plotter.render_window.SetAlphaBitPlanes(1)
