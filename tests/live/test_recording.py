@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import shutil
 import threading
@@ -61,10 +62,15 @@ class Full(Disk):
         if self.only not in ("", self.handles[handle]):
             return super().append(handle, data)
         if self.free <= 0:
-            raise OSError(errno.ENOSPC, "No space left on device")
+            code = errno.EFBIG if self.only else errno.ENOSPC
+            raise OSError(code, os.strerror(code))
         taken = super().append(handle, memoryview(data)[: self.free])
         self.free -= taken
         return taken
+
+    def shorten(self, handle, size):
+        self.free += os.fstat(handle).st_size - size
+        super().shorten(handle, size)
 
     def sync(self, handle):
         if self.sync_error:
@@ -129,11 +135,27 @@ def test_a_replay_writes_the_samples_of_many_blocks_together_and_all_of_them(tmp
 def test_a_file_that_is_refused_costs_no_received_byte(tmp_path, only):
     recording = record(tmp_path / "r", 20, Full(150, only=only))
     (message,) = recording.messages()
-    assert f"{only}: cannot be written to: No space left" in message
+    assert f"{only}: cannot be written to: File too large" in message
     assert "bytes" not in message
     assert ("500 poses are not recorded" in message) == (only == "poses.arrows")
     kept = b"".join(block.data for block in blocks(tmp_path / "r"))
     assert kept == kills.stream(500)
+
+
+@pytest.mark.parametrize("room", [74_000, 90_000, 150_000])
+def test_on_a_full_disk_the_poses_make_room_for_the_bytes(tmp_path, room):
+    """Bytes, index and events need 73 kB; the poses would need 250 kB more."""
+    recording = record(tmp_path / "r", 40, Full(room + len(META)))
+    assert recording.lost == 0
+    (message,) = recording.messages()
+    assert "poses.arrows: was emptied, to make room for the received bytes" in message
+    assert "1000 poses are not recorded" in message
+    damage = Damage()
+    kept = b"".join(block.data for block in blocks(tmp_path / "r", damage))
+    assert (kept, damage) == (kills.stream(1_000), Damage())
+    assert recorded_poses(tmp_path / "r") == {}
+    seal = json.loads((tmp_path / "r" / "events.jsonl").read_text().splitlines()[-1])
+    assert (seal["bytes"], seal["poses"], seal["refused_poses"]) == (1_000 * SIZE, 0, 1_000)
 
 
 def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):

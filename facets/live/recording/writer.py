@@ -11,6 +11,7 @@ events.jsonl    a line for each event; the last line states the sizes of the oth
 
 from __future__ import annotations
 
+import errno
 import json
 import threading
 import time
@@ -33,6 +34,9 @@ from .index import CLOSED, add_sum, make_row, name_of_copy
 
 #: The files in the order in which they are synced: no row reaches the disk long before its bytes.
 NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
+POSES = "poses.arrows"
+#: Errors of a disk or a user's share of it that is full, where other files make room.
+FULL = (errno.ENOSPC, errno.EDQUOT)
 #: Poses are written this often, s: each batch is a short pause of the loop, with a head of 1.6 kB.
 FLUSH_INTERVAL_S = 0.1
 #: A disk that refused is tried again after this time, s.
@@ -50,8 +54,9 @@ class Recording(ClosedAtExit, Sink):
     thread has the system put them on the disk every `sync` seconds, so that a power failure takes
     no more than the bytes of that time. If the disk refuses, `troubles` says why, by the file, and
     `lost` counts the bytes that came and are not recorded; the written bytes stay readable, and
-    writing continues as soon as it can. A file that is refused costs no other file anything. After
-    the beginning no method raises.
+    writing continues as soon as it can. A file that is refused costs no other file anything. On a
+    full disk, however, the poses make room for what came, because a replay computes them again:
+    their file is emptied and no longer written. After the beginning no method raises.
     """
 
     def __init__(
@@ -77,6 +82,7 @@ class Recording(ClosedAtExit, Sink):
         self.meta_crc, self.events_crc = zlib.crc32(meta.encode()), 0
         self.summing = threading.Lock()
         self.rows = self.poses_written = self.poses_refused = 0
+        self.has_dropped_poses = False
         self.retry = 0.0
         try:
             if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -118,24 +124,47 @@ class Recording(ClosedAtExit, Sink):
     def put(self, name: str, *parts: bytes) -> bool:
         """Append all of the parts to a file or none; return whether that was possible."""
         with self.locks[name]:
-            before = self.sizes[name]
-            try:
-                for part in parts:
-                    view = memoryview(part)
-                    while view:
-                        view = view[self.disk.append(self.files[name], view) :]
-            except OSError as error:
-                self.complain(name, "written to", error)
-                with suppress(OSError):
-                    self.disk.shorten(self.files[name], before)
+            if name == POSES and self.has_dropped_poses:
                 return False
-            self.sizes[name] = before + sum(map(len, parts))
-        return True
+            error = self.append(name, parts)
+            if error and error.errno in FULL and name != POSES and self.drop_poses():
+                error = self.append(name, parts)
+            if error:
+                self.complain(name, f"cannot be written to: {error.strerror}")
+            return error is None
 
-    def complain(self, name: str, what: str, error: OSError) -> None:
-        """Keep a sentence about the first refusal of the disk for a file."""
-        reason = f"{self.folder / name}: cannot be {what}: {error.strerror}"
-        self.troubles.setdefault(name, reason)
+    def append(self, name: str, parts: tuple[bytes, ...]) -> OSError | None:
+        """Append all of the parts to a file or none; return the error that prevented it."""
+        before = self.sizes[name]
+        try:
+            for part in parts:
+                view = memoryview(part)
+                while view:
+                    view = view[self.disk.append(self.files[name], view) :]
+        except OSError as error:
+            with suppress(OSError):
+                self.disk.shorten(self.files[name], before)
+            return error
+        self.sizes[name] = before + sum(map(len, parts))
+        return None
+
+    def drop_poses(self) -> bool:
+        """Empty the file of the poses for good; return whether that makes room."""
+        with self.locks[POSES]:
+            makes_room = self.sizes[POSES] > 0
+            self.has_dropped_poses = True
+            try:
+                self.disk.shorten(self.files[POSES], 0)
+            except OSError:
+                return False
+            self.sizes[POSES] = 0
+        reason = "was emptied, to make room for the received bytes on a full disk"
+        self.troubles[POSES] = f"{self.folder / POSES}: {reason}"
+        return makes_room
+
+    def complain(self, name: str, what: str) -> None:
+        """Keep a sentence about the first trouble with a file."""
+        self.troubles.setdefault(name, f"{self.folder / name}: {what}")
 
     def add_block(self, block: Block) -> None:
         """Write the bytes, then their row in the index: a row is never without its bytes.
@@ -172,6 +201,9 @@ class Recording(ClosedAtExit, Sink):
     def flush(self) -> None:
         """Write the waiting poses."""
         self.written = time.monotonic()
+        if self.has_dropped_poses:
+            self.poses_refused += self.poses_written + sum(map(len, self.waiting))
+            self.poses_written, self.waiting = 0, []
         if not self.waiting:
             return
         columns = pose_table.recorded_columns(join_poses(self.waiting))
@@ -190,7 +222,7 @@ class Recording(ClosedAtExit, Sink):
             try:
                 self.disk.sync(self.files[name])
             except OSError as error:
-                self.complain(name, "synced", error)
+                self.complain(name, f"cannot be synced: {error.strerror}")
 
     def close(self) -> None:
         """Write the waiting poses, sync, and close every file, whatever of this fails."""
@@ -216,11 +248,17 @@ class Recording(ClosedAtExit, Sink):
             self.put("poses.arrows", pose_table.END)
 
     def seal(self) -> None:
-        """Write the last event: the sizes of all files, which show what is cut off later."""
+        """Write the last event: the sizes of all files, which show what is cut off later.
+
+        It is written again if the poses make room for it.
+        """
+        self.flush()
         self.add_event(
             CLOSED, bytes=self.sizes["bytes.bin"], rows=self.rows, poses=self.poses_written,
             meta_crc=self.meta_crc, refused_bytes=self.lost, refused_poses=self.poses_refused,
         )  # fmt: skip
+        if self.has_dropped_poses and self.poses_written:
+            self.seal()
 
     def messages(self) -> list[str]:
         """A sentence about what the disk refused: the reason for the first file, and how much."""
