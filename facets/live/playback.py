@@ -147,7 +147,7 @@ class Playback:
             if count and words != "converged":
                 yield f"  {count} {words}"
         board, sentences = self.pipeline.board, self.pipeline.measurement.sentences()
-        clock = (sequence.restart_sentence, *self.pipeline.clock_messages)
+        clock = (*sequence.sentences(), *self.pipeline.clock_messages)
         for text in (*clock, *sentences, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"

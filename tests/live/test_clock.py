@@ -101,6 +101,60 @@ def test_samples_that_come_again_or_late_are_dropped():
     assert counts == (0, 1, 1)
 
 
+def interleave(others, each=20, count=20_000, period=500, lost=()):
+    """Counts of a board at 2 kHz whose blocks come beside those of others.
+
+    others: (delay in samples, seed) of each; those of seed 1 are the board's own, sent again.
+    lost: numbers of blocks that are lost.
+    """
+    sequence, taken = Sequence(), 0
+    for n in range(40_000, 40_000 + count, each):
+        for delay, seed in [(0, 1), *others]:
+            numbers = np.arange(n, n + each) - delay
+            if (delay == 0 and n // each in lost) or (seed == 1 and numbers[0] < 40_000):
+                continue
+            arrival = 1e-6 * period * n + 1e-4 * seed
+            used, seq, _ = sequence.follow(samples(numbers, period * numbers, seed), arrival)
+            taken += len(used)
+            assert len(used) == len(seq)
+    return sequence, taken
+
+
+@pytest.mark.parametrize("lost", [(), (2_100, 2_500, 2_501)])
+@pytest.mark.parametrize(
+    "delays", [[940], [60_000], [-900], [-7_200_000], [6_000, -900], [35_000, 70_000, 300]]
+)
+def test_no_sample_is_lost_between_two_boards_on_one_port(delays, lost):
+    """The first board is followed; samples of the others are dropped and counted."""
+    others = [(delay, seed) for seed, delay in enumerate(delays, 2)]
+    sequence, taken = interleave(others, lost=lost)
+    assert sequence.lost == 20 * len(lost)
+    assert sequence.restarts == 0
+    assert taken <= 20_000 - 20 * len(lost) + 20 * len(delays)
+    dropped = sequence.foreign + sequence.doubled
+    assert taken + dropped == 20_000 * (1 + len(delays)) - 20 * len(lost)
+    assert "another board" in sequence.complaint
+
+
+@pytest.mark.parametrize("delay", [20, 940, 4_000, 15_000])
+def test_samples_that_are_sent_again_much_later_are_counted_as_such(delay):
+    sequence, taken = interleave([(delay, 1)])
+    assert taken == 20_000
+    assert (sequence.lost, sequence.restarts, sequence.foreign) == (0, 0, 0)
+    assert sequence.doubled == 20_000 - delay
+
+
+def test_another_board_is_followed_once_the_first_is_silent():
+    sequence, _ = interleave([(30_000, 2)], count=200)
+    counts = []
+    for k in range(200):
+        numbers = 10_200 + 20 * k + np.arange(20)
+        used, *_ = sequence.follow(samples(numbers, 500 * numbers, 2), 20.1 + 0.01 * k)
+        counts.append(len(used))
+    assert 90 * 20 < sum(counts) < 110 * 20
+    assert sequence.lost == 0
+
+
 @pytest.mark.parametrize(
     ("first", "second", "gap"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from importlib.metadata import EntryPoint
 
+import numpy as np
 import pytest
 from facets.experiments.studies import kills
 
@@ -29,6 +30,74 @@ def test_datagrams_are_a_port():
                 line.send(data[n : n + 20 * SIZE])
 
         check_source(lambda: port, send, DATA)
+
+
+def senders(count):
+    """Sockets that send datagrams from this machine."""
+    return [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+
+
+def read_all(port, count=20):
+    """What a port has within some reads."""
+    return b"".join(port.read() for _ in range(count))
+
+
+def test_a_port_for_datagrams_is_open_to_this_machine_unless_a_host_is_named():
+    for name, host in (("udp://:0", "127.0.0.1"), ("udp://0.0.0.0:0", "0.0.0.0")):
+        with open_port(name, 0) as port:
+            assert port.line.getsockname()[0] == host
+            assert ("only this machine" in port.message) == (host == "127.0.0.1")
+
+
+def test_the_first_sender_of_datagrams_is_read_and_another_one_is_named(monkeypatch):
+    monkeypatch.setattr(module, "SENDER_SILENCE_S", np.inf)
+    board, other = senders(2)
+    with board, other, open_port("udp://:0", 0) as port:
+        for line in (board, other, board, other, other):
+            line.sendto(b"board" if line is board else b"other", port.line.getsockname())
+        assert read_all(port) == b"boardboard"
+        assert "3 datagrams of other senders were dropped" in port.message
+        assert f":{other.getsockname()[1]}:" in port.message
+        monkeypatch.setattr(module, "SENDER_SILENCE_S", -1.0)
+        other.sendto(b"after it", port.line.getsockname())
+        assert read_all(port) == b"after it"
+
+
+@pytest.mark.parametrize(
+    ("option", "data"), [("any", b"boardother"), ("127.0.0.1", b"board"), ("127.0.0.2", b"")]
+)
+def test_the_address_of_a_port_chooses_the_sender_of_datagrams(option, data):
+    board, other = senders(2)
+    with board, other, open_port(f"udp://:0?from={option}", 0) as port:
+        board.sendto(b"board", port.line.getsockname())
+        other.sendto(b"other", port.line.getsockname())
+        assert read_all(port) == data
+        assert bool(port.message) == (option != "any")
+
+
+def test_what_a_board_sent_before_it_closed_the_connection_is_read():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        open_port(f"socket://127.0.0.1:{server.getsockname()[1]}", 0) as port,
+    ):
+        line, _ = server.accept()
+        line.sendall(DATA)
+        line.close()
+        data = b""
+        while len(data) < len(DATA):
+            data += port.read()
+        assert data == DATA
+        with pytest.raises(PortError, match="closed the connection"):
+            read_all(port)
+
+
+def test_a_connection_is_probed_while_it_is_silent():
+    """Its other end may have lost its power, and then sends no end."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with open_port(name, 0) as board, module.open_line(name, 0, 0.1) as stage:
+            for line in (board.line, stage._socket):
+                assert line.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
 
 
 def test_a_socket_is_a_port():
@@ -89,7 +158,9 @@ def test_a_virtual_bench_is_no_port_of_a_run_on_the_hosts_clock():
         open_port("virtual:wobble", 0)
 
 
-@pytest.mark.parametrize("name", ["udp://:x", "udp://", "udp://256.1.1.1:5"])
+@pytest.mark.parametrize(
+    "name", ["udp://:x", "udp://", "udp://256.1.1.1:5", "udp://:0?form=x", "udp://:0?from="]
+)
 def test_a_place_that_nobody_can_listen_at_is_told(name):
     with pytest.raises(PortError, match="udp://"):
         open_port(name, 0)

@@ -73,7 +73,7 @@ class BoardPoses:
         if restarted:
             self._forget()
             return
-        seq = samples.seq.astype(np.int64) + (sequence.seq - sequence.raw_seq)
+        seq = samples.seq.astype(np.int64) + (sequence.seq - sequence.board.seq)
         numbers, waiting = self._board
         self._board = (
             np.concatenate([numbers, seq % 2**32])[-WAITING:],

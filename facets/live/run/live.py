@@ -41,7 +41,7 @@ class Live:
     the loop has fallen behind.  late: number of samples that were solved after newer ones.
     sinks: where samples go.  events: those that the sinks do not have yet.  beam_loss: counts for a
     beam that follows the mirror.  is_urgent: whether the system gave the run a real-time priority.
-    note: what the reader waits for.
+    note: what the reader waits for.  port_message: what the port has to say of its senders.
     """
 
     pipeline: Pipeline
@@ -62,6 +62,7 @@ class Live:
     is_urgent: bool = False
     beam_loss: BeamLoss = field(default_factory=BeamLoss)
     note: str = ""
+    port_message: str = ""
     first: float = nan
     last: float = nan
     rate: float = 0.0
@@ -135,6 +136,7 @@ class Live:
         if self.tracker and self.tracker.note:
             sentences.append(self.tracker.note)
         sentences += self.line_messages()
+        sentences += filter(None, (self.port_message, self.pipeline.sequence.complaint))
         sentences += self.pipeline.clock_messages
         if self.behind:
             sentences.append(

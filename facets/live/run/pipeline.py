@@ -199,7 +199,7 @@ class Pipeline:
 
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
         """Return the samples that a block completes, in batches to be solved, in order."""
-        restarts, beginnings = self.sequence.restarts, self.sequence.beginnings
+        breaks = self.sequence.breaks
         came = self.parser.feed(block)
         self.refuse_other_channels()
         solved = is_pose(came)
@@ -208,10 +208,10 @@ class Pipeline:
             came if poses is None else came.where(~solved), arrival
         )
         if poses is not None:
-            self.board.add(poses, self.sequence, self.sequence.restarts > restarts)
+            self.board.add(poses, self.sequence, self.sequence.breaks > breaks)
         if not len(samples):
             return []
-        host = self.host_times(time, arrival, self.sequence.beginnings > beginnings)
+        host = self.host_times(time, arrival, self.sequence.breaks > breaks)
         arrival = self.known_arrival(arrival, time)
         self.last = arrival, int(time[-1])
         self.trust.add_counts(samples.counts, host)

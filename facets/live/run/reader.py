@@ -12,14 +12,16 @@ from queue import SimpleQueue
 from ...core.errors import FacetsError
 from ...core.settings import Config
 from ...tracking.priority import urgent
-from ..sources.ports import SerialPort, await_port, open_port
+from ..sources.ports import ConnectionPort, SerialPort, await_port, open_port
 from ..sources.source import Block, PortError, Source
 from .live import Live
 from .pipeline import BATCH
 
 #: Time between attempts to open a port again, s.
 REOPEN_INTERVAL_S = 0.2
-#: Bytes that a serial line gives in the first moment were sent before, s.
+#: A second connection is opened beside one that has brought nothing for this time, s.
+HALF_OPEN_S = 5.0
+#: Bytes that a line gives in the first moment were sent before, s.
 DISCARD_S = 0.1
 #: A source that loses nothing is not read while this many batches wait to be solved.
 MAX_WAITING_BATCHES = 50
@@ -57,6 +59,8 @@ class Reader(threading.Thread):
         self.settings, self.port_name = config.acquire, name
         self.reconnect, self.live = reconnect, live
         self.port: Source | None = None
+        self.spare: ConnectionPort | None = None  # a second connection beside a silent one
+        self.heard = time.monotonic()
         if reconnect:
             live.note = f"waiting for {name}"
         else:
@@ -90,16 +94,25 @@ class Reader(threading.Thread):
             self.close_port()
 
     def close_port(self) -> None:
-        """Close the port; one that is gone may refuse even that."""
+        """Close the port, and a second connection; one that is gone may refuse even that."""
+        self.close_spare()
         port, self.port = self.port, None
         if port is not None:
             with suppress(Exception):
                 port.close()
 
+    def close_spare(self) -> None:
+        if self.spare is not None:
+            self.spare.close()
+            self.spare = None
+
     def discard_old_bytes(self) -> None:
-        """Discard what buffers of a serial line hold from before."""
+        """Discard what buffers of a line hold from before."""
         begin = time.monotonic()
-        while isinstance(self.port, SerialPort) and time.monotonic() - begin < DISCARD_S:
+        while (
+            isinstance(self.port, SerialPort | ConnectionPort)
+            and time.monotonic() - begin < DISCARD_S
+        ):
             self.port.read()
 
     def step(self) -> None:
@@ -110,7 +123,7 @@ class Reader(threading.Thread):
             self.ending.wait(0.001)
             return
         try:
-            data = self.port.read()
+            data = self.read()
         except PortError as error:
             self.pass_on()
             self.live.add_event("unplugged", reason=str(error))
@@ -119,12 +132,40 @@ class Reader(threading.Thread):
                 raise
             self.live.note = "unplugged; waiting for it to come back"
             return
+        self.live.port_message = getattr(self.port, "message", "")
         if data:
+            self.close_spare()
+            self.heard = time.monotonic()
             self.arrival = self.live.clock()
             self.since = self.since if self.pending else self.arrival
             self.pending += data
         if self.port.waits or self.loop_is_idle() or self.live.clock() - self.since > MAX_BLOCK_S:
             self.pass_on()
+
+    def read(self) -> bytes:
+        """Return what came, from a second connection if it brings bytes before the silent one.
+
+        A board that lost its power, or a network that forgot the connection, closes nothing: the
+        connection looks open for ever. The silent one stays open meanwhile, since a board may be
+        silent on purpose.
+        """
+        data, now = self.port.read() if self.port else b"", time.monotonic()
+        if data or not (self.reconnect and isinstance(self.port, ConnectionPort)):
+            return data
+        try:
+            if self.spare is None and now - self.heard > HALF_OPEN_S:
+                self.heard = now
+                self.spare = ConnectionPort(self.port_name)
+            data = self.spare.read() if self.spare else b""
+        except PortError:
+            self.close_spare()
+            return b""
+        if self.spare and data:
+            self.live.add_event("unplugged", reason="a second connection brings bytes")
+            spare, self.spare = self.spare, None
+            self.close_port()
+            self.use_port(spare)
+        return data
 
     def loop_is_idle(self) -> bool:
         """Whether the loop has nothing to do but to wait for the next block."""
@@ -148,10 +189,13 @@ class Reader(threading.Thread):
 
     def reopen(self) -> None:
         try:
-            self.port = open_port(self.port_name, self.settings.baud)
+            self.use_port(open_port(self.port_name, self.settings.baud))
         except PortError:
             self.ending.wait(REOPEN_INTERVAL_S)
-            return
+
+    def use_port(self, port: Source) -> None:
+        """Read another port from now on."""
+        self.port, self.heard = port, time.monotonic()
         self.live.reconnects += self.live.bytes > 0
         self.live.note = ""
         self.live.add_event("connected again" if self.live.bytes else "connected")

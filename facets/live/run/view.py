@@ -203,8 +203,7 @@ def loop_sentences(live: Live) -> Iterator[str]:
         yield f"no sample came for {without:.1f} s of the {live.now - live.begin:.1f} s"
     for sink in live.sinks:
         yield from sink.sentences()
-    if restarts := live.pipeline.sequence.restart_sentence:
-        yield restarts
+    yield from live.pipeline.sequence.sentences()
 
 
 def clock_sentences(live: Live) -> Iterator[str]:
@@ -215,7 +214,7 @@ def clock_sentences(live: Live) -> Iterator[str]:
             f"the newest samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), "
             f"earlier ones to {1e6 * clock.worst:.2g} us, beside what acquire.least_delay_ms is off"
         )
-    if (moves := clock.moves - live.pipeline.sequence.beginnings) > 0:
+    if (moves := clock.moves - live.pipeline.sequence.breaks) > 0:
         yield f"{CLOCK_MOVED}, {moves} times"
     yield from live.pipeline.clock_messages
     if clock.is_held and clock.is_known:

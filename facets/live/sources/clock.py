@@ -8,8 +8,8 @@ how much time has passed; after a restart they do not.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
 import numpy as np
@@ -26,58 +26,74 @@ CREDIBLE_S = 5.0
 #: Largest ratio between the time of the missing samples and the time that has passed.
 FACTOR = 4.0
 
-#: A sample's time on the board, us, and its counts.
-Frame = tuple[int, bytes]
+#: Number of newest samples that are remembered to recognise those that come again: 13 s at 10 kHz.
+MEMORY = 2**17
+#: Samples that are ahead of the host's clock by more than this may be of another board, us.
+EARLY_US = 100_000
+#: Number of earlier counts of which the numbers may go on.
+MAX_COUNTS = 8
+#: A remembered sample: the key of its count, its number, its time and its counts.
+REMEMBERED = np.dtype([("key", "<u4"), ("seq", "<u4"), ("time", "<u4"), ("counts", "<i4", 12)])
 
 
-class Remembered:
-    """The newest samples by their number, sorted when the first is asked for."""
+@dataclass
+class CounterState:
+    """The two counters of a board since it was switched on, as of its newest sample.
 
-    def __init__(self, parts: Iterable[RawSamples]) -> None:
-        self.parts = list(parts)
-        self.frames: dict[int, Frame] = {}
+    key: a number that no other count has.  first: number of the first sample.  seq, time: as sent.
+    host: time of arrival, s.  restarts, lost: restarts of the board and lost samples that were
+    counted when this count began, and are none if an earlier count goes on.
+    """
 
-    def add(self, samples: RawSamples) -> None:
-        self.parts.append(samples)
+    key: int
+    first: int
+    seq: int
+    time: int
+    host: float = nan
+    restarts: int = 0
+    lost: int = 0
 
-    def get(self, number: int) -> Frame | None:
-        """Return the newest sample of a number, if there is any."""
-        for part in self.parts:
-            self.frames |= {
-                int(seq): (int(at), counts.tobytes())
-                for seq, at, counts in zip(part.seq, part.time, part.counts, strict=True)
-            }
-        self.parts = []
-        return self.frames.get(number)
+    @property
+    def is_sure(self) -> bool:
+        """Whether no earlier count can go on in the place of this one."""
+        return not (self.restarts or self.lost)
 
-    def clear(self) -> None:
-        self.parts, self.frames = [], {}
+    def take(self, samples: RawSamples, arrival: float) -> None:
+        """Take samples as the newest."""
+        self.seq, self.time = int(samples.seq[-1]), int(samples.time[-1])
+        self.host = self.host if isnan(arrival) else arrival
 
 
 class Sequence:
     """Unwraps seq and t_us, and counts samples that are missing or come twice.
 
     lost: samples that never came.  doubled: samples that came again, or too late, and were dropped.
-    restarts: of the board, whose counters then begin anew; the samples lost meanwhile are not
-    known.  leaps: of the board's clock alone, while the numbers go on.  silent: time for which the
-    board took no samples, though none is missing by its number, us.  period: between samples, us, 0
-    while it is not known.  fresh: position of the first sample after a restart or a leap among the
-    samples that were followed last; 0 without one.
+    foreign: samples of another count than the one followed, which were dropped.  restarts: of the
+    board, whose counters then begin anew; the samples lost meanwhile are not known.  leaps: of
+    the board's clock alone, while the numbers go on.  breaks: how often the board's time began
+    anew, at a leap or as another count was followed, and went on by the host's clock.  silent: time
+    for which the board took no samples, though none is missing by its number, us.  period: between
+    samples, us, 0 while it is not known.  fresh: position of the first sample after a break among
+    the samples that were followed last; 0 without one.
+
+    Where the numbers go on as they did before a supposed restart or loss, there was none: another
+    board sends to the same port, or frames of long ago come again. The count from before is then
+    followed, and another one once it is silent.
     """
 
-    #: Largest step back of a sample that comes again or late.
-    LATE = 1000
     #: A step ahead by more than this is a restart unless it agrees with both clocks.
     AHEAD = 10_000_000
 
     def __init__(self) -> None:
-        self.lost = self.doubled = self.restarts = self.leaps = self.fresh = self.silent = 0
+        self.lost = self.doubled = self.foreign = self.silent = 0
+        self.restarts = self.leaps = self.breaks = self.fresh = self.counts = 0
         self.seq = self.time = -1
-        self.raw_seq = self.raw_time = 0
         self.period = 0.0
-        self.host = nan
-        self.recent: deque[RawSamples] = deque()
-        self.kept = 0
+        self.board = CounterState(0, 0, 0, 0)
+        self.others: list[CounterState] = []
+        self.repeating = nan  # arrival of the first of the repeated samples that came last, s
+        self.memory = np.zeros(MEMORY, REMEMBERED)
+        self.memory["seq"][0] = 1  # no row has a number that belongs there
 
     def follow(
         self, samples: RawSamples, arrival: float = nan
@@ -91,38 +107,23 @@ class Sequence:
         if not len(samples):
             return samples, np.zeros(0, np.int64), np.zeros(0, np.int64)
         if self.seq < 0:
-            self.raw_seq, self.raw_time = int(samples.seq[0]) - 1, int(samples.time[0])
-            self.seq, self.time = self.raw_seq, self.raw_time
-        gap = 1e6 * (arrival - self.host)
-        step = (int(samples.seq[0]) - self.raw_seq) % WRAP
-        passed = (int(samples.time[0]) - self.raw_time) % WRAP
+            self.start_count(int(samples.seq[0]))
+            self.seq, self.time = int(samples.seq[0]) - 1, int(samples.time[0])
+            self.board.seq, self.board.time = self.seq, self.time
+        step = (int(samples.seq[0]) - self.board.seq) % WRAP
+        passed = (int(samples.time[0]) - self.board.time) % WRAP
         ends = run_ends(samples)
         if step == 1 and passed < CLOSE_US and len(ends) == 1:
             seq = self.seq + 1 + np.arange(len(samples))
             time = self.time + passed + elapsed_counts(samples.time)
-            if len(samples) > 1:
-                self.period = usual_step(time)
+            is_single = len(samples) == 1
+            self.period = self.period or float(passed) if is_single else usual_step(time)
+            self.remember(samples, arrival)
         else:
-            samples, seq, time = self.sort_out(samples, ends, gap)
-        if not isnan(arrival):
-            self.host = arrival
-        if not len(samples):
-            return samples, seq, time
-        self.raw_seq, self.raw_time = int(samples.seq[-1]), int(samples.time[-1])
-        self.seq, self.time = int(seq[-1]), int(time[-1])
-        self.remember(samples)
+            samples, seq, time = self.sort_out(samples, ends, arrival)
+        if len(samples):
+            self.seq, self.time = int(seq[-1]), int(time[-1])
         return samples, seq, time
-
-    @property
-    def beginnings(self) -> int:
-        """How often the board's time began anew."""
-        return self.restarts + self.leaps
-
-    @property
-    def restart_sentence(self) -> str:
-        """The sentence on restarts of the board; empty without any."""
-        text = f"the board restarted {self.restarts} times; what it lost is not known"
-        return text if self.restarts else ""
 
     @property
     def leap_sentence(self) -> str:
@@ -133,58 +134,48 @@ class Sequence:
         )
         return text if self.leaps else ""
 
-    def remember(self, samples: RawSamples) -> None:
-        """Keep the newest samples, at least LATE of them."""
-        self.recent.append(samples)
-        self.kept += len(samples)
-        while self.kept - len(self.recent[0]) >= self.LATE:
-            self.kept -= len(self.recent.popleft())
+    def remember(self, samples: RawSamples, arrival: float) -> None:
+        """Take samples as the newest of the board."""
+        rows = samples.seq % MEMORY
+        self.memory["key"][rows] = self.board.key
+        for name in ("seq", "time", "counts"):
+            self.memory[name][rows] = getattr(samples, name)
+        self.board.take(samples, arrival)
+        self.repeating = nan
 
     def sort_out(
-        self, samples: RawSamples, ends: list[int], gap: float
+        self, samples: RawSamples, ends: list[int], arrival: float
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
         """Follow samples run by run, if a counter does not simply go on.
 
-        ends: of the runs.  gap: host's time since the last samples, us.
+        ends: of the runs.
         """
         keep = np.zeros(len(samples), dtype=bool)
         seqs: list[NDArray[np.int64]] = []
         times: list[NDArray[np.int64]] = []
-        oldest = int(self.recent[0].seq[0]) if self.recent else self.raw_seq
-        raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
-        known = Remembered(self.recent)
+        seq, time = self.seq, self.time
+        gap = 1e6 * (arrival - self.board.host)  # host's time since the last samples, us
         n = 0
         for end in ends:
-            while n < end:  # The rest of a run continues from its first sample that is kept.
-                number, at = int(samples.seq[n]), int(samples.time[n])
-                step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
-                frame = (at, samples.counts[n].tobytes())
-                reach = (raw_seq - oldest) % WRAP
-                if self.is_again(step, passed, reach, number, frame, known):
-                    self.doubled += 1
-                    n += 1
-                    continue
-                whole = self.elapsed_time(step, passed, gap, first=not seqs)
-                if whole is None:
-                    self.restarts += step != 1
-                    self.leaps += step == 1
-                    self.fresh = int(keep.sum())
-                    known.clear()
-                    oldest = number
-                    waited = gap if isfinite(gap) and not seqs else 0.0
-                    step, whole = 1, int(max(waited, self.period, 1.0))
-                self.lost += step - 1
-                pause = int(min(whole, gap))  # a clock that was set ahead is no silence
-                if step == 1 and self.period and pause > max(CLOSE_US, 10 * self.period):
-                    self.silent += pause
-                run = slice(n, end)
-                seqs.append(seq + step + np.arange(end - n))
-                times.append(time + whole + elapsed_counts(samples.time[run]))
-                raw_seq, raw_time = int(samples.seq[end - 1]), int(samples.time[end - 1])
-                seq, time = int(seqs[-1][-1]), int(times[-1][-1])
-                known.add(samples.where(run))
-                keep[run] = True
-                n = end
+            while n < end and self.is_again(samples, n, arrival):
+                self.doubled += 1
+                n += 1
+            run, breaks = slice(n, end), self.breaks
+            part = samples.where(run)
+            steps = self.join_run(part, arrival, gap, not seqs) if n < end else None
+            n = end
+            if steps is None:
+                continue
+            if self.breaks > breaks:
+                self.fresh = int(keep.sum())
+            step, whole = steps
+            pause = int(min(whole, gap))  # a clock that was set ahead is no silence
+            if step == 1 and self.period and pause > max(CLOSE_US, 10 * self.period):
+                self.silent += pause
+            seqs.append(seq + step + np.arange(run.stop - run.start))
+            times.append(time + whole + elapsed_counts(samples.time[run]))
+            seq, time = int(seqs[-1][-1]), int(times[-1][-1])
+            keep[run] = True
         nothing = np.zeros(0, np.int64)
         return (
             samples.where(keep),
@@ -192,27 +183,113 @@ class Sequence:
             np.concatenate([nothing, *times]),
         )
 
-    def is_again(
-        self,
-        step: int,
-        passed: int,
-        reach: int,
-        number: int,
-        frame: Frame,
-        known: Remembered,
-    ) -> bool:
+    def join_run(
+        self, run: RawSamples, arrival: float, gap: float, first: bool
+    ) -> tuple[int, int] | None:
+        """The steps of number and time, us, to samples that follow each other; None to drop them.
+
+        gap: host's time since the last samples, us.  first: see `elapsed_time`.
+        """
+        number, at, board = int(run.seq[0]), int(run.time[0]), self.board
+        step, passed = (number - board.seq) % WRAP, (at - board.time) % WRAP
+        whole = self.elapsed_time(step, passed, gap, first)
+        other = self.find_count(number, at, arrival, WRAP if whole is None else step)
+        if other and board.is_sure and arrival - board.host < 1e-6 * CLOSE_US:
+            self.foreign += len(run)
+            other.take(run, arrival)
+            return None
+        if other or whole is None:
+            self.break_count(other, number, is_leap=step == 1)
+            waited = gap if isfinite(gap) and first else 0.0
+            step, whole = 1, int(max(waited, self.period, 1.0))
+        elif step > 1 and not whole <= gap + EARLY_US:
+            self.start_count(number, lost=step - 1)
+        self.lost += step - 1
+        self.remember(run, arrival)
+        return step, whole
+
+    def break_count(self, other: CounterState | None, number: int, is_leap: bool) -> None:
+        """Follow another count, or a new one of a board that restarted, from a sample on.
+
+        is_leap: whether the numbers go on, so that without another count only the clock leapt.
+        """
+        self.breaks += 1
+        if other:
+            self.resume_count(other)
+        elif is_leap:
+            self.leaps += 1
+        else:
+            self.start_count(number, restarts=1)
+
+    def is_again(self, samples: RawSamples, n: int, arrival: float) -> bool:
         """Whether a sample has come before, or comes after its turn.
 
-        step, passed: of the raw counters, modulo 2^32.  reach: number of samples back that are
-        remembered.  number, frame: of this sample.  known: the samples that came before.
+        Where nothing else comes for longer than `CLOSE_US`, the board counts anew and sends the
+        same as before.
         """
-        if 0 < step < WRAP - self.LATE:
+        board, number, at = self.board, int(samples.seq[n]), int(samples.time[n])
+        back, earlier = (board.seq - number) % WRAP, (board.time - at) % WRAP
+        if back >= MEMORY or arrival - self.repeating > 1e-6 * CLOSE_US:
             return False
-        same = known.get(number)
-        if same is not None:
-            return same == frame  # a board that counts anew has the number, not the light
-        back, earlier = (-step) % WRAP, (-passed) % WRAP
-        return self.period > 0 and 0 < back <= reach and self.agrees(earlier, back)
+        known = self.memory[number % MEMORY]
+        is_known = known["seq"] == number
+        if is_known and known["time"] == at and (known["counts"] == samples.counts[n]).all():
+            self.repeating = arrival if isnan(self.repeating) else self.repeating
+            return True
+        if is_known and known["key"] == board.key:
+            return False  # a board that counts anew has the number, not the light
+        is_past = 0 < back <= (board.seq - board.first) % WRAP
+        return self.period > 0 and is_past and self.agrees(earlier, back)
+
+    def find_count(self, number: int, at: int, arrival: float, limit: int) -> CounterState | None:
+        """The earlier count that a sample continues with the fewest missing before it, if any.
+
+        limit: the step to the sample must be below this one.
+        """
+        for other in sorted(self.others, key=lambda other: (number - other.seq) % WRAP):
+            step = (number - other.seq) % WRAP
+            gap, passed = 1e6 * (arrival - other.host), (at - other.time) % WRAP
+            whole = self.elapsed_time(step, passed, gap, first=True)
+            if 0 < step < limit and whole is not None and not whole > gap + EARLY_US:
+                return other
+        return None
+
+    def start_count(self, number: int, restarts: int = 0, lost: int = 0) -> None:
+        """Follow a new count from a sample on; it comes with restarts and lost samples."""
+        self.others = [*self.others, self.board][-MAX_COUNTS:] if self.counts else []
+        self.counts += 1
+        self.restarts += restarts
+        self.board = CounterState(self.counts, number, number, 0, self.board.host, restarts, lost)
+
+    def resume_count(self, other: CounterState) -> None:
+        """Follow an earlier count again: what began those after it was no restart and no loss."""
+        self.others = [*(count for count in self.others if count is not other), self.board]
+        self.board = other
+        for count in self.others:
+            if count.key > other.key:
+                self.restarts -= count.restarts
+                self.lost -= count.lost
+                count.restarts = count.lost = 0
+        other.restarts = other.lost = 0
+
+    @property
+    def complaint(self) -> str:
+        """What the samples of other counts mean; empty if none came."""
+        if not self.foreign:
+            return ""
+        return (
+            f"{self.foreign} samples of another board, or from long ago, were dropped: let one "
+            "board alone send to this port, each sample once"
+        )
+
+    def sentences(self) -> Iterator[str]:
+        """Yield what the counters of the whole stream showed."""
+        if self.restarts:
+            yield f"the board restarted {self.restarts} times; what it lost meanwhile is not known"
+        if self.doubled:
+            yield f"{self.doubled} samples came again, or too late, and were dropped"
+        if self.complaint:
+            yield self.complaint
 
     def agrees(self, passed: float, steps: int) -> bool:
         """Whether a time `passed`, us, is about that of `steps` samples."""

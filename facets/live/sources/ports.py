@@ -1,4 +1,4 @@
-"""Sources of bytes: serial ports and sockets by pyserial's URLs, datagrams, recorded files.
+"""Sources of bytes: serial ports and pyserial's URLs, TCP, datagrams, recorded files.
 
 Other packages add sources by entry points of the group `facets.sources`: one named `daq` opens the
 ports whose names begin with `daq:`. It is called with the name and the baud rate, and returns a
@@ -11,10 +11,11 @@ import errno
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from ...core.closing import ClosedAtExit
 from .source import MAX_READ_BYTES, POLL_S, PortError, PortInUse, Source
@@ -30,10 +31,21 @@ SHIPPED = (
 VIRTUAL = "virtual:"
 #: Time between attempts to open a port, s.
 RETRY_INTERVAL_S = 0.1
+#: Longest time that a TCP connection may take to be made, s.
+CONNECT_TIMEOUT_S = 2.0
+#: Another sender of datagrams is read once the present one has sent nothing for this time, s.
+SENDER_SILENCE_S = 1.0
+#: Options of TCP by which a connection fails within 10 s of the loss of its other end, which may
+#: have lost its power, so that it closes nothing: a probe every second after 5 s without data, and
+#: the longest time in which data that were sent must be confirmed, ms. Not every system has all.
+KEEP_ALIVE = {
+    "TCP_KEEPIDLE": 5, "TCP_KEEPALIVE": 5, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 5,
+    "TCP_USER_TIMEOUT": 10_000,
+}  # fmt: skip
 
 
 class SerialPort(ClosedAtExit):
-    """A device, a pty, or a URL such as socket://host:port."""
+    """A device, a pty, or a URL of pyserial such as rfc2217://host:port."""
 
     ended = waits = False
 
@@ -62,52 +74,133 @@ class SerialPort(ClosedAtExit):
         self.line.close()
 
 
-class DatagramPort(ClosedAtExit):
-    """A board that sends its frames by UDP to a port of this machine, `udp://:PORT`.
-
-    A host before the colon binds that address alone. Each datagram holds any number of whole
-    frames, whose samples are missing by `seq` if the datagram is lost.
-    """
+class SocketPort(ClosedAtExit):
+    """A board behind a network, whose address `open` understands."""
 
     ended = waits = False
-    #: Size of the system's buffer for datagrams that nobody has read yet, bytes.
-    BUFFER = 1 << 22
+    FORM = ""
 
     def __init__(self, name: str) -> None:
-        parts = urlsplit(name)
-        try:
-            if parts.port is None:
-                raise ValueError
-            self.line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self.line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self.BUFFER)
-            self.line.bind((parts.hostname or "", parts.port))
-        except ValueError:
-            raise PortError(f"{name}: is not an address to listen at; give udp://:PORT") from None
-        except OSError as error:
-            self.line.close()
-            kind = PortInUse if error.errno == errno.EADDRINUSE else PortError
-            raise kind(f"{name}: cannot be opened: {error.strerror or error}") from None
         self.name = name
-        self.sender: Any = None
-        self.line.settimeout(POLL_S)
+        try:
+            self.line = self.open(urlsplit(name))
+        except ValueError:
+            raise PortError(f"{name}: is not an address; give {self.FORM}") from None
+        except OSError as error:
+            raise opening_error(f"{name}: cannot be opened", str(error)) from None
+
+    def open(self, parts: SplitResult) -> socket.socket:
+        """Open the socket of an address; raises `ValueError` if it is none."""
+        raise NotImplementedError
+
+    def receive(self) -> bytes:
+        """Return the next bytes that are to be read."""
+        raise NotImplementedError
 
     def read(self) -> bytes:
-        """Return the bytes of all datagrams that have come."""
-        parts: list[bytes] = []
-        size = 0
+        """Return all bytes that have come; raise `PortError` after them if the port is gone."""
+        data, count = bytearray(), 0
+        self.line.settimeout(POLL_S)
         try:
-            while size < MAX_READ_BYTES:
-                data, self.sender = self.line.recvfrom(MAX_READ_BYTES)
-                parts.append(data)
-                size += len(parts[-1])
+            while len(data) + count < MAX_READ_BYTES:
+                data += self.receive()
+                count += 1
                 self.line.settimeout(0.0)
-        except (TimeoutError, BlockingIOError):
-            pass
         except OSError as error:
-            raise PortError(f"{self.name}: went away: {error.strerror or error}") from None
-        finally:
-            self.line.settimeout(POLL_S)
-        return b"".join(parts)
+            is_over = error.errno not in (None, errno.EAGAIN, errno.EWOULDBLOCK)
+            if is_over and not data:
+                raise PortError(f"{self.name}: went away: {error.strerror}") from None
+        return bytes(data)
+
+    def close(self) -> None:
+        self.line.close()
+
+
+class ConnectionPort(SocketPort):
+    """A board that serves its bytes by TCP, `socket://HOST:PORT`."""
+
+    FORM = "socket://HOST:PORT"
+
+    def open(self, parts: SplitResult) -> socket.socket:
+        if not parts.hostname or parts.port is None:
+            raise ValueError
+        line = socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT_S)
+        keep_alive(line)
+        return line
+
+    def receive(self) -> bytes:
+        if not (data := self.line.recv(MAX_READ_BYTES)):
+            raise OSError(errno.EPIPE, "its other end closed the connection")
+        return data
+
+    def write(self, data: bytes) -> bool:
+        """Send a few bytes to the board, from another thread; return whether the line took them."""
+        try:
+            return self.line.send(data) == len(data)
+        except OSError:
+            return False
+
+
+class DatagramPort(SocketPort):
+    """A board that sends its frames by UDP to a port of this machine, `udp://HOST:PORT`.
+
+    HOST is an address of this machine, 127.0.0.1 if it is left out, so that only programs of this
+    machine can send; 0.0.0.0 is all of its addresses. Each datagram holds any number of whole
+    frames, whose samples are missing by `seq` if the datagram is lost. The first sender is read,
+    and another one after it has sent nothing for `SENDER_SILENCE_S`; with `?from=HOST` the senders
+    of this host alone, and with `?from=any` all at once.
+    """
+
+    FORM = "udp://HOST:PORT, or udp://HOST:PORT?from=HOST"
+    #: Size of the system's buffer for datagrams that nobody has read yet, bytes.
+    BUFFER = 1 << 22
+    #: The sender that is read: host and port; when it was heard last, s.
+    sender: Any = None
+    heard = 0.0
+    #: Number of datagrams that were dropped, and the sender of the last.
+    refused, stranger = 0, ""
+
+    def open(self, parts: SplitResult) -> socket.socket:
+        options = dict(parse_qsl(parts.query, keep_blank_values=True))
+        host = options.pop("from", "first")
+        if parts.port is None or options or not host:
+            raise ValueError
+        self.host = host if host in ("first", "any") else socket.gethostbyname(host)
+        line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self.BUFFER)
+            line.bind((parts.hostname or "127.0.0.1", parts.port))
+        except OSError:
+            line.close()
+            raise
+        return line
+
+    def receive(self) -> bytes:
+        """Return the next datagram; nothing for that of a sender that is not read."""
+        data, sender = self.line.recvfrom(MAX_READ_BYTES)
+        now = time.monotonic()
+        is_next = self.host == "any" or now - self.heard > SENDER_SILENCE_S
+        if self.host in ("first", "any", sender[0]) and (is_next or self.sender in (None, sender)):
+            self.sender, self.heard = sender, now
+            return data
+        self.refused += 1
+        self.stranger = "{}:{}".format(*sender)
+        return b""
+
+    @property
+    def message(self) -> str:
+        """What a person should know of the senders; empty if there is nothing."""
+        if self.refused:
+            board = "{}:{}".format(*self.sender) if self.sender else self.host
+            return (
+                f"{self.refused} datagrams of other senders were dropped, the last of "
+                f"{self.stranger}: {board} is read, and another sender once it is silent; "
+                "?from=HOST in the port's address chooses the host"
+            )
+        host, port = self.line.getsockname()
+        if self.sender or not host.startswith("127."):
+            return ""
+        return f"only this machine can send to {self.name}; udp://0.0.0.0:{port} hears all others"
 
     def write(self, data: bytes) -> bool:
         """Send a datagram to the sender of the last one; return whether that was possible."""
@@ -115,9 +208,6 @@ class DatagramPort(ClosedAtExit):
             return self.sender is not None and self.line.sendto(data, self.sender) == len(data)
         except OSError:
             return False
-
-    def close(self) -> None:
-        self.line.close()
 
 
 class FilePort(ClosedAtExit):
@@ -154,15 +244,25 @@ def open_line(name: str, baud: int, timeout: float) -> Any:
         if "://" not in name:
             line.exclusive = True
         line.open()
+        if hasattr(line, "_socket"):  # of pyserial's socket:// and rfc2217://
+            keep_alive(line._socket)
         return line
     except Exception as error:  # pyserial lets termios' errors, which are no OSError, pass
         raise opening_error(f"{name}: cannot be opened", str(error)) from None
 
 
+def keep_alive(connection: socket.socket) -> None:
+    """Have a TCP connection fail soon after its other end is gone, which may send no end."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEP_ALIVE.items():
+        with suppress(OSError, AttributeError):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
 def opening_error(what: str, reason: str) -> PortError:
     """The error of a port that the system does not open for a reason, with its remedy."""
     text = reason.lower()
-    if "exclusively lock" in text or "busy" in text:
+    if any(words in text for words in ("exclusively lock", "busy", "in use")):
         return PortInUse(f"{what}: another program uses it; close that program first")
     if "permission" in text:
         reason = "no permission; on Linux, join the group that owns it (dialout or uucp)"
@@ -183,6 +283,8 @@ def open_port(name: str, baud: int) -> Source:
         )
     if name.startswith("udp://"):
         return DatagramPort(name)
+    if name.startswith("socket://"):
+        return ConnectionPort(name)
     if (other := source_of(name)) is not None:
         return open_by_package(other, name, baud)
     return SerialPort(name, baud)
