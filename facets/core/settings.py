@@ -45,7 +45,7 @@ class Acquire:
     port: str | None = key(
         "port",
         None,
-        "device or URL: /dev/ttyACM0, COM3, socket://host:port, udp://host:port, file:bytes.bin; or "
+        "device or URL: /dev/ttyACM0, COM3, socket://host:port, udp://host:port, file:bytes.bin or "
         "a simulated bench, virtual:motion",
     )
     baud: int = key("baud", 3_000_000, "baud rate of a serial line", gt=0, le=MAX_BAUD)
