@@ -11,7 +11,7 @@ import pytest
 from facets.cli.sentences import yields
 
 import facets
-from facets import InputError, optimize
+from facets import InputError, design, optimize
 from facets.design import (
     assembly_of,
     count_passes,
@@ -20,13 +20,11 @@ from facets.design import (
     interval,
     predict_yields,
     problem_of,
-    report,
     robust_layout,
     sensitivities,
     sensor_of,
     simulate_heads,
     states_of,
-    tables,
 )
 
 from .conftest import LOOSE
@@ -235,7 +233,7 @@ def test_the_starts_of_a_search_show_what_the_objective_stands_for():
     """The worst uncertainty is the root of what is minimised."""
     end = SimpleNamespace(x=[1.0], objective=0.8434, seconds=0.1, status="solve succeeded")
     optimum = SimpleNamespace(names=["radius_mm"], results=[end])
-    headings, rows = tables.start_rows(optimum, "resolution")
+    headings, rows = design.tables.start_rows(optimum, "resolution")
     shown = rows[0][headings.index("worst uncertainty")]
     assert float(shown) == pytest.approx(np.sqrt(0.8434), rel=1e-5)
-    assert shown[:5] in report.objective_text("resolution", 0.8434)
+    assert shown[:5] in design.report.objective_text("resolution", 0.8434)
