@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.temperature import PLACES
-from ..model.arrays import edge_distance, is_near_edge, readings
+from ..model.arrays import edge_distance, half_sizes, is_near_edge, readings
 from .alternatives.alternative import Finding
 from .alternatives.scatter import Scatter
 from .fitting.bundle_adjustment import (
@@ -285,28 +286,32 @@ def written_step(values: Floats) -> float:
     return float(apart.min()) if (np.abs(times - np.round(times)) < EVEN_STEPS).all() else 0.0
 
 
-def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
+def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Sensor, Data, list[Finding]]:
     """Exclude the readings of a detector whose spot lies over the edge of its sensitive area.
 
     There light is lost that the model includes only with `sensor.apertures.detectors`. The other
-    detectors of such a sample stay.
+    detectors of such a sample stay. In the sensor that is returned, such readings are out of range.
     """
     if sensor.apertures.detectors:
-        return data, []
+        return sensor, data, []
     distance = edge_distance(sensor)
-    raw, findings = data.raw.copy(), list[Finding]()
+    raw, findings, psds = data.raw.copy(), list[Finding](), list(sensor.psds)
     for k, near in enumerate(is_near_edge(sensor, raw).T):
         if near.mean() > MOST_EDGE_SHARE:  # then these are no places in mm, which is told elsewhere
-            return data, []
+            return sensor, data, []
         if not near.any():
             continue
         raw[near, 3 * k : 3 * k + 3] = np.nan
+        for axis, half in enumerate((half_sizes(sensor)[k] - distance).tolist()):
+            psds[k] = psds[k].limit(axis, -half, half)
         findings.append(Finding(False, (
             f"In {int(near.sum())} of {len(raw)} samples the spot on detector "
             f"{DETECTORS[k].upper()} comes nearer than {distance:.2g} mm to the edge of the "
-            "sensitive area, where light is lost; its readings there are excluded. Keep spots "
+            "sensitive area, where light is lost; its readings there are excluded, and in the "
+            f"result out of range (sensor.psd.{DETECTORS[k]}.usable_mm). Keep spots "
             f"{max(CLEAR_DISTANCE_MM, distance):.2g} mm from the edges, or set "
             "sensor.apertures.detectors."
         )))  # fmt: skip
     there = np.asarray(np.isfinite(raw).any(axis=1))
-    return (data._replace(raw=raw).part(there) if findings else data), findings
+    sensor = replace(sensor, psds=(psds[0], psds[1], psds[2]))
+    return sensor, (data._replace(raw=raw).part(there) if findings else data), findings

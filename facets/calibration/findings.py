@@ -13,17 +13,19 @@ from math import factorial
 
 import numpy as np
 
+from ..core.axis_keys import MAX_LENGTH_MM
 from ..core.calibrate import Calibrate
 from ..core.names import DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
 from ..core.settings import Solve
 from ..core.units import Booleans, Floats
 from ..detectors import temperature
+from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations
 from ..estimation.plan import make_plan
 from ..estimation.problem import MIN_REDUNDANCY
 from ..estimation.uncertainty import redundancies
-from ..model.arrays import EFFECTS, readings
+from ..model.arrays import EFFECTS, readings, spot_size
 from .alternatives.alternative import (
     MOST_ROWS_LISTED,
     Finding,
@@ -518,6 +520,10 @@ def outlier_findings(
     ), (cause,))]  # fmt: skip
 
 
+#: The cause of samples that were excluded where something covers a part of a detector.
+SHADED = "shaded"
+
+
 def common_of_outliers(
     sensor: Sensor, data: Data, excluded: Booleans, result: Fit
 ) -> tuple[str, str]:
@@ -528,10 +534,15 @@ def common_of_outliers(
             ". They stand together: see whether these rows belong to the others, and whether "
             "something stood in the light.", "outlier_rows",
         )  # fmt: skip
-    if side := shaded_side(data, excluded):
+    if side := shaded_side(result.sensor, data, excluded):
+        n, sign, least = side
+        letter = DETECTORS[n // 3]
         return (
-            f". They are all where {side}: something may stand in the light there; look at that "
-            "detector's housing and window.", "shaded",
+            f". They are all where {KINDS[n % 3]} of detector {letter.upper()} is "
+            f"{'over' if sign > 0 else 'under'} {sign * least:.2g} mm: something may stand in the "
+            "light there; look at that detector's housing and window. In the result, spots there "
+            f"and half a beam's diameter before are out of range (sensor.psd.{letter}.usable_mm).",
+            SHADED,
         )  # fmt: skip
     place = erring_column(sensor, data.part(excluded), result)
     if place is None:
@@ -547,18 +558,36 @@ def common_of_outliers(
     )
 
 
-def shaded_side(data: Data, excluded: Booleans) -> str | None:
-    """In words, the side of a detector beyond which all spots of samples (n,) lie that were
-    excluded, and few others; None where there is none."""
+def shaded_side(sensor: Sensor, data: Data, excluded: Booleans) -> tuple[int, int, float] | None:
+    """The side of a detector beyond which all spots of samples (n,) lie that were excluded, and few
+    others; None where there is none.
+
+    Returns the place in a reading, 1 or -1 for its upper or lower side, and the least place that
+    was excluded, times that sign, mm.
+    """
     if excluded.sum() < LEAST_ERRING:
         return None
+    places = correct(sensor, data.raw)
     for n, sign in product(temperature.PLACES, (-1, 1)):
-        place = sign * data.raw[:, n]
+        place = sign * places[:, n]
         least = float(place[excluded].min())  # not a number where one of them has no such spot
         if np.isfinite(least) and 4 * np.sum(place[~excluded] > least) < excluded.sum():
-            where = f"{KINDS[n % 3]} of detector {DETECTORS[n // 3].upper()}"
-            return f"{where} is {'over' if sign > 0 else 'under'} {sign * least:.2g} mm"
+            return n, sign, least
     return None
+
+
+def exclude_shade(result: Fit, data: Data, rows: list[int]) -> Sensor:
+    """The fitted sensor with the shaded side of a detector out of range, from half a beam's
+    diameter before the spots of rows that were excluded, since less of a spot is cut there."""
+    sensor = result.sensor
+    side = shaded_side(sensor, data, np.isin(row_numbers(data), rows))
+    if side is None:
+        return sensor
+    n, sign, least = side
+    ends = sorted((-sign * MAX_LENGTH_MM, sign * (least - spot_size(sensor) / 2)))
+    psds = list(sensor.psds)
+    psds[n // 3] = psds[n // 3].limit(n % 3, *ends)
+    return replace(sensor, psds=(psds[0], psds[1], psds[2]))
 
 
 def centre_findings(centre: float) -> list[Finding]:

@@ -38,9 +38,11 @@ from .candidates import SIGMAS, Candidate, tried_kinds
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
     PROFILE,
+    SHADED,
     cause_findings,
     centre_findings,
     effect_findings,
+    exclude_shade,
     findings,
     outlier_findings,
     pull_findings,
@@ -147,6 +149,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     screened = screen(sensor, data, settings)
     if screened.is_refused:
         return screened.verdict()
+    sensor = screened.sensor
     plain, fault, large = first_fit(sensor, screened, chosen, settings)
     if astray := unsettled_findings(sensor, plain):
         return plain.verdict(astray if fault is None else [])
@@ -167,10 +170,12 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
 class Screened:
     """The samples after a look at the table.
 
-    fitted, held: the samples to fit, and those held back.  findings: on the table.  kind: what a
-    sample is, rows or stands.  original: the samples to fit as they were, where causes were undone.
+    sensor: with the readings out of range that were excluded.  fitted, held: the samples to fit,
+    and those held back.  findings: on the table.  kind: what a sample is, rows or stands.
+    original: the samples to fit as they were, where causes were undone.
     """
 
+    sensor: Sensor
     fitted: Data
     held: Data
     findings: list[Finding]
@@ -202,16 +207,16 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     kind = "rows" if data.noise is None else "stands"
     early = check_columns(sensor, data)
     whole, coarse = add_written_steps(sensor, data._replace(number=row_numbers(data)))
-    whole, lost = exclude_edge_readings(sensor, remove_duplicates(add_approach(whole)))
+    sensor, whole, lost = exclude_edge_readings(sensor, remove_duplicates(add_approach(whole)))
     early += coarse + lost
     if len(whole.raw) < MIN_SAMPLES:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
-        return Screened(whole, whole.part(slice(0)), early, kind)
+        return Screened(sensor, whole, whole.part(slice(0)), early, kind)
     averages = add_converter_steps(
         sensor, average_equal_poses(sensor, add_power_polynomials(whole))
     )
     fitted, held = split(averages, settings.held_back)
-    return Screened(fitted, held, early, kind)
+    return Screened(sensor, fitted, held, early, kind)
 
 
 # ---- fit: without effects of light and without outliers
@@ -428,9 +433,12 @@ def validate(
         done.sensor, data, result, settings.outliers, done.scatter.cross_covariance
     )
     said = cause_findings(causes)
-    said += outlier_findings(
-        done.sensor, plain.original, done.outliers, done.fit, plain.screened.kind
+    outliers = outlier_findings(
+        done.sensor, plain.original, done.outliers, result, plain.screened.kind
     )
+    said += outliers
+    if any(SHADED in finding.causes for finding in outliers):
+        result = replace(result, sensor=exclude_shade(result, plain.original, done.outliers))
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
     judged = findings(done.sensor, result, data)
     if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more

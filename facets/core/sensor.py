@@ -183,6 +183,9 @@ class Correction:
             _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
 
 
+#: Lowest and highest psi and zeta of an area that holds every sensitive area, mm.
+EVERYWHERE = (-MAX_LENGTH_MM, MAX_LENGTH_MM) * 2
+
 SIZE_MM = Key(
     "size_mm",
     (13.0, 13.0),
@@ -202,7 +205,8 @@ class Psd:
     radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
     roll, pitch, yaw: its rotation, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
     which x points radially outward, z up and y = z cross x; rad.  size_y, size_z: its sensitive
-    area, mm.  correction: of its readings.
+    area, mm.  usable: the part of it in which readings count, lowest and highest psi and zeta,
+    mm.  correction: of its readings.
     """
 
     radius: float = key(
@@ -234,12 +238,32 @@ class Psd:
     )
     size_y: float = item_of(SIZE_MM, 0)
     size_z: float = item_of(SIZE_MM, 1)
+    usable: tuple[float, ...] = key(
+        "usable_mm",
+        None,
+        "part of the sensitive area in which readings count, lowest and highest psi and zeta; "
+        "spots beside it are out of range; null: all of it",
+        hint=tuple[float, float, float, float] | None,
+        ge=-MAX_LENGTH_MM,
+        le=MAX_LENGTH_MM,
+        null=EVERYWHERE,
+    )
     correction: Correction = Correction()
 
     def __post_init__(self) -> None:
         _require_finite(self)
         for name in ("radius", "size_y", "size_z"):
             _require(getattr(self, name) > 0, f"PSD {name}", getattr(self, name), "above 0 mm")
+        ascends = self.usable[0] < self.usable[1] and self.usable[2] < self.usable[3]
+        _require(
+            ascends, "PSD usable_mm", self.usable, "lowest psi below highest, and zeta likewise"
+        )
+
+    def limit(self, axis: int, low: float, high: float) -> Psd:
+        """The detector whose readings count between two places only.  axis: 0 of psi, 1 of zeta."""
+        ends = list(self.usable)
+        ends[2 * axis : 2 * axis + 2] = max(ends[2 * axis], low), min(ends[2 * axis + 1], high)
+        return replace(self, usable=tuple(ends))
 
 
 @check_arguments

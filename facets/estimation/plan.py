@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import as_floats
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge, Prior, Question
-from ..core.sensor import Sensor
+from ..core.sensor import Psd, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
@@ -127,8 +127,8 @@ def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
     floor = power_floor(sensor)
     light = np.stack([least_light(sensor), other_light(sensor) + problem.DARK_SIGMAS * floor])
     limits = limits_under(sensor, floor, light, eight)
-    noise, light, half_sizes = np.array(limits.noise), np.array(light), np.array(limits.half_sizes)
-    return problem.ScreeningLimits(noise, light, half_sizes, eight, np.array(limits.rounding))
+    noise, light, usable = np.array(limits.noise), np.array(light), np.array(limits.usable)
+    return problem.ScreeningLimits(noise, light, usable, eight, np.array(limits.rounding))
 
 
 def limits_under(sensor: Sensor, floor: float, light: Any, eight: bool) -> problem.ScreeningLimits:
@@ -141,10 +141,17 @@ def limits_under(sensor: Sensor, floor: float, light: Any, eight: bool) -> probl
     return problem.ScreeningLimits(
         noise=(noise.position, noise.at_power, floor),
         light=light,
-        half_sizes=tuple((psd.size_y / 2 - cut, psd.size_z / 2 - cut) for psd in sensor.psds),
+        usable=tuple(usable_area(psd, cut) for psd in sensor.psds),
         eight=eight,
         rounding=(problem.ROUNDING * distance, problem.ROUNDING * sensor.beam.power),
     )
+
+
+def usable_area(psd: Psd, cut: float) -> tuple[float, ...]:
+    """The lowest and the highest psi and zeta that count, mm.  cut: of `edge_cut_width`."""
+    y, z = psd.size_y / 2 - cut, psd.size_z / 2 - cut
+    low_y, high_y, low_z, high_z = psd.usable
+    return (max(-y, low_y), min(y, high_y), max(-z, low_z), min(z, high_z))
 
 
 def edge_cut_width(sensor: Sensor) -> float:

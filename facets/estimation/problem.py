@@ -68,13 +68,14 @@ class ScreeningLimits(NamedTuple):
     noise: (3,) a centroid's sigma (mm) at a power (mW), and a power's sigma (mW).
     light: (2, 3) the powers below which a detector's reading is left out, and below which a step
     has lost its light, mW.
-    half_sizes: (3, 2) of the detectors' sensitive areas, mm.  eight: leave out the last power.
+    usable: (3, 4) lowest and highest psi and zeta of each detector, mm.
+    eight: leave out the last power.
     rounding: (2,) of a computed place, mm, and of a power, mW.
     """
 
     noise: Array
     light: Array
-    half_sizes: Array
+    usable: Array
     eight: bool
     rounding: Array
 
@@ -158,14 +159,14 @@ class Form(NamedTuple):
 class Scales(NamedTuple):
     """The numbers of `ScreeningLimits` and of a `FitProblem` that all readings share.
 
-    light, half_sizes, noise, rounding, eight: as there.  weight: (3,) of the priors.  weighed:
+    light, usable, noise, rounding, eight: as there.  weight: (3,) of the priors.  weighed:
     whether the readings have weights of their own.  checks: `count_checks` without a detector.
     accepts: whether poses that nothing checks are estimated.
     """
 
     noise: Any
     light: Any
-    half_sizes: Any
+    usable: Any
     rounding: Any
     weight: Any
     weighed: Any
@@ -178,7 +179,7 @@ class Scales(NamedTuple):
 
 #: The arrangement of these numbers.
 SCALES = Scales(
-    (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 6
+    (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 4,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 6
 )  # fmt: skip
 
 

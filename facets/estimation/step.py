@@ -94,14 +94,14 @@ class State(NamedTuple):
     status: Any
 
 
-def detector_fault(numbers: Sequence[Any], least: Any, half_sizes: Sequence[Any]) -> Any:
+def detector_fault(numbers: Sequence[Any], least: Any, usable: Sequence[Any]) -> Any:
     """What is wrong with the numbers of a detector; CONVERGED where nothing is.
 
     They are not finite, the power is under the least that counts, or the place is past the edge,
-    where there can be no light.
+    where there can be no light, or in a part of the area that is not usable.
     """
     psi, zeta, light = numbers
-    inside = (abs(psi) <= half_sizes[0]) & (abs(zeta) <= half_sizes[1])
+    inside = (psi >= usable[0]) & (psi <= usable[1]) & (zeta >= usable[2]) & (zeta <= usable[3])
     lit = select(light > least, select(inside, CONVERGED, OUT_OF_RANGE), NO_LIGHT)
     finite = (abs(psi) < inf) & (abs(zeta) < inf) & (abs(light) < inf)
     return select(finite, lit, NON_FINITE)
@@ -126,7 +126,7 @@ def ask(
     noise, has_own_weights = scales.noise, scales.weighed > 0
     for k in range(3):
         numbers = values[3 * k : 3 * k + 3]
-        detector_status = detector_fault(numbers, scales.light[0][k], scales.half_sizes[k])
+        detector_status = detector_fault(numbers, scales.light[0][k], scales.usable[k])
         sound = detector_status < 0.5
         used.append(select(sound, 1.0, 0.0))
         detector_status = select(sound, inf, detector_status)

@@ -43,7 +43,7 @@ def sensor_data(sensor: Sensor) -> str:
         define("FARTHEST", distance, "mm, of a detector"),
         define("POWER_FLOOR", power_floor(sensor), "mW, standard deviation without light"),
         f"#define CUTS_AT_EDGES {int(sensor.apertures.detectors)} /* of the detectors */",
-        array("SOUND_SIZES", limits.half_sizes, "mm, of where a place can be used"),
+        array("USABLE", limits.usable, "mm, lowest and highest psi and zeta of use"),
         array("LEAST_LIGHT", limits.light, "mW, of a reading that counts, and of any light"),
         noise_data(sensor),
         correction_data(sensor),

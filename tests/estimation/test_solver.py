@@ -249,3 +249,19 @@ def test_threads_do_not_change_bits_and_what_fails_in_one_is_raised(readings, mo
     monkeypatch.setattr(estimates.blocks, "estimate", fail_in_the_second)
     with pytest.raises(MemoryError):
         facets.solve(SENSOR, readings, threads=2)
+
+
+@pytest.mark.parametrize(("place", "value"), [(3, 3.51), (4, -2.01)])
+def test_a_spot_beside_the_usable_area_is_left_out(place, value):
+    """Both sides have limits of their own."""
+    psds = list(SENSOR.psds)
+    psds[1] = psds[1].limit(0, -9.0, 3.5).limit(1, -2.0, 9.0)
+    sensor = replace(SENSOR, psds=tuple(psds))
+    reading = facets.readings(SENSOR, np.zeros(8))
+    rows = np.tile(reading, (3, 1))
+    rows[1, place], rows[2, place] = value, -value
+    for solution in (facets.solve(sensor, rows), facets.solve(sensor, np.tile(rows, (40, 1)))):
+        assert list(solution.used[:3, 1]) == [True, False, True]
+        assert solution.status[1] == Status.OUT_OF_RANGE
+    with pytest.raises(InputError, match="lowest psi below highest"):
+        replace(psds[1], usable=(1.0, 0.0, -1.0, 1.0))

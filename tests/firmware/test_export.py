@@ -120,6 +120,18 @@ def test_counts_become_the_same_readings(tmp_path):
         np.testing.assert_array_equal(np.isnan(values), np.isnan(known))
 
 
+@needs_compiler
+def test_spots_beside_the_usable_area_are_left_out(tmp_path):
+    psds = (PAPER.psds[0], PAPER.psds[1].limit(0, -9.0, 0.1).limit(1, -0.2, 9.0), PAPER.psds[2])
+    sensor, rng = replace(PAPER, psds=psds), np.random.default_rng(2)
+    code = library(written(tmp_path, sensor), DOUBLE)
+    states = rng.uniform(-1, 1, (60, 8)) * [0.1, 0.1, 1, 1e-3, 1e-3, 1e-3, 0.1, 0.1]
+    values = facets.readings(sensor, states)
+    known = facets.solve(sensor, values)
+    np.testing.assert_array_equal(code.solve(values).status, known.status)
+    assert 10 < known.converged.sum() < 50
+
+
 def under_real_light() -> facets.Sensor:
     """The bench under all effects, its detectors read at one time."""
     sensor = facets.load("bench-light").sensor

@@ -34,7 +34,8 @@ static int screen_reading(const facets_real *reading, int32_t used[3], facets_re
             fault = FACETS_NON_FINITE;
         else if (!(one[2] > LEAST_LIGHT[0][k]))
             fault = FACETS_NO_LIGHT;
-        else if (facets_fabs(one[0]) > SOUND_SIZES[k][0] || facets_fabs(one[1]) > SOUND_SIZES[k][1])
+        else if (one[0] < USABLE[k][0] || one[0] > USABLE[k][1]
+            || one[1] < USABLE[k][2] || one[1] > USABLE[k][3])
             fault = FACETS_OUT_OF_RANGE;
         used[k] = fault == FACETS_CONVERGED;
         weigh_detector(k, one, used[k], weights + 3 * k);
