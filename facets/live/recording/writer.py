@@ -127,7 +127,9 @@ class Recording(ClosedAtExit, Sink):
             if name == POSES and self.has_dropped_poses:
                 return False
             error = self.append(name, parts)
-            if error and error.errno in FULL and name != POSES and self.drop_poses():
+            can_make_room = name != POSES and not self.has_dropped_poses
+            if error and error.errno in FULL and can_make_room:
+                self.drop_poses()
                 error = self.append(name, parts)
             if error:
                 self.complain(name, f"cannot be written to: {error.strerror}")
@@ -148,19 +150,14 @@ class Recording(ClosedAtExit, Sink):
         self.sizes[name] = before + sum(map(len, parts))
         return None
 
-    def drop_poses(self) -> bool:
-        """Empty the file of the poses for good; return whether that makes room."""
-        with self.locks[POSES]:
-            makes_room = self.sizes[POSES] > 0
+    def drop_poses(self) -> None:
+        """Empty the file of the poses for good."""
+        with self.locks[POSES], suppress(OSError):
             self.has_dropped_poses = True
-            try:
-                self.disk.shorten(self.files[POSES], 0)
-            except OSError:
-                return False
+            self.disk.shorten(self.files[POSES], 0)
             self.sizes[POSES] = 0
         reason = "was emptied, to make room for the received bytes on a full disk"
         self.troubles[POSES] = f"{self.folder / POSES}: {reason}"
-        return makes_room
 
     def complain(self, name: str, what: str) -> None:
         """Keep a sentence about the first trouble with a file."""

@@ -112,6 +112,16 @@ class SocketPort(ClosedAtExit):
                 raise PortError(f"{self.name}: went away: {error.strerror}") from None
         return bytes(data)
 
+    def send(self, data: bytes) -> int:
+        """Send bytes to the board; return how many the line took."""
+        raise NotImplementedError
+
+    def write(self, data: bytes) -> bool:
+        """Send a few bytes to the board, from another thread; return whether the line took them."""
+        with suppress(OSError):
+            return self.send(data) == len(data)
+        return False
+
     def close(self) -> None:
         self.line.close()
 
@@ -133,12 +143,8 @@ class ConnectionPort(SocketPort):
             raise OSError(errno.EPIPE, "its other end closed the connection")
         return data
 
-    def write(self, data: bytes) -> bool:
-        """Send a few bytes to the board, from another thread; return whether the line took them."""
-        try:
-            return self.line.send(data) == len(data)
-        except OSError:
-            return False
+    def send(self, data: bytes) -> int:
+        return self.line.send(data)
 
 
 class DatagramPort(SocketPort):
@@ -202,12 +208,9 @@ class DatagramPort(SocketPort):
             return ""
         return f"only this machine can send to {self.name}; udp://0.0.0.0:{port} hears all others"
 
-    def write(self, data: bytes) -> bool:
-        """Send a datagram to the sender of the last one; return whether that was possible."""
-        try:
-            return self.sender is not None and self.line.sendto(data, self.sender) == len(data)
-        except OSError:
-            return False
+    def send(self, data: bytes) -> int:
+        """Send a datagram to the sender that is read; return how many bytes the line took."""
+        return self.line.sendto(data, self.sender) if self.sender else 0
 
 
 class FilePort(ClosedAtExit):
