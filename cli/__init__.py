@@ -4,7 +4,8 @@ Exit status, of every command:
 
 0    The command succeeded.
 1    The command succeeded and wrote its results, but found something that needs attention: a claim
-     that was missed or not proved, a table without a solved row, or too many lost samples.
+     that was missed or not proved, a table without a solved row, too many lost samples, or a
+     picture that could not be drawn.
 2    The command failed: an argument, a file or the place for the results cannot be used, or the
      standard output could not be written. No file is left half-written.
 130  The command was interrupted by ^C (143: by SIGTERM, 129: by closing the terminal, SIGHUP).
@@ -32,7 +33,7 @@ from facets.core.errors import FacetsError
 
 from . import signals
 from .command import Command
-from .console import BAD_INPUT, INTERRUPTED, message
+from .console import BAD_INPUT, DONE, FINDING, INTERRUPTED, message, undrawn
 from .streams import Guarded
 
 #: The commands in the order of the help, and the module that each is in.
@@ -63,6 +64,8 @@ COMMANDS = {
 LIVE = ("acquire", "emulate")
 #: Thresholds of the garbage collector; the usual ones would scan all modules during the imports.
 ALLOCATIONS = 10_000
+#: Variables by which pictures depend on no settings of the user, such as a notebook's backend.
+MATPLOTLIB = {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
 #: The exit status, once the command has ended.
 _ended: list[int] = []
 
@@ -170,8 +173,10 @@ def leave() -> None:
 
 def main() -> None:
     """Run the program and exit; an expected error gives a message on stderr and exit status 2."""
+    os.environ.update(MATPLOTLIB)
+    undrawn.clear()
     with signals.interrupting(), Guarded() as streams:
-        status = signals.status_of(run_app())
+        status = signals.status_of(run_app()) or (FINDING if undrawn else DONE)
         if failure := streams.failure():
             print(failure, file=sys.stderr)
             status = status or BAD_INPUT

@@ -12,7 +12,7 @@ import facets
 from facets import characterization, core, files, live, pictures
 from facets.core.errors import InputError
 
-from .console import FINDING
+from .console import FINDING, draw_beside
 from .options import ConfigOption, Force, Look, Plot, PlotKind, Point, Style, folder_option
 from .options.places import choose_point
 from .parts.recordings import solve_recording
@@ -163,8 +163,10 @@ def write(report: AxisReport, results: ResultFolder, title: str) -> None:
     page, picture, positions, quantities, compensation, _ = results.paths
     results.write_table(positions, report.table())
     results.write_table(quantities, report.summary())
-    pictures.style.save(pictures.axis.axis_picture(report), picture)
-    files.whole.write_text(page, pictures.axis.axis_page(report, title, results.about))
+    with draw_beside(picture):
+        pictures.style.save(pictures.axis.axis_picture(report), picture)
+    with draw_beside(page):
+        files.whole.write_text(page, pictures.axis.axis_page(report, title, results.about))
     if report.counts.missing:
         files.whole.remove_older(compensation)
     else:

@@ -13,7 +13,7 @@ import facets
 from facets import bench as benchmarks
 from facets import core, files, model, pictures
 
-from .console import show_table
+from .console import draw_beside, show_table
 from .options import Force, Look, Quick, Style, folder_option, seed_option
 
 #: Module and title of each study.
@@ -51,8 +51,9 @@ def bench(
         results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
         text = json.dumps({"about": about, **results}, indent=1)
         files.whole.write_text(folder / "machine.json", text)
-        picture = benchmarks.pictures.heat_map(results["stability"])
-        pictures.style.save(picture, folder / PICTURE)
+        with draw_beside(folder / PICTURE):
+            picture = benchmarks.pictures.heat_map(results["stability"])
+            pictures.style.save(picture, folder / PICTURE)
     typer.echo(f"{folder}/: {', '.join(names)}")
 
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 #: Exit statuses, the same for every command; 130 and 143 are ends by ^C and by SIGTERM.
 DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+#: The pictures and pages that this command could not draw.
+undrawn: list[Path] = []
 
 
 def message(error: Exception) -> str:
@@ -75,6 +77,18 @@ def wrap(text: str) -> str:
 def report_lines(text: str) -> None:
     """Print a text beside a result, indented, in lines that fit a terminal."""
     typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
+
+
+@contextmanager
+def draw_beside(path: Path) -> Iterator[None]:
+    """Context for writing a picture or a page beside tables: if that fails, the tables remain."""
+    try:
+        yield
+    except Exception as error:
+        undrawn.append(path)
+        remove_older(path)
+        what = str(error).strip().partition("\n")[0]
+        typer.echo(f"{path}: not drawn: {type(error).__name__}: {what}", err=True)
 
 
 def leave_out_picture(path: Path, why: str) -> None:

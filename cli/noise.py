@@ -13,7 +13,7 @@ from facets import characterization, files, live, pictures
 from facets import config as configuration
 from facets.core.names import POSE, STATE_COLUMNS
 
-from .console import FINDING, show_progress, show_table, wrap
+from .console import FINDING, draw_beside, show_progress, show_table, wrap
 from .options import (
     ConfigOption,
     Force,
@@ -80,8 +80,9 @@ def write_results(
     about = files.provenance.provenance_header(settings)
     with files.tables.ResultSet():
         if paths:
-            text = pictures.noise.page(report, title, about)
-            files.whole.write_text(paths[0], text)
+            with draw_beside(paths[0]):
+                text = pictures.noise.page(report, title, about)
+                files.whole.write_text(paths[0], text)
             files.tables.write_table(
                 paths[1], characterization.noise_report.table_of(report), about
             )

@@ -101,4 +101,4 @@ def optimize(
     if isinstance(better, str):
         typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
         raise typer.Exit(FINDING)
-    typer.echo(", ".join([str(path), *(file.name for file in (*paths, *pages))]))
+    typer.echo(", ".join([str(path), *(file.name for file in (*paths, *pages) if file.exists())]))

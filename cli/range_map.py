@@ -11,7 +11,7 @@ import typer
 
 from facets import characterization, pictures
 
-from .console import INTERRUPTED, load_config, track
+from .console import INTERRUPTED, draw_beside, load_config, track
 from .options import (
     At,
     ConfigName,
@@ -128,7 +128,8 @@ def write(
         if inside
         else []
     )
-    pictures.style.save(pictures.ranges.ranges_picture(boundaries, maps), picture)
+    with draw_beside(picture):
+        pictures.style.save(pictures.ranges.ranges_picture(boundaries, maps), picture)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
     results.write_record({"tracking": rules.tracking, "points": traced})
 

@@ -10,7 +10,14 @@ import typer
 from facets import characterization, core, estimation, pictures
 from facets.core.names import POSE
 
-from .console import FINDING, load_config, report_coverage, report_lines, show_table
+from .console import (
+    FINDING,
+    draw_beside,
+    load_config,
+    report_coverage,
+    report_lines,
+    show_table,
+)
 from .options import (
     ConfigName,
     Coverage,
@@ -92,7 +99,8 @@ def resolution(
     with results.publish(settings, more=stated) as (table, picture, _, *beside):
         columns = characterization.tables.resolution_columns(resolutions, densities, coverage)
         results.write_table(table, columns)
-        pictures.style.save(pictures.resolution.budget_picture(resolutions), picture)
+        with draw_beside(picture):
+            pictures.style.save(pictures.resolution.budget_picture(resolutions), picture)
         request.write(beside, propagated)
         entries = {"tracking": track, "estimators": [row.how.name for row in resolutions]}
         results.write_record(entries | request.record(propagated), seed if trials else None)

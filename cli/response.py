@@ -11,7 +11,7 @@ import typer
 from facets import characterization, core, pictures
 from facets.core.errors import InputError
 
-from .console import FINDING
+from .console import FINDING, draw_beside
 from .options import (
     ConfigOption,
     Force,
@@ -158,13 +158,17 @@ def response(
     origin = {"input": ", ".join(inputs), "form": form.value, "point": body.text}
     origin["averages"] = f"{estimates[0].response.averages:.4g}"
     bandwidth = settings.electronics.bandwidth
+    source = core.names.escape_undecodable(measurement.name)
     with results.publish(settings, more=origin) as paths:
         for each, rows, picture in zip(estimates, paths[::2], paths[1::2], strict=True):
             frequency_response = characterization.frequency_response
             results.write_table(rows, frequency_response.response_table(each.response))
-            title = f"{form.value.replace('-', ' ').capitalize()}, {each.name}, {measurement.name}"
-            drawn = pictures.response.response_picture(each.response, each.unit, title, bandwidth)
-            pictures.style.save(drawn, picture)
+            title = f"{form.value.replace('-', ' ').capitalize()}, {each.name}, {source}"
+            with draw_beside(picture):
+                drawn = pictures.response.response_picture(
+                    each.response, each.unit, title, bandwidth
+                )
+                pictures.style.save(drawn, picture)
         if uff is not None:
             output_node = characterization.universal_file.Node(node, body.point)
             every = [(each.response, at) for each, at in zip(estimates, channels, strict=True)]

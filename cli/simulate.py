@@ -10,7 +10,7 @@ import typer
 from facets import config as configuration
 from facets import estimation, pictures, simulation
 
-from .console import FINDING, load_config, report_lines
+from .console import FINDING, draw_beside, load_config, report_lines
 from .options import (
     ConfigName,
     Covariance,
@@ -108,7 +108,8 @@ def write(results: ResultFolder, segments: list[Segment], with_reference: bool) 
     readings, poses, picture, _ = results.paths
     results.write_table(readings, columns)
     results.write_table(poses, simulation.run.pose_table(segments))
-    pictures.style.save(pictures.motion.motion_picture(segments), picture)
+    with draw_beside(picture):
+        pictures.style.save(pictures.motion.motion_picture(segments), picture)
     for segment in segments:
         commands = results.folder / f"commands-{segment.name}.csv"
         simulation.axis_runs.write_commands(commands, settings.motions[segment.name], about)

@@ -15,8 +15,7 @@ import facets
 from facets.config import to_yaml
 from facets.core.hues import chosen_hues
 from facets.files.provenance import PACKAGES, command_line
-from facets.files.tables import Whole
-from facets.files.whole import readable_path
+from facets.files.whole import readable_path, write_text
 
 from .reproduce import ExperimentResult
 
@@ -63,5 +62,4 @@ def write_report(path: Path, results: list[ExperimentResult], quick: bool) -> No
     text = page.render(
         results=results, quick=quick, facts=facts(), configs=configs, css=chosen_hues().css
     )
-    with Whole(path) as temporary:
-        temporary.write_text(text, "utf-8")
+    write_text(path, text)

@@ -17,7 +17,7 @@ from facets import config as configuration
 from facets.core.errors import FacetsError
 from facets.core.names import DETECTORS, STATE_COLUMNS
 
-from ..console import FINDING, free_output, wrap
+from ..console import FINDING, draw_beside, free_output, wrap
 from ..options import require_html, require_yaml
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
         matrix = trial.with_name(covariance.name)
         write_covariance(matrix, verdict.fit.sensor, about)
         bent = write_grids(settings, trial, verdict.fit, about)
-        trial.write_text(as_yaml(settings, verdict.fit, matrix, bent, about), "utf-8")
+        files.whole.write_text(trial, as_yaml(settings, verdict.fit, matrix, bent, about))
         try:
             calibrated = facets.load(trial)
         except FacetsError as error:
@@ -93,16 +93,18 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
             files.tables.write_table(
                 table, calibration.table.unknowns_table(verdict.search.sensor, verdict.fit), about
             )
-            pictures.style.save(
-                pictures.calibration.residual_picture(verdict.fitted, verdict.fit, verdict.errors),
-                picture,
-            )
-            if paths.report is not None:
-                pictures.calibration_certificate.write_report(
-                    settings, calibrated, verdict, paths.report, paths.sources, [trial, matrix]
+            with draw_beside(picture):
+                drawing = pictures.calibration.residual_picture(
+                    verdict.fitted, verdict.fit, verdict.errors
                 )
+                pictures.style.save(drawing, picture)
+            if paths.report is not None:
+                with draw_beside(paths.report):
+                    pictures.calibration_certificate.write_report(
+                        settings, calibrated, verdict, paths.report, paths.sources, [trial, matrix]
+                    )
     written = [*paths.results[1:], *filter(None, [paths.report])]
-    typer.echo(", ".join([str(path), *(file.name for file in written)]))
+    typer.echo(", ".join([str(path), *(file.name for file in written if file.exists())]))
 
 
 def calibration_keys(sensor: Sensor, covariance: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import typer
 from facets import characterization, core, design, files, pictures, proof
 from facets import config as configuration
 
-from ..console import FINDING, leave_out_picture, show_progress, show_table
+from ..console import FINDING, draw_beside, leave_out_picture, show_progress, show_table
 from ..options import require_yaml
 from ..results import name_files
 from ..sentences.design_pages import write_gallery
@@ -42,7 +42,8 @@ class Exploration:
 
     def write_page(self, front: dict[str, Any], others: dict[str, Any] | None) -> None:
         if self.report is not None:
-            write_gallery(self.settings, self.space, front, others, self.report)
+            with draw_beside(self.report):
+                write_gallery(self.settings, self.space, front, others, self.report)
 
     def name_results(self, paths: list[Path]) -> None:
         if self.report is not None and self.report.exists():
@@ -84,13 +85,14 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
         files.tables.write_table(front_table, on_front, job.header)
         typer.echo("\n".join(design.exploration.summary(table, best, goals, indices, seconds)))
         present = show_own_measures(space)
-        drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
-        if drawing is None:
-            leave_out_picture(
-                picture, "the front needs at least two designs that have all objectives"
-            )
-        else:
-            pictures.style.save(drawing, picture)
+        with draw_beside(picture):
+            drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
+            if drawing is None:
+                leave_out_picture(
+                    picture, "the front needs at least two designs that have all objectives"
+                )
+            else:
+                pictures.style.save(drawing, picture)
         if best.any():
             job.write_page(design.gallery.best_of(table, goals, best), table)
     job.name_results(paths)
@@ -139,8 +141,9 @@ def follow_front(job: Exploration, points: int) -> None:
         if cloud is not None:
             typer.echo("\n".join(design.front.compare_with_designs(pareto, cloud).lines()))
         present = show_own_measures(space)
-        drawing = pictures.exploration.pareto_picture(table, goals, cloud, present)
-        pictures.style.save(drawing, paths[1])
+        with draw_beside(paths[1]):
+            drawing = pictures.exploration.pareto_picture(table, goals, cloud, present)
+            pictures.style.save(drawing, paths[1])
         job.write_page(table, cloud)
     job.name_results(paths)
 

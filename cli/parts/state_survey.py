@@ -11,7 +11,7 @@ import typer
 from facets import characterization, files, pictures
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
-from ..console import leave_out_picture, track
+from ..console import draw_beside, leave_out_picture, track
 from ..options.claims import claim_for
 from ..options.survey_request import SurveyRequest, refuse_too_many
 from ..results import ResultFolder
@@ -78,9 +78,9 @@ def write(
     density = characterization.tables.density_columns(survey)
     results.write_table(request.folder / "density.csv", density)
     if survey.states - survey.dark > 1:
-        pictures.style.save(
-            pictures.singularity.survey_picture(survey, request.left_out, pair), request.picture
-        )
+        with draw_beside(request.picture):
+            drawing = pictures.singularity.survey_picture(survey, request.left_out, pair)
+            pictures.style.save(drawing, request.picture)
     else:
         leave_out_picture(request.picture, "it needs at least two states with light")
     return {"states": survey.states, "one_sign": survey.one_sign}

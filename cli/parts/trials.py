@@ -12,7 +12,7 @@ from facets import characterization, core, files, pictures
 from facets.core.errors import InputError
 from facets.core.names import POSE, STATE_COLUMNS, STATE_UNITS
 
-from ..console import report_lines, show_progress, show_table
+from ..console import draw_beside, report_lines, show_progress, show_table
 from ..options import PlotKind
 
 if TYPE_CHECKING:
@@ -149,7 +149,8 @@ class TrialRequest(NamedTuple):
         about = files.provenance.provenance_header(self.settings, self.seed)
         about |= {"coverage_probability": f"{self.probability:g}", "trials": str(self.trials)}
         files.tables.write_table(paths[0], characterization.tables.trial_columns(results), about)
-        pictures.style.save(pictures.trials.trials_picture(results), paths[1])
+        with draw_beside(paths[1]):
+            pictures.style.save(pictures.trials.trials_picture(results), paths[1])
 
 
 def show(where: str, result: PropagationResult) -> None:

@@ -70,7 +70,7 @@ def write_zero(
         matrix = trial.with_name(covariance.name)
         write_covariance(matrix, zero.sensor, about)
         block = new_keys(settings, zero, matrix)
-        trial.write_text(files.provenance.extension(settings.path, block, about), "utf-8")
+        files.whole.write_text(trial, files.provenance.extension(settings.path, block, about))
         facets.load(trial)
         parent = Path(relpath(settings.path.resolve(), path.resolve().parent))
         with files.tables.ResultSet():

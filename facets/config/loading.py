@@ -14,7 +14,7 @@ from ..core.arguments import check_arguments
 from ..core.channels import AuxiliaryChannel, is_taken
 from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
-from ..core.names import DETECTORS
+from ..core.names import DETECTORS, escape_undecodable
 from ..core.sensor import LIGHT_EFFECTS, BenchLight
 from ..core.settings import Config, resolved_text
 from . import alignment_check, build
@@ -59,7 +59,7 @@ def load(name_or_path: str | Path) -> Config:
         settings["solve"] = replace(settings["solve"], accept_unchecked=True)
     settings["layout"] = replace(settings["layout"], object=settings["object"])
     return Config(
-        name=file.stem,
+        name=escape_undecodable(file.stem),
         path=file,
         sensor=build.sensor(resolved["sensor"]),
         motions={name: build.motion(keys) for name, keys in resolved["motions"].items()},

@@ -55,3 +55,9 @@ def covariance_entries(prefix: str = "") -> dict[str, tuple[int, int]]:
             unit = f"{units[i]}2" if units[i] == units[j] else f"{units[i]}_{units[j]}"
             columns[f"cov_{prefix}{POSE[i]}_{POSE[j]}_{unit}"] = i, j
     return columns
+
+
+def escape_undecodable(text: str) -> str:
+    r"""Return a text that every file of text can hold: bytes of a file's name that are not UTF-8
+    become escapes such as \xe9."""
+    return text.encode("utf-8", "backslashreplace").decode().replace(r"\udc", r"\x")

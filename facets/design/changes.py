@@ -14,8 +14,9 @@ from ..config.files import shipped
 from ..config.loading import load
 from ..config.sensor_keys import write_sensor
 from ..core.errors import ConfigError
-from ..core.names import DETECTORS
+from ..core.names import DETECTORS, escape_undecodable
 from ..core.sensor import Sensor
+from ..files.tables import head_lines
 from ..files.whole import Whole, hidden_name, readable_path
 
 if TYPE_CHECKING:
@@ -126,11 +127,12 @@ def as_extension(
 
     beside: remarks by variable, such as radius_mm, that become comments at the keys of that name.
     """
-    head = [f"# {key}: {' '.join(value.split())}" for key, value in about.items()]
     keys = changed_keys(settings, sensor)
     if common_keys_hold(settings, sensor, folder):
         keys = merge_common_blocks(keys)
-    return "\n".join([*head, "", document(base_of(settings, folder), keys, beside or {})])
+    return "\n".join(
+        [*head_lines(about), "", document(base_of(settings, folder), keys, beside or {})]
+    )
 
 
 def write_design(
@@ -140,10 +142,11 @@ def write_design(
     """Write a design as a configuration that extends its original, and load it again; return the
     reason if it does not load.  beside: see `as_extension`."""
     with Whole(path) as temporary:
-        temporary.write_text(as_extension(settings, sensor, path.parent, about, beside), "utf-8")
+        text = as_extension(settings, sensor, path.parent, about, beside)
+        temporary.write_text(escape_undecodable(text), "utf-8")
     file = readable_path(path)
     try:
-        return replace(load(file), name=path.stem, path=path.resolve())
+        return replace(load(file), name=escape_undecodable(path.stem), path=path.resolve())
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
         return str(error).replace(file.name, path.name)
 

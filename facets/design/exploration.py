@@ -42,7 +42,8 @@ from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
 from ..detectors.noise import fullness
 from ..files.provenance import require_origin
-from ..files.tables import Whole, read_head, write_table
+from ..files.tables import read_columns, read_head, write_table
+from ..files.whole import write_text
 from ..model.arrays import margins, readings
 from ..model.threads import cores
 from .requirement import Requirement, margins_of, worst_places_of
@@ -397,8 +398,7 @@ def write_part(
 ) -> None:
     """Write a part, and before the first part the file that identifies the search."""
     if not (folder / MARK).exists():
-        with Whole(folder / MARK) as temporary:
-            temporary.write_text(identity(space, about))
+        write_text(folder / MARK, identity(space, about))
     prepare(folder, space, about, force=False)  # another process may have been faster
     write_table(part_path(folder, first), table, about)
 
@@ -528,19 +528,13 @@ def parts_in(folder: Path) -> list[Path]:
 
 def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
     """Join the existing parts, or those of the given numbers, in the designs' order."""
-    import pyarrow.parquet as pq
-
     files = parts_in(folder)
     if firsts is not None:
         files = [path for path in (part_path(folder, first) for first in firsts) if path in files]
     if not files:
         raise InputError(f"{folder}: holds no designs")
-    tables = [pq.read_table(file) for file in files]
-    names = tables[0].column_names
-    return {
-        name: np.concatenate([table[name].to_numpy(zero_copy_only=False) for table in tables])
-        for name in names
-    }
+    tables = [read_columns(file) for file in files]
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
 def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:

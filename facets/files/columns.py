@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,9 @@ def columns_to_read(
         near = [difflib.get_close_matches(name, names, 1, 0.7) for name in missing]
         hints = [f"{name} (found: {close[0]})" if close else name
                  for name, close in zip(missing, near, strict=True)]  # fmt: skip
-        raise MissingColumnsError(f"{source}: missing columns: {', '.join(hints)}", missing)
+        found = shorten(", ".join(names) or "none", 200, placeholder=" ...")
+        text = f"{source}: missing columns: {', '.join(hints)}; columns found: {found}"
+        raise MissingColumnsError(text, missing)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"{source}: columns that appear twice: {', '.join(twice)}")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .tables import column_names, unit_of_column
-from .whole import Whole, readable_path
+from .whole import readable_path, write_text
 
 NAME = "ro-crate-metadata.json"
 PROFILE = "https://w3id.org/ro/crate/1.1"
@@ -45,9 +45,8 @@ def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seco
     if path.exists() and not is_ours(path):
         return
     there = [file for file in files if readable_path(file).is_file()]
-    with Whole(path) as temporary:
-        text = json.dumps(crate(there, about, seconds), indent=1, ensure_ascii=False)
-        temporary.write_text(text + "\n", "utf-8")
+    text = json.dumps(crate(there, about, seconds), indent=1, ensure_ascii=False)
+    write_text(path, text + "\n")
 
 
 def is_ours(path: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,9 +43,20 @@ NUMBERS = ("integer", "floating", "mixed-integer-float", "decimal", "boolean")
 
 @dataclass(frozen=True)
 class FrameTable:
-    """A data frame that is read like a table in a file."""
+    """A data frame that is read like a table in a file.
 
-    frame: DataFrame
+    The levels of its index that have a name are columns, too.
+    """
+
+    given: DataFrame
+
+    @cached_property
+    def frame(self) -> DataFrame:
+        """The data frame with these columns."""
+        known = (None, ROW, *self.given.columns)
+        return self.given.reset_index(
+            [name for name in self.given.index.names if name not in known]
+        )
 
     def __str__(self) -> str:
         return "the data frame"
@@ -87,7 +99,7 @@ def columns_of(frame: DataFrame) -> dict[str, Any]:
     """
     table = FrameTable(frame)
     columns_to_read(table, column_names(table), (), ())
-    return {str(name): frame[name].to_numpy() for name in frame.columns}
+    return {str(name): table.frame[name].to_numpy() for name in table.frame.columns}
 
 
 def column_names(table: FrameTable) -> list[str]:
@@ -201,9 +213,9 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     if axis not in TIMES:
         raise InputError(f"the table has no column of times; needed: {' or '.join(TIMES)}")
     source = FrameTable(table)
-    if infer_kind(table[axis]) not in NUMBERS:
-        raise refuse_text(source, axis, table[axis].dtype)
-    times = [name for name in TIME_COLUMNS if name in table]
+    if infer_kind(source.frame[axis]) not in NUMBERS:
+        raise refuse_text(source, axis, source.frame[axis].dtype)
+    times = [name for name in TIME_COLUMNS if name in source.frame]
     time = row_times({name: numbers_of(source, name) for name in times})
     even = np.linspace(time[0], time[-1], len(time)) if len(time) > 1 else np.empty(0)
     step = np.diff(even[:2]).sum()
@@ -214,5 +226,5 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     return [
         {"name": name, "data": numbers_of(source, name), "unit_str": unit, **when}
         for name, unit in units_in(table).items()
-        if name not in TIME_COLUMNS and infer_kind(table[name]) in NUMBERS
+        if name not in TIME_COLUMNS and infer_kind(source.frame[name]) in NUMBERS
     ]

@@ -24,7 +24,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.extras import require_extra
-from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS
+from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, escape_undecodable
 from .columns import (
     CONFIGURATION,
     COVARIANCE_AXES,
@@ -69,7 +69,7 @@ def open_group(path: Path) -> Iterator[Any]:
                     "wrote the file"
                 )
             yield group
-    except (OSError, RuntimeError, KeyError) as error:
+    except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as HDF5: {error}") from None
 
 
@@ -101,8 +101,13 @@ def columns_in(group: Any, names: Sequence[str], part: slice) -> dict[str, Any]:
             columns[name] = wholes[whole][:, i, j]
         else:
             dataset = group[name]
-            columns[name] = (dataset.asstr() if dataset.dtype.kind == "O" else dataset)[part]
+            columns[name] = (text_of(dataset) if dataset.dtype.kind in "OS" else dataset)[part]
     return columns
+
+
+def text_of(dataset: Any) -> Any:
+    """A dataset of text, with a mark for bytes that are not UTF-8, as in CSV."""
+    return dataset.asstr(errors="replace")
 
 
 def read_head(path: Path) -> dict[str, str]:
@@ -110,8 +115,8 @@ def read_head(path: Path) -> dict[str, str]:
         entry = group.parent
         head = {key: str(value) for key, value in entry.attrs.items() if key not in NEXUS}
         if CONFIGURATION in entry:
-            head[CONFIGURATION] = entry[CONFIGURATION]["data"].asstr()[()]
-        return head
+            head[CONFIGURATION] = text_of(entry[CONFIGURATION]["data"])[()]
+        return {key: escape_undecodable(value) for key, value in head.items()}
 
 
 def column_names(path: Path) -> list[str]:

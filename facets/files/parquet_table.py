@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -24,12 +24,13 @@ def require_arrow(path: Path) -> tuple[Any, Any]:
 
 
 @contextmanager
-def open_arrow(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Yield pyarrow and its module for Parquet; what they say of a damaged file is an
-    `InputError`."""
+def open_arrow(path: Path) -> Iterator[tuple[Any, Any, BinaryIO]]:
+    """Yield pyarrow, its module for Parquet, and the open file, because pyarrow opens no name that
+    is not UTF-8. Their errors about a damaged file are an `InputError`."""
     pa, pq = require_arrow(path)
     try:
-        yield pa, pq
+        with path.open("rb") as raw:
+            yield pa, pq, raw
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         what = str(error).partition("\n")[0]
         raise InputError(
@@ -41,8 +42,8 @@ def open_arrow(path: Path) -> Iterator[tuple[Any, Any]]:
 def read_chunks(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
-    with open_arrow(path) as (pa, pq):
-        file = pq.ParquetFile(path)
+    with open_arrow(path) as (pa, pq, raw):
+        file = pq.ParquetFile(raw)
         use = columns_to_read(path, file.schema_arrow.names, needed, optional)
         require_numbers(path, file.schema_arrow, use)
         done = 0
@@ -69,23 +70,21 @@ def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
 
 
 def read_head(path: Path) -> dict[str, str]:
-    pa, pq = require_arrow(path)
-    try:
-        metadata = pq.read_schema(path).metadata or {}
-    except (pa.ArrowException, OSError):
-        return {}
+    metadata: dict[bytes, bytes] = {}
+    with suppress(InputError), open_arrow(path) as (_, pq, raw):
+        metadata = pq.read_schema(raw).metadata or {}
     texts = {key: value.decode(errors="replace") for key, value in metadata.items()}
     return {key.decode(errors="replace"): text for key, text in texts.items()}
 
 
 def column_names(path: Path) -> list[str]:
-    with open_arrow(path) as (_, pq):
-        return [str(name) for name in pq.read_schema(path).names]
+    with open_arrow(path) as (_, pq, raw):
+        return [str(name) for name in pq.read_schema(raw).names]
 
 
 def read_columns(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    with open_arrow(path) as (_, pq):
-        table = pq.read_table(path, columns=list(names))
+    with open_arrow(path) as (_, pq, raw):
+        table = pq.ParquetFile(raw).read(list(names))
         return {name: table[name].to_numpy() for name in names}
 
 
@@ -135,10 +134,13 @@ class ParquetWriter:
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
         _, pq = require_arrow(path)
-        self.file = pq.ParquetWriter(path, add_units(record_batch(columns).schema, about))
+        schema = add_units(record_batch(columns).schema, about)
+        self.raw = path.open("wb")
+        self.file = pq.ParquetWriter(self.raw, schema)
 
     def write(self, columns: Columns) -> None:
         self.file.write_batch(record_batch(columns))
 
     def close(self) -> None:
-        self.file.close()
+        with self.raw:
+            self.file.close()

@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
+from ..core.names import escape_undecodable
 from ..core.settings import resolved_text
 from ..core.version import __version__
 from .columns import CONFIGURATION
 from .crate import write_crate
-from .tables import Whole
+from .tables import head_lines
+from .whole import write_text
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -25,10 +27,10 @@ PACKAGES = ("numpy", "scipy", "llvmlite")
 
 
 def command_line() -> str:
-    """The command line as typed, with the program's bare name."""
+    """The command line as typed, with the program's bare name; see `escape_undecodable`."""
     import shlex
 
-    return shlex.join(["facets", *sys.argv[1:]])
+    return escape_undecodable(shlex.join(["facets", *sys.argv[1:]]))
 
 
 def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]:
@@ -93,10 +95,8 @@ def _commented_yaml(keys: dict[str, Any], about: dict[str, str]) -> str:
     from ruamel.yaml import YAML
 
     stream = StringIO()
-    for key, value in about.items():
-        stream.write(f"# {key}: {' '.join(value.split())}\n")
     YAML().dump(keys, stream)
-    return stream.getvalue()
+    return "\n".join([*head_lines(about), stream.getvalue()])
 
 
 def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
@@ -132,6 +132,5 @@ def write_record(
 
     files: the results, including the record; existing files are described.
     """
-    with Whole(path) as temporary:
-        temporary.write_text(run_record(config, seed, seconds, results), "utf-8")
+    write_text(path, run_record(config, seed, seconds, results))
     write_crate(path.parent, files, provenance_header(config, seed), seconds)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import READING_COLUMNS
+from ..core.names import READING_COLUMNS, escape_undecodable
 from ..core.plain_numbers import plain_number
 from ..core.units import Booleans, Floats, describe_bounds, find_implausible
 from . import frame_table, hdf5_table, parquet_table, tdms_table
@@ -156,24 +156,32 @@ class Sheet:
     def __init__(self, path: Path, raw: Any) -> None:
         self.path, self.raw = path, raw
         file = TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
-        header, self.first, self.head = "", 0, {}
+        header, self.first, self.head, declared = "", 0, {}, ""
         for self.first, header in enumerate(file, start=1):
-            if header.strip() and not header.startswith("#"):
+            if declaration := re.fullmatch(r'"?sep=(.)"?\s*', header):  # Excel's first line
+                declared = declaration[1]
+            elif header.strip() and not header.startswith("#"):
                 break
             key, mark, value = header[1:].partition(":")
             if mark:
                 self.head[key.strip()] = value.strip()
-        self.file, self.delimiter = file, delimiter_of(header)
+        self.file, self.delimiter = file, declared or delimiter_of(header)
         try:
             names = next(csv.reader([header], delimiter=self.delimiter), [])
         except csv.Error as error:
             raise InputError(f"{path}:{self.first}: not a header: {error}") from None
         self.names = [name.strip() for name in names]
+        while len(self.names) > 1 and not self.names[-1]:  # each line ends with a delimiter
+            self.names.pop()
+        #: Cells that a row may have besides, if they are empty.
+        self.spare = 1 + len(names) - len(self.names)
         # numbers need no quotes, and a stray one must not swallow the lines that follow it
         self.reader = csv.reader(file, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield line numbers, from 1, and cells; skip comments and empty lines."""
+        """Yield line numbers, from 1, and cells; skip comments, empty lines, and empty cells at
+        the end of a row that has more cells than the header."""
+        width = len(self.names)
         while True:
             try:
                 row = next(self.reader)
@@ -183,7 +191,20 @@ class Sheet:
                 line = self.first + self.reader.line_num
                 raise InputError(f"{self.path}:{line}: not a line of a table: {error}") from None
             if row and not row[0].startswith("#"):
-                yield self.first + self.reader.line_num, row
+                is_empty = len(row) > width and not "".join(row[width:]).strip()
+                yield self.first + self.reader.line_num, row[:width] if is_empty else row
+
+    def columns_to_read(self, needed: Sequence[str], optional: Sequence[str]) -> list[str]:
+        """Names of the columns to read; errors say which line was taken for the header."""
+        place = f"{self.path}: header in line {self.first}"
+        return columns_to_read(place, self.names, needed, optional)
+
+    def refuse_width(self, line: int, row: Sequence[str]) -> InputError:
+        """The error for a row that has another number of cells than the header."""
+        return InputError(
+            f"{self.path}:{line}: this row has {len(row)} cells, and the header in line "
+            f"{self.first} has {len(self.names)}; give each row as many"
+        )
 
     def bytes_read(self) -> int:
         return os.lseek(self.raw.fileno(), 0, os.SEEK_CUR) if self.raw.seekable() else 0
@@ -227,12 +248,14 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
     Raises `InputError` with the line of a cell that is not a number.
     """
     with open_sheet(path) as sheet:
-        use = columns_to_read(path, sheet.names, names or sheet.names, ())
+        use = sheet.columns_to_read(names or sheet.names, ())
         places, rows = [sheet.names.index(name) for name in use], []
         for line, row in sheet.rows():
+            if len(row) != len(sheet.names):
+                raise sheet.refuse_width(line, row)
             try:
                 rows.append([number(row[place]) for place in places])
-            except (ValueError, IndexError):
+            except ValueError:
                 raise InputError(f"{path}:{line}: this row cannot be read as numbers") from None
     return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
 
@@ -256,12 +279,14 @@ def read_csv(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
     with open_sheet(path) as sheet:
-        use = columns_to_read(path, sheet.names, needed, optional)
+        use = sheet.columns_to_read(needed, optional)
         places, width = [sheet.names.index(name) for name in use], len(sheet.names)
         numbered = sheet.rows()
         first = list(islice(numbered, LOOKED_AT))
-        refuse_words(path, dict(zip(use, places, strict=True)),
-                     [(line, row) for line, row in first if len(row) == width])  # fmt: skip
+        whole = [(line, row) for line, row in first if len(row) == width]
+        if first and not whole:
+            raise sheet.refuse_width(*first[0])
+        refuse_words(path, dict(zip(use, places, strict=True)), whole)
         numbered = chain(first, numbered)
         while block := list(islice(numbered, rows)):
             values, bad = numbers([row for _, row in block], places, width)
@@ -345,30 +370,31 @@ def read_columns(path: Path) -> Columns:
     is_exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     exact: Any = {} if is_exact else {"float_precision": "round_trip"}
     with open_sheet(path) as sheet, warnings.catch_warnings():
-        columns_to_read(path, sheet.names, (), ())
-        # of a first row with too many cells it would leave the last ones out
+        sheet.columns_to_read((), ())
+        spare = [f"cell {n}" for n in range(len(sheet.names), len(sheet.names) + sheet.spare)]
+        # pandas would leave the last cells of a first row with too many out
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(
-                sheet.file, names=sheet.names, sep=sheet.delimiter, comment="#",
+                sheet.file, names=[*sheet.names, *spare], sep=sheet.delimiter, comment="#",
                 skipinitialspace=True, index_col=False, keep_default_na=False,
                 na_values=["", "nan"], quoting=csv.QUOTE_NONE, **exact,
             )  # fmt: skip
-        except pd.errors.ParserWarning:
-            raise InputError(
-                f"{path}: cannot be read as a table: the first row has more cells than the header "
-                f"in line {sheet.first}; give each row as many"
-            ) from None
-        except ValueError as error:  # pandas' ParserError among them
-            what = count_from(sheet.first, str(error).strip())
-            raise InputError(f"{path}: cannot be read as a table: {what}") from None
+            is_cut = not frame[spare].isna().all(axis=None)
+        except (pd.errors.ParserWarning, ValueError) as error:  # pandas' ParserError among them
+            refuse_wide_rows(path)
+            raise InputError(f"{path}: cannot be read as a table: {str(error).strip()}") from None
+    if is_cut:
+        refuse_wide_rows(path)
     return {name: numbers_or_words(frame[name]) for name in sheet.names}
 
 
-def count_from(first: int, text: str) -> str:
-    """Lines of the file in a message of pandas, which counts from the line behind the header.
-    first: the line of the header."""
-    return re.sub(r"(?<=\bline )\d+", lambda found: str(first + int(found[0])), text)
+def refuse_wide_rows(path: Path) -> None:
+    """Raise `InputError` for the first row that has more cells than the header."""
+    with open_sheet(path) as sheet:
+        for line, row in sheet.rows():
+            if len(row) > len(sheet.names):
+                raise sheet.refuse_width(line, row)
 
 
 def numbers_or_words(column: Any) -> Any:
@@ -406,18 +432,20 @@ def text_cells(values: Any) -> list[str]:
     return texts
 
 
+def head_lines(about: Mapping[str, str]) -> list[str]:
+    """Provenance as comment lines, without the whole configuration."""
+    known = {key: " ".join(value.split()) for key, value in about.items() if key != CONFIGURATION}
+    return [f"# {key}: {value}" for key, value in known.items()]
+
+
 class CsvWriter:
     """Appends blocks of rows to a table of text, whose columns are those of the first block."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
         self.is_stream = path == STANDARD_STREAM
         self.file = self.open_text(path)
-        lines = [
-            f"# {key}: {' '.join(value.split())}"
-            for key, value in about.items()
-            if key != CONFIGURATION
-        ]
-        self.file.write("\n".join([*lines, ",".join(columns)]).encode() + b"\n")
+        lines = [*head_lines(about), ",".join(columns)]
+        self.file.write("\n".join(lines).encode() + b"\n")
 
     def open_text(self, path: Path) -> Any:
         if self.is_stream:
@@ -446,7 +474,8 @@ class Writer:
     """
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
-        self.path, self.about = path, about
+        self.path = path
+        self.about = {key: escape_undecodable(value) for key, value in about.items()}
         self.file: Any = None
 
     def write(self, columns: Columns) -> None:

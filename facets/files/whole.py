@@ -19,6 +19,7 @@ from typing import IO, Any
 
 from ..core.errors import OutputError
 from ..core.extras import require_extra
+from ..core.names import escape_undecodable
 from .completeness import require_complete
 
 #: Modules of extras that write a kind of file, by its suffix.
@@ -36,22 +37,25 @@ def refuse_to_overwrite(
     if one of the paths is a source, exists and must not be replaced, is a folder, or cannot be
     written; `InputError` if the extra that writes one of them is missing.
     """
-    paths = [path for path in paths if path != STANDARD_STREAM]
-    read = [source for source in sources if source and source.exists()]
     for path in paths:
         require_writable(path)
-        if path.exists() and any(path.samefile(source) for source in read):
+    existing = [path for path in paths if path != STANDARD_STREAM and path.exists()]
+    read = [source for source in sources if source and source.exists()]
+    for path in existing:
+        if any(path.samefile(source) for source in read):
             raise OutputError(
                 f"{path}: the result extends this file or is made from it; give the result "
                 "another name"
             )
-    existing = [str(path) for path in paths if path.exists()]
     if existing and not force:
-        raise OutputError(f"{', '.join(existing)}: exists already; use --force to replace it")
+        raise OutputError(
+            f"{', '.join(map(str, existing))}: exists already; use --force to replace it"
+        )
 
 
 def require_writable(path: Path) -> None:
-    """Raise `OutputError` if a file of this name cannot be written; leave nothing behind.
+    """Raise `OutputError` if a file of this name, or the standard output, cannot be written; leave
+    nothing behind.
 
     Tries to write in the nearest existing folder, because rights, a read-only disk and a full disk
     appear differently on different systems. Raises `InputError` if an extra is missing.
@@ -59,6 +63,9 @@ def require_writable(path: Path) -> None:
     if path.suffix.lower() in WRITERS:
         require_extra(WRITERS[path.suffix.lower()], str(path))
     try:
+        if path == STANDARD_STREAM:
+            os.write(1, b"")
+            return
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
         folder = nearest_folder(path)
@@ -181,7 +188,7 @@ class Whole:
 def write_text(path: Path, text: str) -> None:
     """Write a text to a file, completely or not at all."""
     with Whole(path) as temporary:
-        temporary.write_text(text, "utf-8")
+        temporary.write_text(escape_undecodable(text), "utf-8")
 
 
 class ResultSet:

@@ -116,7 +116,6 @@ def check_sentences(
         yield f"For --track, add to the configuration: stage: {{checked: {value}}}"
         return
     block = {**config.resolved["stage"], "checked": value}
-    with whole.Whole(path) as temporary:
-        about = provenance.provenance_header(config)
-        temporary.write_text(provenance.configuration(config, block, about, "stage"), "utf-8")
+    about = provenance.provenance_header(config)
+    whole.write_text(path, provenance.configuration(config, block, about, "stage"))
     yield f"{path}"

@@ -62,9 +62,13 @@ OTHERS = {"head_mm": "diameter of the head, mm", "condition": "condition number"
 
 
 def rules() -> dict[Any, Any]:
-    """matplotlib's settings for the chosen style."""
+    """matplotlib's settings for the chosen style: its own defaults, whatever the user's settings
+    are, and those of the project."""
+    from matplotlib import rcParamsDefault
+
     hues, (line, thin) = chosen_hues(), LINES[chosen_style()]
-    return {
+    own = {name: value for name, value in rcParamsDefault.items() if name != "backend"}
+    return own | {
         "axes.axisbelow": True,
         "axes.edgecolor": hues.soft,
         "axes.facecolor": hues.ground,

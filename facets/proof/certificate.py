@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.sensor import Sensor
-from ..files.tables import Whole
+from ..files.whole import write_text
 from ..model.arrays import parameters
 from .uniqueness import Certificate
 
@@ -36,8 +36,7 @@ def write_certificate(
         **certificate_claims(certificate),
         **certificate_proof(certificate),
     }
-    with Whole(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1), "utf-8")
+    write_text(path, json.dumps(content, indent=1))
 
 
 def certificate_claims(certificate: Certificate) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.names import escape_undecodable
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .arrival import distance_to_box, settling_time, words
@@ -92,7 +93,7 @@ def response(axis: int, share: Floats, delay: float) -> Axis:
 
 def stage_identity(settings: Settings, port: str) -> str:
     """The text that identifies a stage in `stage.checked`; every stage needs its own check."""
-    return f"{settings.driver} {port} {1e3 * settings.step:g} um"
+    return f"{settings.driver} {escape_undecodable(port)} {1e3 * settings.step:g} um"
 
 
 def checked_today(settings: Settings, port: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -10,6 +11,9 @@ from pathlib import Path
 import pytest
 from commands import PROGRAM, command, start
 from programs import GUARD
+
+from facets import OutputError
+from facets.files.tables import refuse_to_overwrite
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files and pipes of Unix")
 
@@ -42,6 +46,63 @@ def test_an_output_that_is_full_is_told_and_loses_nothing(tmp_path):
     assert "standard output cannot be written: No space left" in errors
     assert "Traceback" not in errors
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_loses_nothing(tmp_path, closed):
+    """In fresh interpreters, which find the streams closed."""
+    script = f'"$@" {closed}'
+    for words, status in (
+        (("resolution", "paper", "-d", "r"), 0),
+        (("resolution", "none such.yaml"), 2),
+        (("solve", "paper", "no.csv", "-o", "-"), 2),
+    ):
+        done = subprocess.run(
+            ["sh", "-c", script, "sh", *PROGRAM, *words], cwd=tmp_path, capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+        assert (done.returncode, "Traceback" in done.stderr) == (status, False), done.stderr
+        assert "error" not in done.stdout
+    made = sorted(file.name for file in (tmp_path / "r").iterdir())
+    assert made == ["budget.png", "resolution.csv", "ro-crate-metadata.json", "run.yaml"]
+
+
+def test_a_table_does_not_go_to_a_closed_output(monkeypatch):
+    def write(number, data):
+        raise OSError(errno.EBADF, "Bad file descriptor")
+
+    monkeypatch.setattr(os, "write", write)
+    with pytest.raises(OutputError, match="-: cannot be written: Bad file"):
+        refuse_to_overwrite([Path("-")], force=False)
+
+
+def test_pictures_depend_on_no_settings_of_the_user(tmp_path):
+    """In fresh interpreters, which have not loaded matplotlib."""
+    (tmp_path / "matplotlibrc").write_text(
+        "text.usetex: True\nfont.family: none such\nimage.cmap: none such\nsavefig.bbox: tight\n"
+        "axes.formatter.use_locale: True\nfont.sans-serif: none such\nno such key: 1\n"
+    )
+    for name, backend in (("a.svg", "module://ipympl.backend_nbagg"), ("b.svg", "")):
+        done = subprocess.run(
+            [*PROGRAM, "render", "paper", "--spots", "-o", name], cwd=tmp_path,
+            capture_output=True, text=True, check=False, env={**os.environ, "MPLBACKEND": backend},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        (tmp_path / "matplotlibrc").unlink(missing_ok=True)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_a_picture_that_can_not_be_drawn_loses_no_table(tmp_path, run_in_process, monkeypatch):
+    assert run_in_process(*WORDS)[0] == 0
+
+    def fail(*_):
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr("facets.pictures.style.save", fail)
+    status, out, err = run_in_process(*WORDS, "--force")
+    assert (status, err) == (1, "out/motion.png: not drawn: RuntimeError: no font\n")
+    assert out.endswith("out/: readings.csv, poses.csv, run.yaml\n")
+    assert not (tmp_path / "out" / "motion.png").exists()
 
 
 @pytest.mark.slow

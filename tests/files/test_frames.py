@@ -35,7 +35,7 @@ def test_what_is_no_number_in_a_column_of_numbers_is_missing(tmp_path):
     np.testing.assert_array_equal(frame.a, [1, np.nan, 3])
     assert frame.word.tolist() == ["x", "y", ""]
     path.write_text("a,b\n1,2\n3,4,5,6\n")
-    with pytest.raises(InputError, match=r"t\.csv: cannot be read as a table: .* line 3"):
+    with pytest.raises(InputError, match=r"t\.csv:3: this row has 4 cells"):
         facets.read_table(path)
 
 
@@ -49,6 +49,17 @@ def test_frames_are_read_as_tables_are():
     for name, says in (("w", "column w holds"), ("z", "the data frame: missing columns: z")):
         with pytest.raises(InputError, match=says):
             list(tables.read_chunks(table, [name]))
+
+
+def test_an_index_with_a_name_is_a_column():
+    frame = pd.DataFrame({"time_s": [0.0, 0.5, 1.0], "run": 1, "tz_mm": [1.0, 2.0, 3.0]})
+    for names in ("time_s", ["run", "time_s"]):
+        table = frame.set_index(names)
+        (chunk,) = tables.read_chunks(tables.FrameTable(table), ["time_s", "tz_mm"])
+        assert chunk.columns["time_s"].tolist() == [0.0, 0.5, 1.0]
+        assert facets.to_sep005(table)[0]["fs"] == 2.0
+        assert table.index.names == np.atleast_1d(names).tolist()
+    assert facets.to_xarray(frame.set_index("time_s")).tz_mm.dims == ("time_s",)
 
 
 def test_signals_of_sep005_have_one_rate_or_times():

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+import facets
 from facets import POSE, InputError, OutputError
 from facets.core import STATE_COLUMNS
 from facets.files import tables
@@ -138,3 +139,15 @@ def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match=r"t\.h5: cannot be written: No space left"):
         tables.write_table(tmp_path / "t.h5", {"a": np.zeros(10_000)}, {})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_text_that_is_not_utf8_is_marked(path, tmp_path):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "r+") as file:
+        file["entry/data/status"][1] = b"caf\xe9"
+        file["entry"].attrs.create("command", b"solve r\xe9.csv", dtype=h5py.string_dtype())
+    frame = facets.read_table(copy)
+    assert frame["status"][1] == "caf\ufffd"
+    assert frame.attrs["command"] == r"solve r\xe9.csv"
+    assert tables.read_words(copy, "status")[0] == "converged"

@@ -1,11 +1,15 @@
 """A former result is taken for the configuration that it was made from, and for no other."""
 
+import sys
+
 import numpy as np
 import pytest
+from commands import command
 from recorded import record
 
 import facets
 from facets import InputError
+from facets.core import READING_COLUMNS
 from facets.design import Space, part_table
 from facets.files import provenance, tables
 
@@ -79,3 +83,20 @@ def test_a_recording_of_another_sensor_is_not_drawn(tmp_path, run_in_process):
     assert status == 2
     assert "recording: was made from configuration" in err
     assert not (tmp_path / "film.gif").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+@pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
+def test_names_that_are_not_utf8_are_written_as_escapes(ending, tmp_path):
+    readings, config = tmp_path / f"r\udce9.{ending}", "c\udce9.yaml"
+    (tmp_path / config).write_text("extends: paper\n")
+    rows = facets.readings(PAPER.sensor, np.zeros((3, 8)))
+    tables.write_table(readings, dict(zip(READING_COLUMNS, rows.T, strict=True)), {})
+    poses = tmp_path / f"p\udce9.{ending}"
+    done = command("solve", config, readings.name, "-o", poses.name, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(rf"3 of 3 rows solved: p\xe9.{ending}")
+    made = tables.read_head(poses)
+    assert made["config"] == r"c\xe9"
+    assert made["command"] == rf"facets solve 'c\xe9.yaml' 'r\xe9.{ending}' -o 'p\xe9.{ending}'"
+    assert len(tables.read_columns(poses)["tx_mm"]) == 3

@@ -83,8 +83,14 @@ def test_quotes_are_the_same_to_each_reader_and_swallow_no_lines(write):
 
 def test_a_ragged_row_is_named_by_its_line_in_the_file(write):
     for raw, says in (
-        ("# seed: 1\n\na,b\n1,2\n\n# more\n3,4,5\n", "Expected 2 fields in line 7, saw 3"),
-        ("# seed: 1\na,b\n3,4,5\n1,2\n", "first row has more cells than the header in line 2"),
+        (
+            "# seed: 1\n\na,b\n1,2\n\n# more\n3,4,5\n",
+            "csv:7: this row has 3 cells, and the header in line 3 has 2",
+        ),
+        (
+            "# seed: 1\na,b\n3,4,5\n1,2\n",
+            "csv:3: this row has 3 cells, and the header in line 2 has 2",
+        ),
     ):
         with pytest.raises(InputError, match=says):
             tables.read_columns(write(raw))
@@ -98,14 +104,40 @@ def test_a_ragged_row_is_named_by_its_line_in_the_file(write):
         b"a;b\n1;2\n",
         b'"a","b"\n1,2\n',
         b" a, b \n 1, 2 \n",
+        b"a,b\n1,2,\n",
+        b"a,b,,\r\n1,2,,, \r\n",
+        b"sep=;\r\na;b\r\n1;2;\r\n",
+        b'\xef\xbb\xbf"sep=|"\na|b\n1|2\n',
     ],
-    ids=["byte order mark", "CRLF", "semicolons", "quoted names", "blanks"],
+    ids=[
+        "byte order mark",
+        "CRLF",
+        "semicolons",
+        "quoted names",
+        "blanks",
+        "comma at the end",
+        "commas at the end",
+        "sep=;",
+        "sep=|",
+    ],
 )
 def test_what_spreadsheets_make_of_csv(write, raw):
     columns, _, bad = read(write(raw))
     assert bad == []
     assert columns["a"].tolist() == [1]
     assert columns["b"].tolist() == [2]
+    whole = tables.read_columns(write(raw))
+    assert {name: values.tolist() for name, values in whole.items()} == {"a": [1], "b": [2]}
+    assert tables.read_numbers(write(raw))[1].tolist() == [[1, 2]]
+
+
+def test_what_was_taken_for_a_header_is_named(write):
+    for raw, says in (
+        ("# seed: 1\nReport of today\na,b\n1,2\n", "header in line 2: .*found: Report of today"),
+        ("a,b\n1,2,3\n4,5,6\n", r"t\.csv:2: this row has 3 cells, and the header in line 1 has 2"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read(write(raw))
 
 
 @pytest.mark.parametrize(

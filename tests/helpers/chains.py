@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -154,6 +155,10 @@ def command_names(group: typer.core.TyperGroup | None = None, above: str = "") -
             yield f"{above}{name}"
 
 
+#: What stands for a blank in the names of files: on Linux a byte that is not UTF-8 before it.
+BLANK = "\udce9 " if sys.platform == "linux" else " "
+
+
 def run_chain(
     chain: str,
     folder: Path,
@@ -162,8 +167,9 @@ def run_chain(
 ) -> None:
     """Run a chain in a folder; `keep_running` is for a command that ends with the chain."""
     for name, text in FILES.items():
-        (folder / name).write_text(text)
-    run_lines([shlex.split(line) for line in lines(chain)], run, keep_running)
+        (folder / name.replace(" ", BLANK)).write_text(text)
+    words = [[w.replace(" ", BLANK) for w in shlex.split(line)] for line in lines(chain)]
+    run_lines(words, run, keep_running)
 
 
 def run_lines(commands, run, keep_running) -> None:  # type: ignore[no-untyped-def]

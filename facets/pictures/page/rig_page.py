@@ -19,7 +19,7 @@ from ...core.settings import Config
 from ...core.units import Floats
 from ...core.version import __version__
 from ...detectors.correction import is_corrected
-from ...files.tables import Whole
+from ...files.whole import write_text
 from ..stills.range_solid import COLOURS
 from .model import model, text_of
 from .rig_data import rig
@@ -143,8 +143,7 @@ def write_rig_page(
 ) -> None:
     """Write `rig_page` to a file; a failure leaves no partial file."""
     text = rig_page(sensor, name, state, view, config)
-    with Whole(path) as temporary:
-        temporary.write_text(text, "utf-8")
+    write_text(path, text)
 
 
 def _is_finite(number: Any) -> bool:

@@ -15,7 +15,7 @@ from ...core.units import MICRO, round_to, unit_of, write_micro
 from ...core.version import __version__
 from ...estimation.uncertainty import coverage_factor
 from ...files.provenance import origin_line, provenance_header
-from ...files.tables import Whole
+from ...files.whole import write_text
 from .report_page import ReportSection, report
 
 if TYPE_CHECKING:
@@ -89,8 +89,7 @@ def write_report(
         title, summary, sections(settings, calibrated, verdict, sources, results),
         origin_line(settings), warning, sheet,
     )  # fmt: skip
-    with Whole(path) as temporary:
-        temporary.write_text(text, "utf-8")
+    write_text(path, text)
 
 
 def sections(
