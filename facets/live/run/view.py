@@ -220,7 +220,7 @@ def clock_sentences(live: Live) -> Iterator[str]:
     if clock.is_held and clock.is_known:
         most = 1e6 * (abs(clock.rate) + clock.rate_sigma)
         yield (
-            f"by the arrivals, the board's clock may be up to {most:.2g} ppm off, more than a "
+            f"by the arrivals, the board's clock may be up to {most:.0f} ppm off, more than a "
             "quartz is; a longer run tells"
         )
     elif np.isfinite(clock.ppm) and not clock.complaint:
