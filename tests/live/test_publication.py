@@ -182,6 +182,14 @@ sys.stdin.read()
 """
 
 
+def test_a_subscriber_cannot_have_missed_more_than_was_published():
+    with Publications(["zmq://127.0.0.1:0"], BENCH) as publications:
+        publications.outlet.send(numbered(100, 0))
+        publications.outlet.take(b"lost 99999999999999")
+        (counts,) = publications.counts()
+    assert counts["dropped"] <= 200
+
+
 @pytest.mark.parametrize("words", ["", "lost 1", "from nobody {}", "x" * 10_000])
 def test_a_subscriber_that_reads_nothing_or_talks_without_end_costs_nobody_else_samples(words):
     """Nor is more heard of it at once than the loop has time for."""

@@ -202,7 +202,7 @@ class Outlet:
                 if compare_digest(topic, relay.token):
                     relay.come_or_go(comes)
         elif message.startswith(LOST) and message[len(LOST) :].isdigit() and len(message) < 20:
-            self.missed += int(message[len(LOST) :])
+            self.missed += min(int(message[len(LOST) :]), self.count)  # whatever it says
         elif message.startswith(FROM):
             token, _, words = message[len(FROM) :].partition(b" ")
             for relay in self.relays:
