@@ -42,7 +42,8 @@ def show_estimate(
         rows.append([
             f"{peak.frequency:.5g}", peak.axis,
             f"{form.factor(peak.axis) * abs(estimate.h1[place]):.4g}",
-            form.unit_text(peak.axis, unit), f"{100 * error:.2g} %", f"{peak.width:.3g}",
+            form.unit_text(peak.axis, unit),
+            f"{100 * error:.2g} %" if estimate.is_stationary else "unknown", f"{peak.width:.3g}",
             f"{estimate.coherence[place]:.4f}",
         ])  # fmt: skip
     if rows:

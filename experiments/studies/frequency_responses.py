@@ -59,7 +59,7 @@ def measure(
 
 def show_coverage(records: int, seed: int) -> None:
     """Share of lines whose receptance lies within the 95 % interval, and near resonances."""
-    for drive in ("random", "burst", "sweep"):
+    for drive in ("random", "burst"):
         inside: list[Floats] = []
         near: list[Floats] = []
         for n in range(records):

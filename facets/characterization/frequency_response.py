@@ -61,6 +61,9 @@ INSEPARABLE = (
     f"{1 - SEPARATE_SHARE:g}), so that their responses cannot be told apart; drive the body by "
     "forces that are independent of each other, or name one input"
 )
+#: The input passes through the frequencies, if a line has input in this share or less of the
+#: segments that have any, in the median line; of a random input, a half.
+SLOW_INPUT_SHARE = 0.25
 #: Segments that are transformed at once.
 SEGMENTS_AT_ONCE = 64
 
@@ -106,9 +109,10 @@ class FrequencyResponse:
     input_density: (m,), output_density: (m, d), unit^2/Hz.  noise_density: (m, d) of the outputs'
     own noise, NaN where not known.  averages: number of independent averages.  segments: number
     of segments.  left_out: segments that a gap prevented.  resolution: distance of lines, Hz.
-    input_averages: (m,) number of equal segments that would give the input's density the same
-    scatter.  is_corrected: whether the electronics' low pass is divided out, of the densities of
-    output and noise, too.  period: of a periodic input, s, to whose lines the frequencies are
+    input_share: (m,) number of segments with input at a line, over the number with any input; both
+    as the number of equal segments whose mean would scatter as much.  is_corrected: whether the
+    electronics' low pass is divided out, of the densities of output and noise, too.  period: of a
+    periodic input, s, to whose lines the frequencies are
     restricted; else 0.  form: of h1 and h2; densities are always those of displacements.
     multiple_coherence: (m, d) with all of several inputs; then input, output, h1, h2 and coherence
     are those without the parts that go with the other inputs. None of a single input.
@@ -126,7 +130,7 @@ class FrequencyResponse:
     segments: int
     left_out: int
     resolution: float
-    input_averages: Floats
+    input_share: Floats
     is_corrected: bool = False
     period: float = 0.0
     form: ResponseForm = RECEPTANCE
@@ -139,9 +143,15 @@ class FrequencyResponse:
 
     @property
     def random_error(self) -> Floats:
-        """Relative standard uncertainty of |H| (m, d), which is also that of the phase in rad."""
+        """Relative standard uncertainty of |H| (m, d), which is also that of the phase in rad; NaN
+        of an input that is not stationary, since then segments do not scatter by chance alone."""
         error: Floats = np.sqrt((1 - self.coherence) / (self.coherence * self.freedom))
-        return error
+        return error if self.is_stationary else np.full_like(error, np.nan)
+
+    @property
+    def is_stationary(self) -> bool:
+        """Whether the lines have input at the same times, and not one after the other."""
+        return bool(np.median(self.input_share[self.is_excited]) >= SLOW_INPUT_SHARE)
 
     @property
     def freedom(self) -> float:
@@ -351,7 +361,7 @@ def estimate_response(
         power = spectra.g_xx[1:]
         lines = 1 + np.flatnonzero(power >= EXCITED_SHARE * power.max())
     chosen = Spectra(*(values[lines] for values in spectra))  # type: ignore[arg-type]
-    frequency, g_xx, g_xy, g_yy, counts, shares = chosen
+    frequency, g_xx, g_xy, g_yy, input_share, shares = chosen
     factor = np.exp(2j * np.pi * frequency * channel.delay)[:, None]
     if channel.is_corrected:
         factor = factor / low_pass(frequency, channel.bandwidth)[:, None]
@@ -363,7 +373,8 @@ def estimate_response(
     density = gain * noise_spectrum(frequency, noise, rate, channel.bandwidth)
     return FrequencyResponse(
         frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages,
-        len(options.starts), left_out, rate / length, counts, channel.is_corrected, period / rate,
+        len(options.starts), left_out, rate / length, input_share, channel.is_corrected,
+        period / rate,
         multiple_coherence=1 - (1 - coherence) * shares if others.size else None,
     )  # fmt: skip
 
@@ -419,14 +430,14 @@ class SegmentOptions(NamedTuple):
 
 class Spectra(NamedTuple):
     """Densities at frequencies (m,) of an input (m,), of it and each output (m, d), and of the
-    outputs (m, d).  counts: (m,) as `FrequencyResponse.input_averages`.  shares: (m, d) of the
-    outputs' power that do not go with other inputs."""
+    outputs (m, d).  input_share: (m,) as in `FrequencyResponse`.  shares: (m, d) of the outputs'
+    power that do not go with other inputs."""
 
     frequency: Floats
     g_xx: Floats
     g_xy: Complexes
     g_yy: Floats
-    counts: Floats
+    input_share: Floats
     shares: Floats
 
 
@@ -435,7 +446,7 @@ def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -
     of both what goes with the other inputs."""
     q, both = inputs.shape[1], np.column_stack([inputs, outputs])
     every = [average_spectra(x, both, options) for x in inputs.T]
-    frequency, whole, _, autos, counts = every[0]
+    frequency, whole, _, autos, input_share = every[0]
     cross = np.stack([spectra[2] for spectra in every], axis=1)  # (m, q, q + d)
     rest, kept = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
     try:  # of the first input and the outputs, over each other input
@@ -449,33 +460,42 @@ def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -
     g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", kept[:, :, 0].conj(), parts[:, :, 1:])
     g_yy = autos[:, q:] - (kept[:, :, 1:].conj() * parts[:, :, 1:]).sum(axis=1).real
     with np.errstate(invalid="ignore"):  # an output may be zero in all rows
-        return Spectra(frequency, g_xx, g_xy, g_yy, counts, g_yy / autos[:, q:])
+        return Spectra(frequency, g_xx, g_xy, g_yy, input_share, g_yy / autos[:, q:])
 
 
 def average_spectra(
-    stimulus: Floats, outputs: Floats, chosen: SegmentOptions
+    stimulus: Floats, outputs: Floats, options: SegmentOptions
 ) -> tuple[Floats, Floats, Complexes, Floats, Floats]:
     """Frequencies (m,) and averaged densities: of the stimulus (m,), of the stimulus and each
-    output (m, d), and of the outputs (m, d); and (m,) the segments with input, as
-    `FrequencyResponse.input_averages`."""
-    from scipy.signal import csd, welch
+    output (m, d), and of the outputs (m, d); and (m,) the input's share of the segments, as
+    `FrequencyResponse.input_share`."""
+    count, length = len(options.starts), len(options.window)
+    sums: list[Any] = [0.0, 0.0, 0.0, 0.0]
+    energy: list[Floats] = []
+    for part in np.array_split(options.starts, -(-count // SEGMENTS_AT_ONCE)):
+        x = segment_spectra(stimulus[:, None], options._replace(starts=part))
+        y = segment_spectra(outputs, options._replace(starts=part))
+        power = np.abs(x[:, :, 0]) ** 2
+        values = power, x.conj() * y, np.abs(y) ** 2, power**2
+        sums = [total + some.sum(axis=0) for total, some in zip(sums, values, strict=True)]
+        energy.append(power.sum(axis=1))
+    frequency = np.asarray(np.fft.rfftfreq(length, 1 / options.rate), dtype=np.float64)
+    sides = np.where((frequency > 0) & (2 * frequency < options.rate), 2.0, 1.0)
+    scale = (sides / (options.rate * (options.window**2).sum() * count))[:, None]
+    each = np.concatenate(energy)
+    segments = each.sum() ** 2 / (each**2).sum()
+    input_share = sums[0] ** 2 / np.maximum(sums[3], 1e-300) / segments
+    return frequency, scale[:, 0] * sums[0], scale * sums[1], scale * sums[2], input_share
 
-    starts, window, rate, detrend = chosen
-    rows = np.arange(len(window))
-    options = {"window": window, "nperseg": len(window), "noverlap": 0, "detrend": detrend}
-    sums: list[Any] | None = None
-    frequency = np.zeros(0)
-    for part in np.array_split(starts, -(-len(starts) // SEGMENTS_AT_ONCE)):
-        x = stimulus[part[:, None] + rows]
-        y = np.moveaxis(outputs[part[:, None] + rows], -1, 0)
-        frequency, g_xx = welch(x, rate, **options)
-        densities = [g_xx, csd(x, y, rate, **options)[1], welch(y, rate, **options)[1], g_xx**2]
-        densities = [values.sum(axis=-2) for values in densities]
-        sums = densities if sums is None else [a + b for a, b in zip(sums, densities, strict=True)]
-    assert sums is not None
-    means = [values / len(starts) for values in sums]
-    counts = sums[0] ** 2 / np.maximum(sums[3], 1e-300)
-    return frequency, means[0], means[1].T, means[2].T, counts
+
+def segment_spectra(signals: Floats, options: SegmentOptions) -> Complexes:
+    """Fourier transforms (k, m, d) of the segments of signals (n, d), without their straight lines
+    or means and under the window."""
+    from scipy.signal import detrend
+
+    pieces = signals[options.starts[:, None] + np.arange(len(options.window))]
+    pieces = detrend(pieces, axis=1, type=options.detrend) * options.window[:, None]
+    return np.asarray(np.fft.rfft(pieces, axis=1))
 
 
 def response_table(response: FrequencyResponse) -> dict[str, Floats]:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..core.names import POSE
-from ..core.units import Booleans, Floats, unit_of
+from ..core.units import Booleans, Complexes, Floats, unit_of
 from .frequency_response import (
+    SEPARATE_SHARE,
     SKIPPED_LINES,
     FrequencyResponse,
     SegmentOptions,
-    average_spectra,
     low_pass,
+    segment_spectra,
     segment_starts,
 )
 
@@ -34,8 +35,10 @@ LOW_COHERENCE = 0.75
 SMALL_SHARE = 0.02
 #: The incoherent part of the output is the sensor's noise if it is at most this factor above it.
 NOISE_FACTOR = 2.0
-#: Share of rows with the input at one of its ends from which it is called clipped.
-CLIPPED_SHARE = 1e-3
+#: The input is called clipped if it is at one of its ends in this share of the rows, three times in
+#: succession, and this many times as often as at the value next to it. A sine in the steps of its
+#: converter has at most five times as many.
+CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
 #: Share of rows with a residual beyond chance from which the model is doubted; of right poses one
 #: in 10,000 has such a one.
 MISFIT_SHARE = 1e-3
@@ -44,12 +47,8 @@ MISFIT_SHARE = 1e-3
 MOVED_SIGMAS, MOVED_SHARE = 8.0, 0.2
 #: Number of parts of the recording for that.
 PARTS = 20
-#: The input changes slowly if this share of the segments or less has it, in the median line; of a
-#: random input a half of them count.
-SLOW_INPUT_SHARE = 0.25
-#: The input is bent if its square's or cube's coherence, averaged over the lines, exceeds chance by
-#: this number of standard deviations.
-BENT_SIGMAS = 8.0
+#: A motion goes with the input's square or cube if chance does as much with this probability.
+BENT_CHANCE = 1e-4
 #: What else lowers the coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
@@ -75,13 +74,15 @@ def find_peaks(response: FrequencyResponse) -> list[Peak]:
     """
     from scipy import signal
 
-    floor = np.nan_to_num(response.noise_floor, nan=float(np.median(np.abs(response.h1))))
+    excited = np.flatnonzero(response.is_excited)
+    floor = np.median(response.noise_floor[excited], axis=0)  # the input's own peaks are none of H
+    floor = np.where(np.isfinite(floor), floor, np.median(np.abs(response.h1[excited]), axis=0))
     sizes = np.abs(response.h1) / floor
-    together = np.sqrt((sizes**2).sum(axis=1))
+    together = np.sqrt((sizes[excited] ** 2).sum(axis=1))
     lines, _ = signal.find_peaks(np.log(together), prominence=np.log(PEAK_FACTOR))
     least = max(PEAK_COHERENCE, response.significant_coherence)
     peaks = []
-    for line in lines[response.is_excited[lines]].tolist():
+    for line in excited[lines].tolist():
         n = int(np.argmax(sizes[line]))
         if response.coherence[line, n] > least:
             size = np.abs(response.h1[:, n])
@@ -158,28 +159,40 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
             f"The input has hardly any power {dark} (less than 1/10,000 of its largest density): "
             "there the response is not known."
         )
-    counts = response.input_averages[response.is_excited]
-    if np.median(counts) < SLOW_INPUT_SHARE * response.segments:
+    if not response.is_stationary:
+        share = float(np.median(response.input_share[response.is_excited]))
         yield (
-            f"At most frequencies only {np.median(counts):.2g} of the {response.segments} segments "
-            "have input: a sweep or bursts slower than a segment. Near narrow peaks the random "
-            "error is then larger than stated; let a segment hold a whole sweep, by a faster sweep "
-            "or a smaller --resolution-hz."
+            f"At most frequencies only {share * response.segments:.2g} of the {response.segments} "
+            "segments have input: the input passes through the frequencies (a sweep or a stepped "
+            "sine slower than a segment) and is not stationary. Random errors are therefore not "
+            "stated. Excite all frequencies at once, or let a segment hold a whole sweep, by a "
+            "faster sweep or a smaller --resolution-hz."
         )
-    known = signals.stimulus[signals.usable]
-    sides = [end for end in (known.max(), known.min()) if end != np.median(known)]  # not at rest
-    ends = [float(np.mean(known == end)) for end in sides]
-    if max(ends, default=0.0) > CLIPPED_SHARE:
+    clipped = sum(clipped_shares(signals.stimulus[signals.usable]))
+    if clipped:
         yield (
-            f"The input is at its largest or smallest value in {100 * sum(ends):.2g} % of the "
-            "rows: it is probably clipped by its amplifier or converter, or a square wave. A "
-            "clipped input makes the response too large."
+            f"The input stays at its largest or smallest value in {100 * clipped:.2g} % of the "
+            "rows: it is probably clipped by its amplifier or converter, or has flat tops by "
+            "design. A clipped input makes the response too large."
         )
+
+
+def clipped_shares(stimulus: Floats) -> Iterator[float]:
+    """Shares of the rows of an input (n,) at which it stays at an end without need."""
+    for side in (stimulus, -stimulus):
+        at_end = side == side.max()
+        stays = at_end[2:] & at_end[1:-1] & at_end[:-2]
+        below = side[~at_end].max(initial=-np.inf)
+        at_rest = side.max() == np.median(side)
+        if (
+            stays.any() and not at_rest and at_end.mean() > CLIPPED_SHARE
+            and at_end.sum() > CLIPPED_RATIO * (side == below).sum()
+        ):  # fmt: skip
+            yield float(at_end.mean())
 
 
 def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
-    """A sentence on a motion that goes with the square or the cube of the input, beyond what goes
-    with the input itself."""
+    """A sentence on a quadratic or cubic response beyond the linear part."""
     from scipy.signal import get_window
 
     if response.period:
@@ -189,19 +202,18 @@ def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> 
     options = SegmentOptions(rows, get_window("hann", length), response.rate, "linear")
     known = signals.stimulus[signals.usable]
     x = np.where(signals.usable, (signals.stimulus - known.mean()) / np.ptp(known), 0.0)
+
+    def spectra_of(signal: Floats) -> Complexes:
+        spectra = segment_spectra(signal[:, None], options)[:, SKIPPED_LINES:, 0]
+        return spectra[:, response.is_excited]
+
+    force, share = spectra_of(x), response.averages / response.segments
     for power, name in ((2, "square"), (3, "cube")):
-        both = np.column_stack([x**power, signals.motion])
-        _, g_xx, g_x, g_yy, _ = (
-            density[SKIPPED_LINES:] for density in average_spectra(x, both, options)
-        )
-        g_r = average_spectra(x**power, signals.motion, options)[2][SKIPPED_LINES:]
-        rest = g_yy - np.abs(g_x) ** 2 / g_xx[:, None]
-        cross = g_r - np.conj(g_x[:, :1]) * g_x[:, 1:] / g_xx[:, None]
-        coherence = np.abs(cross) ** 2 / (rest[:, :1] * rest[:, 1:])
-        lines = response.is_excited
-        chance = (1 + BENT_SIGMAS * np.sqrt(1.5 / lines.sum())) / (response.averages - 1)
-        bent = coherence[lines].mean(axis=0) > chance
-        if bent.any():
+        slope = power * float((x[signals.usable] ** (power - 1)).mean())
+        other = spectra_of(x**power)
+        bent = [chance_of_power(force, other, spectra_of(motion), slope, share) < BENT_CHANCE
+                for motion in signals.motion.T]  # fmt: skip
+        if any(bent):
             axes = ", ".join(axis for axis, is_bent in zip(POSE, bent, strict=True) if is_bent)
             yield (
                 f"The motion of {axes} goes with the {name} of the input, too: the input's "
@@ -209,6 +221,53 @@ def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> 
                 "than the random error. Halve the force, and compare."
             )
             return
+
+
+def chance_of_power(
+    force: Complexes, other: Complexes, motion: Complexes, slope: float, share: float
+) -> float:
+    """Probability that a motion goes as much with a power of the input by chance.
+
+    force, other, motion: (k, m) spectra of k segments: of the input, its power and the motion.
+    slope: mean derivative of the power by the input.  share: of independent segments.
+
+    At each line, the part of the motion without the input's is fitted by that of the power. The
+    coefficient is compared with its scatter when single segments are left out (jackknife), with as
+    many degrees of freedom as segments have that power. The mean of the lines, which may go
+    together, is compared with a gamma distribution. It has the variance that random phases of the
+    segments give.
+
+    Noise n of the input's channel makes products, too: it is in the power by `slope` n and in the
+    motion by -H n. What noise can explain that is no larger than the motion's rest is taken out.
+    """
+    from scipy.special import gammaincc
+
+    gain, h = ((force.conj() * part).sum(axis=0) / (np.abs(force) ** 2).sum(axis=0)
+               for part in (other, motion))  # fmt: skip
+    beyond, rest = other - gain * force, motion - h * force
+    energy = np.abs(beyond) ** 2
+    power = energy.sum(axis=0)
+    freedom = share * power**2 / np.maximum((energy**2).sum(axis=0), 1e-300) - 1
+    lines = (power > SEPARATE_SHARE * (np.abs(other) ** 2).sum(axis=0)) & (freedom >= 1)
+    lines &= rest.any(axis=0)
+    if not lines.any():
+        return 1.0
+    beyond, rest, weight, freedom = (
+        part[..., lines] for part in (beyond, rest, energy / np.maximum(power, 1e-300), freedom)
+    )
+    total = (beyond.conj() * rest).sum(axis=0)
+    scatter = (beyond.conj() * rest - weight * total) / (1 - weight)
+    norm = np.sqrt((np.abs(scatter) ** 2).sum(axis=0))
+    noise = np.conj(gain - slope)[lines] * (np.abs(rest) ** 2).sum(axis=0) / np.conj(h[lines])
+    unit = noise / np.maximum(np.abs(noise), 1e-300)
+    total = total - unit * np.clip((unit.conj() * total).real, 0, np.abs(noise))
+    score = freedom * np.log1p(share * np.abs(total / norm) ** 2 / freedom)  # exponential by chance
+    alike = scatter / norm
+    gram = alike @ alike.conj().T if len(alike) < lines.sum() else alike.conj().T @ alike
+    own = (np.abs(alike) ** 2).sum(axis=1)
+    variance = ((np.abs(gram) ** 2).sum() - (own**2).sum()) / lines.sum() ** 2
+    shape = 1 / max(float(variance), 1e-12)
+    return float(gammaincc(shape, shape * float(score.mean())))
 
 
 def bands(frequency: Floats, chosen: Booleans, most: int = 3) -> str:

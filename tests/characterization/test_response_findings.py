@@ -105,13 +105,69 @@ def test_what_spoils_a_record_is_said(change, words):
 @pytest.mark.slow
 def test_slow_sweeps_few_averages_and_narrow_peaks_are_said():
     *_, limits = look(body=replace(BODY, drive="sweep"))
-    assert any("only 1 of the 39 segments have input" in text for text in limits)
+    assert any(
+        "only 1 of the 39 segments have input: the input passes through" in text for text in limits
+    )
     sharp = replace(BODY, modes={"bounce": Mode(60.0, 0.004, tuple(SHAPES.sum(axis=0)))})
     _, (peak,), limits = look(body=sharp)
     assert peak.width < 2
     assert any("The lines are too far apart for the peaks at 60 Hz (" in text for text in limits)
     *_, limits = look(resolution=0.1)
     assert limits[0].startswith("There are only 6.")
+
+
+def drive(force, motion, applied, force_noise=0.0):
+    """Replace a record by that of a body with modes at 62 and 97 Hz under an applied force."""
+    from scipy import signal
+
+    rng = np.random.default_rng(4)
+    motion[:] = NOISE * rng.standard_normal((COUNT, 6))
+    for axis, frequency, damping, size in ((2, 62.0, 0.013, 0.01), (3, 97.0, 0.009, 4e-5)):
+        turn = 2 * np.pi * frequency
+        b, a, _ = signal.cont2discrete(([turn**2], [1, 2 * damping * turn, turn**2]), 1 / RATE)
+        motion[:, axis] += size * signal.lfilter(b.ravel(), a, applied)
+    force[:] = applied + force_noise * rng.standard_normal(COUNT)
+
+
+def blows(rng):
+    """Half sines of 3 to 6 ms and 20 to 60 N every 2 to 4 s."""
+    force, row = np.zeros(COUNT), 700
+    while row < COUNT - 100:
+        length = rng.uniform(3, 6)
+        rows = np.arange(int(np.ceil(length)))
+        force[row + rows] = rng.uniform(20, 60) * np.sin(np.pi * (rows + rng.random()) / length)
+        row += rng.integers(2000, 4000)
+    return np.maximum(force, 0)
+
+
+@pytest.mark.parametrize("force_noise", [0.0, 0.05])
+def test_a_linear_body_under_hammer_blows_is_not_called_nonlinear(force_noise):
+    for seed in range(4):
+        applied = blows(np.random.default_rng(seed))
+        _, peaks, limits = look(lambda *record: drive(*record, applied, force_noise))  # noqa: B023
+        assert [peak.frequency for peak in peaks] == pytest.approx([62, 97], abs=1)
+        assert not any("goes with the" in text or "segments have" in text for text in limits)
+    _, _, limits = look(lambda *record: (drive(*record, applied), bend(*record)))
+    assert any("tz goes with the square" in text for text in limits)
+
+
+def bend(force, motion):
+    """Add a static response to the square of the force, of 10 % at 60 N."""
+    motion[:, 2] += 0.01 * force**2 / 600
+
+
+def test_a_stepped_sine_has_its_peaks_no_random_error_and_is_not_clipped():
+    """Steps of one second, each of whole periods whose largest samples are all the same number."""
+    rows = np.arange(COUNT)
+    frequency = 50.0 + rows // 1000
+    applied = np.sin(2 * np.pi * np.round(frequency * rows) / RATE)
+    response, peaks, limits = look(lambda *record: drive(*record, applied))
+    assert [peak.frequency for peak in peaks] == pytest.approx([62], abs=1)
+    assert np.isnan(response.uncertainty).all()
+    said = " ".join(limits)
+    assert "Random errors are therefore not stated" in said
+    assert "clipped" not in said
+    assert "goes with the" not in said
 
 
 def test_rows_that_are_doubtful_are_said():
