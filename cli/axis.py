@@ -163,10 +163,8 @@ def write(report: AxisReport, results: ResultFolder, title: str) -> None:
     page, picture, positions, quantities, compensation, _ = results.paths
     results.write_table(positions, report.table())
     results.write_table(quantities, report.summary())
-    with draw_beside(picture):
-        pictures.style.save(pictures.axis.axis_picture(report), picture)
-    with draw_beside(page):
-        files.whole.write_text(page, pictures.axis.axis_page(report, title, results.about))
+    draw_beside(picture, pictures.axis.axis_picture, report)
+    draw_beside(page, pictures.axis.axis_page, report, title, results.about)
     if report.counts.missing:
         files.whole.remove_older(compensation)
     else:

@@ -11,7 +11,7 @@ import typer
 
 import facets
 from facets import bench as benchmarks
-from facets import core, files, model, pictures
+from facets import core, files, model
 
 from .console import draw_beside, show_table
 from .options import Force, Look, Quick, Style, folder_option, seed_option
@@ -51,9 +51,7 @@ def bench(
         results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
         text = json.dumps({"about": about, **results}, indent=1)
         files.whole.write_text(folder / "machine.json", text)
-        with draw_beside(folder / PICTURE):
-            picture = benchmarks.pictures.heat_map(results["stability"])
-            pictures.style.save(picture, folder / PICTURE)
+        draw_beside(folder / PICTURE, benchmarks.pictures.heat_map, results["stability"])
     typer.echo(f"{folder}/: {', '.join(names)}")
 
 

@@ -14,7 +14,8 @@ import typer
 
 import facets
 from facets import config as configuration
-from facets.files.whole import STANDARD_STREAM, remove_older
+from facets import pictures
+from facets.files.whole import STANDARD_STREAM, remove_older, write_text
 
 from . import signals
 
@@ -79,11 +80,15 @@ def report_lines(text: str) -> None:
     typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
 
 
-@contextmanager
-def draw_beside(path: Path) -> Iterator[None]:
-    """Context for writing a picture or a page beside tables: if that fails, the tables remain."""
+def draw_beside(path: Path, make: Callable[..., Any], *values: Any) -> None:
+    """Write the picture or the page that `make` returns beside tables; a function that writes the
+    file returns None. If that fails, the tables remain."""
     try:
-        yield
+        drawing = make(*values)
+        if isinstance(drawing, str):
+            write_text(path, drawing)
+        elif drawing is not None:
+            pictures.style.save(drawing, path)
     except Exception as error:
         undrawn.append(path)
         remove_older(path)

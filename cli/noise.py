@@ -80,9 +80,7 @@ def write_results(
     about = files.provenance.provenance_header(settings)
     with files.tables.ResultSet():
         if paths:
-            with draw_beside(paths[0]):
-                text = pictures.noise.page(report, title, about)
-                files.whole.write_text(paths[0], text)
+            draw_beside(paths[0], pictures.noise.page, report, title, about)
             files.tables.write_table(
                 paths[1], characterization.noise_report.table_of(report), about
             )

@@ -10,7 +10,7 @@ import typer
 from facets import config as configuration
 from facets import core, design, files
 
-from .console import FINDING, load_config
+from .console import FINDING, draw_beside, load_config
 from .options import (
     Certify,
     ConfigName,
@@ -95,7 +95,7 @@ def optimize(
             layout = NewLayout(settings, optimum, rounded, better)
             table, sections = show_layout(layout, paths, proved, heads)
             if report:
-                write_report(layout, table, sections, *pages[:2])
+                draw_beside(pages[0], write_report, layout, table, sections, *pages[:2])
             if sheets:
                 write_tables(settings, sections, sheets)
     if isinstance(better, str):

@@ -128,8 +128,7 @@ def write(
         if inside
         else []
     )
-    with draw_beside(picture):
-        pictures.style.save(pictures.ranges.ranges_picture(boundaries, maps), picture)
+    draw_beside(picture, pictures.ranges.ranges_picture, boundaries, maps)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
     results.write_record({"tracking": rules.tracking, "points": traced})
 

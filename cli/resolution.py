@@ -99,8 +99,7 @@ def resolution(
     with results.publish(settings, more=stated) as (table, picture, _, *beside):
         columns = characterization.tables.resolution_columns(resolutions, densities, coverage)
         results.write_table(table, columns)
-        with draw_beside(picture):
-            pictures.style.save(pictures.resolution.budget_picture(resolutions), picture)
+        draw_beside(picture, pictures.resolution.budget_picture, resolutions)
         request.write(beside, propagated)
         entries = {"tracking": track, "estimators": [row.how.name for row in resolutions]}
         results.write_record(entries | request.record(propagated), seed if trials else None)

@@ -164,11 +164,8 @@ def response(
             frequency_response = characterization.frequency_response
             results.write_table(rows, frequency_response.response_table(each.response))
             title = f"{form.value.replace('-', ' ').capitalize()}, {each.name}, {source}"
-            with draw_beside(picture):
-                drawn = pictures.response.response_picture(
-                    each.response, each.unit, title, bandwidth
-                )
-                pictures.style.save(drawn, picture)
+            make = pictures.response.response_picture
+            draw_beside(picture, make, each.response, each.unit, title, bandwidth)
         if uff is not None:
             output_node = characterization.universal_file.Node(node, body.point)
             every = [(each.response, at) for each, at in zip(estimates, channels, strict=True)]

@@ -108,8 +108,7 @@ def write(results: ResultFolder, segments: list[Segment], with_reference: bool) 
     readings, poses, picture, _ = results.paths
     results.write_table(readings, columns)
     results.write_table(poses, simulation.run.pose_table(segments))
-    with draw_beside(picture):
-        pictures.style.save(pictures.motion.motion_picture(segments), picture)
+    draw_beside(picture, pictures.motion.motion_picture, segments)
     for segment in segments:
         commands = results.folder / f"commands-{segment.name}.csv"
         simulation.axis_runs.write_commands(commands, settings.motions[segment.name], about)

@@ -93,16 +93,12 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
             files.tables.write_table(
                 table, calibration.table.unknowns_table(verdict.search.sensor, verdict.fit), about
             )
-            with draw_beside(picture):
-                drawing = pictures.calibration.residual_picture(
-                    verdict.fitted, verdict.fit, verdict.errors
-                )
-                pictures.style.save(drawing, picture)
-            if paths.report is not None:
-                with draw_beside(paths.report):
-                    pictures.calibration_certificate.write_report(
-                        settings, calibrated, verdict, paths.report, paths.sources, [trial, matrix]
-                    )
+            make = pictures.calibration.residual_picture
+            draw_beside(picture, make, verdict.fitted, verdict.fit, verdict.errors)
+            if (page := paths.report) is not None:
+                write, results = pictures.calibration_certificate.write_report, [trial, matrix]
+                described = (settings, calibrated, verdict, page, paths.sources, results)
+                draw_beside(page, write, *described)
     written = [*paths.results[1:], *filter(None, [paths.report])]
     typer.echo(", ".join([str(path), *(file.name for file in written if file.exists())]))
 

@@ -42,8 +42,8 @@ class Exploration:
 
     def write_page(self, front: dict[str, Any], others: dict[str, Any] | None) -> None:
         if self.report is not None:
-            with draw_beside(self.report):
-                write_gallery(self.settings, self.space, front, others, self.report)
+            page, made = self.report, (self.settings, self.space, front, others)
+            draw_beside(page, write_gallery, *made, page)
 
     def name_results(self, paths: list[Path]) -> None:
         if self.report is not None and self.report.exists():
@@ -85,14 +85,13 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
         files.tables.write_table(front_table, on_front, job.header)
         typer.echo("\n".join(design.exploration.summary(table, best, goals, indices, seconds)))
         present = show_own_measures(space)
-        with draw_beside(picture):
-            drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
-            if drawing is None:
-                leave_out_picture(
-                    picture, "the front needs at least two designs that have all objectives"
-                )
-            else:
-                pictures.style.save(drawing, picture)
+        drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
+        if drawing is None:
+            leave_out_picture(
+                picture, "the front needs at least two designs that have all objectives"
+            )
+        else:
+            draw_beside(picture, lambda: drawing)
         if best.any():
             job.write_page(design.gallery.best_of(table, goals, best), table)
     job.name_results(paths)
@@ -141,9 +140,8 @@ def follow_front(job: Exploration, points: int) -> None:
         if cloud is not None:
             typer.echo("\n".join(design.front.compare_with_designs(pareto, cloud).lines()))
         present = show_own_measures(space)
-        with draw_beside(paths[1]):
-            drawing = pictures.exploration.pareto_picture(table, goals, cloud, present)
-            pictures.style.save(drawing, paths[1])
+        make = pictures.exploration.pareto_picture
+        draw_beside(paths[1], make, table, goals, cloud, present)
         job.write_page(table, cloud)
     job.name_results(paths)
 

@@ -78,9 +78,8 @@ def write(
     density = characterization.tables.density_columns(survey)
     results.write_table(request.folder / "density.csv", density)
     if survey.states - survey.dark > 1:
-        with draw_beside(request.picture):
-            drawing = pictures.singularity.survey_picture(survey, request.left_out, pair)
-            pictures.style.save(drawing, request.picture)
+        make = pictures.singularity.survey_picture
+        draw_beside(request.picture, make, survey, request.left_out, pair)
     else:
         leave_out_picture(request.picture, "it needs at least two states with light")
     return {"states": survey.states, "one_sign": survey.one_sign}

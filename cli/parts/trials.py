@@ -149,8 +149,7 @@ class TrialRequest(NamedTuple):
         about = files.provenance.provenance_header(self.settings, self.seed)
         about |= {"coverage_probability": f"{self.probability:g}", "trials": str(self.trials)}
         files.tables.write_table(paths[0], characterization.tables.trial_columns(results), about)
-        with draw_beside(paths[1]):
-            pictures.style.save(pictures.trials.trials_picture(results), paths[1])
+        draw_beside(paths[1], pictures.trials.trials_picture, results)
 
 
 def show(where: str, result: PropagationResult) -> None:

@@ -81,8 +81,7 @@ def show_layout(
     files.tables.write_table(
         paths[0], table, files.provenance.provenance_header(settings, wanted.seed)
     )
-    with draw_beside(paths[1]):
-        pictures.style.save(pictures.layout.layout_picture(table), paths[1])
+    draw_beside(paths[1], pictures.layout.layout_picture, table)
     show_objectives(layout)
     names = layout.optimum.names
     changed = design.tables.change_rows(settings, sensor, layout.rounded, names)
@@ -146,20 +145,19 @@ def write_report(
     """Write the page of a layout, and the scene for a mechanical designer."""
     import numpy as np
 
-    with draw_beside(page):
-        sensor, objective = layout.better.sensor, layout.objective
-        pictures.render.save_scene(sensor, np.zeros(8), scene)
-        summary = f"{objective[0].upper()}{objective[1:]}."
-        head = pictures.report_page.ReportSection(
-            "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
-            drawing=pictures.head_drawing.drawing(sensor),
-        )  # fmt: skip
-        bars = pictures.report_page.inline(pictures.layout.layout_picture(table), "bars")
-        drawn = pictures.report_page.ReportSection("The same, drawn", drawing=bars)
-        parts = [sections[0], head, *sections[1:3], drawn, *sections[3:]]
-        title = f"The layout found for {layout.settings.name}"
-        origin = files.provenance.origin_line(layout.settings)
-        files.whole.write_text(page, pictures.report_page.report(title, summary, parts, origin))
+    sensor, objective = layout.better.sensor, layout.objective
+    pictures.render.save_scene(sensor, np.zeros(8), scene)
+    summary = f"{objective[0].upper()}{objective[1:]}."
+    head = pictures.report_page.ReportSection(
+        "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
+        drawing=pictures.head_drawing.drawing(sensor),
+    )  # fmt: skip
+    bars = pictures.report_page.inline(pictures.layout.layout_picture(table), "bars")
+    drawn = pictures.report_page.ReportSection("The same, drawn", drawing=bars)
+    parts = [sections[0], head, *sections[1:3], drawn, *sections[3:]]
+    title = f"The layout found for {layout.settings.name}"
+    origin = files.provenance.origin_line(layout.settings)
+    files.whole.write_text(page, pictures.report_page.report(title, summary, parts, origin))
 
 
 def sections_of(

@@ -371,7 +371,7 @@ def read_columns(path: Path) -> Columns:
     exact: Any = {} if is_exact else {"float_precision": "round_trip"}
     with open_sheet(path) as sheet, warnings.catch_warnings():
         sheet.columns_to_read((), ())
-        spare = [f"cell {n}" for n in range(len(sheet.names), len(sheet.names) + sheet.spare)]
+        spare = list(range(sheet.spare))
         # pandas would leave the last cells of a first row with too many out
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
