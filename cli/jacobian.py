@@ -18,7 +18,6 @@ from .options import (
     Plot,
     PlotKind,
     Style,
-    TableKind,
     folder_option,
     output_folder,
     seed_option,
@@ -28,14 +27,6 @@ from .parts.state_survey import certify_and_report, survey_box, write
 from .results import ResultFolder
 
 States = Annotated[int, typer.Option(min=1, help="Number of states to sample.")]
-Uniform = Annotated[
-    bool,
-    typer.Option(
-        "--uniform",
-        help="Sample independent uniform random states. By default the states are a Sobol' "
-        "sequence, which fills the box evenly.",
-    ),
-]
 Box = Annotated[
     str | None,
     typer.Option(
@@ -68,16 +59,6 @@ Deviations = Annotated[
     ),
 ]
 Limit = Annotated[float, typer.Option(min=1, help="Stop the proof after this many seconds.")]
-Threads = Annotated[
-    int, typer.Option(min=0, help="Number of processor cores to use; 0 uses all cores.")
-]
-StateTable = Annotated[
-    TableKind | None,
-    typer.Option(
-        "--state-table",
-        help="Also write all sampled states as a table in this format.  [default: no table]",
-    ),
-]
 
 
 def jacobian(
@@ -85,7 +66,6 @@ def jacobian(
     folder: Annotated[Path | None, folder_option("results/CONFIG-jacobian")] = None,
     force: Force = False,
     states: States = 200_000,
-    uniform: Uniform = False,
     seed: Annotated[int, seed_option()] = 1,
     box: Box = None,
     left_out: LeftOut = "power_c",
@@ -93,8 +73,6 @@ def jacobian(
     certify: Certify = 0,
     tolerances: Deviations = None,
     limit: Limit = 300.0,
-    threads: Threads = 1,
-    state_table: StateTable = None,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
@@ -111,8 +89,8 @@ def jacobian(
     settings = load_config(config)
     place = output_folder(folder, settings.name, "jacobian")
     request = SurveyRequest(
-        settings, *choose_box(settings, box), states, uniform, seed, left_out, threads, place,
-        plot.value, state_table and state_table.value, certify > 0,
+        settings, *choose_box(settings, box), states, seed, left_out, place, plot.value,
+        certify > 0,
     )  # fmt: skip
     results = ResultFolder(place, request.names, force)
     with results.publish(settings, seed):

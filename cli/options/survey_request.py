@@ -10,7 +10,6 @@ import typer
 
 from facets import characterization
 from facets.core.errors import InputError
-from facets.files.whole import free_space
 
 if TYPE_CHECKING:
     from facets.characterization.state_box import StateBox
@@ -25,22 +24,15 @@ class SurveyRequest:
     domain: StateBox
     least_share: float | None
     states: int
-    uniform: bool
     seed: int
     left_out: str
-    threads: int
     folder: Path
     plot: str
-    table_format: str | None
     certify: bool
 
     @property
     def picture(self) -> Path:
         return self.folder / f"jacobian.{self.plot}"
-
-    @property
-    def table(self) -> Path | None:
-        return self.folder / f"states.{self.table_format}" if self.table_format else None
 
     @property
     def certificate(self) -> Path:
@@ -50,7 +42,6 @@ class SurveyRequest:
     def names(self) -> list[str]:
         """Names of all files that may be written."""
         names = [self.picture.name, "density.csv", "run.yaml"]
-        names += [self.table.name] if self.table is not None else []
         return names + [self.certificate.name] * self.certify
 
 
@@ -72,17 +63,14 @@ def refuse_too_many(request: SurveyRequest) -> None:
     """Print how long many states take; raise `InputError` for too many."""
     if request.states <= characterization.singularity.CHUNK:
         return
-    seconds, memory, size = characterization.singularity.cost(
+    seconds, memory = characterization.singularity.cost(
         request.settings.sensor, request.domain, request.states, request.left_out
     )
     about = f"about {duration(seconds)} on one core and {memory / 1e6:.0f} MB of memory"
-    about += f", and {size / 1e9:.3g} GB as a table" * (request.table is not None)
     if request.states > characterization.singularity.MAX_STATES:
         most = characterization.singularity.MAX_STATES
         asks = f"--states is {request.states:,}; allowed: up to {most:,}"
         raise InputError(f"{asks}; these would take {about}")
-    if request.table and size > free_space(request.table):
-        raise InputError(f"{request.table}: the disk has no place for it: {about}")
     if seconds > ANNOUNCED_AFTER_S:
         typer.echo(f"{request.states:,} states take {about}", err=True)
 

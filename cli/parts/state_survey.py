@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -21,7 +19,6 @@ if TYPE_CHECKING:
     from facets.characterization.ambiguity import AmbiguousPair
     from facets.characterization.singularity import Survey, Worst
     from facets.config import Config
-    from facets.core.units import Floats
 
 
 def survey_box(
@@ -29,7 +26,7 @@ def survey_box(
 ) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
     """Sample, measure and report; then search the worst state and two with like readings."""
     refuse_too_many(request)
-    survey = measure(request, results)
+    survey = measure(request)
     report(request, survey, results.seconds)
     if not search:
         return survey, None, None
@@ -44,30 +41,14 @@ def survey_box(
     return survey, worst, pair
 
 
-def measure(request: SurveyRequest, results: ResultFolder) -> Survey:
-    """Sample and measure in chunks, with a progress bar; write all states if requested."""
-    sampling: Literal["sobol", "uniform"] = "uniform" if request.uniform else "sobol"
+def measure(request: SurveyRequest) -> Survey:
+    """Sample and measure in chunks, with a progress bar."""
     chunks = characterization.singularity.samples(
-        request.domain, request.states, sampling, request.seed
+        request.domain, request.states, "sobol", request.seed
     )
     count = -(-request.states // characterization.singularity.CHUNK)
-    sensor = request.settings.sensor
-    with ExitStack() as stack:
-        keep = keeper(request, results, stack)
-        return characterization.singularity.survey(
-            sensor, track(chunks, "measuring", count), request.left_out, True, request.threads, keep
-        )
-
-
-def keeper(
-    request: SurveyRequest, results: ResultFolder, stack: ExitStack
-) -> Callable[[Floats, Floats], None] | None:
-    """Function that writes each chunk of states into the table, if one is requested."""
-    if request.table is None:
-        return None
-    writer = stack.enter_context(files.tables.open_writer(request.table, results.about))
-    return lambda states, values: writer.write(
-        characterization.tables.state_columns(states, values)
+    return characterization.singularity.survey(
+        request.settings.sensor, track(chunks, "measuring", count), request.left_out
     )
 
 

@@ -28,7 +28,7 @@ def compute(quick: bool) -> Table:
     domain = range_box(config.sensor, config.range)
     count = 20_000 if quick else 200_000
     states = np.concatenate(list(samples(domain, count, "uniform", seed=1)))
-    values = measures(config.sensor, states, spectra=False, threads=0)[:, 0]
+    values = measures(config.sensor, states, spectra=False)[:, 0]
     offset = apex_offset(states)
     edges = np.linspace(0, 1.0001 * offset.max(), CLASSES + 1)
     which = np.digitize(offset, edges) - 1

@@ -54,7 +54,7 @@ else:
             "rest": "find_faults reading_faults",
             "singularity": "direction_in_words measures samples search survey weakest_direction",
             "state_box": "StateBox apex_offset box_of_poses least_share parse_box range_box",
-            "tables": "outline_columns resolution_columns state_columns",
+            "tables": "outline_columns resolution_columns",
             "trials": "default_states",
             "universal_file": "InputChannel Node input_type read_input_dof write_universal_file",
         },

@@ -9,7 +9,7 @@ deviations, to one unit along the direction of the weakest response.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -20,7 +20,6 @@ from ..core.names import READING
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..model.arrays import derivatives, readings
-from ..model.threads import share
 from .ranges import saturation_clearances, scale_jacobian, scaled_jacobian
 from .state_box import AXES, StateBox, apex_offset
 
@@ -38,7 +37,6 @@ def measures(
     states: Floats,
     left_out: str = "power_c",
     spectra: bool = True,
-    threads: int = 1,
 ) -> Floats:
     """Compute `MEASURES` (n, 3) at states (n, 8); NaN if a detector has no reading.
 
@@ -48,13 +46,9 @@ def measures(
     if left_out not in READING:
         raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     out = np.full((len(states), 3), np.nan)
-
-    def run(part: slice) -> None:
-        for first in range(part.start, part.stop, JACOBIANS_AT_ONCE):
-            some = slice(first, min(first + JACOBIANS_AT_ONCE, part.stop))
-            fill_measures(sensor, states[some], READING.index(left_out), spectra, out[some])
-
-    share(run, len(states), threads)
+    for first in range(0, len(states), JACOBIANS_AT_ONCE):
+        some = slice(first, first + JACOBIANS_AT_ONCE)
+        fill_measures(sensor, states[some], READING.index(left_out), spectra, out[some])
     return out
 
 
@@ -133,15 +127,14 @@ OFFSETS, LEVELS = 120, 160
 
 
 class Cost(NamedTuple):
-    """The cost of a survey: time in s, and bytes of memory and of a table of all states."""
+    """The cost of a survey: time in s, and bytes of memory."""
 
     seconds: float
     memory: float
-    table: float
 
 
 #: Numbers in memory for each state: the state, its measures, and the Jacobians for these.
-NUMBERS_PER_STATE, COLUMNS_PER_STATE = 200, 12
+NUMBERS_PER_STATE = 200
 
 
 def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
@@ -151,9 +144,7 @@ def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c"
     begin = time.perf_counter()
     measures(sensor, states, left_out)
     each = (time.perf_counter() - begin) / len(states)
-    return Cost(
-        each * count, 8.0 * NUMBERS_PER_STATE * min(count, CHUNK), 8.0 * COLUMNS_PER_STATE * count
-    )
+    return Cost(each * count, 8.0 * NUMBERS_PER_STATE * min(count, CHUNK))
 
 
 def samples(
@@ -190,23 +181,19 @@ def survey(
     chunks: Iterator[Floats],
     left_out: str = "power_c",
     spectra: bool = True,
-    threads: int = 1,
-    keep: Callable[[Floats, Floats], None] | None = None,
 ) -> Survey:
-    """Measure all states chunk by chunk.  keep: takes each chunk and its measures."""
+    """Measure all states chunk by chunk."""
     if left_out not in READING:
         raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     result: Survey | None = None
     for states in chunks:
-        values = measures(sensor, states, left_out, spectra, threads)
+        values = measures(sensor, states, left_out, spectra)
         if result is None:
             result = empty_survey(apex_offset(states), values)
         count_states(result, states, values)
         if sensor.electronics is not None:
             margins = saturation_clearances(sensor, readings(sensor, states))
             result.saturated += int((margins < 0).sum())
-        if keep is not None:
-            keep(states, values)
     if result is None:
         raise InputError("no states are requested; allowed: 1 or more")
     if result.dark == result.states:

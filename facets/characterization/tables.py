@@ -15,7 +15,6 @@ from .propagation import PropagationResult
 from .ranges import CAUSES
 from .resolution import Resolution
 from .singularity import Survey
-from .state_box import apex_offset
 
 
 def cause_of(number: int) -> str:
@@ -134,16 +133,6 @@ def trial_row(number: int, where: str, result: PropagationResult, i: int) -> dic
         "region_factor_trials": result.region_factor,
         "region_probability_linear": result.linear_region_probability,
     }
-
-
-def state_columns(states: Floats, values: Floats) -> dict[str, Any]:
-    """States (n, 8) with their measures (n, 3), see `singularity.MEASURES`."""
-    columns: dict[str, Any] = {
-        name: states[:, i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)
-    }
-    columns["apex_offset_mm"] = apex_offset(states)
-    names = ("determinant", "smallest_singular_value", "condition_number")
-    return columns | {name: values[:, i] for i, name in enumerate(names)}
 
 
 def density_columns(survey: Survey) -> dict[str, Any]:

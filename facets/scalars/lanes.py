@@ -147,10 +147,6 @@ class LaneWriter(MachineWriter):
         place = self.builder.gep(pointer, [ir.Constant(LONG, index)])
         return self.spread(self.builder.load(place))
 
-    def store_lanes(self, number: Value | float, pointer: Any, index: int) -> None:
-        """Store at place `index` of memory that has a number for each lane at each place."""
-        self.builder.store(self.value(number), self._lanes_at(pointer, index), align=8)
-
     def _lanes_at(self, pointer: Any, index: int) -> Any:
         place = self.builder.gep(pointer, [ir.Constant(LONG, index * self.lanes)])
         return self.builder.bitcast(place, ir.PointerType(self.kind))

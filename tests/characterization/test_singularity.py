@@ -15,7 +15,6 @@ from facets.characterization import (
     samples,
     scaled_jacobian,
     search,
-    state_columns,
     survey,
     weakest_direction,
 )
@@ -101,9 +100,3 @@ def test_a_singular_design_has_twins():
     np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)
     assert np.abs(pair.first - pair.second)[:3].max() > 1
     assert pair.determinant[0] * pair.determinant[-1] < 0
-
-
-def test_a_table_has_states_in_the_units_of_its_names():
-    table = state_columns(np.arange(8)[None], np.array([[8, 9, 10]]))
-    expected = [0, 1, 2, 3e3, 4e3, 5e3, 6, 7, np.hypot(6, 6), 8, 9, 10]
-    assert [column[0] for column in table.values()] == pytest.approx(expected)

@@ -158,7 +158,7 @@ COMMANDS = [
     ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out"),
     ("resolution", "paper", "-d", "out"),
     ("range-map", "paper", "--axes", "tx,ty", "-d", "out"),
-    ("jacobian", "paper", "--states", "1000", "--no-search-worst", "--state-table", "csv",
+    ("jacobian", "paper", "--states", "1000", "--no-search-worst",
      "--box", "tx_mm=0.01", "--certify", "-d", "out"),
     ("tolerances", "layout", "--heads", "10", "-d", "out"),
     ("optimize", "mine.yaml", "--sheets", "out/x.tex", "--certify", "0", "-o", "out/x.yaml"),
