@@ -277,7 +277,7 @@ class Tracker:
             self.wait(doubt, newest, now)
         elif self.searching and self.can_search(newest, now):
             self.look_for(newest, place)
-        elif self.searching or not self.bridge(now):
+        elif self.searching or self.distrust or not self.bridge(now):
             self.stop(doubt)
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
@@ -356,6 +356,8 @@ class Tracker:
 
     def doubt(self, good: Sample, newest: Sample, place: Floats, now: float) -> str:
         """The reason why the stage may not move; empty if there is none."""
+        if self.distrust:  # it spoils the motion that would bridge a gap, too
+            return self.distrust
         stale = self.settings.stale
         if now - good.time <= stale and now - good.came <= stale:
             clearance = self.law.clearance + self.settings.max_speed * (now - good.time)

@@ -128,8 +128,40 @@ def test_a_frozen_converter_is_told_from_a_mirror_that_stands_still(bits):
         is_frozen = bits == 16 and 2_040 <= first < 2_080
         assert pipeline.trust.doubt == "the readings do not change" * is_frozen
         assert live.messages() == [
-            "the readings do not change, not even by noise: check the converter and light"
+            "the readings do not change: check the converter, its connections and the light"
         ] * is_frozen  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "electrodes", "count", "words"),
+    [
+        ("duo-lateral", [6], None, "the two layers of detector B measure different currents"),
+        ("duo-lateral", [4, 5, 6, 7], None, "detector B does not change while the others do"),
+        ("pincushion", [6], None, "electrode 3 of detector B does not change while the others do"),
+        ("pincushion", [6], 0, ""),  # dark
+        ("pincushion", [6], 2**18 - 1, ""),  # saturated, which is told elsewhere
+        ("duo-lateral", [6], 2**18 - 1, ""),
+        ("duo-lateral", [], None, ""),
+    ],
+)
+def test_counts_that_freeze_while_others_change_are_told(kind, electrodes, count, words):
+    """Of a mirror that moves for 2 s, at 1 kHz, on a converter that sees the noise."""
+    electronics = replace(CONFIG.electronics, adc_bits=18, kind=kind)
+    sensor = replace(CONFIG.sensor, electronics=electronics)
+    states = np.zeros((2_000, 8))
+    states[:, :6] = np.sin(np.arange(2_000) / 300)[:, None] * [0.5, 0.4, 0.3, 2e-3, 2e-3, 3e-3]
+    rng = np.random.default_rng(1)
+    samples = samples_of(facets.readings(sensor, states), rng, electronics=electronics)
+    samples.time[:] *= 10
+    held = samples.counts[999, electrodes] if count is None else count
+    samples.counts[1_000:, electrodes] = held
+    pipeline, doubts = Pipeline(replace(CONFIG, electronics=electronics, sensor=sensor)), []
+    for first in range(0, 2_000, 20):
+        pipeline.take(pack(samples.where(slice(first, first + 20))), 1e-3 * first)
+        doubts.append(pipeline.trust.doubt)
+    assert not any(doubts[:50])
+    assert words in doubts[65:]
+    assert {*doubts, ""} == {words, ""}  # a moment may look sound
 
 
 def test_poses_that_mostly_misfit_are_doubted_after_a_while():

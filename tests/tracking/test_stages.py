@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -294,6 +295,15 @@ def test_nothing_moves_without_the_permit(tmp_path, content):
     assert run.names == ["stop", "resume refused", "resume", "move"]
 
 
+def test_a_permit_in_a_file_outlives_the_program_that_wrote_it(tmp_path):
+    permit = tmp_path / "permit"
+    permit.write_text("1")
+    os.utime(permit, (0, 0))
+    run = Run(permit=f"file:{permit}")
+    run.go(count=9)
+    assert run.names == ["move"] * 9
+
+
 def test_a_loss_of_the_permit_that_only_a_command_finds_stops_the_stage(tmp_path, monkeypatch):
     permit = tmp_path / "permit"
     permit.write_text("1")
@@ -393,6 +403,30 @@ def test_a_gap_is_bridged_along_the_motion_and_ends_in_a_stop():
     assert run.port.now - begin == pytest.approx(STAGE.bridge, abs=0.011)
     assert np.abs(offsets[:-2]).max() < 0.05
     assert run.events[-1] == ("stop", {"reason": "not every detector has light"})
+
+
+def test_readings_that_are_not_to_be_followed_are_no_gap_that_is_bridged():
+    run = Run()
+    run.steady()
+    run.go(apex=(1.2, 0.0), doubt="the readings do not change")
+    assert run.events[-1] == ("stop", {"reason": "the readings do not change"})
+    assert not run.tracker.bridges
+
+
+def test_a_stage_that_meets_a_limit_switch_is_stopped():
+    run = Run()
+    follow = run.model.follow
+
+    def follow_to_the_switch(step):
+        follow(step)
+        run.model.place[0] = min(run.model.place[0], 0.7)
+
+    run.model.follow = follow_to_the_switch
+    run.go()
+    while not run.tracker.stop_reason:
+        run.go(apex=(run.model.place[0] + 0.15, 0.0))
+        assert run.port.now < 12.0
+    assert run.tracker.stop_reason.startswith("the stage accepted a move of")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import product
 from math import erf, inf, log
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from ...core.names import DETECTORS, TEMPERATURE_COLUMN
 from ...core.units import Floats, describe_bounds
-from ...detectors.counts import SATURATED, counts_per_ampere
-from ...detectors.noise import current_variances
+from ...detectors.counts import SATURATED, UNEQUAL, counts_per_ampere
+from ...detectors.noise import current_variances, has_two_layers
+from ..sources.frames import ELECTRODES, RawSamples
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -25,42 +27,106 @@ NOTICED = 0.01
 
 #: Counts that stay the same, all of them, at less than this chance are those of a frozen converter.
 FROZEN_CHANCE = 1e-12
+#: A detector or an electrode whose counts stay the same is frozen only while others move by more
+#: counts than this, at least at this share of the configured noise, and if it has at least this
+#: share of the converter's range: the counts of a dark electrode may stay at 0.
+MOVED_COUNTS, LEAST_NOISE, DARK_SHARE = 100, 0.5, 0.01
+#: Time, s, and number of samples in a row for which the layers of a detector measure different
+#: currents until an electrode counts as faulty.
+UNEQUAL_S, UNEQUAL_SAMPLES = 5e-3, 3
 #: Time over which the share of poses with a residual beyond chance is averaged, s.
 MISFIT_S = 0.5
 
+
+def frozen_parts() -> list[tuple[str, NDArray[np.intp], NDArray[np.intp]]]:
+    """What may be frozen, in words, with its electrodes and those that then move: all, then each
+    detector, then each electrode."""
+    every = np.arange(12)
+    names = [f"detector {name.upper()}" for name in DETECTORS]
+    own = [every[4 * k : 4 * k + 4] for k in range(3)]
+    parts = [(names[k], own[k], np.setdiff1d(every, own[k])) for k in range(3)]
+    for k, n in product(range(3), range(4)):
+        name = f"electrode {n + 1} of {names[k]}"
+        parts.append((name, own[k][n : n + 1], np.delete(own[k], n)))
+    more = [(f"{name} does not change while the others do", *rest) for name, *rest in parts]
+    return [("the readings do not change", every, every[:0]), *more]
+
+
+PARTS = frozen_parts()
 BEYOND, FULL, COLD = "beyond chance", "saturated", "without a temperature"
 
 
 class Trust:
     """Whether a stage may follow the newest samples at all.
 
-    is_frozen: whether counts have stayed the same for longer than `stage.stale_ms` and than the
-    noise of the electronics explains.  misfit: share of poses with a residual beyond chance.
+    fault: what is wrong with the newest counts, or ''.  misfit: share of poses with a residual
+    beyond chance.  For each electrode, and for the equality of the currents of both layers of each
+    duo-lateral detector: same: number of samples since its count changed, or since they were equal;
+    changed: its time, s; then: (13, 12) its counts.
     """
 
     def __init__(self, config: Config) -> None:
         self.electronics, self.stale = config.electronics, config.stage.stale
-        self.is_frozen = False
-        self.last, self.same, self.changed = np.full((1, 12), -(2**31)), 0, 0.0
+        self.fault = ""
+        self.last = np.full((1, 12), -(2**31))
+        self.same, self.changed, self.then = np.zeros(13), np.full(13, inf), np.zeros((13, 12))
         self.misfit, self.judged = 0.0, inf
 
-    def add_counts(self, counts: NDArray[np.int32], time: Floats) -> None:
-        """Some samples: counts (n, 12) at times (n,) on the host's clock, s."""
-        differs = np.diff(np.vstack([self.last, counts]), axis=0).any(axis=1)
-        self.last, self.same = counts[-1:], self.same + len(counts)
-        if differs.any():
-            newest = int(np.flatnonzero(differs)[-1])
-            self.same, self.changed = len(counts) - 1 - newest, float(time[newest])
+    def add_samples(self, samples: RawSamples, flags: NDArray[np.uint8], time: Floats) -> None:
+        """Some samples with their flags and times (n,) on the host's clock, s."""
+        counts = samples.counts
+        changes = np.diff(np.vstack([self.last, counts]), axis=0) != 0
+        is_equal = flags & (SATURATED | UNEQUAL) != UNEQUAL
+        signs = np.column_stack([changes, is_equal])
+        came, after = signs.any(axis=0), signs[::-1].argmax(axis=0)
+        newest = len(counts) - 1 - after[came]
+        self.same = np.where(came, after, self.same + len(counts))
+        self.changed[came], self.then[came] = time[newest], counts[newest]
+        self.last = counts[-1:]
         lasted = float(time[-1]) - self.changed
-        self.is_frozen = lasted > self.stale and self.same > self.most_same(self.last[0])
+        self.fault = self.unequal_layers(lasted[12]) or self.frozen_counts(
+            lasted[:12] > self.stale, bool(samples.kind[-1] == ELECTRODES)
+        )
 
-    def most_same(self, counts: NDArray[np.int32]) -> float:
-        """So many samples have the same counts (12,) by chance, at most."""
+    def unequal_layers(self, lasted: float) -> str:
+        """The detector whose layers have measured different currents for this time, s, though they
+        measured the same before; '' if there is none."""
+        if lasted < UNEQUAL_S or self.same[12] < UNEQUAL_SAMPLES:
+            return ""
+        k = int(np.abs(self.last.reshape(3, 4) @ [1, 1, -1, -1]).argmax())
+        return f"the two layers of detector {DETECTORS[k].upper()} measure different currents"
+
+    def frozen_counts(self, lasted: NDArray[np.bool_], has_electrodes: bool) -> str:
+        """Say which counts have not changed though noise should change them; '' if none.
+
+        lasted: which stay the same for longer than `stage.stale_ms` (12,).  A single electrode of a
+        duo-lateral detector is found by its layers.
+        """
+        if not lasted.any():
+            return ""
+        counts, most = self.last[0], 2**self.electronics.adc_bits - 1
+        known = (4 if has_two_layers(self.electronics) else len(PARTS)) if has_electrodes else 1
+        for words, part, others in PARTS[:known]:
+            if not lasted[part].all() or lasted[others].any():
+                continue
+            size, share = np.abs(counts[part]), 1.0
+            if len(others):
+                share = LEAST_NOISE
+                moved = np.abs(counts - self.then[part[0]])[others].max()
+                if moved <= MOVED_COUNTS or not DARK_SHARE * most < size.min() <= size.max() < most:
+                    continue
+            same = self.log_chance(counts[part], share) * max(1.0, 0.75 * len(part))
+            if self.same[part].min() * same < log(FROZEN_CHANCE):
+                return words
+        return ""
+
+    def log_chance(self, counts: NDArray[np.int32], share: float) -> float:
+        """Logarithm of the largest chance that the next sample has the same one of these counts,
+        which lie in the middle of their steps, at this share of the configured noise."""
         per_ampere = counts_per_ampere(self.electronics)
         noise = current_variances(self.electronics, counts / per_ampere)[..., :-1].sum(axis=-1)
-        steps = max(per_ampere * float(noise.min()) ** 0.5, 1e-9)
-        same = erf(0.5 / 2**0.5 / steps)  # of one count that lies in the middle of its step
-        return log(FROZEN_CHANCE) / (9 * log(same)) if same < 1 else inf
+        steps = max(share * per_ampere * float(noise.min()) ** 0.5, 1e-9)
+        return log(erf(0.5 / 2**0.5 / steps))
 
     def add_poses(self, solution: Solution, time: float) -> None:
         """The poses of some samples, the last of which was taken at a time, s."""
@@ -73,9 +139,8 @@ class Trust:
     @property
     def doubt(self) -> str:
         """Why the newest samples cannot be followed; '' if they can."""
-        if self.is_frozen:
-            return "the readings do not change"
-        return "most poses have a residual beyond chance" if self.misfit > 0.5 else ""
+        misfit = "most poses have a residual beyond chance" if self.misfit > 0.5 else ""
+        return self.fault or misfit
 
 
 class Doubts:

@@ -188,6 +188,5 @@ class Live:
         if self.rate < FEWER * self.best:
             now, before = f"{self.rate:.4g}", f"{self.best:.4g}"
             return [f"only {now} samples come per second; before, there were {before}"]
-        if self.pipeline.trust.is_frozen:
-            return ["the readings do not change, not even by noise: check the converter and light"]
-        return []
+        fault = self.pipeline.trust.fault
+        return [f"{fault}: check the converter, its connections and the light"] if fault else []
