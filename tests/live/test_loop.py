@@ -15,6 +15,7 @@ from streams import CALIBRATED, samples_of
 import facets
 from facets import Status
 from facets.live import (
+    CLOCK_MOVED,
     PERMIT,
     SIZE,
     Block,
@@ -184,6 +185,23 @@ def test_a_loss_of_the_board_s_permit_is_found_in_a_backlog_too():
     loop.solve_batch()
     assert live.newest.seq[-1] == 749
     assert live.tracker.envelope.permit.allows_motion(port.now) is False
+
+
+def test_a_stage_is_stopped_after_a_suspend_of_the_computer():
+    """The board's clock goes on by a minute in which the computer's stands still, as on Linux."""
+    port = stage_on(CONFIG.stage)
+    law = Law.from_sensor(CONFIG.sensor, CONFIG.stage)
+    live = Live(
+        Pipeline(CONFIG), Clock(), tracker=Tracker(port, CONFIG.stage, law, print, port.clock)
+    )
+    loop = Loop(live, Board(live.clock, 0))
+    samples = samples_of(facets.readings(CONFIG.sensor, np.zeros((12_000, 8))))
+    samples.seq[10_000:] += 600_000
+    samples.time[10_000:] += 60_000_000
+    for first in range(0, 12_000, 100):
+        assert (tracker.halted == CLOCK_MOVED) == (first > 10_000)
+        block = pack(samples.where(slice(first, first + 100)))
+        loop.take(Block(block, 10.0 + 1e-4 * first, None))
 
 
 def test_a_comparison_knows_what_it_can_not_compare():
