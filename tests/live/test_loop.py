@@ -199,7 +199,7 @@ def test_a_stage_is_stopped_after_a_suspend_of_the_computer():
     samples.seq[10_000:] += 600_000
     samples.time[10_000:] += 60_000_000
     for first in range(0, 12_000, 100):
-        assert (tracker.halted == CLOCK_MOVED) == (first > 10_000)
+        assert (live.tracker.halted == CLOCK_MOVED) == (first > 10_000)
         block = pack(samples.where(slice(first, first + 100)))
         loop.take(Block(block, 10.0 + 1e-4 * first, None))
 

@@ -102,23 +102,24 @@ class Trust:
         lasted: which stay the same for longer than `stage.stale_ms` (12,).  A single electrode of a
         duo-lateral detector is found by its layers.
         """
-        if not lasted.any():
-            return ""
-        counts, most = self.last[0], 2**self.electronics.adc_bits - 1
         known = (4 if has_two_layers(self.electronics) else len(PARTS)) if has_electrodes else 1
-        for words, part, others in PARTS[:known]:
-            if not lasted[part].all() or lasted[others].any():
-                continue
-            size, share = np.abs(counts[part]), 1.0
-            if len(others):
-                share = LEAST_NOISE
-                moved = np.abs(counts - self.then[part[0]])[others].max()
-                if moved <= MOVED_COUNTS or not DARK_SHARE * most < size.min() <= size.max() < most:
-                    continue
-            same = self.log_chance(counts[part], share) * max(1.0, 0.75 * len(part))
-            if self.same[part].min() * same < log(FROZEN_CHANCE):
+        for words, part, others in PARTS[: known if lasted.any() else 0]:
+            if lasted[part].all() and not lasted[others].any() and self.is_frozen(part, others):
                 return words
         return ""
+
+    def is_frozen(self, part: NDArray[np.intp], others: NDArray[np.intp]) -> bool:
+        """Whether it is no chance that the counts of a part have stayed the same."""
+        counts, share = self.last[0], 1.0
+        if len(others):
+            share, most = LEAST_NOISE, 2**self.electronics.adc_bits - 1
+            moved = np.abs(counts - self.then[part[0]])[others].max()
+            size = np.abs(counts[part])
+            if moved <= MOVED_COUNTS or not DARK_SHARE * most < size.min() <= size.max() < most:
+                return False
+        independent = max(1.0, 0.75 * len(part))
+        chance = independent * self.log_chance(counts[part], share)
+        return bool(self.same[part].min() * chance < log(FROZEN_CHANCE))
 
     def log_chance(self, counts: NDArray[np.int32], share: float) -> float:
         """Logarithm of the largest chance that the next sample has the same one of these counts,
