@@ -277,7 +277,7 @@ class Tracker:
             self.wait(doubt, newest, now)
         elif self.searching and self.can_search(newest, now):
             self.look_for(newest, place)
-        elif self.searching or self.distrust or not self.bridge(now):
+        elif self.searching or not self.bridge(now):
             self.stop(doubt)
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
@@ -342,7 +342,7 @@ class Tracker:
 
     def bridge(self, now: float) -> bool:
         """Follow the predicted motion in a gap; return whether that is possible."""
-        if self.law.last is None:
+        if self.law.last is None or self.distrust:
             return False
         time, apex = self.law.last
         if now - time > self.settings.bridge:

@@ -48,7 +48,8 @@ def frozen_parts() -> list[tuple[str, NDArray[np.intp], NDArray[np.intp]]]:
     for k, n in product(range(3), range(4)):
         name = f"electrode {n + 1} of {names[k]}"
         parts.append((name, own[k][n : n + 1], np.delete(own[k], n)))
-    more = [(f"{name} does not change while the others do", *rest) for name, *rest in parts]
+    what = "does not change while the others do"
+    more = [(f"{name} {what}", part, others) for name, part, others in parts]
     return [("the readings do not change", every, every[:0]), *more]
 
 
