@@ -320,7 +320,7 @@ class Solve:
     accept_unchecked: bool = key(
         "accept_unchecked",
         False,
-        "whether to output poses that hardly any redundancy checks, such as those from two detectors",
+        "whether to output poses that hardly anything checks, such as those from two detectors",
     )
 
     def knowledge(self, sensor: Sensor, position: Floats | None = None) -> Knowledge:
