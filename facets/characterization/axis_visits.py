@@ -9,7 +9,6 @@ shifting all others.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,6 +34,9 @@ POSITIONS = {
 FIRST_STANDS = 4
 #: Least ratio of the measured way to the commanded one, and the inverse of the largest.
 LEAST_SCALE = 0.8
+#: A smaller excursion before a stand, over the distance of positions, is an overshoot of the axis,
+#: and not the side from which it came.
+OVERSHOOT_SHARE = 0.05
 #: Rows of a stand from which the scatter of its parts is taken.
 SCATTER_ROWS = 32
 #: Gaps between positions are more than this many times as wide as the widest gap within one.
@@ -198,7 +200,14 @@ def find_visits(
             "2. Shorter stands are found with a smaller --dwell"
         )
     places = np.array([mean(place[part]) for part in parts])
-    commands, partner = match_stands(places, test.commands, measured_directions(place, parts))
+    known = equal_positions(places) if test.commands is None else test.commands.positions
+    least = OVERSHOOT_SHARE * np.diff(np.unique(known)).min(initial=np.inf)
+    directions = measured_directions(place, parts, least)
+    commands, partner = match_stands(places, test.commands, directions)
+    is_measured = (partner >= 0) & (directions >= 0)  # the poses decide, not the commands
+    approached = commands.direction.copy()
+    approached[partner[is_measured]] = directions[is_measured]
+    commands = replace(commands, direction=approached)
     kept = [part for part, command in zip(parts, partner, strict=True) if command >= 0]
     rows = np.isfinite(place)
     doubtful = [
@@ -235,13 +244,17 @@ def check_axis(moved: Floats, axis: str) -> None:
         )
 
 
-def measured_directions(place: Floats, parts: list[slice]) -> Integers:
-    """From which side an axis at `place` (n,) came to each stand, by its farthest row since the
-    stand before: (k,), 0 or 1; -1 for the first stand."""
+def measured_directions(place: Floats, parts: list[slice], least: float = 0.0) -> Integers:
+    """From which side an axis at `place` (n,) came to each stand, by its last row before the stand
+    that is further away than `least`: (k,), 0 or 1; that of the stand before if the axis did not
+    move, -1 if not known."""
     directions = np.full(len(parts), -1)
-    for n, (before, part) in enumerate(pairwise(parts), start=1):
-        way = place[before.start : part.start] - mean(place[part])
-        directions[n] = int(way[np.nanargmax(np.abs(way))] > 0)
+    begin = 0
+    for n, part in enumerate(parts):
+        way = place[begin : part.start] - mean(place[part])
+        far = way[np.abs(way) > least]
+        directions[n] = int(far[-1] > 0) if len(far) else directions[n - 1] if n else -1
+        begin = part.start
     return directions
 
 

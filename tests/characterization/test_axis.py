@@ -166,8 +166,8 @@ def test_stands_are_matched_with_commands_though_some_lack_and_some_are_stray():
     assert (counts.stray_stands, counts.missing) == (1, (2.0,))
     assert (counts.unsolved, counts.misfits) == (10, 3)
     np.testing.assert_array_equal(found.targets[found.target], commands[:10])
-    np.testing.assert_array_equal(found.direction, [0, 0, 0, 0, 1, 1, 1, 1, 0, 0])
-    np.testing.assert_array_equal(found.run, [0] * 8 + [1, 1])
+    np.testing.assert_array_equal(found.direction, [1, 0, 0, 0, 1, 1, 1, 1, 0, 0])  # from 7
+    np.testing.assert_array_equal(found.run, [0] * 7 + [1, 1, 1])
 
 
 def test_without_commands_the_stands_are_equally_spaced():
@@ -285,6 +285,27 @@ def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
         assert report.quantities[2][n].value > true + 10 * found.expanded
     errors = np.loadtxt(report.compensation().splitlines()[1:], delimiter=",")[:, 3]
     np.testing.assert_allclose(errors, 1e3 * alone.means[2], atol=0.1)
+
+
+def test_the_poses_say_from_which_side_a_position_was_approached():
+    """Equal commands in succession with an overrun between, which is no stand, and runs from below
+    whose return goes beyond their first position."""
+    for way, sides in (
+        ([-1, 0, 1, 1.5, 1, 2, 2.5, 2, 3], [0, 0, 1, 0, 1, 0]),
+        ([-1, 0, 1, 2, 3, -0.5, 0, 1, 2, 3], [0] * 8),
+    ):
+        way = np.array(way)
+        turns = np.isin(way, (-1, -0.5, 1.5, 2.5))
+        knots = np.cumsum(np.column_stack([np.full(len(way), 60), np.where(turns, 1, 200)]).ravel())
+        poses = series(np.zeros(1), 3)
+        states = np.zeros((knots[-1], 8))
+        states[:, 2] = np.interp(np.arange(knots[-1]), knots, np.repeat(way, 2))
+        states[:, :6] += 1e-6 * np.random.default_rng(1).standard_normal((len(states), 6))
+        none = np.zeros(len(states), bool)
+        poses = replace(poses, time=np.arange(len(states)) * 1e-3, states=states, misfit=none)
+        found, counts = visit(poses, way[~turns])
+        assert (counts.stray_stands, counts.missing) == (0, ())
+        assert found.direction.tolist() == sides
 
 
 def test_of_two_stands_that_of_the_commanded_direction_belongs_to_the_command():
