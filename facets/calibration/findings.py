@@ -23,7 +23,6 @@ from ..detectors import temperature
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations
 from ..estimation.plan import make_plan
-from ..estimation.problem import MIN_REDUNDANCY
 from ..estimation.uncertainty import redundancies
 from ..model.arrays import EFFECTS, readings, spot_size
 from .alternatives.alternative import (
@@ -225,7 +224,7 @@ def later_power(
         "that change is solve.power_sigma_percent."
     )
     plan = make_plan(sensor, later.knowledge(sensor))
-    if redundancies(sensor, np.zeros((1, 8)), plan).sum() < MIN_REDUNDANCY:
+    if redundancies(sensor, np.zeros((1, 8)), plan).sum() < plan.least_redundancy:
         words += (
             " Then hardly anything checks a pose, and readings get the status unchecked. Set "
             "solve.beam to known if the beam stands still, or give solve.beam_sigma_um as small as "

@@ -149,9 +149,15 @@ class FrequencyResponse:
         return error if self.is_stationary else np.full_like(error, np.nan)
 
     @property
+    def mean_input_share(self) -> float:
+        """The `input_share` where the input's power is: leakage and noise of other lines are in all
+        segments."""
+        return float(np.average(self.input_share, weights=self.input_density))
+
+    @property
     def is_stationary(self) -> bool:
         """Whether the lines have input at the same times, and not one after the other."""
-        return bool(np.median(self.input_share[self.is_excited]) >= SLOW_INPUT_SHARE)
+        return self.mean_input_share >= SLOW_INPUT_SHARE
 
     @property
     def freedom(self) -> float:

@@ -160,9 +160,9 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
             "there the response is not known."
         )
     if not response.is_stationary:
-        share = float(np.median(response.input_share[response.is_excited]))
+        count = response.mean_input_share * response.segments
         yield (
-            f"At most frequencies only {share * response.segments:.2g} of the {response.segments} "
+            f"At most frequencies only {count:.1f} of the {response.segments} "
             "segments have input: the input passes through the frequencies (a sweep or a stepped "
             "sine slower than a segment) and is not stationary. Random errors are therefore not "
             "stated. Excite all frequencies at once, or let a segment hold a whole sweep, by a "
@@ -195,7 +195,7 @@ def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> 
     """A sentence on a quadratic or cubic response beyond the linear part."""
     from scipy.signal import get_window
 
-    if response.period:
+    if response.period or not response.is_stationary:
         return
     length = round(response.rate / response.resolution)
     rows = np.concatenate(segment_starts(signals.stretches, length))

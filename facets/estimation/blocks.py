@@ -80,6 +80,7 @@ def scales_of(readings: Readings, problem: FitProblem) -> Array:
         problem.accept_unchecked,
         problem.damped,
         problem.max_steps,
+        problem.least_redundancy,
     )
     numbers = np.concatenate([np.ravel(part) for part in scales])
     assert len(numbers) == len(list(leaves(SCALES)))

@@ -95,12 +95,15 @@ class Plan(NamedTuple):
     `ScreeningLimits`.
 
     means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
+    least_redundancy: below which nothing checks a pose; below 0 where a prior is mostly the laser's
+    own jitter, which differs from sample to sample and so checks a pose as the noise of a reading.
     """
 
     means: Floats
     weights: Floats
     free: NDArray[np.int64]
     limits: problem.ScreeningLimits
+    least_redundancy: float
 
 
 def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
@@ -180,7 +183,21 @@ def make_plan(
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
     with np.errstate(divide="ignore"):
         weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
-    return Plan(prior_means(place, light, shape), weights, free, find_limits(sensor, paper))
+    least = -1.0 if (jitter_share(sensor, weights**2) > 0.5).any() else problem.MIN_REDUNDANCY
+    return Plan(prior_means(place, light, shape), weights, free, find_limits(sensor, paper), least)
+
+
+def jitter_share(sensor: Sensor, before: Floats) -> Floats:
+    """The share (3,) of the priors' variances that the laser's pointing jitter and power noise are.
+
+    before: (3,) one over these variances of bx, by and the power, 0 where there is no prior. These
+    errors of a prior differ from sample to sample; the rest of it is the same in all.
+    """
+    variances = np.zeros(3)
+    if sensor.electronics is not None:
+        variances[:2] = sensor.electronics.pointing**2
+        variances[2] = (sensor.electronics.power_noise * sensor.beam.power) ** 2
+    return np.minimum(variances * before, 1.0)
 
 
 def chance_of(sensor: Sensor, todo: Plan) -> Chance:
@@ -269,6 +286,7 @@ def make_problem(
     if question.max_steps < 1:
         raise InputError(f"max_steps is {question.max_steps}; allowed: 1 or more")
     is_paper = question.method == "paper"
+    accepts = question.accept_unchecked or is_paper
     return problem.FitProblem(
         means=plan.means,
         weight=plan.weights,
@@ -277,8 +295,9 @@ def make_problem(
         previous=previous,
         max_steps=question.max_steps,
         damped=not is_paper,
-        accept_unchecked=question.accept_unchecked or is_paper,
+        accept_unchecked=accepts,
         limits=plan.limits,
+        least_redundancy=-1.0 if accepts else plan.least_redundancy,
     )
 
 

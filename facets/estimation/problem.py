@@ -30,8 +30,8 @@ MAX_DAMPING = 1e12
 #: Rounding of a computed reading, relative to the detector's distance or to the power.
 ROUNDING = 4e-15
 #: Redundancy of the readings below which nothing checks a pose: an error of one reading then stays
-#: below the limit of the residual up to some 400 of its standard deviations.
-MIN_REDUNDANCY = 1e-4
+#: below the limit of the residual up to more than 100 of its standard deviations.
+MIN_REDUNDANCY = 1e-3
 UNKNOWNS = 9
 
 #: Where the numbers of a reading's solution are, which blocks write in one row: the state and the
@@ -49,6 +49,7 @@ class FitProblem(NamedTuple):
     previous: whether to start where the last converged sample ended.  damped: whether a step that
     does not help is shortened (Levenberg-Marquardt), or accepted.  accept_unchecked: whether to
     estimate poses without redundant readings.  limits: by which readings are screened.
+    least_redundancy: of the readings of a pose, see `MIN_REDUNDANCY`; below 0 for any.
     """
 
     means: Array
@@ -60,6 +61,7 @@ class FitProblem(NamedTuple):
     damped: bool
     accept_unchecked: bool
     limits: ScreeningLimits
+    least_redundancy: float
 
 
 class ScreeningLimits(NamedTuple):
@@ -161,7 +163,7 @@ class Scales(NamedTuple):
 
     light, usable, noise, rounding, eight: as there.  weight: (3,) of the priors.  weighed:
     whether the readings have weights of their own.  checks: `count_checks` without a detector.
-    accepts: whether poses that nothing checks are estimated.
+    accepts: whether poses that nothing checks are estimated.  least_redundancy: as there.
     """
 
     noise: Any
@@ -175,11 +177,12 @@ class Scales(NamedTuple):
     accepts: Any
     damped: Any
     most_steps: Any
+    least_redundancy: Any
 
 
 #: The arrangement of these numbers.
 SCALES = Scales(
-    (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 4,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 6
+    (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 4,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 7
 )  # fmt: skip
 
 

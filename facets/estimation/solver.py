@@ -105,7 +105,7 @@ def solve(
     unknowns, and so have three detectors with the beam free and the power unknown. Then a wrong
     number also gives a pose, and no residual shows the error; a second, distant pose may have the
     same readings. Priors of beam and power that are so wide that the readings have a redundancy
-    below 0.0001 leave as little to check. Unless `accept_unchecked` is true, such a reading has the
+    below 0.001 leave as little to check. Unless `accept_unchecked` is true, such a reading has the
     status UNCHECKED and no pose.
 
     Examples

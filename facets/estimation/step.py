@@ -26,7 +26,6 @@ from .problem import (
     MAX_DAMPING,
     MAX_DARK_STEPS,
     MAX_STEPS,
-    MIN_REDUNDANCY,
     NEGLIGIBLE_GAIN,
     NO_LIGHT,
     NON_FINITE,
@@ -323,7 +322,7 @@ def final_status(end: State, question: WeightedReading, used: Sequence[Any]) -> 
     """The status of an estimate: UNCHECKED where the readings have hardly any redundancy."""
     if len(question.form.free) == 6:
         return end.status
-    bare = (redundancy_of(end, question, used) < MIN_REDUNDANCY) & (question.scales.accepts < 0.5)
+    bare = redundancy_of(end, question, used) < question.scales.least_redundancy
     return select((end.status < 0.5) & (end.status > -0.5) & bare, UNCHECKED, end.status)
 
 

@@ -44,6 +44,8 @@ KEPT = 10_000
 MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_SHARE = 60, 2.0, 0.5
 #: Expected residuals, over the noise's, above which the priors of beam and power play no part.
 NO_PRIOR = 0.99
+#: Residuals, over the noise's, from which on they are more than the priors expect.
+OFF_PRIOR = 1.2
 #: A mirror whose poses scatter by less than so many standard uncertainties did not move.
 STILL_SIGMAS = 10.0
 
@@ -163,7 +165,13 @@ class Misfit:
         told = f"the residuals are {size:.2f} times the noise"
         if least > NO_PRIOR:
             return f"{told} (RMS; 1 is expected)"
-        return f"{told} (RMS; {least:.2f} to 1 is expected, with the errors that the priors allow)"
+        told += f" (RMS; {least:.2f} to 1 is expected, with the errors that the priors allow)"
+        if size < OFF_PRIOR:
+            return told
+        return (
+            f"{told}: beam or power are further off than their standard uncertainties, or a "
+            "reading is wrong by the same in all, which only a better known beam or power tells"
+        )
 
     def cause(self, size: float) -> str:
         """The cause that explains the examples, whose residuals are `size` times the noise, as a
@@ -369,7 +377,7 @@ class Tally:
         total = redundancy.sum(axis=1)
         self.expected += float(np.nansum(total / solution.checks[some]))
         self.sampled += int(np.isfinite(total).sum())
-        self.is_bare = bool(total[-1] < MIN_REDUNDANCY)
+        self.is_bare = bool(total[-1] < plan.least_redundancy)
 
     @property
     def solved_count(self) -> int:

@@ -45,7 +45,7 @@ from ..model.arrays import (
 )
 from ..model.beam_shape import SHAPE, shape_derivatives
 from ..optics.parameters import PARAMETERS
-from .plan import chance_of, make_plan
+from .plan import chance_of, jitter_share, make_plan
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration, Sensor
@@ -158,7 +158,8 @@ def propagate(
         return whole[:, :8]
 
     square, both = (9, 9), np.ix_(free, free)
-    share = jitter_share(sensor, before)
+    share = np.zeros(9)
+    share[6:] = jitter_share(sensor, before[6:])
     random = information + np.diag((before * share)[free] * units**2)
     lasting = inverse * (np.sqrt(before * (1 - share))[free] * units) * units[:, None]
     noise = state_part(inverse @ random @ inverse * scale, both, square)
@@ -171,19 +172,6 @@ def propagate(
         moved = np.linalg.solve(inner, across @ off) * units[:, None]
         slopes = state_part(moved, (free,), (9, off.shape[2]))
     return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen, priors)
-
-
-def jitter_share(sensor: Sensor, before: Floats) -> Floats:
-    """The share (9,) of the priors' variances that the laser's pointing jitter and power noise are.
-
-    before: (9,) one over these variances, 0 where there is no prior. These errors of a prior differ
-    from sample to sample; the rest of it is the same in all.
-    """
-    variances = np.zeros(9)
-    if sensor.electronics is not None:
-        variances[6:8] = sensor.electronics.pointing**2
-        variances[8] = (sensor.electronics.power_noise * sensor.beam.power) ** 2
-    return np.minimum(variances * before, 1.0)
 
 
 def parameter_derivatives(

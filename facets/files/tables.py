@@ -158,13 +158,15 @@ class Sheet:
         file = TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
         header, self.first, self.head, declared = "", 0, {}, ""
         for self.first, header in enumerate(file, start=1):
-            if declaration := re.fullmatch(r'"?sep=(.)"?\s*', header):  # Excel's first line
+            if declaration := re.fullmatch(r'(?i)"?sep= ?(.)"?\s*', header):  # Excel's
                 declared = declaration[1]
             elif header.strip() and not header.startswith("#"):
                 break
             key, mark, value = header[1:].partition(":")
             if mark:
                 self.head[key.strip()] = value.strip()
+        else:
+            raise InputError(f"{path}: is empty: it has no header and no rows")
         self.file, self.delimiter = file, declared or delimiter_of(header)
         try:
             names = next(csv.reader([header], delimiter=self.delimiter), [])

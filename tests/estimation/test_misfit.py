@@ -205,3 +205,15 @@ def test_spots_near_an_edge_are_counted_where_the_model_has_none():
         measurement.poses(Samples(readings))
         assert measurement.tally.edges == edges
     assert measurement.tally.unseen[1] > measurement.tally.unseen[0] > 5
+
+
+def test_the_laser_s_own_jitter_is_a_noise_that_checks_poses():
+    """It differs from sample to sample, other than a power that is not known."""
+    electronics = replace(BENCH.electronics, power_noise=1e-3)
+    sensor = replace(BENCH, electronics=electronics)
+    solve = replace(facets.load("bench").solve, beam="prior", beam_sigma=5e-3, power="known")
+    knowledge = solve.knowledge(sensor)
+    reading = facets.readings(sensor, np.zeros(8))
+    assert facets.solve(sensor, reading, beam=knowledge.beam, power=knowledge.power).ok
+    wide = facets.solve(BENCH, reading, beam=knowledge.beam, power=knowledge.power)
+    assert wide.status == facets.Status.UNCHECKED

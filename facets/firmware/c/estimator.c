@@ -7,7 +7,7 @@
 #define HEAVIEST R(1e12)
 #define PATIENCE 10
 #define STEPS_IN_THE_DARK 8
-#define LEAST_REDUNDANCY R(1e-4)
+#define LEAST_REDUNDANCY R(1e-3)
 
 typedef struct {
     facets_real found[10][10];        /* readings, then their derivatives */

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
@@ -106,8 +108,10 @@ def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
         add_light(studio, body)
     studio.plotter.camera_position = [(430, -540, 330), (0, 0, 0), (0, 0, 1)]
     studio.plotter.reset_camera()
-    with Whole(path) as temporary:
-        studio.plotter.export_gltf(str(temporary))
+    with Whole(path) as temporary, TemporaryDirectory() as folder:
+        plain = Path(folder) / "scene.gltf"  # VTK opens no name that is not UTF-8
+        studio.plotter.export_gltf(str(plain))
+        copyfile(plain, temporary)
     studio.close()
 
 
