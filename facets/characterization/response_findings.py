@@ -162,9 +162,9 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
     if not response.is_stationary:
         count = response.mean_input_share * response.segments
         yield (
-            f"At most frequencies only {count:.1f} of the {response.segments} "
+            f"At most frequencies only {max(round(count), 1)} of the {response.segments} "
             "segments have input: the input passes through the frequencies (a sweep or a stepped "
-            "sine slower than a segment) and is not stationary. Random errors are therefore not "
+            "sine longer than a segment) and is not stationary. Random errors are therefore not "
             "stated. Excite all frequencies at once, or let a segment hold a whole sweep, by a "
             "faster sweep or a smaller --resolution-hz."
         )
