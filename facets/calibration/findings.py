@@ -204,8 +204,8 @@ STEADY = 2.0
 def later_power(
     solve: Solve, settings: Calibrate, sensor: Sensor, result: Fit, data: Data
 ) -> tuple[Solve, list[Finding]]:
-    """What later readings are solved with: `solve`, where a known power becomes a prior if the
-    laser changed by more than the noise of a reading; and the findings that say so.
+    """Return the settings for solving later readings, where a known power becomes a prior if the
+    laser changed by more than the noise of a reading, and the findings that say so.
 
     sensor: the calibrated one.
     """
@@ -215,8 +215,8 @@ def later_power(
     noise = np.linalg.norm(standard_deviations(sensor, rest)[0, 2::3]) / rest[0, 2::3].sum()
     change = power_change(result, data)
     if change < STEADY * noise:
-        words = "solve.power stays known: the laser's power changed by no more than the noise"
-        return solve, [Finding(False, f"{words} of a reading ({100 * noise:.2g} %).")]
+        words = "solve.power stays known: the laser's power shows no change beyond the noise of a"
+        return solve, [Finding(False, f"{words} reading ({100 * noise:.2g} %).")]
     later = replace(solve, power="prior", power_sigma=change)
     words = (
         "solve.power is changed from known to prior, because the laser's power changed by "
