@@ -159,7 +159,7 @@ def show_progress(task: str) -> Iterator[Callable[[float, float | None], None]]:
 
 def track(items: Iterable[Item], task: str, count: int) -> Iterator[Item]:
     """Yield items with a bar on a terminal.  count: of the items."""
-    with show_progress(task) as tell:
+    with show_progress(task) as on_progress:
         for number, item in enumerate(items, 1):
             yield item
-            tell(number, count)
+            on_progress(number, count)

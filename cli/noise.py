@@ -63,8 +63,10 @@ def noise(
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
-    with show_progress("analysing the noise") as tell:
-        report = characterization.noise_report.report_of(columns, settings, str(recording), tell)
+    with show_progress("analysing the noise") as on_progress:
+        report = characterization.noise_report.report_of(
+            columns, settings, str(recording), on_progress
+        )
     show_channels(report)
     if report.faults and write:
         refuse(recording, report.faults, paths, write)

@@ -149,9 +149,9 @@ def solve(
     tally = estimation.Tally("rows", "READINGS has no column temperature_c")
     measurement = estimation.Measurement(replace(settings, solve=options), columns, tally=tally)
     size = readings.stat().st_size if readings.is_file() else None
-    with show_progress("solving") as tell:
+    with show_progress("solving") as on_progress:
         lines = estimation.solve_table(
-            measurement, readings, path, about, lambda done: tell(done, size)
+            measurement, readings, path, about, lambda done: on_progress(done, size)
         )
     with free_output(path):
         report(measurement, lines, path)

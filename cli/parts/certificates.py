@@ -44,9 +44,9 @@ def prove(
 def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
     sensor, share = claim.settings.sensor, claim.least_share
     effort = proof.uniqueness.Effort(work, limit)
-    with show_progress("proving") as tell:
+    with show_progress("proving") as on_progress:
         return proof.uniqueness.certify(
-            sensor, claim.box, share, claim.deviations, effort, lambda done: tell(done, 1.0)
+            sensor, claim.box, share, claim.deviations, effort, lambda done: on_progress(done, 1.0)
         )
 
 

@@ -61,8 +61,8 @@ def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bo
     files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
     design.exploration.require_variables(space)
     design.exploration.prepare(folder, space, job.header, force)
-    with show_progress("exploring") as tell:
-        design.exploration.explore(space, folder, job.header, scheduler, tell)
+    with show_progress("exploring") as on_progress:
+        design.exploration.explore(space, folder, job.header, scheduler, on_progress)
 
 
 def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> None:
@@ -121,8 +121,8 @@ def follow_front(job: Exploration, points: int) -> None:
     with files.tables.ResultSet():
         files.tables.refuse_to_overwrite(paths, force=True)
         begin = time.perf_counter()
-        with show_progress("following the front") as tell:
-            pareto = design.front.pareto_front(space, points, space.seed, tell)
+        with show_progress("following the front") as on_progress:
+            pareto = design.front.pareto_front(space, points, space.seed, on_progress)
         seconds = time.perf_counter() - begin
         if not len(pareto.designs):
             typer.echo("no design meets all requirements, as far as the search can tell")

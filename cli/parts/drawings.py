@@ -56,9 +56,11 @@ def write_film(
     turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
     with (
         pictures.render.Picture(settings.sensor, states[0], form) as picture,
-        show_progress("rendering") as tell,
+        show_progress("rendering") as on_progress,
     ):
-        pictures.film.write(picture, pictures.film.Film(states, rate, factor, turning), path, tell)
+        pictures.film.write(
+            picture, pictures.film.Film(states, rate, factor, turning), path, on_progress
+        )
     if note := pictures.magnification.factor_in_words(factor, turning):
         typer.echo(
             f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True

@@ -26,8 +26,8 @@ SHOWN = 24
 def search(settings: Config) -> Optimum:
     """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
     meets all requirements."""
-    with show_progress("searching") as tell:
-        optimum = design.search.optimize(settings.sensor, settings.layout, tell)
+    with show_progress("searching") as on_progress:
+        optimum = design.search.optimize(settings.sensor, settings.layout, on_progress)
     if optimum.tried:
         headings, rows = design.tables.part_rows(optimum, settings.layout.aim)
         left = (0, 1, 2, len(headings) - 1)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 def solve_recording(playback: live.Playback) -> Columns:
     """Solve a recording for poses as columns, with a bar; print what is damaged."""
-    with show_progress("solving the recording") as tell:
-        parts = [poses.columns() for poses in playback.poses(tell=tell)]
+    with show_progress("solving the recording") as on_progress:
+        parts = [poses.columns() for poses in playback.poses(on_progress=on_progress)]
     pipeline = playback.pipeline
     sequence = pipeline.sequence
     if playback.damage.words or pipeline.parser.corrupt or sequence.lost or sequence.leaps:

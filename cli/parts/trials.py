@@ -101,13 +101,13 @@ class TrialRequest(NamedTuple):
     def run(self, states: dict[str, Floats]) -> dict[str, PropagationResult]:
         """Trials at each state; prints the results."""
         results: dict[str, PropagationResult] = {}
-        with show_progress("trials") as tell:
+        with show_progress("trials") as on_progress:
             solved = 0
 
             def advance(more: int) -> None:
                 nonlocal solved
                 solved += more
-                tell(solved, self.trials * len(states))
+                on_progress(solved, self.trials * len(states))
 
             method = characterization.propagation.MonteCarlo
             for number, (where, state) in enumerate(states.items()):

@@ -41,8 +41,8 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
     built = design.assembly.assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
     expansion = design.tolerancing.expand_margins(built)
     draws = design.tolerancing.draw_heads(built)
-    with show_progress("building heads") as tell:
-        made = design.production.simulate_heads(built, heads, seed, tell)
+    with show_progress("building heads") as on_progress:
+        made = design.production.simulate_heads(built, heads, seed, on_progress)
     accurate = bool(built.asked.accuracy_axes)
     return Yields(
         design.tolerancing.predict_yields(expansion, draws),

@@ -28,7 +28,7 @@ from facets.core.settings import Stage
 from facets.core.units import Floats
 from facets.detectors.noise import add_noise
 from facets.firmware.library import FirmwareLibrary
-from facets.tracking.control import SPEED_AVERAGING_S, Law, Seen
+from facets.tracking.control import SPEED_AVERAGING_S, ControlInput, Law
 from facets.tracking.stage import StageModel
 
 RADIUS = 4.0
@@ -67,7 +67,7 @@ def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tup
     settings = replace(stage, rate=place.rate)
     law, model = Law.from_sensor(sensor, settings), StageModel(settings)
     worst, blind, last = 0.0, 0, np.zeros(8)
-    waiting: deque[Seen] = deque()
+    waiting: deque[ControlInput] = deque()
     for n in range(int(seconds * place.rate)):
         light = n / place.rate
         while waiting and waiting[0].now <= light:
@@ -82,7 +82,9 @@ def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tup
         pose = place.solve(reading, last)
         if np.isfinite(pose[:2]).all():
             last = pose.copy()
-            seen = Seen(light, light + place.age, reading[2::3], pose[:2], model.place.copy())
+            seen = ControlInput(
+                light, light + place.age, reading[2::3], pose[:2], model.place.copy()
+            )
             waiting.append(seen)
         else:
             blind += 1

@@ -273,7 +273,10 @@ def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> 
 
 @np.errstate(all="ignore")  # a search that steps out of the light gives NaN and finds no pair
 def study(
-    count: int, seed: int, tell: Callable[[str], None] = lambda _: None, leaning: bool = False
+    count: int,
+    seed: int,
+    on_progress: Callable[[str], None] = lambda _: None,
+    leaning: bool = False,
 ) -> Counter[str]:
     """Count the cases by outcome; "broken" counts the proofs that the search breaks."""
     rng = np.random.default_rng(seed + 1)
@@ -283,7 +286,7 @@ def study(
         outcome, broken = decide(case, rng, leaning)
         counts[outcome] += 1
         counts["broken"] += broken
-        tell(f"{number} {outcome}{' BROKEN' if broken else ''}")
+        on_progress(f"{number} {outcome}{' BROKEN' if broken else ''}")
     return counts
 
 

@@ -91,18 +91,18 @@ def report_of(
     columns: Columns,
     config: Config,
     name: str,
-    tell: Callable[[int, int], None] = lambda *_: None,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> NoiseReport:
     """Report the noise of a recording's columns, in the form of `live.pose_table`.
 
-    name: name of the recording, for messages.  tell: called with the number of finished channels
-    and their total. Raises `InputError` if the recording has too few samples.
+    name: name of the recording, for messages.  on_progress: called with the number of finished
+    channels and their total. Raises `InputError` if the recording has too few samples.
     """
     piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
     channels = []
     for n, (column, (scale, unit)) in enumerate(CHANNELS.items()):
-        tell(n, len(CHANNELS))
+        on_progress(n, len(CHANNELS))
         signal = scale * piece.resample(columns[column])
         try:
             model = fit_noise(signal, rate)

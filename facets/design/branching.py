@@ -115,12 +115,12 @@ def best_parts(
     sensor: Sensor,
     layout: Layout,
     search: Search,
-    tell: Callable[[int, int], None] = lambda done, whole: None,
+    on_progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> list[tuple[PartsChoice, StartResult]]:
     """Search for the best choice; return those that were solved with their results, best first.
 
-    search: finds the best layout of a sensor from where it is.  tell: is called with the number of
-    choices that are decided and the number of all choices.
+    search: finds the best layout of a sensor from where it is.  on_progress: is called with the
+    number of choices that are decided and the number of all choices.
     """
     root = whole(layout)
     tried: list[tuple[PartsChoice, StartResult]] = []
@@ -130,7 +130,7 @@ def best_parts(
         bound, _, branch = heapq.heappop(queue)
         if bound > best + WORSE * abs(best):
             break  # the bounds of all remaining branches are worse, too
-        tell(settled, root.choices)
+        on_progress(settled, root.choices)
         if branch.choices == 1:
             settled += 1
             names = (branch.psds[0], branch.lasers[0], branch.amplifiers[0])

@@ -408,7 +408,7 @@ def explore(
     folder: Path,
     about: dict[str, str],
     scheduler: str | None = None,
-    tell: Callable[[int, int], None] = lambda done, whole: None,
+    on_progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> None:
     """Write a Parquet file for each missing part.
 
@@ -419,7 +419,7 @@ def explore(
     firsts = parts(space)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
-    tell(done, len(firsts))
+    on_progress(done, len(firsts))
     made = run_on_cluster if scheduler else run_in_processes
     for pilot in (True, False):
         wanted = [first for first in missing if (first < space.pilot) == pilot]
@@ -428,7 +428,7 @@ def explore(
         for first, table in made(space, wanted, rivals, scheduler or ""):
             write_part(space, folder, first, table, about)
             done += 1
-            tell(done, len(firsts))
+            on_progress(done, len(firsts))
 
 
 def parts(space: Space) -> range:

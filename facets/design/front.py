@@ -33,7 +33,7 @@ SWEEPS, STEPS = 6, 60
 #: Tolerance of a measured range, over `ranges.FARTHEST_MM_RAD`; and the difference between a
 #: measure and the search's value, over its scale, above which a point is left out.
 RANGE_TOLERANCE, MEASURE_TOLERANCE = 1e-10, 1e-5
-Tell = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Walk:
                 best = self.least(other, most, best) or best
         return best
 
-    def follow(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
+    def follow(self, bounds: Floats, ends: list[End], on_progress: OnProgress) -> list[End | None]:
         """Minimise the first objective for each row of bounds.
 
         If a row has no design, tighter bounds are taken to have none, unless a neighbour's leads
@@ -125,7 +125,7 @@ class Walk:
         ends_of_rows: list[End | None] = [None] * len(bounds)
         empty: list[Floats] = []
         for n, most in enumerate(bounds):
-            tell(n, 2 * len(bounds))
+            on_progress(n, 2 * len(bounds))
             near = ends_of_rows[n - 1] if n else None
             if near is None and any((most <= none).all() for none in empty):
                 continue
@@ -133,18 +133,20 @@ class Walk:
             if ends_of_rows[n] is None:
                 empty.append(most)
         for sweep in range(SWEEPS):
-            if not self.sweep(ends_of_rows, bounds, sweep, tell) and sweep > 0:
+            if not self.sweep(ends_of_rows, bounds, sweep, on_progress) and sweep > 0:
                 break
         return ends_of_rows
 
-    def sweep(self, ends: list[End | None], bounds: Floats, number: int, tell: Tell) -> bool:
+    def sweep(
+        self, ends: list[End | None], bounds: Floats, number: int, on_progress: OnProgress
+    ) -> bool:
         """Search each point from its neighbour's end, from the last to the first, or in reverse if
         the number is odd, and return whether a point improved. Sweep 0 also searches some points
         from random designs."""
         count, step = len(bounds), -1 if number % 2 else 1
         better = False
         for done, n in enumerate(range(count)[::-step]):
-            tell(min(count + done, 2 * count), 2 * count)
+            on_progress(min(count + done, 2 * count), 2 * count)
             near = ends[n + step] if 0 <= n + step < count else None
             starts: list[Floats | End] = [] if near is None else [near]
             if number == 0 and n % RANDOM_START_EVERY == RANDOM_START_EVERY // 2:
@@ -178,7 +180,7 @@ def best_of(ends: list[End | None], objective: int) -> End | None:
 
 
 def pareto_front(
-    space: Space, count: int, seed: int, tell: Tell = lambda done, whole: None
+    space: Space, count: int, seed: int, on_progress: OnProgress = lambda done, whole: None
 ) -> Front:
     """Find about `count` points on the front of a space's two or three objectives.
 
@@ -192,7 +194,7 @@ def pareto_front(
     if len(known) < len(ends):
         return measure_ends(walk, [])
     bounds = bounds_between(known, first, count)
-    followed = walk.follow(bounds, known, tell)
+    followed = walk.follow(bounds, known, on_progress)
     return measure_ends(walk, [*(end for end in followed if end is not None), *known])
 
 

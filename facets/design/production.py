@@ -18,7 +18,7 @@ from ..core.units import Floats
 from .assembly import Assembly, calibrate_head
 from .requirement import accuracy_margins, errors_of, margins_of
 
-Tell = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class SimulatedHeads:
 
 @one_thread
 def simulate_heads(
-    built: Assembly, count: int, seed: int, tell: Tell = lambda done, whole: None
+    built: Assembly, count: int, seed: int, on_progress: OnProgress = lambda done, whole: None
 ) -> SimulatedHeads:
     """Simulate `count` heads; the same seed gives the same heads."""
     rng = np.random.default_rng(seed)
     rows, errors, unsettled = np.full((count, 3), np.nan), np.full((count, 2, 6), np.nan), 0
     for n in range(count):
-        tell(n, count)
+        on_progress(n, count)
         z = rng.normal(size=len(built.choice.names)) * built.loose
         try:
             head = built.head(z)

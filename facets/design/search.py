@@ -73,7 +73,9 @@ class Optimum:
 
 @check_arguments
 def optimize(
-    sensor: Sensor, layout: Layout, tell: Callable[[int, int], None] = lambda done, whole: None
+    sensor: Sensor,
+    layout: Layout,
+    on_progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> Optimum:
     """Search for the best layout from several starts.
 
@@ -84,7 +86,7 @@ def optimize(
     layout
         What may vary, the volume, the limits and the aim: the block `optimize` of a configuration,
         `Config.layout`.
-    tell
+    on_progress
         Called after each search with the numbers of completed and of all searches.
 
     Returns
@@ -115,13 +117,13 @@ def optimize(
     before = objective_at(problem, np.array([now[name] for name in problem.names]))
     looked_at = count_of_choices = 0
     if layout.has_parts:
-        tried, count_of_choices = choose(sensor, layout, tell)
+        tried, count_of_choices = choose(sensor, layout, on_progress)
         looked_at, best = len(tried), tried[0][0]
         parted = replace_parts(sensor, layout, best.psd, best.laser, best.amplifier)
         problem = problem_of(parted, layout, price_term(layout, best.price))
     results: list[StartResult] = []
     for start in starts_of(problem, layout):
-        tell(looked_at + len(results), looked_at + layout.starts)
+        on_progress(looked_at + len(results), looked_at + layout.starts)
         results.append(solve_from(problem, start))
     results.sort(key=lambda result: (not result.found, result.objective))
     if not results[0].found:
@@ -130,7 +132,7 @@ def optimize(
 
 
 def choose(
-    sensor: Sensor, layout: Layout, tell: Callable[[int, int], None]
+    sensor: Sensor, layout: Layout, on_progress: Callable[[int, int], None]
 ) -> tuple[list[tuple[PartsChoice, StartResult]], int]:
     """Try choices of parts; return their results, the best first, and the number of all choices.
 
@@ -139,7 +141,7 @@ def choose(
     """
     made = dict(choices(sensor, layout))
     if len(made) > TRIED:
-        if best := best_parts(sensor, layout, solve_from_present, tell):
+        if best := best_parts(sensor, layout, solve_from_present, on_progress):
             return best, len(made)
         # no choice meets the requirements, not even with parts as good as any: use the best of
         # those tried
@@ -147,7 +149,7 @@ def choose(
         return [(largest, solve_from_present(made[largest], layout))], len(made)
     tried: list[tuple[PartsChoice, StartResult]] = []
     for choice, other in made.items():
-        tell(len(tried), len(made) + layout.starts)
+        on_progress(len(tried), len(made) + layout.starts)
         end = solve_from_present(other, layout)
         end.objective += price_term(layout, choice.price)
         tried.append((choice, end))

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ..core.settings import Config
     from .streams.outlet import Outlet
 
-Tell = Callable[[str], None]
+OnProgress = Callable[[str], None]
 Show = Callable[[Live], None]
 
 
@@ -149,7 +149,7 @@ class Run:
         config: Config,
         port: str | None = None,
         options: RunOptions | None = None,
-        tell: Tell = lambda _: None,
+        on_progress: OnProgress = lambda _: None,
     ) -> Self:
         """Open the source, the recording, the publications, the page and the stage of a run.
 
@@ -161,7 +161,7 @@ class Run:
             Port of the detector board; `acquire.port` of the configuration by default.
         options : RunOptions, optional
             What the run does beside reading and solving; it is recorded by default.
-        tell : callable
+        on_progress : callable
             Receives messages for the user at the beginning, line by line.
 
         Raises
@@ -186,10 +186,10 @@ class Run:
             if options.record:
                 run.begin_recording()
             if options.publish or options.web is not None:
-                run.publish(tell)
+                run.publish(on_progress)
             if options.moves_stage:
-                run.open_stage(tell)
-            run.open_reader(port, tell)
+                run.open_stage(on_progress)
+            run.open_reader(port, on_progress)
             on_failure.pop_all()
         run.ending = Ending(options.seconds or inf, options.samples or inf, run.is_check_over)
         return run
@@ -216,13 +216,13 @@ class Run:
             self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
         self.live.sinks.append(self.recording)
 
-    def publish(self, tell: Tell) -> None:
+    def publish(self, on_progress: OnProgress) -> None:
         """Begin to publish samples; report where."""
         options, measurement = self.options, self.live.pipeline.measurement
         self.publications = Publications(options.publish, self.config, objects=measurement)
         self.live.sinks.append(self.publications)
         if options.publish:
-            tell(f"publishing at {', '.join(self.publications.places())}")
+            on_progress(f"publishing at {', '.join(self.publications.places())}")
         if options.web is None:
             return
         if options.page_scripts is None:
@@ -233,25 +233,25 @@ class Run:
             outlet, self.config, options.web, status, more, drawn=options.page_scripts
         )
         for text in self.page.greeting():
-            tell(text)
+            on_progress(text)
         outlet.refresh()
 
-    def open_stage(self, tell: Tell) -> None:
+    def open_stage(self, on_progress: OnProgress) -> None:
         """Open the stage, which the page can then resume."""
         port = "virtual" if self.bench else self.options.stage_port or self.config.stage.port
         self.stage_port = require_port(port, "--stage-port", "stage.port")
         check, say = self.options.check_stage, self.live.add_event
-        tracker = open_tracker(self.config, self.stage_port, self.bench, check, tell, say)
+        tracker = open_tracker(self.config, self.stage_port, self.bench, check, on_progress, say)
         self.live.tracker = tracker
         if self.page:
             self.page.resume = partial(tracker.resume, "the page")
 
-    def open_reader(self, port: str, tell: Tell) -> None:
+    def open_reader(self, port: str, on_progress: OnProgress) -> None:
         """Open the detector board's port."""
         if self.bench:
             self.reader = BenchReader(self.bench, self.config, self.live)
         else:
-            self.reader = Reader(self.config, port, self.options.reconnect, self.live, tell)
+            self.reader = Reader(self.config, port, self.options.reconnect, self.live, on_progress)
 
     def abandon(self) -> None:
         """Close the parts of a run that does not begin, and remove its empty recording."""

@@ -81,15 +81,15 @@ class Playback:
         self,
         real_time: bool = False,
         recover: bool = False,
-        tell: Callable[[int, int], None] = lambda done, of: None,
+        on_progress: Callable[[int, int], None] = lambda done, of: None,
     ) -> Iterator[RunPoses]:
         """Yield the poses, in the blocks of the recorded bytes.
 
         real_time: at the speed of the recording.  recover: also read bytes without an index, or
-        with one that does not match, which otherwise raise `InputError`.  tell: called with the
-        number of bytes read and their total.
+        with one that does not match, which otherwise raise `InputError`.  on_progress: called
+        with the number of bytes read and their total.
         """
-        return replay(self.folder, self.pipeline, real_time, self.damage, tell, recover)
+        return replay(self.folder, self.pipeline, real_time, self.damage, on_progress, recover)
 
     def finish(
         self,
@@ -115,18 +115,19 @@ class Playback:
         self,
         poses: Iterable[RunPoses],
         addresses: Sequence[str],
-        tell: Callable[[str], None],
+        on_progress: Callable[[str], None],
         say: Callable[[str], None],
     ) -> Iterator[RunPoses]:
         """Yield the same poses, and publish each of them.
 
-        tell: receives the addresses.  say: receives, at the end, the number of published samples.
+        on_progress: receives the addresses.  say: receives, at the end, the number of published
+        samples.
         """
         offset = utc_offset(self.folder)
         with Publications(
             addresses, self.config, True, offset, self.pipeline.measurement
         ) as publications:
-            tell(f"publishing at {', '.join(publications.places())}")
+            on_progress(f"publishing at {', '.join(publications.places())}")
             publications.await_receivers()
             for part in poses:
                 publications.add_poses(part)

@@ -59,7 +59,7 @@ def open_tracker(
     port: str,
     bench: BenchInProcess | None,
     check: bool,
-    tell: Callable[[str], None],
+    on_progress: Callable[[str], None],
     add_event: Callable[..., None],
 ) -> Tracker:
     """Open the stage, and report the stability of the loop before anything moves.
@@ -75,7 +75,7 @@ def open_tracker(
     axes = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
     clearance = min(axis.symmetric / 2 for axis in axes)
     margin = margin_of(stage, pull_of(config.sensor, clearance))
-    tell(f"stage: {stage.law}, {margin.words}")
+    on_progress(f"stage: {stage.law}, {margin.words}")
     if margin.times < 1:
         raise InputError(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "

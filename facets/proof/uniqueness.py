@@ -123,7 +123,7 @@ def certify(
     share: float | None = None,
     tolerances: Sequence[float] | None = None,
     effort: Effort = LONG_EFFORT,
-    tell: Callable[[float], None] = lambda _: None,
+    on_progress: Callable[[float], None] = lambda _: None,
 ) -> Certificate:
     """Try to prove that the box has no singular state, and no two states with equal readings.
 
@@ -131,8 +131,8 @@ def certify(
     this share of the light; default: the least anywhere in the box with its offsets, which is then
     covered.
     tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad, mW.
-    effort: pieces and time; pieces that are not proved within it count as doubtful. tell: receives
-    the completed part. Only the edges cut the light.
+    effort: pieces and time; pieces that are not proved within it count as doubtful. on_progress:
+    receives the completed part. Only the edges cut the light.
     """
     begin = time.perf_counter()
 
@@ -150,7 +150,7 @@ def certify(
                 certificate,
                 share,
                 is_spent,
-                tell,
+                on_progress,
             )
         except LightNotShared:
             certificate.reason = (
@@ -165,7 +165,7 @@ def prove(
     certificate: Certificate,
     share: float | None,
     is_spent: Callable[[int], bool],
-    tell: Callable[[float], None],
+    on_progress: Callable[[float], None],
 ) -> None:
     """Fill in a certificate.
 
@@ -179,9 +179,9 @@ def prove(
     certificate.shares = bounds_as_numbers(shares)
     slope = ends(slope_of_powers(geometry, shares))[0]
     if prove_at_once(geometry, certificate, shares, slope):
-        tell(1.0)
+        on_progress(1.0)
         return
-    jacobians = prove_pieces(geometry, certificate, shares, is_spent, tell)
+    jacobians = prove_pieces(geometry, certificate, shares, is_spent, on_progress)
     certificate.regular = not certificate.doubtful
     if certificate.regular:
         conclude(geometry, certificate, shares, jacobians, slope)
@@ -236,7 +236,7 @@ def prove_pieces(
     certificate: Certificate,
     shares: SharingBounds,
     is_spent: Callable[[int], bool],
-    tell: Callable[[float], None],
+    on_progress: Callable[[float], None],
 ) -> list[Centred]:
     """Sort the box's pieces into proved and doubtful ones; return the Jacobians of the proved
     ones."""
@@ -259,7 +259,7 @@ def prove_pieces(
         else:
             certificate.doubtful.append(piece)
         done += 0.5**depth / whole
-        tell(done)
+        on_progress(done)
         if len(certificate.doubtful) == MOST_DOUBTFUL:
             certificate.reason = "singular states may be in the pieces listed, and in others"
             break

@@ -8,7 +8,7 @@ from ..core.sensor import Sensor
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from ..model.arrays import readings
-from .control import Law, Seen
+from .control import ControlInput, Law
 from .stage import StageModel
 
 
@@ -34,7 +34,7 @@ def simulate_following(sensor: Sensor, settings: Settings, time: Floats, truth: 
 def command(sensor: Sensor, law: Law, model: StageModel, state: Floats, now: float) -> None:
     powers = readings(sensor, state)[2::3]
     if np.isfinite(powers).all() and (powers > 0).all():
-        model.command(law.command(Seen(now, now, powers, state[:2], model.place)))
+        model.command(law.command(ControlInput(now, now, powers, state[:2], model.place)))
     else:
         model.halt()
         law.forget()

@@ -49,7 +49,7 @@ def check_driver(
         home = check_place(driver, settings)
         check_move(driver, settings, home + MOVE_MM, wait, now)
         check_stop(driver, home - MOVE_MM, driver.stop, "stop", wait)
-        check_stop(driver, home + 2 * MOVE_MM, driver.cry, "cry", wait)
+        check_stop(driver, home + 2 * MOVE_MM, driver.emergency_stop, "emergency_stop", wait)
         check_threads(driver)
         driver.move(home)
         driver.stop()
@@ -126,24 +126,24 @@ def check_stop(
 
 
 def check_threads(driver: Driver) -> None:
-    """Check that a `cry` from another thread damages no answer."""
+    """Check that an `emergency_stop` from another thread damages no answer."""
     failed: list[BaseException] = []
 
-    def cry() -> None:
+    def emergency_stop() -> None:
         try:
             for _ in range(20):
-                driver.cry()
+                driver.emergency_stop()
         except BaseException as error:
             failed.append(error)
 
-    thread = threading.Thread(target=cry)
+    thread = threading.Thread(target=emergency_stop)
     thread.start()
     try:
         for _ in range(20):
-            assert np.isfinite(driver.place()).all(), "a cry spoils an answer"
+            assert np.isfinite(driver.place()).all(), "an emergency stop spoils an answer"
     finally:
         thread.join()
-    assert not failed, f"cry() raised {failed[0]!r}"
+    assert not failed, f"emergency_stop() raised {failed[0]!r}"
 
 
 def check_close(driver: Driver, goal: Floats) -> None:

@@ -21,7 +21,7 @@ from .limits import Limits
 
 
 @dataclass(frozen=True)
-class Seen:
+class ControlInput:
     """The input of a control law.
 
     time: of the sample, now: of the command, s.  powers: (3,) mW.  apex: (2,) solved, mm, or None.
@@ -81,7 +81,7 @@ class Law:
         inverse = np.asarray(np.linalg.inv(slope_of_error(sensor)))
         return cls(settings, inverse, beam.power, max(beam.diameter_x, beam.diameter_y))
 
-    def command(self, seen: Seen) -> Floats:
+    def command(self, seen: ControlInput) -> Floats:
         """The next place of the beam (2,), mm."""
         s = self.settings
         if seen.apex is not None:

@@ -23,18 +23,18 @@ from .zaber import Zaber
 GROUP = "facets.stages"
 #: Drivers of this package that need an extra.
 SHIPPED = (EntryPoint("kinesis", "facets.tracking.kinesis:open_kinesis", GROUP),)
-PARTS = ("prepare", "place", "move", "stop", "cry", "close")
+PARTS = ("prepare", "place", "move", "stop", "emergency_stop", "close")
 #: A driver that can hold `stage.native_limits` has this one, too: it writes the limits that the
 #: controller had before.
-LIMITING = "give_back"
+RESTORE_LIMITS = "restore_limits"
 
 
 class Driver(Protocol):
     """Two axes, x and y, that carry the beam, and the beam's places, mm: six methods.
 
-    One thread calls `prepare`, `place`, `move` and `stop`; another may call `cry` at the same time,
-    and any thread `close`. A fault is raised as `StageError` or any other exception: then the
-    envelope stops the stage. The envelope keeps soft limits, steps and freshness.
+    One thread calls `prepare`, `place`, `move` and `stop`; another may call `emergency_stop` at the
+    same time, and any thread `close`. A fault is raised as `StageError` or any other exception:
+    then the envelope stops the stage. The envelope keeps soft limits, steps and freshness.
     """
 
     def prepare(self) -> None:
@@ -56,7 +56,7 @@ class Driver(Protocol):
         does not answer within `patience`, s."""
         ...
 
-    def cry(self) -> None:
+    def emergency_stop(self) -> None:
         """Tell both axes to stop, from any thread, without waiting for an answer."""
         ...
 
@@ -103,7 +103,7 @@ def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver
     except Exception as error:
         what = f"{driver.value}: {type(error).__name__}: {error}"
         raise StageError(f"{name}: cannot be opened by {what}") from None
-    parts = (*PARTS, LIMITING) if settings.native_limits else PARTS
+    parts = (*PARTS, RESTORE_LIMITS) if settings.native_limits else PARTS
     lacks = [part for part in parts if not callable(getattr(opened, part, None))]
     if lacks:
         raise StageError(f"{name}: {driver.value} gives no driver: it has no {', '.join(lacks)}")

@@ -33,7 +33,7 @@ from .arrival import (
     settling_time,
     words,
 )
-from .drivers import LIMITING, Driver, open_driver
+from .drivers import RESTORE_LIMITS, Driver, open_driver
 from .encoder import Encoder
 from .interlock import ALWAYS, Heartbeat, Permit, close_line, open_permit
 from .limits import Limits
@@ -276,7 +276,7 @@ class Envelope:
         if is_first:
             self.latched, self.latched_at = reason, self.clock()
             self.stops += 1
-        self.cry()
+        self.emergency_stop()
         if is_first:
             self.tell("stop", reason=reason)
 
@@ -351,20 +351,20 @@ class Envelope:
                 self.tell("stop", reason=reason)
             return answered
 
-    def cry(self) -> None:
+    def emergency_stop(self) -> None:
         """Stop at once, without waiting for an answer; from any thread. Never raises."""
         with suppress(Exception):
-            self._driver.cry()
+            self._driver.emergency_stop()
 
     def _stop_by_every_means(self) -> bool:
         """Repeat the stop until it is answered; close the port. Never raises. False: no answer."""
         self.failed, failures = True, list[str]()
         for _ in range(STOP_ATTEMPTS):
             try:
-                self._driver.cry()
+                self._driver.emergency_stop()
                 self._driver.stop(patience=STOP_WAIT_S)
                 self.moving = False
-                getattr(self._driver, LIMITING, lambda: None)()
+                getattr(self._driver, RESTORE_LIMITS, lambda: None)()
                 break
             except Exception as error:
                 failures.append(str(error) or type(error).__name__)

@@ -22,7 +22,7 @@ from .line import PATIENCE_S
 from .native_limits import NativeLimits
 from .stage import StageError
 
-#: Longest time for which `cry` waits for the end of another thread's question, s.
+#: Longest time for which `emergency_stop` waits for the end of another thread's question, s.
 CRY_WAIT_S = 0.5
 
 
@@ -115,7 +115,7 @@ class Kinesis(NativeLimits):
             for motor, channel in self.axes:
                 motor.wait_for_stop(channel=channel, timeout=patience)
 
-    def cry(self) -> None:
+    def emergency_stop(self) -> None:
         """Stop without waiting for an answer, even during another thread's long question."""
         held = self.turn.acquire(timeout=CRY_WAIT_S)
         try:

@@ -59,7 +59,7 @@ class NativeLimits:
                 f"in its own units, where it was told {most.tolist()}"
             )
 
-    def give_back(self) -> None:
+    def restore_limits(self) -> None:
         """Write the limits that the controller had before, once the stage stands."""
         if self.original is None:
             return

@@ -26,7 +26,8 @@ class Pi(NativeLimits):
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings
         self.zero = np.array(settings.zero)
-        self.cries = self.forgiven = 0  # a cry leaves an error code that is no refusal
+        # An emergency stop leaves an error code that is no refusal.
+        self.emergency_stops = self.forgiven = 0
 
     def read_answers(self, patience: float = PATIENCE_S) -> list[str]:
         lines: list[str] = []
@@ -43,15 +44,15 @@ class Pi(NativeLimits):
         code = lines[-1].strip()
         if len(lines) != 1 or not code.lstrip("-").isdigit():
             raise StageError(f"the stage's answer cannot be understood: {lines}")
-        if code in (UNKNOWN_COMMAND, STOPPED) and self.cries > self.forgiven:
-            self.forgiven = self.cries
+        if code in (UNKNOWN_COMMAND, STOPPED) and self.emergency_stops > self.forgiven:
+            self.forgiven = self.emergency_stops
         elif code not in ("0", *allowed):
             raise StageError(f"the stage refused {command!r}: GCS error {code}")
         return code
 
     def prepare(self) -> None:
         """Stop the stage, and bound its speed and acceleration by the settings."""
-        self.cry()
+        self.emergency_stop()
         self.line.drain()
         self.stop()
         s = self.settings
@@ -104,9 +105,9 @@ class Pi(NativeLimits):
         """Stop both axes, and wait until the stage confirms it."""
         self.tell("STP", STOPPED, patience=patience)
 
-    def cry(self) -> None:
+    def emergency_stop(self) -> None:
         """Stop without waiting for an answer, even within a half-sent command."""
-        self.cries += 1
+        self.emergency_stops += 1
         self.line.write(STOP_ALL + b"?\n" + STOP_ALL)
 
     def close(self) -> None:

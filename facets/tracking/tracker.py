@@ -13,7 +13,7 @@ import numpy as np
 from ..core.errors import FacetsError
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
-from .control import Law, Seen
+from .control import ControlInput, Law
 from .encoder import Encoder
 from .envelope import MAX_AHEAD_S, Envelope
 from .interlock import BoardPermit
@@ -170,7 +170,7 @@ class Tracker:
         self.ending.set()
         loop, watchdog = self.threads
         if loop.is_alive():
-            self.envelope.cry()  # the loop may be waiting for the stage's answer
+            self.envelope.emergency_stop()  # the loop may be waiting for the stage's answer
             join(loop)
         if not self.envelope.close() and not self.error:
             self.error = "the stage did not answer when it was to stop at the end"
@@ -282,7 +282,7 @@ class Tracker:
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
         """Send the stage after a good sample."""
-        seen = Seen(good.time, now, good.powers, good.apex, place)
+        seen = ControlInput(good.time, now, good.powers, good.apex, place)
         self.go(self.law.command(seen), good.time)
 
     def stop(self, reason: str) -> None:

@@ -90,7 +90,7 @@ class Zaber(NativeLimits):
 
     def prepare(self) -> None:
         """Stop the stage, and bound its speed and acceleration by the settings."""
-        self.cry()
+        self.emergency_stop()
         self.line.drain()
         self.stop()
         s, kept = self.settings, self.read_limits()
@@ -128,7 +128,7 @@ class Zaber(NativeLimits):
         """Stop both axes, and wait until the stage confirms it."""
         self.ask("stop", patience)
 
-    def cry(self) -> None:
+    def emergency_stop(self) -> None:
         """Stop without waiting for an answer, even within a half-sent command."""
         self.line.write(b"?\n/1 0 99 stop\n")
 

@@ -11,8 +11,8 @@ from sensors import SENSORS
 import facets
 from facets.core import Steps
 from facets.tracking import (
+    ControlInput,
     Law,
-    Seen,
     StageModel,
     margin_of,
     pull_of,
@@ -40,7 +40,7 @@ def follow(settings, apex_at, seconds=3.0, start=(0.0, 0.0)):
         model.advance(now)
         apex = np.array(apex_at(now))
         offsets.append(apex - model.place)
-        seen = Seen(now, now, powers(apex, model.place), apex, model.place)
+        seen = ControlInput(now, now, powers(apex, model.place), apex, model.place)
         model.command(law.command(seen))
     return np.hypot(*np.array(offsets).T)
 
@@ -64,7 +64,7 @@ def test_eq_13_leaves_the_residual_that_the_paper_bounds():
     """Equal powers at 10 mrad of tilt: proportional control rests 0.85 um off; paper: < 0.89."""
     law, beam = Law.from_sensor(PAPER, PROPORTIONAL), np.zeros(2)
     for n in range(200):
-        beam = law.command(Seen(n, n, powers((0, 0), beam, (0, 0.01, 0)), None, beam))
+        beam = law.command(ControlInput(n, n, powers((0, 0), beam, (0, 0.01, 0)), None, beam))
     assert 1e3 * np.hypot(*beam) == pytest.approx(0.85, abs=0.01)
 
 
@@ -93,7 +93,7 @@ def test_a_gain_past_the_margin_is_unstable():
 def test_commands_stay_within_their_limits_which_are_counted():
     """Relative tolerances would take 50 nm at 5 mm for nothing, and the integral would grow."""
     law, beam = Law.from_sensor(PAPER, replace(STAGE, law="pi", max_step=1e-5)), np.array([5.0, 0])
-    place = law.command(Seen(0, 0, powers((5.0 + 5e-5, 0), beam), None, beam))
+    place = law.command(ControlInput(0, 0, powers((5.0 + 5e-5, 0), beam), None, beam))
     assert np.hypot(*(place - beam)) <= 1e-5 + 1e-12
     assert law.limited == 1
     assert not law.summed.any()

@@ -93,7 +93,7 @@ class Mine:
     def stop(self, patience=5.0):
         self.model.halt()
 
-    def cry(self):
+    def emergency_stop(self):
         self.model.halt()
 
     def close(self):
@@ -130,9 +130,9 @@ def test_another_packages_driver_keeps_the_contract_and_is_held_back(mine):
     ("name", "words"),
     [
         ("mine:broken", "RuntimeError: board 7"),
-        ("none:1", "gives no driver: it has no prepare, place, move, stop, cry, close"),
+        ("none:1", "gives no driver: it has no prepare, place, move, stop, emergency_stop, close"),
         ("what:1", "there is no driver for a stage of that name; .* kinesis:, mine:, none:"),
-        ("mine:1", "it has no give_back"),
+        ("mine:1", "it has no restore_limits"),
     ],
 )
 def test_what_is_no_driver_is_told(mine, name, words):
@@ -155,9 +155,9 @@ class Faulty(Mine):
         place = super().place()
         return place * np.nan if self.fault == "nan" else place
 
-    def cry(self):
+    def emergency_stop(self):
         if self.fault != "deaf":
-            super().cry()
+            super().emergency_stop()
 
     def move(self, place):
         if self.fault == "fast":
@@ -169,7 +169,7 @@ class Faulty(Mine):
     ("fault", "words"),
     [
         ("nan", r"place\(\) gives"),
-        ("deaf", r"cry\(\) did not stop|still moves after cry"),
+        ("deaf", r"emergency_stop\(\) did not stop|still moves after emergency_stop"),
         ("fast", "faster than max_speed"),
         ("past", "stands at|past its goal"),
     ],

@@ -95,7 +95,7 @@ def test_pi_speaks_as_its_manual_says():
     assert port.sent == ["POS? 1 2\n", "MOV 1 1.000000 2 -0.250000\nERR?\n"]
     driver.stop()
     assert port.sent[-1] == "STP\nERR?\n"
-    driver.cry()  # leaves an error that is no refusal
+    driver.emergency_stop()  # leaves an error that is no refusal
     driver.move(np.zeros(2))
     port.device.refuse = True
     with pytest.raises(StageError, match="GCS error 5"):

@@ -85,8 +85,8 @@ def wave_test(
 
 
 @dataclass(frozen=True)
-class Thing:
-    """What may move during a calibration.
+class DriftSource:
+    """A component that may jump, drift or oscillate during a calibration.
 
     columns: what that does to the readings, and sigma: its prior standard uncertainty.  size:
     amounts in words.  remedy, apart: see `Alternative`.  stays: whether the state at the end is
@@ -143,78 +143,80 @@ def powers(amounts: Floats) -> str:
 #: What light of a lamp may be on each detector, mW and mW mm, 1 sigma; of light that a facet
 #: scatters, over its power.
 LAMP_SIGMA = np.array([3e-3, 9e-3, 9e-3] * 3)
-THINGS = (
+DRIFT_SOURCES = (
     *(
-        Thing(f"detector_{k}", "detectors", f"detector {k.upper()}",
+        DriftSource(f"detector_{k}", "detectors", f"detector {k.upper()}",
               partial(columns.detector_columns, k=n), 0.3, lengths("psi", "zeta"),
               "fasten it", "press lightly on its post, and look at its readings")
         for n, k in enumerate(DETECTORS)
     ),
     *(
-        Thing(f"turn_{k}", "detectors", f"the rotation of detector {k.upper()} about its normal",
+        DriftSource(f"turn_{k}", "detectors",
+              f"the rotation of detector {k.upper()} about its normal",
               partial(columns.unknown_columns, names=(f"psd_{k}.roll",)), 0.01, turn_size,
               "fasten it", "press lightly on its post, and look at its readings")
         for k in DETECTORS
     ),
     *(
-        Thing(f"gain_{k}", "electronics", f"the gain of detector {k.upper()}",
+        DriftSource(f"gain_{k}", "electronics", f"the gain of detector {k.upper()}",
               partial(columns.power_columns, detectors=(n,)), 0.03, share_size,
               "look at its amplifier and its plugs",
               "let the mirror rest and look at that power over the other two")
         for n, k in enumerate(DETECTORS)
     ),
-    Thing("supply", "electronics", "the places on all detectors", columns.place_columns, 0.05,
+    DriftSource("supply", "electronics", "the places on all detectors", columns.place_columns, 0.05,
           supply_size, "look at the supply and the reference voltage of the amplifiers, and for "
           "warm air in the beams' paths", "let the mirror rest under a cover, and record it"),
-    Thing("seat", "reference", "the mirror on the reference (or its zero)",
+    DriftSource("seat", "reference", "the mirror on the reference (or its zero)",
           lambda remainder: remainder.pose_columns, np.array([0.01] * 3 + [5e-5] * 3), pose_size,
           "fasten the mirror, and look for cables that pull",
           "come back to one pose again and again"),
-    Thing("beam", "light", "the beam", lambda remainder: remainder.beam_columns, 0.01,
+    DriftSource("beam", "light", "the beam", lambda remainder: remainder.beam_columns, 0.01,
           lengths("x", "y"), "fasten the laser, and shield the beam from moving air",
           "let the mirror rest and look at all three spots"),
     *(
-        Thing(f"facet_{k}", "facets", f"facet {k.upper()}",
+        DriftSource(f"facet_{k}", "facets", f"facet {k.upper()}",
               partial(columns.unknown_columns,
                       names=(f"facet_{k}.inclination", f"facet_{k}.azimuth")), 1e-3, angles,
               "look how the facets are held",
               "measure again with the mirror turned by 120 degrees on the reference (seat_deg)")
         for k in DETECTORS
     ),
-    Thing("polarisation", "light", "the light's polarisation",
+    DriftSource("polarisation", "light", "the light's polarisation",
           partial(columns.effect_columns, series="light.polarization"), 0.3, turn_size,
           "put a polariser behind the fibre or the laser",
           "put a polariser into the beam", harmless=True),
-    Thing("laser", "light", "the laser's power", columns.laser_columns, 0.05, share_size,
+    DriftSource("laser", "light", "the laser's power", columns.laser_columns, 0.05, share_size,
           "let the laser warm up, and look at its current", "let the mirror rest and look at the "
           "sum of the powers", harmless=True),
-    Thing("dark", "electronics", "the detectors' dark currents", columns.dark_columns, 1e-3, powers,
+    DriftSource("dark", "electronics", "the detectors' dark currents", columns.dark_columns, 1e-3,
+          powers,
           "look at the amplifiers' offsets, and measure in the dark",
           "block the beam, and look at the powers that are left", stays=False),
-    Thing("lamp", "environment", "light of a lamp on the detectors", columns.lamp_columns,
+    DriftSource("lamp", "environment", "light of a lamp on the detectors", columns.lamp_columns,
           LAMP_SIGMA, powers, "switch lamps off, or shield the detectors",
           "block the beam, and look at the powers that are left", stays=False),
 )  # fmt: skip
 
 
-def moving(thing: Thing) -> list[Alternative]:
-    """The alternatives of a thing that jumps, switches, drifts or oscillates."""
+def moving(source: DriftSource) -> list[Alternative]:
+    """The alternatives of a component that jumps, switches, drifts or oscillates."""
 
     def rows(trace: Trace, remainder: Remainder) -> list[str]:
         numbers = remainder.row_numbers
         return [f"{numbers[int(n) - 1]} and {numbers[int(n)]}" for n in trace.at]
 
     def jump(remainder: Remainder) -> Trace:
-        made, key = thing.columns(remainder), f"{thing.key}.jumped"
+        made, key = source.columns(remainder), f"{source.key}.jumped"
         courses = columns.steps(remainder)
-        step = remainder.test_courses(key, made, courses, thing.sigma)
+        step = remainder.test_courses(key, made, courses, source.sigma)
         first = np.argmax(courses[int(step.at[0]), :, 0] > 0)
         return step._replace(at=(float(first),))
 
     def switch(remainder: Remainder) -> Trace:
-        made = thing.columns(remainder)
-        trace, state = remainder.test_switching(made, jump(remainder), thing.sigma)
-        usual = state[-1] if thing.stays else trace.amounts[0] < 0
+        made = source.columns(remainder)
+        trace, state = remainder.test_switching(made, jump(remainder), source.sigma)
+        usual = state[-1] if source.stays else trace.amounts[0] < 0
         return trace._replace(columns=made * (state.astype(float) - usual)[:, None, None])
 
     def size_of_switch(trace: Trace, remainder: Remainder) -> str:
@@ -222,32 +224,32 @@ def moving(thing: Thing) -> list[Alternative]:
         listed = ", ".join(between[:MOST_ROWS_LISTED])
         more = f" and {len(between) - MOST_ROWS_LISTED} times more"
         rest = more if len(between) > MOST_ROWS_LISTED else ""
-        return f"between rows {listed}{rest}, {thing.size(trace.amounts)}"
+        return f"between rows {listed}{rest}, {source.size(trace.amounts)}"
 
     def size_of_wave(trace: Trace, remainder: Remainder) -> str:
         made = trace.amounts.reshape(-1, 2)
-        return f"{thing.size(np.hypot(*made.T))} at a period of {1 / trace.at[0]:.4g} rows"
+        return f"{source.size(np.hypot(*made.T))} at a period of {1 / trace.at[0]:.4g} rows"
 
     def alternative(course: str, **parts: Any) -> Alternative:
-        words = f"{thing.words} {COURSES[course]}"
-        return Alternative(f"{thing.key}.{course}", thing.group, words, thing.remedy, thing.apart,
-                           **parts)  # fmt: skip
+        words = f"{source.words} {COURSES[course]}"
+        return Alternative(f"{source.key}.{course}", source.group, words, source.remedy,
+                           source.apart, **parts)  # fmt: skip
 
     def first_state(remainder: Remainder) -> Floats:
         """As it was at the beginning, where poses may be measured in that state."""
-        made, first = thing.columns(remainder), columns.slow_drift(remainder)[0, 0]
+        made, first = source.columns(remainder), columns.slow_drift(remainder)[0, 0]
         return np.kron(made, first)
 
     def course(name: str, courses: Callable[[Remainder], Floats]) -> Callable[[Remainder], Trace]:
-        return course_test(f"{thing.key}.{name}", thing.columns, courses, thing.sigma)
+        return course_test(f"{source.key}.{name}", source.columns, courses, source.sigma)
 
     return [
-        alternative("jumped", test=switch, size=size_of_switch, refuses=not thing.harmless),
+        alternative("jumped", test=switch, size=size_of_switch, refuses=not source.harmless),
         alternative("drifted", test=course("drifted", columns.slow_drift),
-                    in_use=None if thing.group in OF_SENSOR else first_state),
+                    in_use=None if source.group in OF_SENSOR else first_state),
         alternative("oscillated", size=size_of_wave,
-                    test=wave_test(f"{thing.key}.oscillated", thing.columns, columns.waves,
-                                   columns.frequencies, thing.sigma)),
+                    test=wave_test(f"{source.key}.oscillated", source.columns, columns.waves,
+                                   columns.frequencies, source.sigma)),
         alternative("warmed", test=course("warmed", columns.warmth)),
     ]  # fmt: skip
 
@@ -488,6 +490,6 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 "by an automatic zero", "switch it off", "block the beam, and look at the powers "
                 "that are left", test_resets,
                 lambda trace, remainder: f"(every {trace.at[0]:.0f} rows)"),
-    *(alternative for thing in THINGS for alternative in moving(thing)),
+    *(alternative for source in DRIFT_SOURCES for alternative in moving(source)),
 )  # fmt: skip
 BY_KEY = {alternative.key: alternative for alternative in ALTERNATIVES}

@@ -72,21 +72,21 @@ def replay(
     pipeline: Pipeline,
     real_time: bool = False,
     damage: Damage | None = None,
-    tell: Callable[[int, int], None] = lambda *_: None,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
     salvage: bool = False,
 ) -> Iterator[RunPoses]:
     """Yield the poses of a recording, block by block as they came; they equal those of the run.
 
     All samples are solved, also those that the run had no time for. Bytes that nothing proves are
     not read in a format without checksums, since they could be anything.  damage: counts
-    differences from what was written.  tell: called with the number of bytes read and their total.
-    salvage: see `blocks`.
+    differences from what was written.  on_progress: called with the number of bytes read
+    and their total.  salvage: see `blocks`.
     """
     begin: tuple[float, float] | None = None
     damage = damage if damage is not None else Damage()
     done, whole, doubtful = 0, size_of(folder), False
     for block in blocks(folder, damage, salvage):
-        tell(done, whole)
+        on_progress(done, whole)
         done += len(block.data)
         doubtful |= block.doubtful
         if block.doubtful and pipeline.config.acquire.format == "text":

@@ -48,12 +48,12 @@ class Reader(threading.Thread):
         name: str,
         reconnect: bool,
         live: Live,
-        tell: Callable[[str], None] = lambda _: None,
+        on_progress: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Open the port, waiting for it for up to `acquire.wait_s` of the configuration.
 
         reconnect: wait for the port in the thread instead, without end, and again whenever it goes
-        away.  tell: receives a sentence if there is something to wait for.
+        away.  on_progress: receives a sentence if there is something to wait for.
         """
         super().__init__(name="reader", daemon=True)
         self.settings, self.port_name = config.acquire, name
@@ -64,7 +64,7 @@ class Reader(threading.Thread):
         if reconnect:
             live.note = f"waiting for {name}"
         else:
-            self.port = await_port(name, config.acquire.baud, config.acquire.wait, tell)
+            self.port = await_port(name, config.acquire.baud, config.acquire.wait, on_progress)
         self.queue: SimpleQueue[Block] = SimpleQueue()
         self.pending = bytearray()  # bytes that came since the last block
         self.since = self.arrival = 0.0  # when the first and the last of them came

@@ -318,12 +318,12 @@ def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
 
 
 def await_port(
-    name: str, baud: int, wait: float, tell: Callable[[str], None] = lambda _: None
+    name: str, baud: int, wait: float, on_progress: Callable[[str], None] = lambda _: None
 ) -> Source:
     """Open the port of a name as soon as it is there: a board that boots takes some seconds.
 
-    tell: receives a sentence once, if there is something to wait for. Raises `PortError` after
-    `wait` seconds; at once for a file, and for a port that another program uses.
+    on_progress: receives a sentence once, if there is something to wait for. Raises `PortError`
+    after `wait` seconds; at once for a file, and for a port that another program uses.
     """
     last, told = time.monotonic() + wait, False
     while True:
@@ -335,6 +335,6 @@ def await_port(
             if name.startswith("file:") or time.monotonic() >= last:
                 raise
             if not told:
-                tell(f"{error}. Waiting up to {wait:g} s for it.")
+                on_progress(f"{error}. Waiting up to {wait:g} s for it.")
                 told = True
             time.sleep(RETRY_INTERVAL_S)

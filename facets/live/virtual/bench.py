@@ -111,15 +111,15 @@ class Bench:
             )
         return signals
 
-    def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
-        """Run the bench for some seconds, or until ^C.  tell: called in each round."""
+    def run(self, seconds: float, on_progress: Callable[[Bench], None] = lambda _: None) -> None:
+        """Run the bench for some seconds, or until ^C.  on_progress: called in each round."""
         self.begin = self.clock()
         self.board.switch_on(self.begin)
         try:
             while self.last < seconds:
                 self.round()
                 self.answer()
-                tell(self)
+                on_progress(self)
         except KeyboardInterrupt:
             pass
         finally:

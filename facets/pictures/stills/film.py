@@ -17,7 +17,7 @@ from .magnification import factor_in_words
 from .materials import THEMES, rgb
 from .render import Picture
 
-Tell = Callable[[float, float], None]
+OnProgress = Callable[[float, float], None]
 
 #: How far the camera swings to either side, rad.
 SWING_RAD = 0.20
@@ -53,7 +53,7 @@ class Film:
     turning: float = 1.0
 
 
-def frames(picture: Picture, film: Film, tell: Tell) -> Iterator[Any]:
+def frames(picture: Picture, film: Film, on_progress: OnProgress) -> Iterator[Any]:
     """Yield the frames (h, w, 3), 0 to 255."""
     view = picture.view
     still = view.camera()
@@ -64,13 +64,18 @@ def frames(picture: Picture, film: Film, tell: Tell) -> Iterator[Any]:
         view.camera = lambda n=n: ease_camera(still, n / count)  # type: ignore[method-assign, misc]
         picture.move(film.factor * state)
         yield picture.image()
-        tell(n + 1, count)
+        on_progress(n + 1, count)
 
 
-def write(picture: Picture, film: Film, path: Path, tell: Tell = lambda done, whole: None) -> None:
-    """Write a film; a failure leaves no file.  tell: takes the frames done and their number."""
+def write(
+    picture: Picture, film: Film, path: Path, on_progress: OnProgress = lambda done, whole: None
+) -> None:
+    """Write a film; a failure leaves no file.
+
+    on_progress: takes the frames done and their number.
+    """
     with Whole(path) as temporary:
-        shown = frames(picture, film, tell)
+        shown = frames(picture, film, on_progress)
         if path.suffix.lower() == ".gif":
             write_gif(shown, temporary, film.rate)
         else:
