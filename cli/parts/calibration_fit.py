@@ -34,7 +34,6 @@ def fit_rig(
         if groups
         else calibration.table.choice(settings.sensor, options)
     )
-    unknowns = calibration.table.add_seats(unknowns, samples, options)
     typer.echo(f"{len(samples.raw)} samples, {len(unknowns.names)} unknowns of the rig")
     if unknowns.joint:
         typer.echo(

@@ -36,7 +36,6 @@ from .fitting.unknowns import (
     DRIFTS,
     LAG,
     MOUNTING,
-    OF_SEAT,
     OF_SENSOR,
     PLACE,
     POWER_DRIFT,
@@ -60,16 +59,15 @@ BEAM = STATE_COLUMNS[6:]
 #: Over how long a board's clock is taken to be even, and how often it is compared, s.
 CLOCK_WINDOW_S, CLOCK_STEP_S = 10.0, 0.05
 #: What says when and how a sample was taken.
-RUN = ("time_s", TEMPERATURE_COLUMN, "seat_deg")
+RUN = ("time_s", TEMPERATURE_COLUMN)
 
 
 def read(path: Path, settings: Calibrate) -> Data:
     """Read a table with readings and the columns of `REFERENCE`.
 
-    Optional columns are `bx_mm` and `by_mm` of a moving beam, `time_s`, `temperature_c`, and
-    `seat_deg`, the angle by which the mirror was turned when it was mounted. Raises `InputError` if
-    a column is missing for an axis whose uncertainty is given, or if the beam's position is an
-    estimate.
+    Optional columns are `bx_mm` and `by_mm` of a moving beam, `time_s` and `temperature_c`.
+    Raises `InputError` if a column is missing for an axis whose uncertainty is given, or if the
+    beam's position is an estimate.
     """
     beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
@@ -131,7 +129,7 @@ def recording_time(host: Floats, board: Floats) -> Floats:
 def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
     """Make samples from columns, without rows that lack a pose or any reading.
 
-    Raises `InputError` if fewer than 10 are left, or a seating is invalid.
+    Raises `InputError` if fewer than 10 are left.
     """
     count = len(next(iter(columns.values())))
 
@@ -147,7 +145,6 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
     good &= np.isfinite(raw).any(axis=1)
     if good.sum() < 10:
         raise InputError(f"{path}: {int(good.sum())} whole rows; a calibration needs 10 at least")
-    seat, thirds = seats(path, columns.get("seat_deg"), good)
     velocity = acceleration = None
     if "time_s" in columns and noise is None:
         velocity, acceleration = time_derivatives(columns["time_s"][good], pose[good])
@@ -160,8 +157,6 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
         acceleration=acceleration,
         noise=None if noise is None else noise[good],
         clock=clock(columns, good),
-        seat=seat,
-        thirds=thirds,
         rows=None if rows is None else rows[good],
         number=np.flatnonzero(good) + 1,
         temperature=float(np.nanmean(columns[TEMPERATURE_COLUMN][good]))
@@ -261,23 +256,6 @@ def time_derivatives(time: Floats, pose: Floats) -> tuple[Floats, Floats] | tupl
     return derivatives[0], derivatives[1]
 
 
-def seats(
-    path: Path, column: Floats | None, good: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
-    """The number of the mirror's seating in each sample, and its rotation in thirds of a turn; None
-    without the column."""
-    if column is None:
-        return None, None
-    degrees, place = np.unique(column[good], return_inverse=True)
-    thirds = np.round(degrees / 120)
-    if not np.isfinite(degrees).all() or (np.abs(degrees - 120 * thirds) > 1).any():
-        raise InputError(
-            f"{path}: seat_deg is {', '.join(f'{value:g}' for value in degrees)}; allowed: 0, 120 "
-            "and 240, by which the mirror was turned when it was put on the reference"
-        )
-    return place.astype(np.int64), thirds.astype(np.int64)[place] % 3
-
-
 def choice(sensor: Sensor, settings: Calibrate) -> Choice:
     """The unknowns of every fit, by the keys of `calibrate.before`."""
     before = settings.before
@@ -291,7 +269,7 @@ def choice(sensor: Sensor, settings: Calibrate) -> Choice:
         sigma[f"beam.{name}"] = before.get("beam_tilt_mrad", 0) / 1000
     for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
         sigma |= facet_sigmas(letter, before) | detector_sigmas(letter, psd, before)
-    sigma |= seat_sigmas("", before)
+    sigma |= mounting_sigmas(before)
     kept = {name: value for name, value in sigma.items() if value > 0}
     if not kept:
         raise InputError("every key of calibrate.before is null: nothing is to be found")
@@ -384,26 +362,15 @@ def bends(letter: str, size: float) -> dict[str, float]:
     return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
 
 
-def seat_sigmas(prefix: str, before: dict[str, float]) -> dict[str, float]:
-    """Prior uncertainties of one seating; the first, which has no prefix, fixes the apex's height
-    by convention."""
+def mounting_sigmas(before: dict[str, float]) -> dict[str, float]:
+    """Prior uncertainties of the mirror's place on the reference; the apex's height is zero by
+    convention."""
     sigma = {}
-    for name in OF_SEAT:
-        size = before.get(f"{name.partition('.')[0]}_{'deg' if 'mount' in name else 'mm'}", 0)
-        sigma[prefix + name] = size * (np.pi / 180 if "mount" in name else 1.0)
-    if not prefix:
-        sigma["apex.z"] = 0.0
-    return sigma
-
-
-def add_seats(chosen: Choice, data: Data, settings: Calibrate) -> Choice:
-    """Add the mirror's place in its further seatings to a choice."""
-    if data.seat is None:
-        return chosen
-    for seat in range(2, int(data.seat.max()) + 2):
-        sizes = seat_sigmas(f"seat_{seat}.", settings.before)
-        chosen = chosen.add_unknowns({name: size for name, size in sizes.items() if size > 0})
-    return chosen
+    for name in MOUNTING:
+        is_angle = "mount" in name
+        size = before.get(f"{name.partition('.')[0]}_{'deg' if is_angle else 'mm'}", 0)
+        sigma[name] = size * (np.pi / 180 if is_angle else 1.0)
+    return sigma | {"apex.z": 0.0}
 
 
 def split(data: Data, share: float) -> tuple[Data, Data]:
@@ -464,7 +431,7 @@ def standard_uncertainties(result: Fit, names: Sequence[str]) -> Floats:
 def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
     """A table of each unknown's change and uncertainties.
 
-    The first mount's angles are left out: they are part of the facets, whose change and
+    The mount's angles are left out: they are part of the facets, whose change and
     uncertainty hold them.
     """
     kept = [n for n, name in enumerate(result.choice.names) if not name.startswith("mount.")]

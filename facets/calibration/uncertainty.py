@@ -307,22 +307,21 @@ def compare_poses(sensor: Sensor, held: Data, values: Floats, result: Fit) -> Tr
 
     values: values of `ALL`, for where the mirror is on the reference.
     """
-    data = held if held.seat is None else held.part(held.seat == 0)
-    still, values = np.zeros((len(data.raw), OWN_COUNT)), fold_mount(values)
-    truth = states_of(data, still, values)
+    still, values = np.zeros((len(held.raw), OWN_COUNT)), fold_mount(values)
+    truth = states_of(held, still, values)
     exact = readings(sensor, truth)
     seen = exact.copy()
-    add_skew(seen, sensor, data, still, values)
+    add_skew(seen, sensor, held, still, values)
     solution: Solution = solve(
         sensor,
-        correct(sensor, data.raw) - (seen - exact),
+        correct(sensor, held.raw) - (seen - exact),
         beam=Prior(truth[:, 6:], result.choice.beam),
         power="unknown" if result.choice.power else "known",
         threads=0,
     )
     return Trial(
         (solution.state - truth)[:, :6],
-        np.hypot(solution.uncertainty[:, :6], np.where(np.isfinite(data.sigma), data.sigma, 0.0)),
+        np.hypot(solution.uncertainty[:, :6], np.where(np.isfinite(held.sigma), held.sigma, 0.0)),
     )
 
 

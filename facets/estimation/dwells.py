@@ -56,13 +56,11 @@ class Dwells(NamedTuple):
     left_out: int
 
 
-def stands(
-    pose: Floats, sigma: Floats, seat: Floats | None = None, fewest: int = FEWEST
-) -> list[slice]:
+def stands(pose: Floats, sigma: Floats, fewest: int = FEWEST) -> list[slice]:
     """Find the rows during which the reference stands still.
 
-    pose: (n, d) of the axes that it measures.  sigma: (d,).  seat: (n,), constant during a stand.
-    fewest: rows of a stand.
+    pose: (n, d) of the axes that it measures.  sigma: (d,).  fewest: rows of a
+    stand.
     """
     bad = np.asarray(~np.isfinite(pose).all(axis=1))
     scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
@@ -71,7 +69,7 @@ def stands(
         if bad[start]:
             start += 1
             continue
-        end = start_of_next(scaled, seat, start)
+        end = start_of_next(scaled, start)
         if end - start >= fewest:
             off = int(ENDS * (end - start))
             parts.append(slice(start + off, end - off))
@@ -108,14 +106,12 @@ def finite_means(values: Floats) -> Floats:
     return means
 
 
-def start_of_next(scaled: Floats, seat: Floats | None, start: int) -> int:
+def start_of_next(scaled: Floats, start: int) -> int:
     """The first row after `start` at another place, searched for in growing pieces."""
     end, size = start + 1, FEWEST
     while end < len(scaled):
         part = slice(end, end + size)
         away = np.asarray((np.abs(scaled[part] - scaled[start]) > 1).any(axis=1))
-        if seat is not None:
-            away |= seat[part] != seat[start]
         if away.any():
             return end + int(np.argmax(away))
         end, size = min(end + size, len(scaled)), 2 * size
@@ -125,7 +121,7 @@ def start_of_next(scaled: Floats, seat: Floats | None, start: int) -> int:
 def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwells:
     """Average columns (n,) over the stands of a reference (n, d) with standard uncertainties
     `sigma` (d,)."""
-    parts = stands(pose, sigma, columns.get("seat_deg"))
+    parts = stands(pose, sigma)
     means = {
         name: np.array([mean(values[part]) for part in parts]) for name, values in columns.items()
     }

@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 from commands import command
 from facets.experiments.studies import rigs
-from rig_samples import CONFIG, NOMINAL, sample_rig, write_samples
+from rig_samples import NOMINAL, sample_rig, write_samples
 
 import facets
 from facets import ConfigError
 from facets.calibration import (
-    PLACE,
-    Data,
     choose_poses,
     fit,
     information,
     mean_reduction,
     pose_information,
-    table,
     weak_directions,
 )
 from facets.core import STATE_COLUMNS, STATE_UNITS, Table
@@ -81,35 +78,6 @@ def test_outliers_count_less_and_a_missing_detector_is_no_obstacle():
     assert (good < 1.3 * perfect).all()
     assert (bad > 1.5 * perfect).any()
     assert robust.weights[hit, 0].max() < 0.5
-
-
-def test_seatings_by_thirds_part_mirror_from_detectors():
-    """Each facet before each detector: what all facets share with all detectors is told apart."""
-    rng = np.random.default_rng(4)
-    rig = rigs.draw_rig(NOMINAL, rng)
-    for seat in (2, 3):
-        rig.values[PLACE[f"seat_{seat}.apex.z"]] = 0.05 * seat
-        rig.values[PLACE[f"seat_{seat}.mount.yaw"]] = 2e-3 * seat
-    pose = rng.uniform(-1, 1, (240, 6)) * rigs.BOX * [1, 1, 1, 0.8, 0.8, 0.8]
-    seat = np.repeat(np.arange(3), 80)
-    empty = Data(np.zeros((240, 9)), pose, rigs.REFERENCE, np.zeros((240, 2)))
-    data = rigs.read(rig, empty._replace(seat=seat, thirds=seat), rng)
-    fits = []
-    for count in (1, 3):
-        part = data.part(seat < count)
-        chosen = table.choice(NOMINAL, CONFIG.calibrate)
-        if count > 1:
-            chosen = table.add_seats(chosen, part, CONFIG.calibrate)
-        further = {name.split(".")[0] for name in chosen.names if "seat_" in name}
-        assert further == {f"seat_{n}" for n in range(2, count + 1)}
-        fits.append(fit.fit(NOMINAL, part, chosen))
-    once, whole = fits
-    assert whole.ended
-    assert abs(whole.reduced_chi_square - 1) < 5 * np.sqrt(2 / whole.freedom)
-    common, parted = (
-        each.uncertainty[each.choice.names.index("psd_a.azimuth")] for each in (once, whole)
-    )
-    assert parted < 0.8 * common
 
 
 # ---- what a motion tells

@@ -32,11 +32,11 @@ def test_stands_are_found_and_the_way_between_is_not():
         assert (np.abs(pose[part] - places[n]) < 3 * SIGMA).all()
 
 
-def test_rows_without_a_pose_and_a_new_seat_end_a_stand():
-    pose, seat = np.zeros((300, 2)), np.repeat([0.0, 0.0, 120.0], 100)
+def test_rows_without_a_pose_end_a_stand():
+    pose = np.zeros((200, 2))
     pose[100] = np.nan
-    starts = [part.start for part in stands(pose, SIGMA, seat)]
-    assert [round(start, -2) for start in starts] == [0, 100, 200]
+    starts = [part.start for part in stands(pose, SIGMA)]
+    assert [round(start, -2) for start in starts] == [0, 100]
     assert stands(np.full((50, 2), np.nan), SIGMA) == []
 
 

@@ -17,7 +17,7 @@ from ...core.names import DETECTORS
 from ...core.sensor import BenchLight, Sensor
 from ...core.units import Floats
 from ...model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
-from ..fitting.bundle_adjustment import evaluate_turned_mirror, states_of
+from ..fitting.bundle_adjustment import states_of
 from .alternative import LAST_TRIALS, Alternative
 from .remainder import STEP_MARGIN, Remainder
 
@@ -179,11 +179,7 @@ def shape_columns(remainder: Remainder) -> Floats:
 def effect_columns(remainder: Remainder, series: str) -> Floats:
     """The columns of the effects of light whose names begin with a series."""
     names = [name for name in EFFECTS if name.startswith(series)]
-
-    def slopes(sensor: Sensor, state: Floats) -> Floats:
-        return effect_jacobian(sensor, state, names=names)
-
-    whole = evaluate_turned_mirror(remainder.sensor, remainder.data, remainder.state, slopes)
+    whole = effect_jacobian(remainder.sensor, remainder.state, names=names)
     picked: Floats = whole[:, :, [EFFECTS.index(name) for name in names]]
     return picked / remainder.noise[:, :, None]
 
@@ -526,9 +522,7 @@ def averaged_columns(remainder: Remainder) -> Floats:
     own, values, sensor = result.own_values, result.all_values, remainder.sensor
     half = (data.step + data.next_step) / 2
     before, here, behind = (
-        evaluate_turned_mirror(
-            sensor, data, states_of(data._replace(pose=data.pose + step), own, values), readings
-        )
+        readings(sensor, states_of(data._replace(pose=data.pose + step), own, values))
         for step in (data.bend / 2 - half, np.zeros(6), data.bend / 2 + half)
     )
     column = (before + behind) / 2 - here

@@ -61,7 +61,7 @@ MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 4.0
 #: A pose is not known where its variance is so many times that of most.
 WORST_VARIANCE = 100.0
 #: Unknowns of a run that are no part of the sensor.
-RUN_UNKNOWNS = ("lever.", "apex.", "seat_", "reference.", "backlash.", "lag.", "time.",
+RUN_UNKNOWNS = ("lever.", "apex.", "reference.", "backlash.", "lag.", "time.",
                 "temperature.", "past_", "ahead.")  # fmt: skip
 
 

@@ -10,8 +10,6 @@ number of samples needs one small system. All derivatives are closed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +28,7 @@ from ...core.units import Floats
 from ...detectors.correction import NAMES, correct, correction_slopes
 from ...detectors.noise import standard_deviations
 from ...detectors.temperature import PLACES
-from ...model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, replace_effects
+from ...model.arrays import EFFECTS, effect_jacobian, jacobian, readings
 from ...model.beam_shape import SHAPE
 from .unknowns import (
     ALL,
@@ -42,7 +40,6 @@ from .unknowns import (
     LAG,
     MOUNTING,
     OF_DRIFT,
-    OF_SEAT,
     PLACE,
     POWER_DRIFT,
     SKEW,
@@ -75,16 +72,15 @@ class Data(NamedTuple):
     sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
     column then holds the initial guess. beam: (n, 2) mm. velocity, acceleration: (n, 6) in mm, rad
     and s. clock: (n, 5) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K,
-    means of its past less the temperature, K, and its change, K a half run. seat: (n,) number of
-    the mirror's seating; thirds: (n,) thirds of a turn by which the mirror was turned. noise: (n,
-    9) standard deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials
-    for the laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where
-    none is known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9)
-    the readings of that row. next_step: (n, 6) by how much the reference moves to the row behind.
-    bend: (n, 6) the second difference of its poses there, by the two rows on both sides alone.
-    rows: (n,) number of rows of the table in a sample's mean; None where each sample is one row.
-    number: (n,) the table's row, from 1, or the number of the stand where rows were averaged.
-    temperature: the mean one, degrees Celsius.
+    means of its past less the temperature, K, and its change, K a half run. noise: (n, 9) standard
+    deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials for the
+    laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where none is
+    known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9) the
+    readings of that row. next_step: (n, 6) by how much the reference moves to the row behind. bend:
+    (n, 6) the second difference of its poses there, by the two rows on both sides alone. rows: (n,)
+    number of rows of the table in a sample's mean; None where each sample is one row. number: (n,)
+    the table's row, from 1, or the number of the stand where rows were averaged. temperature: the
+    mean one, degrees Celsius.
     """
 
     raw: Floats
@@ -94,8 +90,6 @@ class Data(NamedTuple):
     velocity: Floats | None = None
     acceleration: Floats | None = None
     clock: Floats | None = None
-    seat: NDArray[np.int64] | None = None
-    thirds: NDArray[np.int64] | None = None
     noise: Floats | None = None
     slow: Floats | None = None
     approach: Floats | None = None
@@ -114,21 +108,6 @@ class Data(NamedTuple):
             if value is not None and name not in ("sigma", "temperature")
         }
         return self._replace(**kept)
-
-
-class Seating(NamedTuple):
-    """The mirror's place on the reference in each sample: each (n, 3); mm and rad."""
-
-    lever: Floats
-    apex: Floats
-    mount: Floats
-
-
-def seating(data: Data, mounting: Floats) -> Seating:
-    """The seating of each sample.  mounting: values of `MOUNTING`."""
-    every = mounting.reshape(-1, len(OF_SEAT))
-    rows = every[np.zeros(len(data.raw), dtype=np.int64) if data.seat is None else data.seat]
-    return Seating(rows[:, :3], rows[:, 3:6], rows[:, 6:])
 
 
 def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
@@ -160,12 +139,12 @@ def states_of(data: Data, own_values: Floats, values: Floats) -> Floats:
     own_values: (n, 9).  values: values of all names in `ALL`.
     """
     pose = pose_of(data, own_values, values)
-    seat = seating(data, values[block(MOUNTING)])
+    lever, apex, mount = values[block(MOUNTING)].reshape(3, 3)
     turn = rotation_matrix(pose[:, 3:])
     state = np.concatenate([pose, data.beam + own_values[:, 7:]], axis=1)
-    state[:, :3] += np.einsum("nij,nj->ni", turn - np.eye(3), seat.lever) + seat.apex
-    if seat.mount.any():
-        state[:, 3:6] = rotation_angles(turn @ rotation_matrix(seat.mount))
+    state[:, :3] += (turn - np.eye(3)) @ lever + apex
+    if mount.any():
+        state[:, 3:6] = rotation_angles(turn @ rotation_matrix(mount))
     state[:, 6:] += drift(data, values)[:, :2]
     return state
 
@@ -215,7 +194,7 @@ def predict_readings(
     sensor: Sensor, data: Data, own_values: Floats, values: Floats, state: Floats
 ) -> Floats:
     """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
-    seen = evaluate_turned_mirror(sensor, data, state, readings)
+    seen = readings(sensor, state)
     add_skew(seen, sensor, data, own_values, values)
     seen[:, 2::3] *= relative_power(data, own_values, values)[:, None]
     seen[:, PLACES] += drift(data, values)[:, 2:]
@@ -233,62 +212,7 @@ def add_skew(seen: Floats, sensor: Sensor, data: Data, own_values: Floats, value
             later[PLACE[DELAY]] += values[PLACE[name]]
             state = states_of(data, own_values, later)
             part = slice(3 * k, 3 * k + 3)
-            seen[:, part] = evaluate_turned_mirror(sensor, data, state, readings)[:, part]
-
-
-def evaluate_turned_mirror(
-    sensor: Sensor, data: Data, state: Floats, what: Callable[[Sensor, Floats], Floats]
-) -> Floats:
-    """Evaluate a function of sensor and states for a mirror that is turned by thirds."""
-    if data.thirds is None or not data.thirds.any():
-        return what(sensor, state)
-    parts = {
-        third: what(turn_mirror(sensor, third), state[data.thirds == third])
-        for third in np.unique(data.thirds).tolist()
-    }
-    out = np.empty((len(state), *next(iter(parts.values())).shape[1:]))
-    for third, part in parts.items():
-        out[data.thirds == third] = part
-    return out
-
-
-def turn_mirror(sensor: Sensor, thirds: int) -> Sensor:
-    """The sensor whose mirror was put on by thirds of a turn: A faces detector B after one."""
-    if not thirds % 3:
-        return sensor
-    facets = [
-        replace(old := sensor.facets[(k - thirds) % 3],
-                azimuth=old.azimuth + 2 * np.pi * thirds / 3)
-        for k in range(3)
-    ]  # fmt: skip
-    turned_on = replace(sensor, facets=(facets[0], facets[1], facets[2]))
-    order = [EFFECTS.index(mirror_name(name, thirds)) for name in EFFECTS]
-    return replace_effects(turned_on, effects(sensor)[order])
-
-
-def mirror_name(name: str, thirds: int) -> str:
-    """The parameter of the turned mirror that acts where `name` acts on the unturned mirror."""
-    head, dot, tail = name.partition(".")
-    kind, _, letters = head.partition("_")
-    if kind not in ("facet", "edge", "strip"):
-        return name
-    moved = "".join("abc"[("abc".index(c) - thirds) % 3] if c in "abc" else c for c in letters)
-    return f"{kind}_{moved}{dot}{tail}"
-
-
-def assign_to_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Floats:
-    """Reassign the derivatives by names (n, 9, p) of a turned mirror to the facet or edge that
-    acts."""
-    if data.thirds is None or not data.thirds.any():
-        return columns
-    out = columns.copy()
-    for third in np.unique(data.thirds[data.thirds % 3 > 0]).tolist():
-        rows = data.thirds == third
-        into = [names.index(mirror_name(name, third)) for name in names]
-        part = np.empty_like(columns[rows])
-        part[:, :, into] = columns[rows]
-        out[rows] = part
-    return out
+            seen[:, part] = readings(sensor, state)[:, part]
 
 
 class Linear(NamedTuple):
@@ -317,26 +241,23 @@ def linearise_model(
     seen = predict_readings(sensor, data, own_values, values, state)
     sigma = deviations(sensor, data)
     residual = (correct(sensor, data.raw) - seen) / sigma
-    by_state = evaluate_turned_mirror(sensor, data, state, jacobian)
+    by_state = jacobian(sensor, state)
     light = relative_power(data, own_values, values)[:, None, None]
     by_state[:, 2::3] *= light
     pose = pose_of(data, own_values, values)
-    turning = Turning.from_pose(pose, seating(data, values[block(MOUNTING)]), state)
+    turning = Turning.from_pose(pose, values[block(MOUNTING)], state)
     by_own = own_columns(by_state, turning, seen, light[:, 0])
     bent = any(name in SPLINE for name in choice.names)
     every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
     if bent:
         every[:, :, block(SPLINE)] = -spline_slopes(sensor, data.raw)
-    every[:, :, : len(GEOMETRY) + len(SHAPE)] = assign_to_mirror(
-        evaluate_turned_mirror(sensor, data, state, sensor_derivatives), (*GEOMETRY, *SHAPE), data
-    )
+    every[:, :, : len(GEOMETRY) + len(SHAPE)] = sensor_derivatives(sensor, state)
     every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
     every[:, :, block(NAMES)] = -correction_slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
-        columns = evaluate_turned_mirror(sensor, data, state, effect_columns(data, choice))
-        every[:, :, block(EFFECTS)] = assign_to_mirror(columns, EFFECTS, data)
+        every[:, :, block(EFFECTS)] = effect_columns(sensor, state, choice)
         every[:, 2::3, block(EFFECTS)] *= light
-    add_mounting(every, data, by_state, turning)
+    every[:, :, block(MOUNTING)] = mounting_columns(by_state, turning)
     add_run(every, data, by_own, by_state, values[PLACE[DELAY]])
     common, by_own = every[:, :, choice.places] / sigma[:, :, None], by_own * OWN_UNITS
     by_own = by_own / sigma[:, :, None]
@@ -348,22 +269,15 @@ def linearise_model(
     return Linear(residual, common, by_own)
 
 
-def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
-    """The derivatives by the effects of a choice, wherever the mirror was turned to.
+def effect_columns(sensor: Sensor, state: Floats, choice: Choice) -> Floats:
+    """The derivatives by the effects of a choice.
 
     NaN where a diverging fit makes a sensor without derivatives, such as a beam without width.
     """
-    names = list(choice.names)
-    if data.thirds is not None and data.thirds.any():
-        names = [mirror_name(name, third) for name in names for third in range(3)]
-
-    def columns(sensor: Sensor, state: Floats) -> Floats:
-        try:
-            return effect_jacobian(sensor, state, names=names)
-        except ZeroDivisionError:
-            return np.full((len(state), 9, len(EFFECTS)), np.nan)
-
-    return columns
+    try:
+        return effect_jacobian(sensor, state, names=list(choice.names))
+    except ZeroDivisionError:
+        return np.full((len(state), 9, len(EFFECTS)), np.nan)
 
 
 class Turning(NamedTuple):
@@ -379,15 +293,16 @@ class Turning(NamedTuple):
     mount: Floats
 
     @classmethod
-    def from_pose(cls, pose: Floats, seat: Seating, state: Floats) -> Turning:
+    def from_pose(cls, pose: Floats, mounting: Floats, state: Floats) -> Turning:
+        lever, _, mount = mounting.reshape(3, 3)
         turn, turn_axes = rotation_matrix(pose[:, 3:]), angle_axes(pose[:, 3:])
-        arm = np.einsum("nij,nj->ni", turn, seat.lever)
+        arm = turn @ lever
         rates = angle_rates(state[:, 3:6])
         return cls(
             turn,
             -cross_matrix(arm) @ turn_axes,
             rates @ turn_axes,
-            rates @ turn @ angle_axes(seat.mount),
+            rates @ turn @ angle_axes(mount),
         )
 
 
@@ -402,9 +317,9 @@ def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats)
     return columns
 
 
-def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) -> None:
-    """Fill the columns of `MOUNTING`: for each sample, those of the seating that it has."""
-    part = np.concatenate(
+def mounting_columns(by_state: Floats, turning: Turning) -> Floats:
+    """The derivatives of the readings by `MOUNTING` (n, 9, 9)."""
+    return np.concatenate(
         [
             by_state[:, :, :3] @ (turning.matrix - np.eye(3)),
             by_state[:, :, :3],
@@ -412,13 +327,6 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
         ],
         axis=2,
     )
-    first = block(MOUNTING).start
-    if data.seat is None:
-        every[:, :, first : first + len(OF_SEAT)] = part
-        return
-    for seat in np.unique(data.seat).tolist():
-        rows, start = data.seat == seat, first + seat * len(OF_SEAT)
-        every[rows, :, start : start + len(OF_SEAT)] = part[rows]
 
 
 def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats, late: float) -> None:

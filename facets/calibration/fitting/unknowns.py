@@ -1,8 +1,8 @@
 """The unknowns of a calibration by name, and the sensor that their values make.
 
 The order, `ALL`: the sensor's parameters, its beam's shape as a covariance; the corrections of the
-detectors; the effects of real light; where the mirror sits on its reference, one seating after
-another; what changes over the run. Units are mm, rad, mW, s and shares throughout.
+detectors; the effects of real light; where the mirror sits on its reference; what changes over the
+run. Units are mm, rad, mW, s and shares throughout.
 """
 
 from __future__ import annotations
@@ -119,17 +119,14 @@ def spline_error(sensor: Sensor, raw: Floats, names: tuple[str, ...], covariance
     return size
 
 
-#: Of one seating: the apex from the reference's pivot; the apex from the beam while the reference
-#: is at zero; how the mirror is turned on the reference.
-OF_SEAT = (
+#: Of the mirror on its reference: the apex from the reference's pivot; the apex from the beam while
+#: the reference is at zero; how the mirror is turned on the reference.
+MOUNTING = (
     *(f"lever.{axis}" for axis in "xyz"),
     *(f"apex.{axis}" for axis in "xyz"),
     *(f"mount.{axis}" for axis in ("roll", "pitch", "yaw")),
 )
-#: The last two of the first seating.
-APEX, MOUNT = OF_SEAT[3:6], OF_SEAT[6:]
-SEATS = 4
-MOUNTING = OF_SEAT + tuple(f"seat_{n}.{name}" for n in range(2, SEATS + 1) for name in OF_SEAT)
+APEX, MOUNT = MOUNTING[3:6], MOUNTING[6:]
 DELAY = "reference.delay"
 #: By how much later than the stated time each detector is read, s.
 SKEW = tuple(f"skew_{letter}.delay" for letter in DETECTORS)
@@ -257,7 +254,7 @@ def normals(values: Floats) -> Floats:
 
 
 def fold_mount(values: Floats) -> Floats:
-    """Values of `ALL` whose first mount is zero, because its rotation has become part of the
+    """Values of `ALL` whose mount is zero, because its rotation has become part of the
     facets.
 
     The mirror's frame is then that of the reference: where the reference says zero, the solved
