@@ -73,7 +73,7 @@ studies: .venv/developed
 	$(BIN)/pytest -n auto -m study
 
 # Whether tests notice: one operator, number or condition of a package changed at a time, on a copy.
-PACKAGES ?= detectors estimation calibration characterization tracking config files
+PACKAGES ?= detectors estimation calibration characterization axis_tests responses tracking config files
 SAMPLE ?= 30
 SEED ?= 1
 mutants: .venv/developed

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import characterization, core, files, live, pictures
+from facets import axis_tests, core, files, live, pictures
 from facets.core.errors import InputError
 
 from .console import FINDING, draw_beside
@@ -20,8 +20,8 @@ from .results import ResultFolder
 from .sentences.axis import show
 
 if TYPE_CHECKING:
-    from facets.characterization.axis_report import AxisReport
-    from facets.characterization.axis_visits import PoseSeries
+    from facets.axis_tests.report import AxisReport
+    from facets.axis_tests.visits import PoseSeries
     from facets.config import Config
 
 
@@ -116,16 +116,14 @@ def axis(
     place = folder or Path("results") / f"axis-{axis.value}"
     results = ResultFolder(place, names, force, [poses, commands])
     commanded = (
-        characterization.axis_visits.read_commands(commands, axis.value)
-        if commands is not None
-        else None
+        axis_tests.visits.read_commands(commands, axis.value) if commands is not None else None
     )
     settings, series = read_poses(poses, config, point)
-    report = characterization.axis_report.evaluate_axis(
+    report = axis_tests.report.evaluate_axis(
         settings.sensor,
         settings.solve.knowledge(settings.sensor),
         series,
-        characterization.error_motions.AxisTest(
+        axis_tests.error_motions.AxisTest(
             axis.value,
             commanded,
             settings.object or core.rigid_body.MIRROR,
@@ -149,14 +147,14 @@ def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Con
         columns = solve_recording(playback)
         if not columns:
             raise InputError(f"{source}: no samples")
-        return settings, characterization.axis_visits.recorded_series(columns)
+        return settings, axis_tests.visits.recorded_series(columns)
     if config is None:
         raise InputError(
             f"{source}: is a table of poses; give the configuration of the sensor that measured "
             "them with --config, from which their uncertainties follow"
         )
     settings = choose_point(facets.load(config), point)
-    return settings, characterization.axis_visits.read_series(source)
+    return settings, axis_tests.visits.read_series(source)
 
 
 def write(report: AxisReport, results: ResultFolder, title: str) -> None:

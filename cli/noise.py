@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import characterization, files, live, pictures
 from facets import config as configuration
+from facets import files, live, noise_analysis, pictures
 from facets.core.names import POSE, STATE_COLUMNS
 
 from .console import FINDING, draw_beside, show_progress, show_table, wrap
@@ -27,8 +27,8 @@ from .options import (
 from .parts.recordings import solve_recording
 
 if TYPE_CHECKING:
-    from facets.characterization.noise_report import NoiseReport
     from facets.config import Config
+    from facets.noise_analysis.noise_report import NoiseReport
 
 #: Averaging times of the Allan deviations that are printed, as far as a recording has them.
 AVERAGING_TIMES_S = (0.1, 1.0, 10.0, 100.0, 1000.0)
@@ -60,11 +60,11 @@ def noise(
     sources = configuration.source_files(given) if given else [recording / "meta.yaml"]
     files.tables.refuse_to_overwrite([*paths, write] if write else paths, force, sources)
     columns, settings = solve_recording(playback), playback.config
-    faults = characterization.rest.reading_faults(columns, settings) if columns else []
+    faults = noise_analysis.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
     with show_progress("analysing the noise") as on_progress:
-        report = characterization.noise_report.report_of(
+        report = noise_analysis.noise_report.report_of(
             columns, settings, str(recording), on_progress
         )
     show_channels(report)
@@ -83,11 +83,9 @@ def write_results(
     with files.tables.ResultSet():
         if paths:
             draw_beside(paths[0], pictures.noise.page, report, title, about)
-            files.tables.write_table(
-                paths[1], characterization.noise_report.table_of(report), about
-            )
+            files.tables.write_table(paths[1], noise_analysis.noise_report.table_of(report), about)
         if write:
-            block = characterization.noise_report.noise_block(report, settings.resolved)
+            block = noise_analysis.noise_report.noise_block(report, settings.resolved)
             text = files.provenance.configuration(settings, block, about)
             files.whole.write_text(write, text)
     if paths:
@@ -98,11 +96,11 @@ def write_results(
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:
     """Print why a recording does not show the noise; exit status 1."""
-    typer.echo(f"{recording}: {characterization.rest.NOT_NOISE}:")
+    typer.echo(f"{recording}: {noise_analysis.rest.NOT_NOISE}:")
     for fault in faults:
         typer.echo(f"  {fault}")
     places = [*([f"{paths[0].parent}/"] if paths else []), *([str(write)] if write else [])]
-    typer.echo(characterization.rest.REMEDY)
+    typer.echo(noise_analysis.rest.REMEDY)
     if places:
         typer.echo(f"Not written: {', '.join(places)}.")
     raise typer.Exit(FINDING)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from facets import characterization, core, pictures
+from facets import core, pictures, responses
 from facets.core.errors import InputError
 
 from .console import FINDING, draw_beside
@@ -31,8 +31,8 @@ from .results import ResultFolder
 from .sentences.response import show_estimate
 
 if TYPE_CHECKING:
-    from facets.characterization.response_forms import ResponseForm
-    from facets.characterization.universal_file import InputChannel
+    from facets.responses.forms import ResponseForm
+    from facets.responses.universal_file import InputChannel
 
 
 class FormName(StrEnum):
@@ -145,7 +145,7 @@ def response(
     input.
     """
     channels = input_channels(inputs, input_dof or [])
-    chosen = characterization.response_forms.FORMS[form.value]
+    chosen = responses.forms.FORMS[form.value]
     require_universal(uff, chosen)
     names = result_names(inputs, table, plot)
     place = output_folder(folder, measurement.stem, "response")
@@ -161,17 +161,15 @@ def response(
     source = core.names.escape_undecodable(measurement.name)
     with results.publish(settings, more=origin) as paths:
         for each, rows, picture in zip(estimates, paths[::2], paths[1::2], strict=True):
-            frequency_response = characterization.frequency_response
+            frequency_response = responses.frequency_response
             results.write_table(rows, frequency_response.response_table(each.response))
             title = f"{form.value.replace('-', ' ').capitalize()}, {each.name}, {source}"
             make = pictures.response.response_picture
             draw_beside(picture, make, each.response, each.unit, title, bandwidth)
         if uff is not None:
-            output_node = characterization.universal_file.Node(node, body.point)
+            output_node = responses.universal_file.Node(node, body.point)
             every = [(each.response, at) for each, at in zip(estimates, channels, strict=True)]
-            characterization.universal_file.write_universal_file(
-                uff, every, output_node, results.about
-            )
+            responses.universal_file.write_universal_file(uff, every, output_node, results.about)
     for each in estimates:
         show_response(each, bandwidth, body.text)
     results.name()
@@ -183,7 +181,7 @@ def response(
 
 def has_silent_input(estimates: list[InputEstimate]) -> bool:
     """Whether no axis answers to some input."""
-    silent = characterization.response_findings.silent_axes
+    silent = responses.findings.silent_axes
     return any(silent(each.receptance).all() for each in estimates)
 
 
@@ -195,7 +193,7 @@ def result_names(inputs: list[str], table: TableKind, plot: PlotKind) -> list[st
 
 def input_channels(inputs: list[str], places: list[str]) -> list[InputChannel]:
     """Make the inputs of a universal file, with the places where they act if those are named."""
-    universal = characterization.universal_file
+    universal = responses.universal_file
     if places and len(places) != len(inputs):
         raise InputError(
             f"--input-dof is given {len(places)} times and --input {len(inputs)} times; give one "
@@ -207,7 +205,7 @@ def input_channels(inputs: list[str], places: list[str]) -> list[InputChannel]:
 
 def show_response(each: InputEstimate, bandwidth: float, point: str) -> None:
     """Print a response to an input, and what limits it."""
-    findings = characterization.response_findings
+    findings = responses.findings
     if each.signals.others.size:
         typer.echo(f"{each.name}, without what goes with the other inputs:")
     peaks = findings.find_peaks(each.receptance)

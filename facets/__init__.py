@@ -41,7 +41,8 @@ _NAMES_OF = {
     "estimation.differences": "difference_uncertainty mean_uncertainty ZeroPose zero_pose",
     "estimation.object_pose": "ObjectPose transform",
     "estimation.uncertainty": "unseen_errors",
-    "characterization.measured_frames": "measure_axis measure_response",
+    "axis_tests.report": "measure_axis",
+    "responses.signals": "measure_response",
     "characterization.ranges": "AxisRange CAUSES axis_ranges",
     "characterization.outlines": "Boundary trace",
     "characterization.resolution": "Estimator budgets uncertainties",
@@ -53,8 +54,7 @@ _NAMES_OF = {
 __all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
-    from .characterization.measured_frames import measure_axis as measure_axis
-    from .characterization.measured_frames import measure_response as measure_response
+    from .axis_tests.report import measure_axis as measure_axis
     from .characterization.outlines import Boundary as Boundary
     from .characterization.outlines import trace as trace
     from .characterization.ranges import CAUSES as CAUSES
@@ -117,6 +117,7 @@ if TYPE_CHECKING:
     from .model.arrays import reaches as reaches
     from .model.arrays import readings as readings
     from .optics.parameters import PARAMETERS as PARAMETERS
+    from .responses.signals import measure_response as measure_response
     from .simulation.run import Segment as Segment
     from .simulation.run import simulate as simulate
 else:

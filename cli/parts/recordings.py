@@ -11,7 +11,7 @@ from facets import core, files, live
 from ..console import show_progress
 
 if TYPE_CHECKING:
-    from facets.characterization.rest import Columns
+    from facets.noise_analysis.rest import Columns
 
 
 def solve_recording(playback: live.Playback) -> Columns:

@@ -6,17 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import facets
-from facets import characterization, core, files, live
+from facets import core, files, live, responses
 from facets.core.errors import InputError
 
 from ..console import load_config
 from .recordings import report_clock, solve_recording
 
 if TYPE_CHECKING:
-    from facets.characterization.frequency_response import FrequencyResponse
-    from facets.characterization.response_forms import ResponseForm
-    from facets.characterization.response_signals import Columns, ResponseSignals
     from facets.config import Config
+    from facets.responses.forms import ResponseForm
+    from facets.responses.frequency_response import FrequencyResponse
+    from facets.responses.signals import Columns, ResponseSignals
 
 
 class EstimateRequest(NamedTuple):
@@ -55,15 +55,13 @@ def estimate_input(columns: Columns, inputs: list[str], request: EstimateRequest
     """Estimate the responses to the first of the inputs, without what goes with the others."""
     settings, name = request.settings, inputs[0]
     body = settings.object or core.rigid_body.MIRROR
-    signals = characterization.response_signals.build_signals(
-        columns, inputs, body, settings, request.source
-    )
-    delay, unit = characterization.response_signals.describe_input(settings, name)
-    responses = characterization.frequency_response
-    channel = responses.OutputChannel(
+    signals = responses.signals.build_signals(columns, inputs, body, settings, request.source)
+    delay, unit = responses.signals.describe_input(settings, name)
+    estimation = responses.frequency_response
+    channel = estimation.OutputChannel(
         signals.deviation, settings.electronics.bandwidth, request.corrects_bandwidth, delay
     )
-    receptance = responses.estimate_response(
+    receptance = estimation.estimate_response(
         signals.stimulus, signals.motion, signals.stretches, request.resolution, channel,
         signals.others,
     )  # fmt: skip
@@ -79,7 +77,7 @@ def read_columns(data: Path, inputs: list[str], config: str | None) -> tuple[Col
             f"{data}: a table needs --config CONFIG, the configuration of the sensor, whose noise "
             "and bandwidth the picture shows"
         )
-    columns = characterization.response_signals.read_signal_table(data, inputs)
+    columns = responses.signals.read_signal_table(data, inputs)
     report_clock(columns)
     return columns, load_config(config)
 

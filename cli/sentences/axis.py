@@ -11,7 +11,7 @@ from facets import core, pictures
 from ..console import show_table, wrap
 
 if TYPE_CHECKING:
-    from facets.characterization.axis_report import AxisReport
+    from facets.axis_tests.report import AxisReport
 
 
 def show(report: AxisReport) -> None:

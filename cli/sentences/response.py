@@ -11,9 +11,9 @@ from facets.core.names import POSE
 from ..console import show_table
 
 if TYPE_CHECKING:
-    from facets.characterization.frequency_response import FrequencyResponse
-    from facets.characterization.response_findings import Peak
-    from facets.characterization.response_signals import ResponseSignals
+    from facets.responses.findings import Peak
+    from facets.responses.frequency_response import FrequencyResponse
+    from facets.responses.signals import ResponseSignals
 
 
 def show_estimate(

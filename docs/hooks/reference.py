@@ -32,6 +32,8 @@ SUBJECTS = {
     "estimation": "Solving",
     "simulation": "Simulating",
     "characterization": "Ranges and uncertainties",
+    "axis_tests": "Error motions of an axis",
+    "responses": "Frequency responses",
     "calibration": "Calibrating",
     "design": "Layouts",
     "live": "Recordings",

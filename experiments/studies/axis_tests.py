@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
+from facets.axis_tests.error_motions import AxisTest, Commands, fit_errors
+from facets.axis_tests.positioning import QUANTITIES
+from facets.axis_tests.report import AxisReport, evaluate_axis
+from facets.axis_tests.visits import PoseSeries
 from facets.calibration.fitting.unknowns import ALL, assign_values, values_of
-from facets.characterization.axis_report import AxisReport, evaluate_axis
-from facets.characterization.axis_visits import PoseSeries
-from facets.characterization.error_motions import AxisTest, Commands, fit_errors
-from facets.characterization.positioning import QUANTITIES
 from facets.core.knowledge import Knowledge
 from facets.core.motions import Runs
 from facets.core.names import STATE

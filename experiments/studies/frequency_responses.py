@@ -20,17 +20,17 @@ from pathlib import Path
 import numpy as np
 
 import facets
-from facets.characterization.frequency_response import (
+from facets.core.motions import Mode, Vibration
+from facets.core.rigid_body import MIRROR
+from facets.core.units import Floats
+from facets.responses.frequency_response import (
     FrequencyResponse,
     OutputChannel,
     estimate_response,
     find_stretches,
 )
-from facets.characterization.response_signals import noise_deviation
-from facets.characterization.universal_file import InputChannel, Node, write_universal_file
-from facets.core.motions import Mode, Vibration
-from facets.core.rigid_body import MIRROR
-from facets.core.units import Floats
+from facets.responses.signals import noise_deviation
+from facets.responses.universal_file import InputChannel, Node, write_universal_file
 from facets.simulation.vibration import receptance, shake
 
 CONFIG = facets.load("shaker")

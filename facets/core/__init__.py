@@ -7,23 +7,51 @@ if TYPE_CHECKING:
     from . import sensor as sensor
     from . import units as units
     from . import version as version
+    from .arguments import check_arguments as check_arguments
+    from .errors import InputError as InputError
+    from .extras import require_extra as require_extra
+    from .knowledge import Knowledge as Knowledge
+    from .names import ANGLES as ANGLES
+    from .names import POSE as POSE
+    from .names import STATE_COLUMNS as STATE_COLUMNS
+    from .names import STATE_UNITS as STATE_UNITS
+    from .rigid_body import MIRROR as MIRROR
+    from .rigid_body import MeasuredObject as MeasuredObject
+    from .rigid_body import object_displacements as object_displacements
+    from .rigid_body import rotation_matrix as rotation_matrix
+    from .sensor import Calibration as Calibration
+    from .sensor import Sensor as Sensor
+    from .settings import Config as Config
+    from .units import KEY_UNITS as KEY_UNITS
+    from .units import Booleans as Booleans
+    from .units import Complexes as Complexes
+    from .units import Floats as Floats
+    from .units import Integers as Integers
+    from .units import unit_of as unit_of
+    from .units import write_micro as write_micro
 else:
     __getattr__ = load_on_use(
         __name__,
         {
-            "arguments": "as_floats",
+            "arguments": "as_floats check_arguments",
             "channels": "AuxiliaryChannel column_ending",
             "errors": "ConfigError FacetsError InputError",
+            "extras": "require_extra",
             "hues": "DARK LIGHT MARKS THEMES chosen_style use_style",
             "keys": "Key block_of item_of key",
             "knowledge": "Knowledge Question",
             "layout": "AmplifierPart LaserPart PsdPart",
             "motions": "Mode Random Runs Sine Steps Sweep Table Vibration",
-            "names": "ANGLES FINE_UNITS LABELS READING_COLUMNS STATE STATE_COLUMNS STATE_UNITS",
+            "names": (
+                "ANGLES FINE_UNITS LABELS POSE READING_COLUMNS STATE STATE_COLUMNS STATE_UNITS"
+            ),
             "plain_numbers": "short_number",
-            "rigid_body": "MeasuredObject mirror_poses object_displacements object_poses",
-            "sensor": "BenchLight Calibration Thermal",
-            "settings": "Solve",
-            "units": "Floats KEY_UNITS unit_in",
+            "rigid_body": (
+                "MIRROR MeasuredObject mirror_poses object_displacements object_poses "
+                "rotation_matrix"
+            ),
+            "sensor": "BenchLight Calibration Sensor Thermal",
+            "settings": "Config Solve",
+            "units": "Booleans Complexes Floats Integers KEY_UNITS unit_in unit_of write_micro",
         },
     )

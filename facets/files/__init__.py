@@ -6,12 +6,23 @@ if TYPE_CHECKING:
     from . import provenance as provenance
     from . import tables as tables
     from . import whole as whole
+    from .columns import TIMES as TIMES
+    from .columns import row_times as row_times
+    from .columns import unit_of_column as unit_of_column
+    from .frame_table import FrameTable as FrameTable
+    from .frame_table import make_frame as make_frame
+    from .tables import Source as Source
+    from .tables import read_chunks as read_chunks
+    from .tables import read_words as read_words
+    from .whole import Whole as Whole
 else:
     __getattr__ = load_on_use(
         __name__,
         {
+            "columns": "TIMES row_times unit_of_column",
+            "frame_table": "FrameTable make_frame",
             "provenance": "provenance_header run_record",
-            "tables": "read_chunks read_head write_table",
+            "tables": "Source read_chunks read_head read_words write_table",
             "whole": "ResultSet Whole readable_path remove_older",
         },
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...characterization.positioning import standard_deviations_of_runs, unidirectional_means
+from ...axis_tests.positioning import standard_deviations_of_runs, unidirectional_means
 from ...core.hues import chosen_hues
 from ...core.units import round_to, write_micro
 from .. import style
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...characterization.axis_report import AxisReport
+    from ...axis_tests.report import AxisReport
 
 #: Marks of the two directions of approach, and their words.
 DIRECTIONS = (("^", "positive direction"), ("v", "negative direction"))

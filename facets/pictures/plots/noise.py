@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...characterization.noise_model import fill
-from ...characterization.rest import NOT_NOISE
 from ...core.hues import DASHES, chosen_hues
 from ...core.names import ANGLES, DETECTORS, POSE
 from ...core.units import Floats, write_micro
+from ...noise_analysis.noise_model import fill
+from ...noise_analysis.rest import NOT_NOISE
 from .. import style
 from ..reports import report_page
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...characterization.noise_report import Channel, NoiseReport
+    from ...noise_analysis.noise_report import Channel, NoiseReport
 
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:

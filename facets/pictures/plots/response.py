@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...characterization.frequency_response import FrequencyResponse, low_pass
 from ...core.hues import chosen_hues
 from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
+from ...responses.frequency_response import FrequencyResponse, low_pass
 from .. import style
 
 if TYPE_CHECKING:

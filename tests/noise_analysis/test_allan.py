@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from facets.characterization.allan import allan
+from facets.noise_analysis.allan import allan
 
 NOISE = np.random.default_rng(2).standard_normal(4000)
 

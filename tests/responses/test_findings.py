@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import facets
-from facets.characterization import (
+from facets.core import STATE_COLUMNS, STATE_UNITS, MeasuredObject, Mode, Vibration
+from facets.detectors import SATURATED
+from facets.responses import (
     OutputChannel,
     build_signals,
     estimate_response,
@@ -15,8 +17,6 @@ from facets.characterization import (
     find_peaks,
     find_stretches,
 )
-from facets.core import STATE_COLUMNS, STATE_UNITS, MeasuredObject, Mode, Vibration
-from facets.detectors import SATURATED
 from facets.simulation import shake
 
 COUNT, RATE = 40_000, 1000.0

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..core.names import POSE
-from ..core.units import Booleans, Complexes, Floats, unit_of
+from ..core import POSE, Booleans, Complexes, Floats, unit_of
 from .frequency_response import (
     SEPARATE_SHARE,
     SKIPPED_LINES,
@@ -20,7 +19,7 @@ from .frequency_response import (
 )
 
 if TYPE_CHECKING:
-    from .response_signals import ResponseSignals
+    from .signals import ResponseSignals
 
 #: Averages below which random errors are large and badly known themselves.
 FEW_AVERAGES = 10.0

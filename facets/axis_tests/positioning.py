@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.units import Floats
-from ..estimation.dwells import finite_means
+from ..core import Floats
+from ..estimation import finite_means
 
 #: The probability that an expanded uncertainty covers the error, of a coverage factor of 2.
 COVERAGE = 0.9545
@@ -160,7 +160,7 @@ def evaluate_positioning(x: Floats, errors: Floats) -> list[Quantity]:
     Examples
     --------
     >>> import numpy as np
-    >>> from facets.characterization.positioning import evaluate_positioning
+    >>> from facets.axis_tests.positioning import evaluate_positioning
     >>> x = np.array([[[0.0, 2.0], [4.0, 4.0]], [[3.0, 5.0], [5.0, 7.0]]])  # two targets, two runs
     >>> found = {q.symbol: q.value for q in evaluate_positioning(x, np.zeros((1, 2, 2, 2)))}
     >>> found["B"], found["E"], found["M"]

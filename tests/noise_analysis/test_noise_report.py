@@ -6,10 +6,11 @@ import pytest
 from colours import flicker
 
 import facets
-from facets.characterization import build_signals, noise_report
 from facets.core import READING_COLUMNS, STATE_COLUMNS, MeasuredObject
 from facets.detectors import readings_to_counts
 from facets.live import RawSamples, pack
+from facets.noise_analysis import noise_report
+from facets.responses import build_signals
 
 RATE, COUNT = 1000, 1 << 13
 CENTROID, POWER, MAINS = 5e-3, 1e-4, 2e-3  # mm, mW, mm

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facets import InputError
-from facets.characterization import (
+from facets.responses import (
     FORMS,
     InputChannel,
     Node,

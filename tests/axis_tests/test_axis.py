@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import facets
 from facets import InputError
-from facets.characterization import (
+from facets.axis_tests import (
     AxisTest,
     Commands,
     PoseSeries,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from facets.characterization import (
+from facets.responses import (
     FORMS,
     OutputChannel,
     estimate_response,

@@ -19,17 +19,30 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ..core.knowledge import Knowledge
-from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, rotation_matrix
-from ..core.sensor import Calibration, Sensor
-from ..core.units import Booleans, Floats, Integers
-from ..detectors.calibrated import MISFIT
-from ..detectors.noise import step_variances
-from ..estimation.differences import carry, lasting_covariance, propagate_in_light
-from ..estimation.plan import Plan, make_plan
-from ..estimation.samples import common_detectors
-from ..estimation.solution import root_of_covariance
-from ..estimation.uncertainty import Propagation, propagate
+from ..core import (
+    MIRROR,
+    Booleans,
+    Calibration,
+    Floats,
+    Integers,
+    Knowledge,
+    MeasuredObject,
+    Sensor,
+    object_displacements,
+    rotation_matrix,
+)
+from ..detectors import MISFIT, step_variances
+from ..estimation import (
+    Plan,
+    Propagation,
+    carry,
+    common_detectors,
+    lasting_covariance,
+    make_plan,
+    propagate,
+    propagate_in_light,
+    root_of_covariance,
+)
 
 #: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
 LETTERS = "XYZABC"

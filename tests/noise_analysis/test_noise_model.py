@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from colours import flicker
 
-from facets.characterization import fit_noise
+from facets.noise_analysis import fit_noise
 
 RATE, COUNT = 1000.0, 1 << 15
 TRUE = WHITE, FLICKER, DRIFT, MAINS = 2e-3, 0.05, 0.01, 0.15

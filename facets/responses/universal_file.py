@@ -14,10 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.extras import require_extra
-from ..core.names import ANGLES, POSE
-from ..files.whole import Whole
+from ..core import ANGLES, POSE, InputError, require_extra
+from ..files import Whole
 from .frequency_response import FrequencyResponse
 
 #: Types of data in a universal file.

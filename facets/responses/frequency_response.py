@@ -29,12 +29,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.names import POSE
-from ..core.units import Booleans, Complexes, Floats, Integers
-from ..estimation.uncertainty import coverage_factor
-from ..files.frame_table import make_frame
-from .response_forms import RECEPTANCE, ResponseForm
+from ..core import POSE, Booleans, Complexes, Floats, InputError, Integers
+from ..estimation import coverage_factor
+from ..files import make_frame
+from .forms import RECEPTANCE, ResponseForm
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -13,16 +13,26 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.names import STATE_COLUMNS, STATE_UNITS
-from ..core.rigid_body import object_displacements
-from ..core.sensor import Sensor
-from ..core.units import Booleans, Floats, Integers
-from ..estimation.differences import propagate_in_light
-from ..estimation.dwells import mean, per_row, stands_of_axis
-from ..estimation.plan import Plan
-from ..estimation.samples import common_detectors, detectors_of
-from ..files.tables import Source, read_chunks, read_words
+from ..core import (
+    STATE_COLUMNS,
+    STATE_UNITS,
+    Booleans,
+    Floats,
+    InputError,
+    Integers,
+    Sensor,
+    object_displacements,
+)
+from ..estimation import (
+    Plan,
+    common_detectors,
+    detectors_of,
+    mean,
+    per_row,
+    propagate_in_light,
+    stands_of_axis,
+)
+from ..files import Source, read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
 
 #: Columns of a table of commands, with the unit in that of the code.

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.names import ANGLES
-from ..core.units import KEY_UNITS, Complexes, Floats, write_micro
+from ..core import ANGLES, KEY_UNITS, Complexes, Floats, write_micro
 
 #: Units of a displacement, a velocity and an acceleration, of a shift and of an angle.
 MOTION_UNITS = (("um", "urad"), ("mm_s", "mrad_s"), ("m_s2", "rad_s2"))

@@ -9,20 +9,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
-from ..core.names import STATE_COLUMNS, STATE_UNITS
-from ..core.rigid_body import MeasuredObject, object_displacements
-from ..core.units import Booleans, Floats
-from ..detectors.counts import SATURATED
-from ..estimation.plan import make_plan
-from ..estimation.samples import common_detectors, detectors_of
-from ..estimation.uncertainty import propagate
-from ..files.columns import TIMES, row_times, unit_of_column
-from ..files.tables import Source, read_chunks, read_words
-from .frequency_response import Stretches, find_stretches
+from ..core import (
+    MIRROR,
+    STATE_COLUMNS,
+    STATE_UNITS,
+    Booleans,
+    Config,
+    Floats,
+    InputError,
+    MeasuredObject,
+    check_arguments,
+    object_displacements,
+)
+from ..detectors import SATURATED
+from ..estimation import common_detectors, detectors_of, make_plan, propagate
+from ..files import TIMES, FrameTable, Source, read_chunks, read_words, row_times, unit_of_column
+from .frequency_response import (
+    FrequencyResponse,
+    OutputChannel,
+    Stretches,
+    estimate_response,
+    find_stretches,
+)
 
 if TYPE_CHECKING:
-    from ..core.settings import Config
+    from pandas import DataFrame
 
 Columns = dict[str, NDArray[Any]]
 #: A larger number is no measured input: its powers overflow.
@@ -115,3 +126,54 @@ def noise_deviation(config: Config, state: Floats, used: Booleans, body: Measure
     variance = np.diagonal(slopes @ propagation.noise[0, :6, :6] @ slopes.T)
     deviation: Floats = np.sqrt(variance)
     return deviation
+
+
+@check_arguments
+def measure_response(
+    config: Config, poses: DataFrame, column: str, resolution_hz: float | None = None
+) -> FrequencyResponse:
+    """Estimate the frequency responses of the six axes, as `facets response` does.
+
+    Parameters
+    ----------
+    config
+        The configuration of the sensor, with the point of interest (`object`).
+    poses
+        Poses in time with the input beside them: the columns time_s (or board_us), tx_mm, ...,
+        yaw_mrad, and the input's.
+    column
+        The column of the input, such as force_n.
+    resolution_hz
+        Distance of the frequencies; by default for about 32 averages.
+
+    Returns
+    -------
+    FrequencyResponse
+        The responses H1 and H2, coherences and random errors; `to_frame()` gives them in the
+        columns of the command's table.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, the times are uneven, or the rows are too few.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd, facets
+    >>> force = np.random.default_rng(1).standard_normal(4000)
+    >>> poses = pd.DataFrame({name: 0 * force for name in ("roll_mrad", "pitch_mrad", "yaw_mrad")})
+    >>> poses = poses.assign(time_s=1e-3 * poses.index, tx_mm=0, ty_mm=0, tz_mm=2e-3 * force)
+    >>> response = facets.measure_response(
+    ...     facets.load("paper"), poses.assign(force_n=force), "force_n", 10.0
+    ... )
+    >>> response.to_frame().h1_tz_real_um.mean().round(3)  # um/N
+    np.float64(2.0)
+    """
+    table = FrameTable(poses)
+    columns = read_signal_table(table, [column])
+    signals = build_signals(columns, [column], config.object or MIRROR, config, str(table))
+    delay, _ = describe_input(config, column)
+    output = OutputChannel(signals.deviation, config.electronics.bandwidth, delay=delay)
+    return estimate_response(
+        signals.stimulus, signals.motion, signals.stretches, resolution_hz, output
+    )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.units import Booleans, Floats, Integers
+from ..core import Booleans, Floats, Integers
 from .error_motions import ErrorMotions, Visits
 
 #: Probability of a stand far off, and of a drift, in a test that has none.

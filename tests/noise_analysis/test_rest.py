@@ -10,9 +10,9 @@ from scipy.signal import lfilter
 
 import facets
 from facets import STATE
-from facets.characterization import find_faults, fit_noise, longest_section, reading_faults
 from facets.core import READING_COLUMNS
 from facets.detectors import SATURATED
+from facets.noise_analysis import find_faults, fit_noise, longest_section, reading_faults
 
 COUNT, RATE = 8_000, 1_000.0
 CONFIG = facets.load("paper")

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.knowledge import Knowledge
-from ..core.sensor import Sensor
-from ..core.units import Floats, write_micro
-from ..estimation.dwells import finite_means
-from ..estimation.plan import make_plan
-from ..files.frame_table import make_frame
-from .axis_disturbances import Disturbances, find_disturbances
-from .axis_visits import PoseSeries, VisitCounts, find_visits
+from ..core import (
+    MIRROR,
+    Config,
+    Floats,
+    InputError,
+    Knowledge,
+    Sensor,
+    check_arguments,
+    write_micro,
+)
+from ..estimation import finite_means, make_plan
+from ..files import FrameTable, make_frame
+from .disturbances import Disturbances, find_disturbances
 from .error_motions import AxisTest, ErrorMotions, ReferenceLine, Visits, measure_error_motions
 from .positioning import (
     COVERAGE,
@@ -28,6 +32,7 @@ from .positioning import (
     standard_deviations_of_runs,
     unidirectional_means,
 )
+from .visits import PoseSeries, VisitCounts, find_visits, read_commands, read_series
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -408,3 +413,60 @@ def evaluate_axis(
     draws = motions.draws + rest.grid(disturbances.errors[..., ~disturbances.is_far])
     without = replace(report, visits=rest, motions=replace(motions, draws=draws))
     return replace(report, undisturbed=without)
+
+
+@check_arguments
+def measure_axis(
+    config: Config,
+    poses: DataFrame,
+    axis: Literal["X", "Y", "Z", "A", "B", "C"],
+    commands: DataFrame | None = None,
+    dwell: float = 0.2,
+) -> AxisReport:
+    """Measure the error motions of a linear or rotary axis, as `facets axis` does.
+
+    Parameters
+    ----------
+    config
+        The configuration of the sensor, with the point of interest (`object`).
+    poses
+        Poses in time: the columns time_s (or host_s) and tx_mm, ..., yaw_mrad, such as
+        `facets.read_table` or `Solution.to_frame` gives.
+    axis
+        X, Y or Z: it moves along this axis of the object; A, B or C: it rotates about X, Y or Z.
+    commands
+        The commanded positions in their order, one row for each stand: position_mm (or another unit
+        of length or angle) and, optionally, direction. None: equally spaced positions are found.
+    dwell
+        The shortest time for which the axis stands still, s.
+
+    Returns
+    -------
+    AxisReport
+        The quantities of ISO 230-2; `to_frame()` gives the error motions by position.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or the axis does not stand still at two positions or more.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd, facets
+    >>> places = np.repeat([0.0, 0.1, 0.2, 0.1, 0.0], 100)  # mm, 100 samples at each
+    >>> poses = pd.DataFrame({f"{name}_mrad": 0 * places for name in ("roll", "pitch", "yaw")})
+    >>> poses = poses.assign(time_s=0.01 * poses.index, tx_mm=1.001 * places, ty_mm=0, tz_mm=0)
+    >>> commands = pd.DataFrame({"position_mm": [0.0, 0.1, 0.2, 0.1, 0.0]})
+    >>> report = facets.measure_axis(facets.load("paper"), poses, "X", commands)
+    >>> report.to_frame().EXX_um.diff().round(2).tolist()
+    [nan, 0.1, 0.1]
+    """
+    table = None if commands is None else FrameTable(commands)
+    test = AxisTest(
+        axis,
+        None if table is None else read_commands(table, axis),
+        config.object or MIRROR,
+        shortest_s=dwell,
+    )
+    series = read_series(FrameTable(poses))
+    return evaluate_axis(config.sensor, config.solve.knowledge(config.sensor), series, test)

@@ -8,7 +8,8 @@ import pytest
 
 import facets
 from facets import InputError
-from facets.characterization import (
+from facets.core import AuxiliaryChannel, Mode, Vibration
+from facets.responses import (
     OutputChannel,
     estimate_response,
     find_stretches,
@@ -16,7 +17,6 @@ from facets.characterization import (
     noise_spectrum,
     response_table,
 )
-from facets.core import AuxiliaryChannel, Mode, Vibration
 from facets.simulation import receptance, shake
 
 RATE = 1000.0
