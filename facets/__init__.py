@@ -29,7 +29,7 @@ _NAMES_OF = {
         "Apertures Beam BenchLight Calibration Correction Electronics Facet Grid Noise Psd Sensor"
     ),
     "core.settings": "Config",
-    "optics.parameters": "PARAMETERS",
+    "optics.forward": "PARAMETERS",
     "model.arrays": "footprints jacobian margins parameter_jacobian reaches readings",
     "detectors.noise": "add_noise standard_deviations",
     "estimation.measurement": "Measurement",
@@ -116,7 +116,7 @@ if TYPE_CHECKING:
     from .model.arrays import parameter_jacobian as parameter_jacobian
     from .model.arrays import reaches as reaches
     from .model.arrays import readings as readings
-    from .optics.parameters import PARAMETERS as PARAMETERS
+    from .optics.forward import PARAMETERS as PARAMETERS
     from .responses.signals import measure_response as measure_response
     from .simulation.run import Segment as Segment
     from .simulation.run import simulate as simulate

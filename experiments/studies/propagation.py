@@ -34,7 +34,7 @@ from facets.core.units import UM, URAD, Floats
 from facets.detectors.noise import sample_readings
 from facets.estimation.solver import solve_each
 from facets.model.arrays import parameters
-from facets.optics.parameters import PARAMETERS
+from facets.optics.forward import PARAMETERS
 from facets.pictures import style
 from facets.pictures.plots.trials import trials_picture
 

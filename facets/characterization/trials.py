@@ -30,7 +30,7 @@ from ..estimation.solver import solve_each, solve_question
 from ..model.arrays import EFFECTS, effects, parameters, readings
 from ..model.beam_shape import OF_SHAPE, SHAPE, axes_of_shapes, shape_of
 from ..model.varied import VariedSensors
-from ..optics.parameters import PARAMETERS
+from ..optics.forward import PARAMETERS
 from .resolution import Estimator, resolve
 
 #: Trials that are drawn and solved together: their sensors stay in the processor's cache.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..core.names import DETECTORS
 from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
-from ..optics.parameters import PARAMETERS
+from ..optics.forward import PARAMETERS
 from .correction import NAMES
 
 _READINGS = tuple(f"{k}.{kind}" for k in DETECTORS for kind in ("psi", "zeta", "power"))

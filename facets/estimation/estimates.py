@@ -122,12 +122,10 @@ def compile_for(
 
 
 def slopes(kind: str, kinds: Sequence[str]) -> Makers:
-    """Makers of the slopes by parameters, for a `kind` of light that is on (`model.kinds.kind_of`)
-    and further kinds."""
-    names = [f"slopes_of_{each}" for each in {*kinds, kind} & {*LIT, "cut"}]
-    if kind == "plain":
-        names.append("slopes_by_parameters")
-    return [partial(of_model.slopes_kernel, name) for name in names]
+    """Makers of the slopes by parameters, for a `kind` of light (`model.kinds.kind_of`) and further
+    kinds."""
+    names = {*kinds, kind} & {*LIT, "cut", "plain"}
+    return [partial(of_model.slopes_kernel, f"slopes_of_{name}") for name in names]
 
 
 def estimators(sensor: Sensor, knowledge: Knowledge) -> Makers:

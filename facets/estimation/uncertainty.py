@@ -20,6 +20,7 @@ from the chi-square distribution (JCGM 102, 6.5), or from Hotelling's with few d
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ from ..model.arrays import (
     readings,
 )
 from ..model.beam_shape import SHAPE, shape_derivatives
-from ..optics.parameters import PARAMETERS
+from ..optics.forward import PARAMETERS
 from .plan import chance_of, jitter_share, make_plan
 
 if TYPE_CHECKING:
@@ -185,26 +186,27 @@ def parameter_derivatives(
 
     warmer: (n,) than the reference temperature of the calibration, K.
     """
-    whole = parameter_jacobian(sensor, states)
+    whole: Floats = np.empty(0)
+    if any(name in PARAMETERS or name in SHAPE for name in known.names):
+        whole = parameter_jacobian(sensor, states)
     identity = np.broadcast_to(np.eye(9), (len(states), 9, 9))  # each adds to its own reading
-    blocks = {
-        PARAMETERS: whole,
-        NAMES: -correction_slopes(sensor, seen),
-        MISFIT: identity,
-        MODEL_ERROR: identity,
+    makers: dict[tuple[str, ...], Callable[[], Floats]] = {
+        PARAMETERS: lambda: whole,
+        NAMES: lambda: -correction_slopes(sensor, seen),
+        MISFIT: lambda: identity,
+        MODEL_ERROR: lambda: identity,
+        SHAPE: lambda: shape_derivatives(sensor, states, whole),
+        LIGHT_CENTRE: lambda: jacobian(sensor, states)[:, :, 6:],
+        TEMPERATURE: lambda: temperature_derivatives(sensor, states, warmer),
+        EFFECTS: lambda: effect_jacobian(sensor, states, names=known.names),
     }
-    if any(name in SHAPE for name in known.names):
-        blocks[SHAPE] = shape_derivatives(sensor, states, whole)
-    if any(name in LIGHT_CENTRE for name in known.names):
-        blocks[LIGHT_CENTRE] = jacobian(sensor, states)[:, :, 6:]
-    if any(name in TEMPERATURE for name in known.names):
-        blocks[TEMPERATURE] = temperature_derivatives(sensor, states, warmer)
-    if any(name in EFFECTS for name in known.names):
-        blocks[EFFECTS] = effect_jacobian(sensor, states, names=known.names)
-    names = [name for block in blocks for name in block]
-    every = np.concatenate(list(blocks.values()), axis=2)
-    parted: Floats = every[:, :, [names.index(name) for name in known.names]]
-    return parted
+    derivatives = np.empty((len(states), 9, len(known.names)))
+    for names, make in makers.items():
+        columns = [n for n, name in enumerate(known.names) if name in names]
+        if columns:
+            which = [names.index(known.names[n]) for n in columns]
+            derivatives[:, :, columns] = make()[:, :, which]
+    return derivatives
 
 
 def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | None) -> Floats:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ..core.sensor import Sensor
 from ..model.arrays import geometry_of
-from ..optics.exact_text import ExactText, exact_text
+from ..optics.exact_text import BENCH, CUT, ExactText
 from ..optics.footprint import footprints
 from ..optics.forward import (
     Geometry,
@@ -49,7 +49,7 @@ def model_text(sensor: Sensor) -> ModelText:
     writer = CWriter()
     vectors = replace_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
     if needs_double(sensor):
-        detectors = linearise_exactly(writer, vectors, exact_text(sensor.apertures.cut))
+        detectors = linearise_exactly(writer, vectors, CUT if sensor.apertures.cut else BENCH)
     else:
         detectors = linearise_widely(writer, vectors)
     for k, (values, derivatives) in enumerate(detectors):

@@ -15,9 +15,7 @@ from ..core.sensor import EFFECTS as EFFECTS
 from ..core.sensor import LIGHT_EFFECTS, Sensor
 from ..core.units import Floats
 from ..optics.effects import UNBOUNDED, LightEffects, LightOptions
-from ..optics.forward import Geometry, Openings, build_geometry
-from ..optics.parameters import BEAM, FACET, PSD
-from ..optics.parameters import parameter_axes as axes_of
+from ..optics.forward import BEAM, FACET, PSD, Geometry, Openings, build_geometry
 from ..scalars.dual import Dual
 from ..scalars.nesting import leaves, nest
 from . import blocks, packing
@@ -400,14 +398,9 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     rows, shape = as_rows(state, 8, "state")
     if sensor.light.on and sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
-    vectors = geometry_of(sensor)
-    kind = kind_of(sensor)
-    if kind == "plain":
-        axes = axes_of(parameters(sensor))
-        name, slopes = "slopes_by_parameters", np.array([number + 0.0 for number in leaves(axes)])
-    else:
-        name, slopes = f"slopes_of_{kind}", packing.pack_slopes(dual_geometry(sensor))
-    return slopes_at(name, vectors, slopes, 30, rows).reshape(*shape, 9, 30)
+    slopes = packing.pack_slopes(dual_geometry(sensor))
+    name = f"slopes_of_{kind_of(sensor)}"
+    return slopes_at(name, geometry_of(sensor), slopes, 30, rows).reshape(*shape, 9, 30)
 
 
 def half_sizes(sensor: Sensor) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..optics.parameters import PARAMETERS
+from ..optics.forward import PARAMETERS
 from .arrays import parameter_jacobian
 
 #: The irradiance's covariance in the beam's cross-section, mm^2, which is fitted instead of two

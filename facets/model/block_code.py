@@ -12,8 +12,9 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, cut, gradient, parameters
-from ..optics.exact_text import exact_text
+from ..optics import bench_gradient, bench_light, cut, gradient
+from ..optics.exact_text import BENCH, IDEAL, ExactText
+from ..optics.exact_text import CUT as CUT_TEXT
 from ..optics.footprint import footprints
 from ..optics.forward import Geometry
 from ..optics.forward import readings as readings_uncut
@@ -24,7 +25,6 @@ from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
 from .kinds import CUT, LIT
 from .packing import (
-    AXES,
     EXAMPLE,
     PACKED,
     PARALLEL,
@@ -112,13 +112,20 @@ def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, results: 
     code.store_rows(ends, results, 15)
 
 
+def text_of(vectors: Geometry) -> ExactText:
+    """The readings with exact derivatives under the light for which vectors were loaded."""
+    if is_cut(vectors):
+        return CUT_TEXT
+    return IDEAL if is_ideal(vectors) else BENCH
+
+
 @contextmanager
 def each_component(
     code: LaneWriter, vectors: Geometry, state: Sequence[Value], at: Any, count: int
 ) -> Iterator[tuple[Any, list[Value]]]:
     """Write a loop over the first components of the state, with the exact derivatives by each.
 
-    at: from the `scene` of `exact_text`.
+    at: from the `scene` of `text_of`.
     """
     with code.loop(ir.Constant(LONG, count)) as component:
         moved = []
@@ -126,13 +133,13 @@ def each_component(
             is_c = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
             slope = code.spread(code.builder.uitofp(is_c, DOUBLE)) if c < count else 0.0
             moved.append(Dual(number, slope))
-        yield component, list(leaves(exact_text(is_cut(vectors)).slopes(vectors, tuple(moved), at)))
+        yield component, list(leaves(text_of(vectors).slopes(vectors, tuple(moved), at)))
 
 
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
     """Write the exact derivatives, one component after the other."""
     state = code.load_rows(states, 8, 8)
-    text = exact_text(is_cut(vectors))
+    text = text_of(vectors)
     at = text.scene(vectors, tuple(state))
     values = list(leaves(text.readings(vectors, at)))
     with each_component(code, vectors, state, at, 8) as (component, slopes):
@@ -152,7 +159,7 @@ def linearise_exactly(
 ) -> list[tuple[Any, list[list[Value]]]]:
     """Readings and their exact derivatives by the first `count` components of the state, arranged
     as by `bench_gradient.linearise`."""
-    text = exact_text(is_cut(vectors))
+    text = text_of(vectors)
     at = text.scene(vectors, tuple(state))
     values = text.readings(vectors, at)
     memory = LaneMemory(code, 9 * count)
@@ -164,14 +171,10 @@ def linearise_exactly(
     return [(values[k], rows[3 * k : 3 * k + 3]) for k in range(3)]
 
 
-#: Writes derivatives: from the sensor's vectors, a state, pointers to the varied vectors and to the
-#: results, and the number of copies.
-SlopesFormula = Callable[[LaneWriter, Geometry, tuple[Value, ...], Any, Any, Any], None]
-
-
-def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
-    """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of the
-    varied vectors, of states and results, of the number of copies, and of the number of blocks."""
+def write_slopes(kind: str) -> LaneWrite:
+    """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of
+    their derivatives by each variable, of states and results, of the number of variables, and of
+    the number of blocks."""
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         packed, varied, states, results = pointers_to(builder, arguments[:4])
@@ -183,36 +186,15 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(results, [builder.mul(rows, numbers)])
             state = tuple(code.load_rows(here, 8, 8))
-            formula(code, vectors_of(code, packed, kind), state, varied, there, copies)
+            vectors = vectors_of(code, packed, kind)
+            text = text_of(vectors)
+            at = text.scene(vectors, state)
+            with code.loop(copies) as copy:
+                row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED))])
+                moved = carry_slopes(vectors, vectors_of(code, row, kind))
+                code.store_column(list(leaves(text.slopes(moved, state, at))), there, copy, copies)
 
     return write
-
-
-def slopes_by_copies(kind: str) -> LaneWrite:
-    """Write derivatives by variables, from the derivatives of the sensor's vectors by these."""
-
-    def formula(
-        code: LaneWriter, vectors: Geometry, state: Any, varied: Any, results: Any, copies: Any
-    ) -> None:
-        text = exact_text(is_cut(vectors))
-        at = text.scene(vectors, state)
-        with code.loop(copies) as copy:
-            row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
-            moved = carry_slopes(vectors, vectors_of(code, row, kind))
-            slopes = text.slopes(moved, state, at)
-            code.store_column(list(leaves(slopes)), results, copy, copies)
-
-    return each_block_of_slopes(formula, kind)
-
-
-def write_slopes_by_parameters(
-    code: LaneWriter, vectors: Geometry, state: Any, axes: Any, results: Any, _: Any
-) -> None:
-    """Write derivatives by the thirty parameters, of ideal light.  axes: pointer to
-    `parameters.Axes`."""
-    slopes = parameters.linearise(vectors, vectors_at(code, axes, AXES), state)
-    derivatives = lit_rows(code, slopes)
-    code.store_rows(derivatives, results, len(derivatives))
 
 
 def loops_of(kind: str) -> dict[str, LaneWrite]:
@@ -223,13 +205,11 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
 
     readings = each_block(write_readings, load, 9)
     derivatives = each_block(write_derivatives, load, 72)
+    slopes = write_slopes(kind)
     if kind == "plain":
-        slopes = each_block_of_slopes(write_slopes_by_parameters, kind)
-        return {
-            "readings": readings, "derivatives": derivatives, "slopes_by_parameters": slopes
-        }  # fmt: skip
+        return {"readings": readings, "derivatives": derivatives, "slopes_of_plain": slopes}
     loops = {
-        f"slopes_of_{kind}": slopes_by_copies(kind),
+        f"slopes_of_{kind}": slopes,
         f"readings_of_{kind}": readings,
         f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
     }

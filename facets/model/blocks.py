@@ -85,7 +85,7 @@ def load_code(name: str, count: int, width: int | None = None) -> Callable[..., 
 
 @once
 def slopes_kernel(name: str) -> Callable[..., None]:
-    """Return a kernel of `slopes`, see `block_code.each_block_of_slopes`."""
+    """Return a kernel of `slopes`, see `block_code.write_slopes`."""
     return load_code(name, 6)
 
 
@@ -93,9 +93,8 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, out: Floa
     """Fill `out` (n, 9, m) with the derivatives of the readings at states (n, 8) by m parameters
     of a sensor.
 
-    name: of a kernel: "slopes_of_KIND", KIND of `kinds.LIT`, with the derivatives of each number of
-    `vectors` by a parameter as `varied` (m, ...); or "slopes_by_parameters", with `parameters.Axes`
-    as `varied`.
+    name: of a kernel, "slopes_of_KIND".  varied: (m, ...) derivatives of each number of `vectors`
+    by a parameter.
     """
     code, copies = slopes_kernel(name), out.shape[2]
     whole, short = divmod(len(states), lanes())

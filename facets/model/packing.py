@@ -9,7 +9,6 @@ import numpy as np
 
 from ..optics.effects import IDEAL, LightOptions
 from ..optics.forward import Geometry, Openings, build_geometry
-from ..optics.parameters import parameter_axes
 from ..scalars.dual import Dual, value_and_slope
 from ..scalars.nesting import leaves, nest
 from .kinds import CUT, LIT
@@ -18,8 +17,6 @@ from .kinds import CUT, LIT
 EXAMPLE = build_geometry((1.0,) * 30)
 #: The number of numbers that `pack` makes from a sensor.
 PACKED = len(list(leaves(EXAMPLE)))
-#: An example of the vectors' derivatives by the parameters, for their arrangement.
-AXES = parameter_axes((1.0,) * 30)
 #: The arrangement of a sensor's vectors under ideal light: without apertures, and with them.
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]

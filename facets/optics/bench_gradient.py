@@ -26,6 +26,7 @@ from .forward import (
     path,
     replace_light,
 )
+from .forward import scene_readings as ideal_readings
 from .gradient import Gradient, edge_turns, gradients, state_row
 from .profile import apply_profile, moment_slopes
 from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
@@ -126,6 +127,14 @@ def reading_slopes(
     a, b, c = scene_readings(
         geometry, light_with_slope(apparent_scene(geometry, dark_scene(geometry, state)), at)
     )
+    return slopes_of_detector(a), slopes_of_detector(b), slopes_of_detector(c)
+
+
+def ideal_slopes(
+    geometry: Geometry, state: tuple[Any, ...], at: Scene
+) -> tuple[Three, Three, Three]:
+    """`reading_slopes` under ideal light.  at: the plain scene, from `forward.scene`."""
+    a, b, c = ideal_readings(geometry, light_with_slope(dark_scene(geometry, state), at))
     return slopes_of_detector(a), slopes_of_detector(b), slopes_of_detector(c)
 
 

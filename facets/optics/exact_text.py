@@ -1,11 +1,11 @@
-"""The readings with derivatives that leave nothing out, of real light and of light that is cut."""
+"""The readings with derivatives that leave nothing out, under each kind of light."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from . import bench_gradient, bench_light, cut
+from . import bench_gradient, bench_light, cut, forward
 
 
 class ExactText(NamedTuple):
@@ -20,9 +20,6 @@ class ExactText(NamedTuple):
     slopes: Callable[..., Any]
 
 
+IDEAL = ExactText(forward.scene, forward.scene_readings, bench_gradient.ideal_slopes)
 BENCH = ExactText(bench_light.scene, bench_light.scene_readings, bench_gradient.reading_slopes)
 CUT = ExactText(cut.cut_scene, cut.scene_readings, cut.reading_slopes)
-
-
-def exact_text(is_cut: bool) -> ExactText:
-    return CUT if is_cut else BENCH

@@ -36,6 +36,17 @@ from .wedge import Moments, sides, wedges
 
 Three = tuple[Any, Any, Any]
 
+#: The sensor's 30 parameters in their order, of the beam, of each facet and of each detector; mm,
+#: rad, mW.
+BEAM = ("power", "diameter_x", "diameter_y", "rotation", "tilt_x", "tilt_y")
+FACET = ("inclination", "azimuth")
+PSD = ("radius", "azimuth", "height", "roll", "pitch", "yaw")
+PARAMETERS = (
+    *(f"beam.{name}" for name in BEAM),
+    *(f"facet_{letter}.{name}" for letter in "abc" for name in FACET),
+    *(f"psd_{letter}.{name}" for letter in "abc" for name in PSD),
+)
+
 
 class Openings(NamedTuple):
     """The apertures; they cut nothing if `cut` is false.
@@ -107,7 +118,7 @@ def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matri
 def build_geometry(
     parameters: tuple[Any, ...], openings: Openings = OPEN, effects: LightEffects | None = None
 ) -> Geometry:
-    """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`.
+    """The vectors of a sensor from its 30 parameters, in the order of `PARAMETERS`.
 
     effects: the deviations from ideal light; None for none.
     """

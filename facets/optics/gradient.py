@@ -2,9 +2,8 @@
 
 Each reading has a few raw gradients (`Gradient`): by the ray, the facet, the apex seen along the
 beam, and the angles of the facet's two edges. The derivatives with respect to the state
-(`linearise`) and to the parameters (`parameters.linearise`) are dot products with these. A small
-turn of a vector v about an axis w is w x v, so a gradient g with respect to v contributes (v x g) .
-w.
+(`linearise`) are dot products with these. A small turn of a vector v about an axis w is w x v, so a
+gradient g with respect to v contributes (v x g) . w.
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ from .wedge import turn_derivative
 class Gradient(NamedTuple):
     """The gradients of one reading.
 
-    along: the slanted axis of a landing coordinate; the zero vector for the power.
     mirror, normal: with respect to the apex and the facet's normal, at a constant ray.  origin:
     with respect to the ray's origin.  centroid: with respect to the centroid in the beam, in
     sigmas.  q: with respect to the apex seen along the beam, in sigmas, the ray following the
@@ -40,7 +38,6 @@ class Gradient(NamedTuple):
     ends, the ray following the centroid.
     """
 
-    along: Vector
     mirror: Vector
     normal: Vector
     origin: Vector
@@ -63,7 +60,6 @@ def landing_gradient(
     origin = gradient_of_shift(along, beam, normal)
     x, y = dot(origin, spread[0]), dot(origin, spread[1])
     return Gradient(
-        along=along,
         mirror=gradient_of_mirror(along, beam, normal),
         normal=gradient_of_normal(along, beam, normal, lever, ray.length),
         origin=origin,
@@ -84,7 +80,6 @@ def power_gradient(facet: LitFacet, first: Number, second: Number) -> Gradient:
     nothing = (zero, zero, zero)
     power = facet.geometry.power
     return Gradient(
-        along=nothing,
         mirror=nothing,
         normal=nothing,
         origin=nothing,

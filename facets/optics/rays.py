@@ -70,13 +70,3 @@ def gradient_of_normal(
     incidence = dot(beam, normal)
     turn = combine(dot(along, normal), beam, incidence, along)
     return combine(dot(along, beam) / incidence, lever, -2 * length, turn)
-
-
-def gradient_of_beam(
-    along: Vector, beam: Vector, normal: Vector, reach: Number, length: Number
-) -> Vector:
-    """Gradient of a landing coordinate with respect to the beam's direction, origin held.
-
-    reach: from the ray's origin to the facet; length: from there to the detector.
-    """
-    return combine(reach, gradient_of_shift(along, beam, normal), length, reflect(along, normal))

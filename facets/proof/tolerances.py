@@ -8,7 +8,7 @@ import numpy as np
 
 from ..calibration.table import choice
 from ..core.settings import Config
-from ..optics.parameters import PARAMETERS
+from ..optics.forward import PARAMETERS
 
 
 class Tolerances(NamedTuple):

@@ -36,13 +36,11 @@ from facets.model import (
 from facets.optics import (
     OPEN,
     LightEffects,
-    bench_gradient,
     bench_light,
     build_geometry,
-    cut,
+    exact_text,
     forward,
 )
-from facets.optics import parameters as by_parameters
 from facets.optics.footprint import footprints
 
 APERTURES = facets.Apertures(beam=1.1, detectors=True, tip=0.03, rim=0.4, gap=0.01)
@@ -128,10 +126,7 @@ def floats(task: str, sensor: facets.Sensor, states: Any) -> Any:
 
 
 def parameter_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
-    if sensor.light.on or sensor.apertures.cut:
-        return slopes(arrays.dual_geometry(sensor), geometry, state)
-    axes = by_parameters.parameter_axes(parameters(sensor))
-    return as_text.rows_of(by_parameters.linearise(geometry, axes, state))
+    return slopes(arrays.dual_geometry(sensor), geometry, state)
 
 
 def effect_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
@@ -144,10 +139,10 @@ def effect_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
 
 
 def slopes(moved: Any, geometry: Any, state: Any) -> Any:
+    text = exact_text.BENCH if moved.light.options.on else exact_text.IDEAL
     if geometry.openings.cut:
-        found = cut.reading_slopes(moved, state, cut.cut_scene(geometry, state))
-    else:
-        found = bench_gradient.reading_slopes(moved, state, bench_light.scene(geometry, state))
+        text = exact_text.CUT
+    found = text.slopes(moved, state, text.scene(geometry, state))
     return [row for rows in found for row in rows]
 
 

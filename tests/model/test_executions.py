@@ -53,11 +53,12 @@ def units(task: str, sensor: facets.Sensor, at: np.ndarray, exact: np.ndarray) -
         moved = slopes @ [10, 10, 10, 1, 1, 1, 10, 10]
         return EPSILON * (moved + np.maximum(np.abs(exact), np.where(power, 0, 200)))
     size, unit = np.abs(np.nan_to_num(exact)), np.empty(exact.shape)
-    # Terms cancel that are as large as the way to the mirror.
+    # Terms cancel that are as large as the way to the mirror; by the sensor, some mm a radian.
+    least = 1.0 if task == "parameter_jacobian" else 1e-3
     far = np.abs(np.nan_to_num(at, posinf=0, neginf=0)).max(axis=1)[:, None, None]
     for rows in (power, ~power):
         largest = size[:, rows].max(axis=1, keepdims=True)
-        unit[:, rows] = np.maximum(largest, np.maximum(1e-3, 1e-5 * far))
+        unit[:, rows] = np.maximum(largest, np.maximum(least, 1e-5 * far))
     return EPSILON * unit
 
 

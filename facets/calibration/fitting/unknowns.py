@@ -28,7 +28,7 @@ from ...model.beam_shape import (
     shape_derivatives,
     shape_of,
 )
-from ...optics.parameters import PARAMETERS
+from ...optics.forward import PARAMETERS
 
 #: Knots along each side; polynomials up to third order in two variables; what is left beside them.
 KNOTS, POLYNOMIALS = 5, 10
