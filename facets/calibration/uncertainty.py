@@ -28,7 +28,7 @@ from ..estimation.solver import solve
 from ..estimation.uncertainty import coverage_factor, effective_degrees_of_freedom
 from ..model.arrays import EFFECTS, readings
 from .alternatives.columns import beam_sigma, chip_columns, effect_columns
-from .alternatives.judge import Cause, trace_in_use
+from .alternatives.judge import Cause, trace_in_use, unsaid_shift
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import (
     PLACE_READINGS,
@@ -57,6 +57,29 @@ from .fitting.unknowns import PLACE, TIME_DRIFT, block, fold_mount, spline_error
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
     from ..core.knowledge import Knowledge
+
+
+def complete_uncertainty(
+    sensor: Sensor,
+    remainder: Remainder,
+    read: Data,
+    scatter: Scatter,
+    causes: list[Cause],
+    centre: float,
+    settings: Calibrate,
+) -> Sensor:
+    """The fitted sensor with all that its uncertainty has beside that of the fit.
+
+    read: the samples with the readings as they were.  centre: see `centre_sigma`.
+    """
+    result, data = remainder.fit, remainder.data
+    misfit = misfit_covariance(result, read, remainder.nominal, scatter, causes)
+    made = add_open_bends(sensor, remainder, settings)
+    centre = float(np.hypot(centre, beam_drift(result, causes)))
+    made = add_unseen_errors(made, result, data, misfit, centre)
+    made = add_shared_noise(made, remainder, scatter, settings.outliers)
+    made = add_causes(made, remainder, causes)
+    return add_background_scale(made, result, data)
 
 
 def misfit_covariance(
@@ -207,12 +230,11 @@ def add_unseen_errors(
 def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sensor:
     """The calibrated sensor whose uncertainty includes that causes, or their rivals, are known by
     the samples alone, and by how much those that do not stay with it may have moved its parameters:
-    the likeliest, which was undone, or a rival in its place.
+    the likeliest, which was undone, or a rival in its place; and what is likely and not sure enough
+    to be named.
 
     remainder: of the fit to samples without the causes.
     """
-    if not causes:
-        return sensor
     result = remainder.fit
     size = len(result.values)
     traces = [
@@ -222,7 +244,9 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
         for cause in causes for trace in cause.traces
     ]  # fmt: skip
     beside = remainder.extend_by(traces)
-    extra = beside.covariance[:size, :size] - remainder.covariance[:size, :size]
+    unsaid = unsaid_shift(remainder)
+    extra = np.outer(unsaid, unsaid)
+    extra += beside.covariance[:size, :size] - remainder.covariance[:size, :size]
     for cause in causes:
         rest = cause.remainder
         undone = rest.shift_of_unknowns(cause.best)

@@ -30,7 +30,6 @@ from .alternatives.judge import (
     rivals_of_shape,
     steps_as_changes,
     undo_causes,
-    unsaid_shift,
 )
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import fit_steady_laser
@@ -68,16 +67,9 @@ from .search import (
 )
 from .table import split
 from .uncertainty import (
-    add_background_scale,
-    add_causes,
-    add_open_bends,
-    add_shared_noise,
-    add_unseen_errors,
-    beam_drift,
     centre_sigma,
-    misfit_covariance,
+    complete_uncertainty,
     validation_table,
-    widen,
 )
 
 if TYPE_CHECKING:
@@ -422,46 +414,49 @@ def reasons(
 
 
 def validate(
-    sensor: Sensor,
-    plain: Plain,
-    done: EffectSearch,
-    causes: list[Cause],
-    settings: Calibrate,
+    sensor: Sensor, plain: Plain, done: EffectSearch, causes: list[Cause], settings: Calibrate
 ) -> Verdict:
-    result, data, held = done.fit, done.data, plain.screened.held
-    remainder = Remainder(
-        done.sensor, data, result, settings.outliers, done.scatter.cross_covariance
-    )
-    said = cause_findings(causes)
-    outliers = outlier_findings(
-        done.sensor, plain.original, done.outliers, result, plain.screened.kind
-    )
-    said += outliers
-    if any(SHADED in finding.causes for finding in outliers):
-        result = replace(result, sensor=exclude_shade(result, plain.original, done.outliers))
-    least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
-    judged = findings(done.sensor, result, data)
-    if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more
-        said += effect_findings(remainder, least) + scatter_findings(done.scatter, least)
-    said += reference_steps(plain.original, done.scatter) + judged + plain.screened.findings
+    """The verdict on a fit that has settled, with the uncertainty of its sensor and its errors on
+    held-back samples."""
+    data, held = done.data, plain.screened.held
+    remainder = remainder_of(done, settings.outliers)
     centre = centre_sigma(done.sensor, remainder, settings)
+    said, fitted = settled_findings(plain, done, causes, remainder)
     said += centre_findings(centre)
     read = restore_readings(data, plain.original)
-    misfit = misfit_covariance(result, read, done.sensor, done.scatter, causes)
-    made = add_open_bends(result.sensor, remainder, settings)
-    centre = float(np.hypot(centre, beam_drift(result, causes)))
-    made = add_unseen_errors(made, result, data, misfit, centre)
-    made = add_shared_noise(made, remainder, done.scatter, settings.outliers)
-    shift = unsaid_shift(remainder)
-    made = widen(add_causes(made, remainder, causes), result, np.outer(shift, shift))
-    made = add_background_scale(made, result, data)
-    known = replace(result, sensor=made)
+    made = complete_uncertainty(fitted, remainder, read, done.scatter, causes, centre, settings)
+    known = replace(done.fit, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)
     if all(cause.alternatives[0].persists for cause in causes):  # else what is held back has them
         said += validation_findings(errors)
     said.sort(key=lambda finding: not finding.bad)
     return Verdict(data, held, known, done, made, errors, said)
+
+
+def remainder_of(done: EffectSearch, robust: float | None) -> Remainder:
+    """What the fit with its effects leaves."""
+    return Remainder(done.sensor, done.data, done.fit, robust, done.scatter.cross_covariance)
+
+
+def settled_findings(
+    plain: Plain, done: EffectSearch, causes: list[Cause], remainder: Remainder
+) -> tuple[list[Finding], Sensor]:
+    """Findings on the samples and on a fit that has settled, and the fitted sensor, whose shaded
+    places are out of range."""
+    result, fitted = done.fit, done.fit.sensor
+    outliers = outlier_findings(
+        done.sensor, plain.original, done.outliers, result, plain.screened.kind
+    )
+    if any(SHADED in finding.causes for finding in outliers):
+        fitted = exclude_shade(result, plain.original, done.outliers)
+    said = cause_findings(causes) + outliers
+    judged = findings(done.sensor, result, done.data)
+    least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
+    if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more
+        said += effect_findings(remainder, least) + scatter_findings(done.scatter, least)
+    said += reference_steps(plain.original, done.scatter) + judged + plain.screened.findings
+    return said, fitted
 
 
 def unsettled_finding(result: Fit) -> Finding:

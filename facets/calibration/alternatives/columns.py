@@ -301,6 +301,12 @@ def likely_fringes(remainder: Remainder, columns: Floats, k: int) -> Floats:
 # ---- light that is lost at a place of the mirror or of the beam
 
 
+def narrow_beam(sensor: Sensor, diameter: float) -> Sensor:
+    """The sensor with a thin beam, mm, whose ideal light shows where one ray goes."""
+    narrow = replace(sensor.beam, diameter_x=diameter, diameter_y=diameter)
+    return replace(sensor, beam=narrow, light=BenchLight())
+
+
 class RayLanding:
     """Where the rays of a beam land: on each detector, by the place (..., 2) at which they meet the
     mirror, from its apex, mm. Exact for flat facets."""
@@ -310,8 +316,7 @@ class RayLanding:
         self.raw, self.model_readings = remainder.raw, remainder.model_readings
         self.azimuths = np.array([facet.azimuth for facet in sensor.facets])
         size = beam_sigma(remainder.sensor)
-        narrow = replace(sensor.beam, diameter_x=size / 100, diameter_y=size / 100)
-        thin = replace(sensor, beam=narrow, light=BenchLight())
+        thin = narrow_beam(sensor, size / 100)
         self.origin, self.slope = np.empty((3, len(state), 2)), np.empty((3, len(state), 2, 2))
         for k, azimuth in enumerate(self.azimuths):
             ahead = size * np.array([np.cos(azimuth), np.sin(azimuth)])
