@@ -123,28 +123,10 @@ def _version(is_requested: bool) -> None:
         raise typer.Exit
 
 
-def _manual(is_requested: bool) -> None:
-    if is_requested:
-        from .sentences.manual import manual
-
-        _, _, status = (__doc__ or "").partition("of every command:\n\n")
-        typer.echo(manual(typer.main.get_command(whole_app()), __version__, status), nl=False)
-        raise typer.Exit
-
-
 def _root(
     version: Annotated[
         bool,
         typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
-    ] = False,
-    manual: Annotated[
-        bool,
-        typer.Option(
-            "--manual",
-            callback=_manual,
-            is_eager=True,
-            help="Print the manual page: facets --manual | man -l -",
-        ),
     ] = False,
 ) -> None:
     """Options that stand before the command."""

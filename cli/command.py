@@ -1,4 +1,4 @@
-"""Parsing of a command's arguments: messages about old spellings, refusal of odd values."""
+"""Parsing of a command's arguments: refusal of odd values."""
 
 from __future__ import annotations
 
@@ -14,17 +14,9 @@ from facets.core.plain_numbers import plain_number
 #: Options whose value may be left out: its default then, and the pattern of a value.
 OPTIONAL_VALUES = {"--web": ("0", r"[^-].*"), "--certify": ("20000", r"-?[\d.+e_]+")}
 
-#: Commands whose result is a folder, for which -o is often typed.
-FOLDER_COMMANDS = (
-    "simulate", "range-map", "resolution", "jacobian", "tolerances", "acquire", "noise", "export-c",
-    "bench", "reproduce",
-)  # fmt: skip
-#: What to give instead of an option that a command does not have.
-RENAMED = {(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")}
-
 
 class Command(TyperCommand):
-    """A command that refuses option values without a meaning, and names new spellings for old ones.
+    """A command that refuses option values without a meaning.
 
     It refuses an empty value, the same value twice, another option's name, and a number that is
     infinite or has underscores. The values of OPTIONAL_VALUES may be left out.
@@ -32,8 +24,6 @@ class Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         add_optional_values(args)
-        if reason := name_new_spelling(ctx.info_name, args):
-            raise typer.BadParameter(reason, ctx=ctx)
         typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
         rest: list[str] = super().parse_args(ctx, args)
         params: list[Any] = self.get_params(ctx)
@@ -57,16 +47,6 @@ def add_optional_values(args: list[str]) -> None:
             default, form = OPTIONAL_VALUES[text]
             if not re.fullmatch(form, "".join(args[n + 1 : n + 2])):
                 args[n] = f"{text}={default}"
-
-
-def name_new_spelling(command: str, args: list[str]) -> str:
-    """The message about the first option with an old spelling; "" if there is none."""
-    for text in args:
-        option = text.partition("=")[0]
-        new = RENAMED.get((command, option))
-        if new is not None:
-            return f"{option} is now {new}; see `facets {command} --help`"
-    return ""
 
 
 def why_meaningless(texts: list[str], is_number: bool, options: set[str]) -> str:

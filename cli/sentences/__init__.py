@@ -7,6 +7,5 @@ from facets.core.faces import load_on_use
 if TYPE_CHECKING:
     from . import bounds as bounds
     from . import certificate as certificate
-    from . import manual as manual
 else:
     __getattr__ = load_on_use(__name__)

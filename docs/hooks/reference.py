@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from facets.cli.sentences.manual import context_of
-
 from facets.config import load, shipped
 from facets.config.json_schema import allowed_values, document, entry
 from facets.config.show import scalar
@@ -63,17 +61,24 @@ def whole_program() -> Any:
     return typer.main.get_command(app)
 
 
+def context_of(command: Any, name: str, parent: Any) -> Any:
+    """The context of a command, for a help as wide as a page."""
+    return command.context_class(
+        command, info_name=name, parent=parent, terminal_width=COLUMNS, max_content_width=COLUMNS
+    )
+
+
 def command_of(name: str) -> tuple[Any, Any]:
     """The command `facets NAME`, and the context that it is called in."""
     command, context = whole_program(), None
     whole = "facets"
     for word in name.split():
-        context = context_of(command, whole, context, COLUMNS)
+        context = context_of(command, whole, context)
         command = command.get_command(context, word)
         if command is None:
             raise KeyError(f"there is no command `facets {name}`")
         whole = word
-    return command, context_of(command, whole, context, COLUMNS)
+    return command, context_of(command, whole, context)
 
 
 def help_of(name: str) -> str:

@@ -1,4 +1,4 @@
-"""What shells offer at the tabulator, and the manual page, both made from the program."""
+"""What shells offer at the tabulator."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import subprocess
 
 import pytest
 from commands import PROGRAM, command
-from facets.cli import COMMANDS
 
 #: How each shell is told of the program, and asked what it would offer for the words in $1.
 SHELLS = {
@@ -104,18 +103,3 @@ def test_names_are_completed(typed, expected, tmp_path):
     (tmp_path / "a b").mkdir()
     (tmp_path / "another.csv").touch()
     assert complete(typed, tmp_path) == expected
-
-
-def test_the_manual_page_has_every_command_and_its_options(tmp_path):
-    page = command("--manual", cwd=tmp_path).stdout
-    for name in COMMANDS:
-        assert f".SS facets {name}".replace("-", "\\-") in page
-    for words in ("--scheduler", "--certify", "facets config show", "by SIGTERM"):
-        assert words.replace("-", "\\-") in page
-    assert "\n.B \\-o, \\-\\-output" in page
-    if shutil.which("groff"):
-        done = subprocess.run(
-            ["groff", "-man", "-Tutf8", "-ww", "-z"], input=page, capture_output=True, text=True
-        )
-        assert done.stderr == ""
-        assert done.returncode == 0

@@ -1,4 +1,4 @@
-"""Options mean the same in every command, old spellings are answered, odd values are refused."""
+"""Options mean the same in every command, odd values are refused."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ import re
 from collections import defaultdict
 
 import pytest
-import typer
-from commands import command
-from facets.cli import COMMANDS, whole_app
-from facets.cli.command import OPTIONAL_VALUES, RENAMED, why_meaningless
-from facets.cli.sentences import manual
+from commands import all_commands, command
+from facets.cli.command import OPTIONAL_VALUES, why_meaningless
 
 BAD = [
     (("range-map", "paper", "--at", ""), "'--at': the value is empty"),
@@ -29,7 +26,6 @@ BAD = [
     (("calibrate", "rig", "d.csv", "--only", "gain"), "give beam, gains, detectors, facets"),
     (("explore", "layout", "-o", "out"), "the folder is --folder"),
     (("optimize", "layout", "--report", "--force"), "a value must stand before the option --force"),
-    (("simulate", "paper", "-o", "out"), "-o is now --folder"),
     (("simulate", "paper", "--zero", "2 s"), "--zero is '2 s'; allowed: seconds such as 2s"),
     (("simulate", "paper", "--zero", "row:0"), "a row such as row:1"),
     (("simulate", "paper", "--zero", "none.csv"), "none.csv: no such file"),
@@ -66,11 +62,6 @@ def test_what_can_be_meant_is_not(texts, is_number):
     assert why_meaningless(texts, is_number, {"--force"}) == ""
 
 
-def all_commands():
-    app = typer.main.get_command(whole_app())
-    return manual.commands(app, manual.context_of(app, "facets", None))
-
-
 def meaning(param):
     """Type and meaning of a parameter; what one command adds follows a colon or in brackets."""
     common = re.split(r": |  \[", param.help)[0].rstrip(".")
@@ -90,17 +81,6 @@ def test_an_option_has_one_type_and_one_meaning_in_all_commands():
     assert {name: found for name, found in meanings.items() if len(found) > 1} == {}
 
 
-@pytest.mark.parametrize(("name", "old"), RENAMED, ids=str)
-def test_an_old_spelling_is_answered_with_the_new_one(name, old):
-    inner = next(inner for context, inner in all_commands() if context.info_name == name)
-    options = {option for param in inner.params for option in (*param.opts, *param.secondary_opts)}
-    with pytest.raises(typer.BadParameter) as caught:
-        inner.make_context(name, ["x", f"{old}=1"])
-    assert f"{old} is now {RENAMED[name, old]}" in str(caught.value)
-    assert RENAMED[name, old] in options
-    assert old not in options
-
-
 @pytest.mark.parametrize(
     ("typed", "value"),
     [(["--certify", "paper"], 20000), (["--certify", "30", "paper"], 30), (["paper"], 0),
@@ -110,4 +90,3 @@ def test_a_value_may_be_left_out(typed, value):
     inner = next(inner for context, inner in all_commands() if context.info_name == "jacobian")
     assert inner.make_context("jacobian", typed).params["certify"] == value
     assert set(OPTIONAL_VALUES) == {"--certify", "--web"}
-    assert {name for name, _ in RENAMED} <= set(COMMANDS)

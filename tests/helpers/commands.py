@@ -4,12 +4,28 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from nursery import Forked
 
 #: The program in a fresh interpreter, for tests of its start.
 PROGRAM = [sys.executable, "-c", "from facets.cli import program; program()"]
+
+
+def all_commands() -> Iterator[tuple[Any, Any]]:
+    """Yield every command of the program, those of groups among them, with its context."""
+    import typer
+    from facets.cli import whole_app
+
+    open_groups = [(typer.main.get_command(whole_app()), "facets", None)]
+    for group, name, parent in open_groups:
+        context = group.context_class(group, info_name=name, parent=parent)
+        inner = getattr(group, "commands", {})
+        open_groups += [(part, called, context) for called, part in inner.items()]
+        if not inner:
+            yield context, group
 
 
 def start(*words: str, cwd: Path, out: int, err: int) -> Forked:

@@ -13,8 +13,8 @@ from functools import cache
 
 import pytest
 import typer
+from commands import all_commands
 from facets.cli import whole_app
-from facets.cli.sentences import manual
 from installed import ROOT
 from numpydoc.validate import validate
 
@@ -184,8 +184,7 @@ def test_public_functions_have_docstrings_by_the_numpy_standard():
 
 
 def help_texts():
-    app = typer.main.get_command(whole_app())
-    for context, command in manual.commands(app, manual.context_of(app, "facets", None)):
+    for context, command in all_commands():
         yield context.command_path, command.help
         for param in command.params:
             yield f"{context.command_path} {param.opts[-1]}", param.help
