@@ -56,14 +56,15 @@ def loop() -> Callable[[int], None]:
     from llvmlite import ir
 
     from ..model.object_code import function
-    from ..scalars.machine import LONG, MachineWriter, write_loop
+    from ..scalars.lanes import DOUBLE, LONG, write_loop
 
     def write(builder: Any, arguments: Any) -> None:
-        code = MachineWriter(builder)
-        x = builder.inttoptr(arguments[0], ir.PointerType(code.kind))
+        x = builder.inttoptr(arguments[0], ir.PointerType(DOUBLE))
+        share, one = ir.Constant(DOUBLE, 0.999), ir.Constant(DOUBLE, 1.0)
         with write_loop(builder, builder.mul(arguments[1], ir.Constant(LONG, 1000))):
-            number = code.load(x, 0)
-            code.store(number * 0.999 + 1.0 / (number + 1.0), x, 0)
+            number = builder.load(x)
+            rest = builder.fdiv(one, builder.fadd(number, one))
+            builder.store(builder.fadd(builder.fmul(number, share), rest), x)
 
     code, x = function("reference_loop", 2, lambda: write, __file__), np.ones(1)
     return lambda times: code(address_of(x), times)

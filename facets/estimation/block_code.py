@@ -16,8 +16,8 @@ from ..model.kinds import CUT
 from ..model.packing import complete_light, row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import replace_power
-from ..scalars.lanes import LaneMemory, LaneWriter
-from ..scalars.machine import LONG, write_loop
+from ..scalars.lane_rows import load_rows, store_rows
+from ..scalars.lanes import LONG, LaneMemory, LaneWriter, write_loop
 from ..scalars.nesting import leaves, nest
 from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, SCALES, UNKNOWNS, BlockTask, Form
 from .step import (
@@ -120,7 +120,7 @@ class BlockRows:
         size = row_size(form.kind)
         first = self.code.builder.mul(self.first, ir.Constant(LONG, size))
         here = self.code.builder.gep(self.pointers.packed, [first])
-        return vectors_of(LoadedRows(self.code.load_rows(here, size, size)), None, form.kind)
+        return vectors_of(LoadedRows(load_rows(self.code, here, size, size)), None, form.kind)
 
     def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
         """Read rows of `width` numbers.
@@ -128,14 +128,14 @@ class BlockRows:
         has_own_rows: 1 where each lane has a row, 0 where all lanes share one.
         """
         apart = self.code.builder.mul(has_own_rows, ir.Constant(LONG, width))
-        return self.code.load_rows(self._first_row(name, apart), apart, width)
+        return load_rows(self.code, self._first_row(name, apart), apart, width)
 
     def write(self, name: str, numbers: Numbers) -> None:
         build, row_distance = self.code.builder, self.task.apart
         close = build.mul(self.task.own_rows, ir.Constant(LONG, len(numbers)))
         has_distance = build.icmp_signed("!=", row_distance, ir.Constant(LONG, 0))
         apart = build.select(has_distance, row_distance, close)
-        self.code.store_rows(numbers, self._first_row(name, apart), apart)
+        store_rows(self.code, numbers, self._first_row(name, apart), apart)
 
     def _first_row(self, name: str, apart: Any) -> Any:
         build = self.code.builder

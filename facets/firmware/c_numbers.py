@@ -50,8 +50,6 @@ class CWriter(Tracer):
     table from which each is made; in an order in which they can stand in a file.
     """
 
-    drops_zeros = True
-
     def __init__(self, functions: dict[Any, tuple[str, Numbers]] | None = None) -> None:
         super().__init__()
         self.statements: list[str] = []

@@ -19,8 +19,8 @@ from ..optics.footprint import footprints
 from ..optics.forward import Geometry
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
-from ..scalars.lanes import LaneMemory, LaneWriter
-from ..scalars.machine import DOUBLE, LONG, MachineWriter, write_loop
+from ..scalars.lane_rows import load_rows, store_column, store_rows
+from ..scalars.lanes import DOUBLE, LONG, LaneMemory, LaneWriter, write_loop
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
 from .kinds import CUT, LIT
@@ -74,11 +74,11 @@ def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
 
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
     """Write nine readings to a row of `results` for each row of eight numbers of a state."""
-    state = code.load_rows(states, 8, 8)
+    state = load_rows(code, states, 8, 8)
     text = cut.readings if is_cut(vectors) else bench_light.readings
     if is_ideal(vectors) and not is_cut(vectors):
         text = readings_uncut
-    code.store_rows(list(leaves(text(vectors, tuple(state)))), results, 9)
+    store_rows(code, list(leaves(text(vectors, tuple(state)))), results, 9)
 
 
 def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
@@ -87,12 +87,12 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, results:
 
     Under real light they are those of `bench_gradient.linearise_nearly`.
     """
-    state = code.load_rows(states, 8, 8)
+    state = load_rows(code, states, 8, 8)
     text = gradient.linearise if is_ideal(vectors) else bench_gradient.linearise_nearly
-    code.store_rows(lit_rows(code, text(vectors, tuple(state))), results, 72)
+    store_rows(code, lit_rows(code, text(vectors, tuple(state))), results, 72)
 
 
-def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
+def lit_rows(code: LaneWriter, detectors: Any) -> list[Value]:
     """The derivatives of the readings in order; NaN where there is no reading."""
     derivatives: list[Value] = []
     for values, rows in detectors:
@@ -106,10 +106,10 @@ def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, results: 
     """Write fifteen numbers to a row of `results` for each state, five of `footprint` for each
     spot."""
     ends: list[Any] = []
-    for *edges, out in footprints(complete_light(vectors), tuple(code.load_rows(states, 8, 8))):
+    for *edges, out in footprints(complete_light(vectors), tuple(load_rows(code, states, 8, 8))):
         landed = code.compare("==", edges[0], edges[0])  # Lanes subtract x - x to get zero, or NaN.
         ends += [*edges, code.select(landed, out, nan)]
-    code.store_rows(ends, results, 15)
+    store_rows(code, ends, results, 15)
 
 
 def text_of(vectors: Geometry) -> ExactText:
@@ -138,13 +138,13 @@ def each_component(
 
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
     """Write the exact derivatives, one component after the other."""
-    state = code.load_rows(states, 8, 8)
+    state = load_rows(code, states, 8, 8)
     text = text_of(vectors)
     at = text.scene(vectors, tuple(state))
     values = list(leaves(text.readings(vectors, at)))
     with each_component(code, vectors, state, at, 8) as (component, slopes):
-        code.store_column(
-            where_read(code, values, slopes), results, component, ir.Constant(LONG, 8)
+        store_column(
+            code, where_read(code, values, slopes), results, component, ir.Constant(LONG, 8)
         )
 
 
@@ -185,14 +185,14 @@ def write_slopes(kind: str) -> LaneWrite:
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(results, [builder.mul(rows, numbers)])
-            state = tuple(code.load_rows(here, 8, 8))
+            state = tuple(load_rows(code, here, 8, 8))
             vectors = vectors_of(code, packed, kind)
             text = text_of(vectors)
             at = text.scene(vectors, state)
             with code.loop(copies) as copy:
                 row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED))])
                 moved = carry_slopes(vectors, vectors_of(code, row, kind))
-                code.store_column(list(leaves(text.slopes(moved, state, at))), there, copy, copies)
+                store_column(code, list(leaves(text.slopes(moved, state, at))), there, copy, copies)
 
     return write
 

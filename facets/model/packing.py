@@ -93,7 +93,7 @@ def carry_slopes(values: Any, slopes: Any) -> Any:
 def vectors_at(writer: Any, pointer: Any, example: Any) -> Any:
     """A sensor's vectors in memory, for code that is being written.
 
-    writer: a `scalars.machine.MachineWriter`. example: their arrangement, with None for vectors
+    writer: a `scalars.lanes.LaneWriter`. example: their arrangement, with None for vectors
     that are not needed.
     """
     places = count()

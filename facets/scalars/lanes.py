@@ -1,54 +1,83 @@
 """Numbers of several poses that write machine code, whose instructions work on all poses at once.
 
-A `LaneWriter` runs the optics' formulas once, as `machine.MachineWriter` does, but its numbers are
-LLVM's vectors with a lane for each pose. There are no branches: both alternatives are computed, and
-each lane selects its own; what few poses need is a function, which is called where any lane needs
-it (`where_any`). The result of a lane depends on no other lane, and on no processor: the code
-uses only additions, multiplications, divisions and roots, each rounded by IEEE 754.
+A `LaneWriter` runs the optics' formulas once (`tracing`); they are not parsed, typed or inlined,
+which takes a compiler for Python ten times as long. Its numbers are LLVM's vectors with a lane for
+each pose. There are no branches: both alternatives are computed, and each lane selects its own;
+what few poses need is a function, which is called where any lane needs it (`where_any`). The
+result of a lane depends on no other lane, and on no processor: the code uses only additions,
+multiplications, divisions and roots, each rounded by IEEE 754.
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
-import math
 import operator
-import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
-from . import dispatch, polynomials
-from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter, Repetition, do_while, write_loop
+from .lane_functions import FUNCTIONS, turns
 from .nesting import Numbers, leaves, nest
-from .tracing import Condition, Value, key_of
+from .tracing import Condition, Tracer, Value, key_of
 
+DOUBLE = ir.DoubleType()
+LONG = ir.IntType(64)
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
-#: Above an eighth of a half-turn, the arc tangent follows from that of the complement.
-TAN_1, TAN_3 = math.sqrt(2) - 1, math.sqrt(2) + 1
-#: Number of bits of a double's mantissa, and the least double with a full mantissa.
-MANTISSA_BITS, SMALLEST = 52, 2.0**-1022
-BITS_OF_ROOT_OF_HALF = int.from_bytes(struct.pack("<d", math.sqrt(0.5)), "little")
-#: The logarithm of 2, as a number with 21 zero bits at its end, whose products with exponents are
-#: exact, and the remainder.
-LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
-#: The series of the exponential function, to all digits for half of ln 2; below the least exponent
-#: it is 0.
-EXPONENTIAL_SERIES = tuple(1 / math.factorial(n) for n in range(14))
-LEAST_EXPONENT = -700.0
-
-
-#: A quarter turn in three parts, of which the first two end in zero bits: their products with whole
-#: numbers are exact.
-QUARTERS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
-#: Added to a number, it leaves the whole number that is nearest in the last bits.
-ROUNDING = 1.5 * 2.0**52
+#: The names that LLVM's builder has for the operations.
+INSTRUCTIONS = {
+    "add": "fadd",
+    "subtract": "fsub",
+    "multiply": "fmul",
+    "divide": "fdiv",
+    "negative": "fneg",
+}
+#: The functions that processors have.
+INTRINSICS = ("sqrt", "fabs")
+CONNECTIVES = {"and": "and_", "or": "or_", "not": "not_"}
 #: The functions that code calls where a lane needs them, by the names of their code: each with
 #: arguments that are nested like its own, and the number of lanes.
 CALLED: dict[str, tuple[Callable[..., Any], Numbers, int]] = {}
+
+
+@contextmanager
+def write_loop(builder: Any, count: Any) -> Iterator[Any]:
+    """Write a loop whose body runs for each 64-bit number below `count`, which the context
+    yields."""
+    with builder.goto_entry_block():
+        place = builder.alloca(LONG)
+    builder.store(ir.Constant(LONG, 0), place)
+    test, body, after = (builder.append_basic_block(name) for name in ("loop", "body", "after"))
+    builder.branch(test)
+    builder.position_at_end(test)
+    number = builder.load(place)
+    builder.cbranch(builder.icmp_signed("<", number, count), body, after)
+    builder.position_at_end(body)
+    yield number
+    builder.store(builder.add(number, ir.Constant(LONG, 1)), place)
+    builder.branch(test)
+    builder.position_at_end(after)
+
+
+class Repetition:
+    """A loop of `do_while`.  again: a bit, set within the loop, that repeats it."""
+
+    again: Any = None
+
+
+@contextmanager
+def do_while(builder: Any) -> Iterator[Repetition]:
+    """Write a loop whose body runs once, and again while `again` is true."""
+    body, after = builder.append_basic_block("body"), builder.append_basic_block("after")
+    builder.branch(body)
+    builder.position_at_end(body)
+    repetition = Repetition()
+    yield repetition
+    builder.cbranch(repetition.again, body, after)
+    builder.position_at_end(after)
 
 
 def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
@@ -57,49 +86,28 @@ def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(wanted)), wanted))
 
 
-def transpose(builder: Any, rows: list[Any]) -> list[Any]:
-    """Transpose vectors whose number and length are the same power of two.
-
-    In each pair of rows whose numbers differ in one bit, the off-diagonal blocks are exchanged, bit
-    by bit.
-    """
-    rows, size, width = list(rows), len(rows), 1
-    while width < size:
-        low = [n if not n & width else size + n - width for n in range(size)]
-        high = [n + width if not n & width else size + n for n in range(size)]
-        for i in range(size):
-            if not i & width:
-                pair = rows[i], rows[i + width]
-                rows[i], rows[i + width] = (shuffle(builder, *pair, each) for each in (low, high))
-        width *= 2
-    return rows
-
-
-def join(builder: Any, vectors: list[Any]) -> Any:
-    """Concatenate vectors of equal lengths, whose number is a power of two."""
-    while len(vectors) > 1:
-        size = 2 * vectors[0].type.count
-        pairs = zip(vectors[::2], vectors[1::2], strict=True)
-        vectors = [shuffle(builder, a, b, range(size)) for a, b in pairs]
-    return vectors[0]
-
-
-class LaneWriter(MachineWriter):
+class LaneWriter(Tracer):
     """Writes LLVM's code for several poses at once.
 
     lanes: number of poses.  called_lanes: number of lanes of the functions that are called where a
     lane needs them, `lanes` unless given.
     """
 
-    drops_zeros = True
     shares_reciprocals = True
 
     def __init__(self, builder: Any, lanes: int, called_lanes: int | None = None) -> None:
-        super().__init__(builder)
+        super().__init__()
+        self.builder = builder
         self.lanes, self.called_lanes = lanes, called_lanes or lanes
         self.kind = ir.VectorType(DOUBLE, lanes)
         #: The factors of the products.
         self._factors: dict[Value | float, tuple[Value | float, ...]] = {}
+
+    def value(self, number: Value | float) -> Any:
+        """Convert a number to LLVM's value."""
+        if isinstance(number, Value):
+            return number.ir
+        return ir.Constant(self.kind, [float(number)] * self.lanes)
 
     def write(self, operation: str, *operands: Value | float) -> Value:
         """A sum with a product is rounded once, on every processor: decision 13."""
@@ -110,7 +118,8 @@ class LaneWriter(MachineWriter):
                     if operation == "subtract":
                         a, other = (a, -other) if part is operands[0] else (-a, other)
                     return self._write_intrinsic("fma", a, b, other)
-        value = super().write(operation, *operands)
+        instruction = getattr(self.builder, INSTRUCTIONS[operation])
+        value = Value(self, instruction(*map(self.value, operands)))
         if operation == "multiply":
             self._factors[value] = operands
         return value
@@ -130,9 +139,6 @@ class LaneWriter(MachineWriter):
         """Return a bit: whether the condition holds in any lane."""
         return self.builder.icmp_signed("!=", self.bits(condition), ir.Constant(LONG, 0))
 
-    def constant(self, number: float) -> Any:
-        return ir.Constant(self.kind, [float(number)] * self.lanes)
-
     def spread(self, number: Any) -> Value:
         """Broadcast one number to all lanes."""
         return Value(self, self._splat(number, self.kind))
@@ -146,69 +152,6 @@ class LaneWriter(MachineWriter):
         """Load a number that all lanes have in common."""
         place = self.builder.gep(pointer, [ir.Constant(LONG, index)])
         return self.spread(self.builder.load(place))
-
-    def _lanes_at(self, pointer: Any, index: int) -> Any:
-        place = self.builder.gep(pointer, [ir.Constant(LONG, index * self.lanes)])
-        return self.builder.bitcast(place, ir.PointerType(self.kind))
-
-    def load_rows(self, pointer: Any, stride: Any, count: int) -> list[Value]:
-        """Load `count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or
-        a number of the generated code."""
-        columns: list[Value] = []
-        for first, size in self._squares(count):
-            rows = [
-                self.builder.load(self._row_vector(pointer, stride, lane, first, size), align=8)
-                for lane in range(self.lanes)
-            ]
-            squares = [
-                transpose(self.builder, rows[lane : lane + size])
-                for lane in range(0, self.lanes, size)
-            ]
-            for parts in zip(*squares, strict=True):
-                columns.append(Value(self, join(self.builder, list(parts))))
-        return columns
-
-    def _squares(self, count: int) -> Iterator[tuple[int, int]]:
-        """Divide columns into squares of memory: the first column, and the number of columns."""
-        first, size = 0, self.lanes
-        while first < count:
-            while size > count - first:
-                size //= 2
-            yield first, size
-            first += size
-
-    def store_column(
-        self, numbers: Sequence[Value | float], pointer: Any, column: Any, columns: Any
-    ) -> None:
-        """Store numbers of each lane in a column of its matrix, whose rows have `columns`
-        numbers."""
-        for row, number in enumerate(numbers):
-            vector = self.value(number)
-            for lane in range(self.lanes):
-                number_of_lane = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
-                first = self.builder.mul(columns, ir.Constant(LONG, lane * len(numbers) + row))
-                place = self.builder.gep(pointer, [self.builder.add(first, column)])
-                self.builder.store(number_of_lane, place)
-
-    def _row_vector(self, pointer: Any, stride: Any, lane: int, column: int, size: int) -> Any:
-        """Return the pointer to `size` numbers of a lane's row, as a vector."""
-        wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
-        row = self.builder.mul(wide, ir.Constant(LONG, lane))
-        place = self.builder.gep(pointer, [self.builder.add(row, ir.Constant(LONG, column))])
-        return self.builder.bitcast(place, ir.PointerType(ir.VectorType(DOUBLE, size)))
-
-    def store_rows(self, numbers: Sequence[Value | float], pointer: Any, stride: Any) -> None:
-        """Store numbers of each lane in rows that are `stride` numbers apart, as in `load_rows`."""
-        vectors = [self.value(number) for number in numbers]
-        for first, size in self._squares(len(vectors)):
-            some = vectors[first : first + size]
-            for lane in range(0, self.lanes, size):
-                places = range(lane, lane + size)
-                square = [shuffle(self.builder, each, each, places) for each in some]
-                for n, row in enumerate(transpose(self.builder, square), lane):
-                    self.builder.store(
-                        row, self._row_vector(pointer, stride, n, first, size), align=8
-                    )
 
     def bits(self, condition: Condition) -> Any:
         """A 64-bit integer with a bit for each lane in which the condition holds."""
@@ -321,100 +264,36 @@ class LaneWriter(MachineWriter):
         return self.builder.bitcast(known, ir.PointerType(DOUBLE))
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
-        if name in INTRINSICS:
-            return super().write_function(name, *arguments)
-        given = (
-            each if isinstance(each, Value) else Value(self, self.constant(each))
-            for each in arguments
-        )
         key = (name, *map(key_of, arguments))
-        return self.once(key, getattr(self, f"_{name}"), *given)  # type: ignore[no-any-return]
+        if name in INTRINSICS:
+            return self.once(key, self._write_intrinsic, name, *arguments)  # type: ignore[no-any-return]
+        given = (
+            each if isinstance(each, Value) else Value(self, self.value(each)) for each in arguments
+        )
+        return self.once(key, FUNCTIONS[name], *given)  # type: ignore[no-any-return]
 
-    def _sin(self, x: Value) -> Value:
-        return self._turn(x)[0]  # type: ignore[no-any-return]
+    def _write_intrinsic(self, name: str, *arguments: Value | float) -> Value:
+        full = f"llvm.{name}.v{self.lanes}f64"
+        module, given = self.builder.module, list(map(self.value, arguments))
+        kind = ir.FunctionType(self.kind, [self.kind] * len(given))
+        known = module.globals.get(full) or ir.Function(module, kind, full)
+        return Value(self, self.builder.call(known, given))
 
-    def _cos(self, x: Value) -> Value:
-        return self._turn(x)[1]  # type: ignore[no-any-return]
+    def write_comparison(self, how: str, a: Value | float, b: Value | float) -> Condition:
+        return Condition(self, self.builder.fcmp_ordered(how, self.value(a), self.value(b)))
 
-    def _turn(self, x: Value) -> Any:
-        self.turn_together(x)
-        return self._known["turn", x]
+    def write_selection(self, condition: Condition, a: Value | float, b: Value | float) -> Value:
+        return Value(self, self.builder.select(condition.ir, self.value(a), self.value(b)))
+
+    def combine(self, how: str, *conditions: Condition) -> Condition:
+        connective = getattr(self.builder, CONNECTIVES[how])
+        return Condition(self, connective(*(each.ir for each in conditions)))
 
     def turn_together(self, *angles: Value | float) -> None:
-        """See `dispatch.turn_together`: an angle of more than a radian takes a function."""
+        """See `dispatch.turn_together`."""
         new = tuple(x for x in angles if isinstance(x, Value) and ("turn", x) not in self._known)
-        if not new:
-            return
-        usual = tuple((polynomials.sine(x), polynomials.cosine(x)) for x in new)
-        large = tuple(abs(x) > 1 for x in new)
-        turns = dispatch.where_each(large, usual, reduced_turn, tuple((x,) for x in new))
-        self._known |= {("turn", x): turn for x, turn in zip(new, turns, strict=True)}
-
-    def nearest_whole(self, x: Value) -> tuple[Value, Any]:
-        """The nearest whole number, and an integer vector with its last bits."""
-        scaled = x + ROUNDING
-        bits = self.builder.bitcast(scaled.ir, ir.VectorType(LONG, self.lanes))
-        return scaled - ROUNDING, bits
-
-    def has_bit(self, bits: Any, bit: int, more: int = 0) -> Condition:
-        """Whether, in each lane, an integer plus `more` has a bit."""
-        added = self.builder.add(bits, self._whole(more))
-        masked = self.builder.and_(added, self._whole(bit))
-        return Condition(self, self.builder.icmp_signed("!=", masked, self._whole(0)))
-
-    def _whole(self, number: int) -> Any:
-        return ir.Constant(ir.VectorType(LONG, self.lanes), [number] * self.lanes)
-
-    def _exp(self, x: Value) -> Value:
-        """The exponential function to all digits; 0 where x is below -700."""
-        e, bits = self.nearest_whole(x * (1 / math.log(2)))
-        rest = (x - e * LN2_HIGH) - e * LN2_LOW
-        power = self.builder.shl(bits, self._whole(MANTISSA_BITS))
-        part = polynomials.polynomial(rest, EXPONENTIAL_SERIES)
-        whole = self.builder.bitcast(part.ir, power.type)
-        result = Value(self, self.builder.bitcast(self.builder.add(whole, power), self.kind))
-        return self.select(x < LEAST_EXPONENT, 0.0, result)  # type: ignore[no-any-return]
-
-    def _log(self, x: Value) -> Value:
-        """The logarithm of positive numbers to all digits; NaN of others.
-
-        x = m 2^e with m between the roots of 1/2 and 2.
-        """
-        build, same, whole = self.builder, self._whole, ir.VectorType(LONG, self.lanes)
-        bits = build.sub(build.bitcast(x.ir, whole), same(BITS_OF_ROOT_OF_HALF))
-        power = build.ashr(bits, same(MANTISSA_BITS))
-        part = build.add(
-            build.and_(bits, same((1 << MANTISSA_BITS) - 1)), same(BITS_OF_ROOT_OF_HALF)
-        )
-        m = Value(self, build.bitcast(part, self.kind))
-        e = Value(self, build.sitofp(power, self.kind))
-        rest = polynomials.logarithm((m - 1) / (m + 1)) + e * LN2_LOW
-        valid = (x > SMALLEST) & (x < math.inf)
-        return self.select(valid, e * LN2_HIGH + rest, math.nan)  # type: ignore[no-any-return]
-
-    def _atan2(self, y: Value, x: Value) -> Value:
-        high, wide = abs(y), abs(x)
-        steep, middle = high > wide * TAN_3, high > wide * TAN_1
-        above = self.select(steep, -wide, self.select(middle, high - wide, high))
-        below = self.select(steep, high, self.select(middle, high + wide, wide))
-        turn = self.select(steep, math.pi / 2, self.select(middle, math.pi / 4, 0.0))
-        angle = turn + polynomials.arc_tangent(above / below)
-        angle = self.select(x > 0, angle, math.pi - angle)
-        return self.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
-
-
-def reduced_turn(x: Value) -> Any:
-    """Sine and cosine of larger angles, from the rest to whole quarter turns."""
-    code = x.writer
-    quarters, bits = code.nearest_whole(x * (2 / math.pi))
-    rest = x
-    for part in QUARTERS:
-        rest = rest - quarters * part
-    sine, cosine = polynomials.sine(rest), polynomials.cosine(rest)
-    odd = code.has_bit(bits, 1)
-    sine, cosine = code.select(odd, cosine, sine), code.select(odd, sine, cosine)
-    back, left = code.has_bit(bits, 2), code.has_bit(bits, 2, 1)
-    return code.select(back, -sine, sine), code.select(left, -cosine, cosine)
+        if new:
+            self._known |= {("turn", x): turn for x, turn in zip(new, turns(new), strict=True)}
 
 
 def write_callee(name: str, builder: Any, places: Sequence[Any]) -> None:

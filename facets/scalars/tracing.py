@@ -4,17 +4,16 @@ A formula of the optics, run once with such numbers, becomes straight code. `Tra
 functions that all writers share: it omits operations that need no instruction, and writes no
 instruction twice. A writer derives from it and writes the individual instructions:
 
-- `machine.MachineWriter` LLVM's code, of which it is the base;
 - `lanes.LaneWriter` LLVM's code for several poses at once, without branches;
 - `firmware.c_numbers.CWriter` C.
 
 Operations come in the order of the formulas, and each rule gives the same bits as the operation
-that it replaces, except for two rules that a writer has to enable:
+that it replaces, except for two rules:
 
-- `drops_zeros`: 0 x is 0, x + 0 is x, and x - x is 0. Exact for finite x but for the sign of a
-  zero; a NaN or an infinity of x is lost, so that a formula must not count on it.
-- `shares_reciprocals`: a / b is a times 1 / b, which is written once for all a. It costs half a
-  unit in the last digit more.
+- 0 x is 0, x + 0 is x, and x - x is 0. Exact for finite x but for the sign of a zero; a NaN or an
+  infinity of x is lost, so that a formula must not count on it.
+- a / b is a times 1 / b, which is written once for all a, where a writer enables it
+  (`shares_reciprocals`). It costs half a unit in the last digit more.
 
 The rules that are always exact: x 1, x / 1 and x (-1); a negative inside of a sum, a difference or
 a product; a division by a power of two; plain numbers among themselves.
@@ -128,7 +127,6 @@ class Tracer:
     """
 
     lanes = 1
-    drops_zeros = False
     shares_reciprocals = False
 
     def __init__(self) -> None:
@@ -194,23 +192,21 @@ class Tracer:
             return self.subtract(a, negative)
         if (negative := opposite(a)) is not None:
             return self.subtract(b, negative)
-        if self.drops_zeros:
-            if is_plain(a, 0):
-                return b
-            if is_plain(b, 0):
-                return a
+        if is_plain(a, 0):
+            return b
+        if is_plain(b, 0):
+            return a
         return self.once(key_of_either_order("add", a, b), self.write, "add", a, b)
 
     def subtract(self, a: Value | float, b: Value | float) -> Any:
         if (negative := opposite(b)) is not None:
             return self.add(a, negative)
-        if self.drops_zeros:
-            if a is b:
-                return 0.0
-            if is_plain(a, 0):
-                return -b
-            if is_plain(b, 0):
-                return a
+        if a is b:
+            return 0.0
+        if is_plain(a, 0):
+            return -b
+        if is_plain(b, 0):
+            return a
         return self.once(("subtract", key_of(a), key_of(b)), self.write, "subtract", a, b)
 
     def multiply(self, a: Value | float, b: Value | float) -> Any:
@@ -220,7 +216,7 @@ class Tracer:
         for factor, other in ((a, b), (b, a)):
             if isinstance(factor, Value):
                 continue
-            if factor == 0 and self.drops_zeros:
+            if factor == 0:
                 return 0.0
             if factor == 1:
                 return other
@@ -229,7 +225,7 @@ class Tracer:
         return self.once(key_of_either_order("multiply", a, b), self.write, "multiply", a, b)
 
     def divide(self, a: Value | float, b: Value | float) -> Any:
-        if self.drops_zeros and is_plain(a, 0):
+        if is_plain(a, 0):
             return 0.0
         if not isinstance(b, Value) and (is_power_of_two(b) or (self.shares_reciprocals and b)):
             return self.multiply(a, 1 / b)

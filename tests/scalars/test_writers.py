@@ -2,7 +2,6 @@
 
 import ctypes
 import math
-import struct
 from fractions import Fraction
 
 import numpy as np
@@ -11,10 +10,9 @@ from llvmlite import binding, ir
 
 from facets.model import object_code
 from facets.optics import sum_of_products
-from facets.scalars import dispatch, dual, lanes, machine
+from facets.scalars import dispatch, dual, lane_rows, lanes
 
 pytestmark = pytest.mark.installed
-VALUES = (0.0, -0.0, 1.5, -7.3, 1e-310, 1e300, math.inf, -math.inf, math.nan)
 
 
 def odd_numbers(x, y):
@@ -28,7 +26,7 @@ def odd_numbers(x, y):
 
 def new_function(make):
     """A writer of a function of two pointers to numbers, and these."""
-    kind = ir.FunctionType(ir.VoidType(), [machine.DOUBLE.as_pointer()] * 2)
+    kind = ir.FunctionType(ir.VoidType(), [lanes.DOUBLE.as_pointer()] * 2)
     function = ir.Function(ir.Module(), kind, "formula")
     return make(ir.IRBuilder(function.append_basic_block())), *function.args
 
@@ -53,29 +51,15 @@ def lane_writer(builder):
     return lanes.LaneWriter(builder, 4)
 
 
-def bits(number: float) -> bytes:
-    return b"nan" if math.isnan(number) else struct.pack("<d", number)
-
-
-def test_one_pose_has_the_bits_of_floats_for_any_number():
-    """Zeros have signs, and what is not finite stays so."""
-    writer, asked, results = new_function(machine.MachineWriter)
-    formulas = odd_numbers(writer.load(asked, 0), writer.load(asked, 1))
-    for n, number in enumerate(formulas):
-        writer.store(number, results, n)
-    run = compiled(writer)
-    for x in VALUES:
-        for y in [value for value in VALUES if value != 0]:
-            expected = [bits(number) for number in odd_numbers(x, y)]
-            assert [bits(number) for number in run([x, y], len(formulas))] == expected, (x, y)
-
-
 def test_each_lane_computes_as_floats_do():
     writer, asked, results = new_function(lane_writer)
-    x, y = writer.load_rows(asked, 2, 2)
+    x, y = lane_rows.load_rows(writer, asked, 2, 2)
     angle, sine = writer.function("atan2", y, x), writer.function("sin", x / 8)
-    writer.store_rows(
-        [angle, sine, *(n + 0 * x for n in odd_numbers(x, y))], results, 2 + len(odd_numbers(1, 1))
+    lane_rows.store_rows(
+        writer,
+        [angle, sine, *(n + 0 * x for n in odd_numbers(x, y))],
+        results,
+        2 + len(odd_numbers(1, 1)),
     )
     run = compiled(writer)
     turns = np.arange(0.05, 6.28, 0.4).reshape(4, 4)
@@ -91,7 +75,9 @@ def test_each_lane_computes_as_floats_do():
 def test_sums_of_products_keep_twice_the_digits():
     """In lanes, too, where a product that is fused into a sum would be no rounded number."""
     writer, asked, results = new_function(lane_writer)
-    writer.store_rows(sum_of_products(*writer.load_rows(asked, 4, 4)), results, 2)
+    lane_rows.store_rows(
+        writer, sum_of_products(*lane_rows.load_rows(writer, asked, 4, 4)), results, 2
+    )
     run = compiled(writer)
     for rows in np.random.default_rng(1).uniform(-40, 40, (25, 4, 4)):
         for found, (a, b, c, d) in zip(np.reshape(run(rows, 8), (4, 2)), rows, strict=True):
@@ -109,9 +95,9 @@ def weighted(node, weight, x):
 
 def test_what_few_lanes_need_is_called_for_them_and_computed_anew_after():
     writer, asked, results = new_function(lane_writer)
-    x, y = writer.load_rows(asked, 2, 2)
+    x, y = lane_rows.load_rows(writer, asked, 2, 2)
     first, second = dispatch.where_any(x > 0, (x, y), swapped_sum, y, x)
-    writer.store_rows([first, second, x * y], results, 3)
+    lane_rows.store_rows(writer, [first, second, x * y], results, 3)
     run = compiled(writer)  # LLVM refuses a number that is not computed on every way
     rows = [[2, 3], [-1, 5], [4, -2], [0, 1]]
     assert run(rows, 12) == [8, 42, 6, -1, 5, -5, -4, -28, -8, 0, 1, 0]
@@ -120,7 +106,7 @@ def test_what_few_lanes_need_is_called_for_them_and_computed_anew_after():
 
 def test_lanes_leave_out_zeros():
     writer, asked, _ = new_function(lane_writer)
-    (x,) = writer.load_rows(asked, 1, 1)
+    (x,) = lane_rows.load_rows(writer, asked, 1, 1)
     assert x * 0 == x - x == 0 / x == 0.0
     assert (x + 0) is x
     assert -(0 - x) is x
@@ -128,6 +114,6 @@ def test_lanes_leave_out_zeros():
 
 
 def test_a_formula_can_not_ask_what_only_its_code_will_know():
-    writer, asked, _ = new_function(machine.MachineWriter)
+    writer, asked, _ = new_function(lane_writer)
     with pytest.raises(TypeError, match="select"):
         bool(writer.load(asked, 0) > 0)
