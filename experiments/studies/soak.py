@@ -30,7 +30,6 @@ from typing import Any
 import numpy as np
 
 import facets
-from facets.bench.live import virtual_bench
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from facets.files.provenance import run_record
 from facets.live import Subscription
@@ -174,9 +173,26 @@ def load(busy: int) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def virtual_bench(folder: Path) -> Iterator[None]:
+    """Run the circle of the shipped configuration `bench`, and wait for its ports."""
+    bench = subprocess.Popen(
+        [*PROGRAM, "emulate", "bench", "--motion", "circle", "--seed", "1"],
+        cwd=folder, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        for line in bench.stdout or ():
+            if line.startswith("running"):
+                break
+        yield
+    finally:
+        bench.terminate()
+        bench.communicate()
+
+
 def follow_circle(folder: Path, seconds: float) -> dict[str, Any]:
     """Run the live example of the README in a new folder; return its outcome."""
-    with virtual_bench(folder, seed=1):
+    with virtual_bench(folder):
         run = subprocess.run(
             [*PROGRAM, "acquire", "bench", "--track", "--port", "bench/board",
              "--stage-port", "bench/stage", "--plain", "--seconds", str(seconds), "-d", "recorded"],

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import pictures as pictures
+    from . import rivals as rivals
+    from . import table as table
 else:
-    __getattr__ = load_on_use(__name__, {"clock": "Contender alternate"})
+    __getattr__ = load_on_use(__name__, {"clock": "Contender cpu_seconds"})

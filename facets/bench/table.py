@@ -1,0 +1,172 @@
+"""The table of `facets bench`: processor time a pose of each way to compute it, and its error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..config.loading import load
+from ..core.sensor import Apertures, Sensor
+from ..core.units import Floats
+from ..estimation.prepared import Solver
+from ..estimation.solver import solve
+from ..model.arrays import jacobian, parameters, readings
+from ..optics import forward
+from .clock import Contender, cpu_seconds, first_cpu_seconds
+from .rivals import (
+    SENSOR,
+    has_compiler,
+    poses_by_c,
+    readings_by_c,
+    readings_by_dblquad,
+    readings_by_legendre,
+    solve_by_scipy,
+    states_in_range,
+)
+
+Row = dict[str, Any]
+
+#: Sensors by their light, the one that all ways compute first.
+LIGHTS = {
+    "ideal": SENSOR,
+    "that of a bench": replace(SENSOR, light=load("bench-light").sensor.light),
+    "cut by the detectors": replace(SENSOR, apertures=Apertures(detectors=True)),
+}
+#: What a new process computes with nothing compiled.
+FIRST_USES = {
+    "facets: the first reading": "facets.readings(sensor, [0.0] * 8)",
+    "facets: the first pose": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
+}
+#: Number of rows whose errors are measured: of readings, and of poses.
+CHECKED_READINGS, CHECKED_POSES = 50, 2000
+GAUSS_LEGENDRE = "Gauss-Legendre of 12 nodes (NumPy)"
+EXPORTED_C = "the exported C (gcc -O3 -march=native)"
+
+
+def measure(quick: bool, seed: int) -> list[Row]:
+    """Measure each way: us a pose, the ratio to the first way of its task, and the largest errors.
+
+    error_mm: of places, or of a pose's lengths.  error_rad: of a pose's angles.
+    """
+    poses, few, rounds = (5_000, 200, 3) if quick else (50_000, 2_000, 15)
+    states = states_in_range(poses, seed)
+    rows = np.hstack([readings(SENSOR, states), states])
+    exact = exact_readings(states[:CHECKED_READINGS])
+    table = []
+    for row, way in time_ways("readings", reading_ways(poses, few), rows, rounds):
+        off = np.abs(way.work(rows[: min(len(exact), way.poses)]) - exact[: way.poses])
+        places = off.reshape(-1, 3, 3)[:, :, :2]
+        table.append(row | {"error_mm": float(places.max()), "error_rad": np.nan})
+    for row, way in time_ways("poses", pose_ways(poses, few), rows, rounds):
+        some = rows[: min(CHECKED_POSES, way.poses)]
+        off = np.abs(way.work(some) - some[:, 9:]).max(axis=0)
+        lengths, angles = off[[0, 1, 2, 6, 7]], off[3:6]
+        table.append(row | {"error_mm": lengths.max(), "error_rad": angles.max()})
+    unknown = {"error_mm": np.nan, "error_rad": np.nan}
+    for task, ways in light_tasks(rows[: poses // 4], seed).items():
+        table += [row | unknown for row, _ in time_ways(task, ways, rows, rounds)]
+    if not quick:
+        seconds = [first_cpu_seconds(expression) for expression in FIRST_USES.values()]
+        table += [row | unknown for row in make_rows("nothing compiled", list(FIRST_USES), seconds)]
+    return table
+
+
+def time_ways(
+    task: str, ways: list[Contender], rows: Floats, rounds: int
+) -> Iterator[tuple[Row, Contender]]:
+    """Yield the row of each way of a task, without errors."""
+    seconds = cpu_seconds(ways, rows, rounds)
+    yield from zip(make_rows(task, [way.name for way in ways], seconds), ways, strict=True)
+
+
+def make_rows(task: str, names: list[str], seconds: list[float]) -> list[Row]:
+    return [
+        {"task": task, "way": name, "us": 1e6 * taken, "ratio": taken / seconds[0]}
+        for name, taken in zip(names, seconds, strict=True)
+    ]
+
+
+def exact_readings(states: Floats) -> Any:
+    """Readings (n, 9) by the optics' text in mpmath, as an array of high-precision numbers."""
+    import mpmath as mp
+
+    with mp.workdps(40):
+        sensor = forward.build_geometry(tuple(mp.mpf(x) for x in parameters(SENSOR)))
+        exact = [
+            forward.readings(sensor, tuple(mp.mpf(float(x)) for x in state)) for state in states
+        ]
+    return np.array(exact, dtype=object).reshape(len(states), 9)
+
+
+def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
+    return lambda rows: np.array([function(row) for row in rows])
+
+
+def reading_ways(poses: int, few: int) -> list[Contender]:
+    """Ways from states to readings."""
+    by_c = Contender(EXPORTED_C, lambda rows: readings_by_c(rows[:, 9:]), poses)
+    return [
+        Contender("facets: a batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
+        Contender("facets: one call each", one_by_one(lambda r: readings(SENSOR, r[9:])), few),
+        *([by_c] if has_compiler() else []),
+        Contender(GAUSS_LEGENDRE, lambda rows: readings_by_legendre(rows[:, 9:]), few),
+        Contender("dblquad (as the paper)", lambda rows: readings_by_dblquad(rows[:, 9:]), 2),
+    ]
+
+
+def pose_ways(poses: int, few: int) -> list[Contender]:
+    """Ways from exact readings to states, with eight unknowns."""
+
+    def solve_near(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False).state
+
+    def invert_as_paper(rows: Floats) -> Floats:
+        return solve(SENSOR, rows[:, :9], method="paper").state
+
+    def scipy(solver: str, model: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
+        return lambda rows: solve_by_scipy(solver, model, rows[:, :9])
+
+    prepared = Solver(SENSOR)
+    by_c = Contender(EXPORTED_C, lambda rows: poses_by_c(rows[:, :9]), poses)
+    return [
+        Contender("facets: a batch", lambda rows: solve(SENSOR, rows[:, :9]).state, poses),
+        Contender("facets: a batch from near without covariance", solve_near, poses),
+        Contender("facets: the paper's inversion", invert_as_paper, poses),
+        Contender("facets: one call each", one_by_one(lambda r: solve(SENSOR, r[:9]).state), few),
+        Contender(
+            "facets.Solver: one call each", one_by_one(lambda r: prepared.solve(r[:9]).state), few
+        ),
+        *([by_c] if has_compiler() else []),
+        Contender(f"fsolve on {GAUSS_LEGENDRE}", scipy("fsolve", readings_by_legendre), 10),
+        Contender(
+            f"least_squares on {GAUSS_LEGENDRE}", scipy("least_squares", readings_by_legendre), 5
+        ),
+        Contender("fsolve on dblquad (as the paper)", scipy("fsolve", readings_by_dblquad), 1),
+    ]
+
+
+def light_tasks(rows: Floats, seed: int) -> dict[str, list[Contender]]:
+    """Tasks whose ways are kinds of light.  Poses are those of noisy readings in the inner half of
+    the range."""
+    states = 0.5 * rows[:, 9:]
+    noise = SENSOR.noise.position * np.random.default_rng(seed).standard_normal((len(rows), 9))
+    noise *= np.tile([1.0, 1.0, 0.0], 3)
+
+    def noisy_solve(sensor: Sensor) -> Callable[[Floats], Any]:
+        noisy = readings(sensor, states) + noise
+        return lambda some: solve(sensor, noisy[: len(some)])
+
+    works: dict[str, Callable[[Sensor], Callable[[Floats], Any]]] = {
+        "readings": lambda sensor: lambda some: readings(sensor, some[:, 9:]),
+        "Jacobians": lambda sensor: lambda some: jacobian(sensor, some[:, 9:]),
+        "poses of noisy readings": noisy_solve,
+    }
+    return {
+        f"light: {task}": [
+            Contender(words, work(sensor), len(rows)) for words, sensor in LIGHTS.items()
+        ]
+        for task, work in works.items()
+    }
