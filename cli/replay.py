@@ -51,14 +51,6 @@ Compare = Annotated[
         help="Compare the poses with the recorded ones, bit by bit; exit status 1 if they differ.",
     ),
 ]
-Smooth = Annotated[
-    str | None,
-    typer.Option(
-        metavar="MODEL",
-        help="Also write poses that are smoothed over the whole recording, by a motion model: "
-        "MODEL is acceleration, speed or place, whichever is nearly constant.",
-    ),
-]
 
 
 def replay(
@@ -69,7 +61,6 @@ def replay(
     real_time: RealTime = False,
     recover: Recover = False,
     compare: Compare = False,
-    smooth: Smooth = None,
     publish: Publish = None,
     web: Web = None,
     point: Point = None,
@@ -88,7 +79,7 @@ def replay(
         output = recording / "recovered.parquet"
     written = [] if output in (None, STANDARD_STREAM) else [str(output)]
     request = zero_of(zero)
-    live.refuse_output(output, force, smooth, request)
+    live.refuse_output(output, force, request)
     live.require_packages(publish, web)
     playback = live.Playback(
         recording,
@@ -101,7 +92,7 @@ def replay(
         poses = playback.publish_poses(poses, publish, tell, typer.echo)
     with open_page(playback, web) as page:
         sentences, is_same = playback.finish(
-            page.following(poses) if page else poses, output, smooth, compare, config
+            page.following(poses) if page else poses, output, compare, config
         )
         with free_output(output):
             typer.echo("\n".join([*sentences, *written]))

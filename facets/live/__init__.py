@@ -25,7 +25,6 @@ _NAMES_OF = {
     "run.view": "Screen json_line plain_line summary values",
     "streams.publication": "require_packages Publications",
     "run.poses": "poses",
-    "run.smoothing": ("smooth MODELS noise_covariance process_noise smoothed_columns transition"),
     "streams.ophyd_device": "Interval PoseSensor",
     "streams.subscription": "Subscription",
     "recording.comparison": "compare",
@@ -68,7 +67,6 @@ if TYPE_CHECKING:
     from .playback import refuse_output as refuse_output
     from .run.live import Live as Live
     from .run.poses import poses as poses
-    from .run.smoothing import smooth as smooth
     from .run.view import Screen as Screen
     from .run.view import json_line as json_line
     from .run.view import plain_line as plain_line

@@ -13,7 +13,6 @@ from ..core.errors import InputError
 from ..estimation.result import worded_columns
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
-from ..files.columns import row_times
 from ..files.whole import STANDARD_STREAM
 from .recording.comparison import compare, comparison_sentences
 from .recording.index import Damage
@@ -22,7 +21,6 @@ from .recording.reader import meta_of, seal_of, utc_offset
 from .recording.replay import recorded_config, replay
 from .run.pipeline import Pipeline, RunPoses, join_poses
 from .run.pulses import PulseClock, pulse_columns
-from .run.smoothing import require_model, smoothed_columns
 from .streams.mcap_file import McapFile
 from .streams.publication import Publications
 from .streams.sample_rows import row_content
@@ -95,18 +93,17 @@ class Playback:
         self,
         poses: Iterable[RunPoses],
         path: Path | None,
-        smooth: str | None,
         compare: bool,
         config_name: str | None,
     ) -> tuple[list[str], bool]:
         """Solve all samples, write the poses to `path`, if any, and compare them on request.
 
-        The other arguments are those of `write` and `compare`. Returns the sentences for the user,
+        config_name: see `compare`. Returns the sentences for the user,
         and whether no comparison found a difference.
         """
-        if compare or smooth:
+        if compare:
             poses = list(poses)
-        written = list(self.write(path, poses, smooth)) if path else []
+        written = list(self.write(path, poses)) if path else []
         compared, is_same = self.compare(poses, config_name) if compare else ([], True)
         deque(poses, maxlen=0)  # solve all poses, even if no output uses them
         return [*self.sentences(), *written, *compared], is_same
@@ -153,10 +150,9 @@ class Playback:
             if text:
                 yield f"  {text}"
 
-    def write(self, path: Path, poses: Iterable[RunPoses], smooth: str | None) -> Iterator[str]:
+    def write(self, path: Path, poses: Iterable[RunPoses]) -> Iterator[str]:
         """Write poses to a table or an MCAP file; yield the sentences for the user.
 
-        smooth: the model of a motion by which poses are smoothed, in columns beside the raw ones.
         Raises `InputError` if there are no samples.
         """
         about = provenance.provenance_header(self.config)
@@ -166,9 +162,7 @@ class Playback:
         if measurement.zero is not None:
             about["zero"] = measurement.zero_text
         content = row_content(self.config, measurement)
-        if smooth:
-            yield self.write_with_smoothing(path, list(poses), smooth, about)
-        elif is_mcap(path):
+        if is_mcap(path):
             offset = utc_offset(self.folder) or 0.0
             with (
                 tables.Whole(path) as temporary,
@@ -191,24 +185,6 @@ class Playback:
                 raise InputError(f"{self.folder}: {self.pipeline.measurement.zero_sentences()[0]}")
             held.append(part)
         return chain(held, rest)
-
-    def write_with_smoothing(
-        self, path: Path, poses: list[RunPoses], model: str, about: dict[str, str]
-    ) -> str:
-        """Write the table of poses, with the likeliest poses given all samples beside them."""
-        refuse_nothing(path, poses)
-        joined, carried = join_poses(poses), self.pipeline.tally.misfit.carried
-        seconds = row_times(joined.columns())
-        try:
-            columns, result = smoothed_columns(
-                self.config, seconds, joined.solution, carried, model,
-                self.pipeline.measurement.columns.covariance,
-            )  # fmt: skip
-        except ValueError as error:
-            raise InputError(f"{path}: not written: {error}") from None
-        about = about | {"smoothed": f"constant {model}"}
-        tables.write_table(path, worded_columns(joined.columns()) | columns, about)
-        return f"  smoothed by constant {model}; {result.sentence}"
 
     def write_table(
         self, path: Path, poses: Iterable[RunPoses], about: dict[str, str]
@@ -265,14 +241,8 @@ def is_mcap(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".mcap"
 
 
-def refuse_output(
-    path: Path | None, force: bool, smooth: str | None, zero: ZeroRequest | None
-) -> None:
-    """Raise `InputError` for an output that cannot be written, or options that contradict."""
-    if smooth:
-        require_model(smooth)
-        if path is None or is_mcap(path):
-            raise InputError("--smooth needs -o, a table for the smoothed poses")
+def refuse_output(path: Path | None, force: bool, zero: ZeroRequest | None) -> None:
+    """Raise `InputError` for an output that cannot be written."""
     if path is None:
         return
     if not is_mcap(path):

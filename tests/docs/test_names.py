@@ -22,7 +22,7 @@ ELSEWHERE = {
 }  # fmt: skip
 #: Columns whose names the code puts together.
 COLUMNS = re.compile(
-    r"(ref|u|u_noise|u_calibration|smooth|smooth_object|expanded"
+    r"(ref|u|u_noise|u_calibration|expanded"
     r"|(true_|u_|u_noise_|u_calibration_)?(object|displacement))"
     rf"_({'|'.join(STATE_COLUMNS)})?"
     r"|(psi|zeta|power)_[abc]|(k|degrees_of_freedom)_(tx|at_rest)|symmetric_low|shortest_high"

@@ -23,7 +23,6 @@ from facets.live import (
     recorded_config,
     recorded_poses,
     rows_of,
-    smoothed_columns,
 )
 
 OBJECT = MeasuredObject(point=(10.0, -20.0, 50.0), orientation=(0.1, -0.2, 1.5))
@@ -106,14 +105,6 @@ def test_a_zero_waits_for_light_and_says_that_the_mirror_moves():
         pipeline.feed(DATA[(STILL + max(first - 500, 100)) * SIZE : (STILL + first) * SIZE], 2.0)
         assert words in live.messages()[0]
     assert any("The mirror moved" in text for text in pipeline.measurement.sentences())
-
-
-def test_smoothed_poses_of_the_object_err_as_stated():
-    _, poses = solve(WITH_OBJECT)
-    time = 1e-4 * np.arange(COUNT)
-    columns, _ = smoothed_columns(WITH_OBJECT, time, poses.solution, False, "acceleration")
-    ratio = rms_error(columns, "smooth_object_")
-    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1, abs=0.25)
 
 
 def test_subscribers_are_told_of_the_object():

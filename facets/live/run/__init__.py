@@ -7,6 +7,5 @@ from ...core.faces import load_on_use
 if TYPE_CHECKING:
     from . import pipeline as pipeline
     from . import pulses as pulses
-    from . import smoothing as smoothing
 else:
     __getattr__ = load_on_use(__name__)
