@@ -18,7 +18,6 @@ from .options import (
     Covariance,
     Force,
     Point,
-    Publish,
     RecordingName,
     Web,
     Zero,
@@ -32,9 +31,6 @@ Output = Annotated[
         "table of poses (CSV, .csv.gz, - for standard output, Parquet, or HDF5), or MCAP",
         "none is written; with --recover RECORDING/recovered.parquet",
     ),
-]
-RealTime = Annotated[
-    bool, typer.Option("--real-time", help="Replay at the speed at which it was recorded.")
 ]
 Recover = Annotated[
     bool,
@@ -58,10 +54,8 @@ def replay(
     config: ConfigOption = None,
     output: Output = None,
     force: Force = False,
-    real_time: RealTime = False,
     recover: Recover = False,
     compare: Compare = False,
-    publish: Publish = None,
     web: Web = None,
     point: Point = None,
     zero: Zero = None,
@@ -80,16 +74,14 @@ def replay(
     written = [] if output in (None, STANDARD_STREAM) else [str(output)]
     request = zero_of(zero)
     live.refuse_output(output, force, request)
-    live.require_packages(publish, web)
+    live.require_packages((), web)
     playback = live.Playback(
         recording,
         facets.load(config) if config else None,
         change=lambda settings: choose_point(settings, point),
         columns=estimation.PoseColumns(request, covariance),
     )
-    poses = playback.poses(real_time, recover)
-    if publish:
-        poses = playback.publish_poses(poses, publish, tell, typer.echo)
+    poses = playback.poses(recover)
     with open_page(playback, web) as page:
         sentences, is_same = playback.finish(
             page.following(poses) if page else poses, output, compare, config

@@ -87,8 +87,7 @@ class Acquire:
     mark: Literal["trigger", "pps"] = key(
         "mark",
         "trigger",
-        "meaning of the board's marked input: none, or one pulse per second at whole seconds of "
-        "UTC, from which `utc_s` of published and replayed samples follows",
+        "without effect, kept for older files: the column `flags` marks the samples after an edge",
     )
     wait: float = key(
         "wait_seconds",

@@ -37,7 +37,6 @@ _NAMES_OF = {
     "run.board_poses": "SOLVED board_solution",
     "run.loop": "CLOCK_MOVED Ending Loop acquire",
     "run.pipeline": "Pipeline RunPoses join_poses",
-    "run.pulses": "PulseClock",
     "run.reader": "MAX_BLOCK_S Reader",
     "run.sink": "Sink",
     "sources": "Block check_missing check_source",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,9 +20,7 @@ from .recording.pose_table import join_columns, recorded_poses
 from .recording.reader import meta_of, seal_of, utc_offset
 from .recording.replay import recorded_config, replay
 from .run.pipeline import Pipeline, RunPoses, join_poses
-from .run.pulses import PulseClock, pulse_columns
 from .streams.mcap_file import McapFile
-from .streams.publication import Publications
 from .streams.sample_rows import row_content
 
 if TYPE_CHECKING:
@@ -77,17 +75,16 @@ class Playback:
 
     def poses(
         self,
-        real_time: bool = False,
         recover: bool = False,
         on_progress: Callable[[int, int], None] = lambda done, of: None,
     ) -> Iterator[RunPoses]:
         """Yield the poses, in the blocks of the recorded bytes.
 
-        real_time: at the speed of the recording.  recover: also read bytes without an index, or
+        recover: also read bytes without an index, or
         with one that does not match, which otherwise raise `InputError`.  on_progress: called
         with the number of bytes read and their total.
         """
-        return replay(self.folder, self.pipeline, real_time, self.damage, on_progress, recover)
+        return replay(self.folder, self.pipeline, self.damage, on_progress, recover)
 
     def finish(
         self,
@@ -103,34 +100,11 @@ class Playback:
         """
         if compare:
             poses = list(poses)
-        written = list(self.write(path, poses)) if path else []
+        if path:
+            self.write(path, poses)
         compared, is_same = self.compare(poses, config_name) if compare else ([], True)
         deque(poses, maxlen=0)  # solve all poses, even if no output uses them
-        return [*self.sentences(), *written, *compared], is_same
-
-    def publish_poses(
-        self,
-        poses: Iterable[RunPoses],
-        addresses: Sequence[str],
-        on_progress: Callable[[str], None],
-        say: Callable[[str], None],
-    ) -> Iterator[RunPoses]:
-        """Yield the same poses, and publish each of them.
-
-        on_progress: receives the addresses.  say: receives, at the end, the number of published
-        samples.
-        """
-        offset = utc_offset(self.folder)
-        with Publications(
-            addresses, self.config, True, offset, self.pipeline.measurement
-        ) as publications:
-            on_progress(f"publishing at {', '.join(publications.places())}")
-            publications.await_receivers()
-            for part in poses:
-                publications.add_poses(part)
-                yield part
-        for text in publications.sentences():
-            say(text)
+        return [*self.sentences(), *compared], is_same
 
     def sentences(self) -> Iterator[str]:
         """Yield the number of solved samples, and the faults of the recording."""
@@ -150,8 +124,8 @@ class Playback:
             if text:
                 yield f"  {text}"
 
-    def write(self, path: Path, poses: Iterable[RunPoses]) -> Iterator[str]:
-        """Write poses to a table or an MCAP file; yield the sentences for the user.
+    def write(self, path: Path, poses: Iterable[RunPoses]) -> None:
+        """Write poses to a table or an MCAP file.
 
         Raises `InputError` if there are no samples.
         """
@@ -171,7 +145,7 @@ class Playback:
                 for part in poses:
                     file.write(part)
         else:
-            yield from self.write_table(path, poses, about)
+            self.write_table(path, poses, about)
 
     def await_zero(self, poses: Iterable[RunPoses]) -> Iterator[RunPoses]:
         """Return the same poses after taking in all samples of the zero of displacements.
@@ -186,22 +160,13 @@ class Playback:
             held.append(part)
         return chain(held, rest)
 
-    def write_table(
-        self, path: Path, poses: Iterable[RunPoses], about: dict[str, str]
-    ) -> Iterator[str]:
-        """Write the table of poses, with the times by a pulse per second if there is one."""
-        pulses = PulseClock() if self.config.acquire.mark == "pps" else None
-        offset = (utc_offset(self.folder) or 0.0) if pulses else 0.0
+    def write_table(self, path: Path, poses: Iterable[RunPoses], about: dict[str, str]) -> None:
+        """Write the table of poses."""
         parts = poses if path == STANDARD_STREAM else gather_poses(poses)
         with tables.open_writer(path, about) as writer:
             for part in parts:
-                columns = worded_columns(part.columns())
-                if pulses is not None:
-                    columns |= pulse_columns(part, offset, pulses)
-                writer.write(columns)
+                writer.write(worded_columns(part.columns()))
             refuse_nothing(path, writer.file)
-        if pulses is not None:
-            yield f"  {pulses.sentence}"
 
     def compare(self, poses: Iterable[RunPoses], config_name: str | None) -> tuple[list[str], bool]:
         """Compare poses with the recorded ones, bit by bit.

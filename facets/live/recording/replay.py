@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ...core.errors import ConfigError, InputError
 from ...core.settings import resolved_text
@@ -70,7 +67,6 @@ def version_hint(meta: dict[str, Any]) -> str:
 def replay(
     folder: Path,
     pipeline: Pipeline,
-    real_time: bool = False,
     damage: Damage | None = None,
     on_progress: Callable[[int, int], None] = lambda *_: None,
     salvage: bool = False,
@@ -82,7 +78,6 @@ def replay(
     differences from what was written.  on_progress: called with the number of bytes read
     and their total.  salvage: see `blocks`.
     """
-    begin: tuple[float, float] | None = None
     damage = damage if damage is not None else Damage()
     done, whole, doubtful = 0, size_of(folder), False
     for block in blocks(folder, damage, salvage):
@@ -91,9 +86,6 @@ def replay(
         doubtful |= block.doubtful
         if block.doubtful and pipeline.config.acquire.format == "text":
             continue
-        if real_time and np.isfinite(block.arrival):
-            begin = begin or (time.monotonic(), block.arrival)
-            time.sleep(max(0.0, begin[0] + block.arrival - begin[1] - time.monotonic()))
         poses = pipeline.feed(block.data, block.arrival, block.encoder)
         if poses is not None:
             if doubtful and damage.since is None:

@@ -6,6 +6,5 @@ from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import pipeline as pipeline
-    from . import pulses as pulses
 else:
     __getattr__ = load_on_use(__name__)

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ...core.closing import ClosedAtExit
 from ...core.extras import require_extra
 from ...core.version import __version__
 from ...estimation.solution import LABELS
 from ..run.pipeline import RunPoses
-from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
 from ..sources.host_time import wall_clock_offset
 from .addresses import check_address
-from .outlet import RETRY_MS, Outlet, Relay
+from .outlet import Outlet, Relay
 from .sample_rows import row_content, rows_of
 
 if TYPE_CHECKING:
     from ...core.settings import Config
     from ...estimation.measurement import Measurement
-
-#: A replay waits up to this time for its first receivers, s.
-FIRST_RECEIVER_WAIT_S = 20.0
 
 
 def require_packages(addresses: Sequence[str] | None, web: str | None) -> None:
@@ -80,7 +73,6 @@ class Publications(ClosedAtExit, Sink):
             **row_content(config, objects),
         }
         self.offset = wall_clock_offset() if utc_offset is None else utc_offset
-        self.pulses = PulseClock() if config.acquire.mark == "pps" else None
         for address in addresses:
             check_address(address)
         self.outlet = Outlet(about, patient)
@@ -98,19 +90,9 @@ class Publications(ClosedAtExit, Sink):
         """Return the addresses, with the ports that the system has chosen."""
         return [target["address"] for target in self.counts()]
 
-    def await_receivers(self) -> None:
-        """Wait until there is a receiver at each address, for up to `FIRST_RECEIVER_WAIT_S`."""
-        last = time.monotonic() + FIRST_RECEIVER_WAIT_S
-        while time.monotonic() < last and any(target["receivers"] == 0 for target in self.counts()):
-            self.outlet.hear(RETRY_MS)
-
     def add_poses(self, poses: RunPoses) -> None:
         """Publish poses at all addresses."""
-        rows = rows_of(poses, self.offset)
-        if self.pulses is not None:
-            utc = pulse_columns(poses, self.offset, self.pulses)["utc_s"]
-            rows["utc_s"] = np.where(np.isfinite(utc), utc, rows["utc_s"])
-        self.outlet.send(rows)
+        self.outlet.send(rows_of(poses, self.offset))
 
     def close(self) -> None:
         self.outlet.close()
@@ -138,6 +120,4 @@ class Publications(ClosedAtExit, Sink):
             address, trouble = target["address"], target["trouble"]
             text = f"{address}: {target['sent']} samples published, {target['dropped']} dropped"
             sentences.append(f"{text} ({trouble})" if trouble else text)
-            if self.pulses is not None:
-                sentences.append(f"{address}: {self.pulses.sentence}")
         return sentences
