@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from facets import config as configuration
-from facets import core, design, files
+from facets import core, files
 
 from .console import FINDING, draw_beside, load_config
 from .options import (
@@ -29,13 +29,8 @@ from .options import (
 from .options.places import choose_point
 from .parts.layout_search import layout_for_yield, rounded_layout, search, write_layout
 from .sentences.certificate import prove_design
-from .sentences.design_pages import NewLayout, show_layout, write_report, write_tables
+from .sentences.design_pages import NewLayout, show_layout, write_report
 
-if TYPE_CHECKING:
-    pass
-
-
-SHEETS = "File for all tables of the result: LaTeX (.tex) or a workbook (.xlsx, extra `sheets`)."
 EXACT = "Write the optimum without rounding its numbers to values that can be manufactured."
 REPORT = "the layout and its drawing, with a 3D scene beside it (FILE.gltf)"
 
@@ -53,7 +48,6 @@ def optimize(
     exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
     report: Annotated[Path | None, report_option(REPORT)] = None,
     heads: Annotated[int, heads_option("0 skips the simulation")] = 0,
-    sheets: Annotated[Path | None, typer.Option("--sheets", metavar="FILE", help=SHEETS)] = None,
     point: Point = None,
 ) -> None:
     """Find the layout that meets a requirement best.
@@ -81,9 +75,6 @@ def optimize(
     if report:
         require_html(report)
         pages += [report, report.with_suffix(".gltf")]
-    if sheets:
-        design.sheets.require_writable(sheets)
-        pages.append(sheets)
     sources = configuration.source_files(settings)
     files.tables.refuse_to_overwrite([path, *paths, *pages], force, sources)
     optimum = layout_for_yield(settings, search(settings))
@@ -95,9 +86,7 @@ def optimize(
             layout = NewLayout(settings, optimum, rounded, better)
             table, sections = show_layout(layout, paths, proved, heads)
             if report:
-                draw_beside(pages[0], write_report, layout, table, sections, *pages[:2])
-            if sheets:
-                write_tables(settings, sections, sheets)
+                draw_beside(report, write_report, layout, table, sections, *pages)
     if isinstance(better, str):
         typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
         raise typer.Exit(FINDING)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from facets.design.exploration import Space
     from facets.design.rounding import Rounded
     from facets.design.search import Optimum
-    from facets.design.sheets import Rows
+    from facets.design.tables import Rows
     from facets.pictures.reports.report_page import ReportSection
 
     from .yields import Yields
@@ -179,16 +179,6 @@ def sections_of(
         parts = design.tables.part_rows(layout.optimum, layout.settings.layout.aim)
         sections.append(section("Parts", (), *parts, wide=True))
     return [*sections, section("Are readings unique?", (proof,))]
-
-
-def write_tables(settings: Config, sections: list[ReportSection], path: Path) -> None:
-    """Write the tables of a page under their titles."""
-    tables = {
-        part.title.partition(",")[0]: (part.headings or ("what", "value"), part.rows)
-        for part in sections
-        if part.rows
-    }
-    design.sheets.write_sheets(path, tables, files.provenance.origin_line(settings))
 
 
 def yield_sections(settings: Config, yields: Yields) -> list[ReportSection]:

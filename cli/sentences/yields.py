@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.core.sensor import Sensor
     from facets.design.production import SimulatedHeads
+    from facets.design.tables import Rows
     from facets.design.tolerancing import Sensitivity, YieldShares
-
-Rows = tuple[list[str], list[list[str]]]
 
 
 class Yields:

@@ -21,7 +21,6 @@ EXTRAS = {
     "mpmath": "bench",
     "nidaqmx": "ni",
     "nptdms": "tdms",
-    "openpyxl": "sheets",
     "plotly": "pages",
     "pyarrow": "parquet",
     "pylablib": "thorlabs",

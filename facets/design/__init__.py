@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from . import robust as robust
     from . import rounding as rounding
     from . import search as search
-    from . import sheets as sheets
     from . import survey as survey
     from . import tables as tables
     from . import tolerancing as tolerancing
@@ -35,7 +34,6 @@ else:
             "robust": "robust_layout",
             "rounding": "round_design step_of",
             "search": "optimize",
-            "sheets": "write_sheets",
             "survey": "SKIPPED",
             "tolerancing": "draw_heads expand_margins predict_yields sensitivities",
             "variables": "present_values sensor_of",

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from .changes import changes_of
 from .report import QUANTITIES, objective_quantity
-from .sheets import Rows
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -14,6 +13,8 @@ if TYPE_CHECKING:
     from .rounding import Rounded
     from .search import Optimum
 
+#: Headings and rows of a table.
+Rows = tuple[list[str], list[list[str]]]
 #: The effect of half a rounding step after which the design breaks a limit.
 BREAKS = "breaks a limit"
 #: Last parts of the keys of variables whose key has another name.

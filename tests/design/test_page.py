@@ -101,7 +101,7 @@ def optimised(tmp_path_factory):
     folder = tmp_path_factory.mktemp("optimised")
     (folder / "loose.yaml").write_text(LOOSE + "  production: {yield_percent: 90}\n")
     result = command(
-        "optimize", "loose.yaml", "-o", "best.yaml", "--report", "best.html", "--sheets", "t.tex",
+        "optimize", "loose.yaml", "-o", "best.yaml", "--report", "best.html",
         "--heads", "5", cwd=folder,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
@@ -129,7 +129,6 @@ def test_optimize_writes_a_better_layout_and_tells_how_it_was_found(optimised):
         "what holds it back",
         "proved: no two states within the ranges of the axes and with at least 10.8 % of the light"
         " on each detector (32.4 µW of a laser of 0.3 mW or less)",
-        "t.tex",
     ):
         assert part in printed
     lines = [line for line in (folder / "best.yaml").read_text().splitlines() if line[:1] != "#"]
@@ -142,7 +141,6 @@ def test_optimize_writes_a_better_layout_and_tells_how_it_was_found(optimised):
     )
     assert (new < old).all()
     assert "u_roll_urad" in (folder / "best.csv").read_text()
-    assert (folder / "t.tex").read_text().count(r"\toprule") == 6
 
 
 #: The labels of both plots: those that are cut, lie on another, or are missing.

@@ -161,7 +161,7 @@ COMMANDS = [
     ("jacobian", "paper", "--states", "1000", "--no-search-worst",
      "--box", "tx_mm=0.01", "--certify", "-d", "out"),
     ("tolerances", "layout", "--heads", "10", "-d", "out"),
-    ("optimize", "mine.yaml", "--sheets", "out/x.tex", "--certify", "0", "-o", "out/x.yaml"),
+    ("optimize", "mine.yaml", "--certify", "0", "-o", "out/x.yaml"),
     ("export-c", "paper", "-d", "out"),
 ]  # fmt: skip
 

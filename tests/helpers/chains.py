@@ -79,7 +79,7 @@ CHAINS = {
         """,
     "jacobian": "jacobian paper -d 'a jacobian'",
     "optimize": """
-        optimize layout -o 'a layout.yaml' --sheets 'a layout.xlsx'
+        optimize layout -o 'a layout.yaml'
           --report 'a layout.html' --certify 0
         render 'a layout.yaml' -o 'the picture of a layout.png'
         """,
@@ -129,7 +129,6 @@ NEEDS = [
     ("aiohttp", ["acquire", "bench", "--port", "file:board.bin", "--web", "0"]),
     ("nidaqmx", ["acquire", "bench", "--port", "ni:Dev1/ai0:11"]),
     ("pylablib", ["acquire", "bench", "--port", "thorlabs:1,2,3"]),
-    ("openpyxl", ["optimize", "layout", "-o", "x.yaml", "--sheets", "x.xlsx"]),
     ("plotly", ["explore", "layout", "--report", "x.html"]),
     ("pyvista", ["render", "paper", "-o", "x.png"]),
     ("pyvista", ["render", "paper", "-o", "x.gltf"]),
