@@ -54,13 +54,6 @@ Objectives = Annotated[
         autocompletion=completion.words(completion.measures),
     ),
 ]
-Every = Annotated[
-    bool,
-    typer.Option(
-        "--every",
-        help="Compute the ranges also for designs that cannot be on the Pareto front.",
-    ),
-]
 Required = Annotated[
     bool,
     typer.Option(
@@ -128,7 +121,6 @@ def explore(
     sampling: Sampling = Draw.sobol,
     seed: Annotated[int, seed_option()] = 1,
     objective: Objectives = None,
-    every: Every = False,
     required: Required = False,
     scheduler: Scheduler = None,
     force: Force = False,
@@ -147,13 +139,12 @@ def explore(
 
     Varies the parameters in `optimize.variables`, and computes the ranges and uncertainties of each
     design and which designs no other one beats in all objectives. The results are written part by
-    part: the same command continues an interrupted run, and --force starts again. Ranges, which
-    take most of the time, are not computed for designs that cannot be on the front. Exit status 1
-    if no design has all objectives.
+    part: the same command continues an interrupted run, and --force starts again. Exit status 1 if
+    no design has all objectives.
     """
     settings = load_config(config)
     drawn = design.exploration.DesignDraw(sampling.value, designs, seed)
-    space = design.exploration.space_of(settings, objective or GOALS, drawn, every, required)
+    space = design.exploration.space_of(settings, objective or GOALS, drawn, required)
     place = output_folder(folder, settings.name, "explore")
     if pick is not None:
         source = place / ("pareto.csv" if front else "front.csv")

@@ -75,7 +75,7 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
     with files.tables.ResultSet():
         table = design.exploration.collect(job.folder)
         best = design.exploration.front(table, goals)
-        pilot = {name: column[: min(space.pilot, PILOT)] for name, column in table.items()}
+        pilot = {name: column[:PILOT] for name, column in table.items()}
         indices = characterization.sensitivity.sensitivity(pilot, space.names, goals)
         if every.suffix:
             files.tables.write_table(every, table, job.header)

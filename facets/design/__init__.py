@@ -25,7 +25,7 @@ else:
         {
             "assembly": "assembly_of",
             "exploration": (
-                "DesignDraw MEASURES NO_RIVALS Space collect designs measure_design "
+                "DesignDraw MEASURES Space collect designs measure_design "
                 "measure_designs meets part_of part_table space_of"
             ),
             "front": "compare_with_designs pareto_front",

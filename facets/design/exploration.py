@@ -4,12 +4,8 @@ Designs are numbered, so that any part of them can be made again anywhere: a par
 designs, goes to a worker as a number, and comes back as a table that is written at once. A run that
 was interrupted continues with the missing parts.
 
-Designs of a sensor with ideal light and simple noise are measured many at once, all of them in full
-(`survey`). For other sensors nine tenths of the time goes into ranges, so the ranges of a design
-that cannot be on the front are not measured: a design is skipped if a rival whose ranges are known
-has no smaller range and is as good in all other objectives. This test takes two poses for each
-axis. The first parts, the pilot, are measured in full: they supply the rivals, which are the same
-for all other parts wherever those are made, and the indices of sensitivity.
+Designs of a sensor with ideal light and simple noise are measured many at once (`survey`), others
+one by one.
 """
 
 from __future__ import annotations
@@ -66,8 +62,6 @@ if TYPE_CHECKING:
 
 #: Number of designs that a worker measures at a time, unless they are plain.
 DESIGNS_PER_TASK = 200
-#: Tasks whose designs are all measured in full, as rivals of the others.
-PILOT_TASKS = 5
 #: A task of plain designs has up to this many times as many designs, if at least this many tasks
 #: remain.
 LARGEST_FACTOR, LEAST_TASKS = 50, 100
@@ -75,8 +69,6 @@ LARGEST_FACTOR, LEAST_TASKS = 50, 100
 MARK = "search.txt"
 #: Interval at which a worker checks that its parent still runs, s.
 PARENT_CHECK_INTERVAL_S = 1.0
-#: Largest number of rivals that a design is compared with.
-RIVALS = 32
 #: Tolerance of a design's ranges, in units of `ranges.FARTHEST_MM_RAD`.
 FINE_ENOUGH = 1e-5
 #: Factors from mm and rad to the tables' units, by axis of the pose: mm and mrad, um and urad.
@@ -86,7 +78,6 @@ FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
 #: the volume's corners, faces and centre, else 0.
 MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition", "regular")
 AT_RANGES = slice(1, 7)
-NO_RIVALS = np.empty((0, len(MEASURES)))
 
 
 @dataclass(frozen=True)
@@ -94,8 +85,8 @@ class Space:
     """The design space and how it is sampled.
 
     sampling: "sobol", "lhs" or "grid".  count: of designs, at least.  part: designs a task.
-    objectives: of the front.  every: whether dominated designs are measured in full, too.
-    required: whether designs must keep the layout's requirements over its volume.
+    objectives: of the front.  required: whether designs must keep the layout's requirements over
+    its volume.
     """
 
     sensor: Sensor
@@ -105,7 +96,6 @@ class Space:
     count: int
     seed: int
     objectives: tuple[str, ...] = ("head_mm", "u_roll_urad", "range_roll_mrad")
-    every: bool = False
     required: bool = False
     part: int = DESIGNS_PER_TASK
 
@@ -124,18 +114,8 @@ class Space:
         return mirror_states(self.volume, self.layout.object, self.layout.following)
 
     @property
-    def pilot(self) -> int:
-        """The least number of designs that are measured in full."""
-        return self.count if self.every else PILOT_TASKS * self.part
-
-    @property
-    def has_rivals(self) -> bool:
-        """Whether designs are compared with the pilot's, which must then be measured first."""
-        return not self.plain and not self.every
-
-    @property
     def plain(self) -> bool:
-        """Whether its designs are measured many at once (`survey`), all of them in full."""
+        """Whether its designs are measured many at once (`survey`)."""
         return not self.required and is_plain(self.sensor, self.rules)
 
 
@@ -152,17 +132,16 @@ def space_of(
     settings: Config,
     objectives: Sequence[str],
     drawn: DesignDraw,
-    every: bool = False,
     required: bool = False,
 ) -> Space:
     """The space of a configuration; a task has as many designs as take about a second.
 
-    every, required: see `Space`. Raises `InputError` for an unknown objective.
+    required: see `Space`. Raises `InputError` for an unknown objective.
     """
     require_measures(objectives)
     space = Space(
         settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,
-        drawn.sampling, drawn.count, drawn.seed, tuple(objectives), every, required,
+        drawn.sampling, drawn.count, drawn.seed, tuple(objectives), required,
     )  # fmt: skip
     if not space.plain:
         return space
@@ -194,7 +173,7 @@ def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, see
         side = int(np.ceil(count ** (1 / dimension)))
         axes = [np.linspace(low, high, side) for low, high in bounds]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
-        return rng.permutation(places)  # so that the pilot samples all of them
+        return rng.permutation(places)  # so that a part of them samples all
     if sampling == "lhs":
         shares = qmc.LatinHypercube(dimension, rng=rng).random(count)
     else:
@@ -218,7 +197,7 @@ def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
     if why := int(rest_reasons(margins(sensor, rest), readings(sensor, rest), least)[0]):
         return why, values, None
     if saturates(sensor, rest):
-        return 8, values, None
+        return 7, values, None
     if space.required and not meets(sensor, space.layout, space.volume):
         return 4, values, None
     values[7:13] = FINE * uncertainties(sensor, rest, Knowledge(), space.layout.object)[0]
@@ -248,11 +227,10 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
 
 
 def measure_design(
-    space: Space, x: Floats, rivals: Floats = NO_RIVALS, tolerance: float = FINE_ENOUGH
+    space: Space, x: Floats, tolerance: float = FINE_ENOUGH
 ) -> tuple[int, Floats]:
     """Measure a design: the place in SKIPPED of why it is skipped, and its measures, else NaN.
 
-    rivals: measures (n, MEASURES) of designs that it is compared with; none to measure it in full.
     tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
     """
     why, values, sensor = measure_rest(space, x)
@@ -262,55 +240,23 @@ def measure_design(
     clear = clearances(sensor, np.zeros((1, 6)), rules)[0]
     if not clear.min() > 0:
         return OUTSIDE[int(clear.argmin())], values
-    if len(rivals) and is_beaten(space, sensor, rules, values, rivals):
-        return 5, values
     ranges = axis_ranges(sensor, rules, np.zeros(6), tolerance)
     values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in ranges])
     return 0, values
 
 
-def is_beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: Floats) -> bool:
-    """Return whether a rival is as good in all objectives and better in a known one.
-
-    A rival's range is no smaller if this design has left its own range at the rival's end.
-    """
-    places = [MEASURES.index(name) for name in space.objectives]
-    known = [place for place in places if place not in range(7)[AT_RANGES]]
-    axes = [place - 1 for place in places if place not in known]
-    good = (rivals[:, known] <= values[known]).all(axis=1)
-    if known:
-        good &= (rivals[:, known] < values[known]).any(axis=1)
-    some = rivals[good]
-    if not axes or not len(some):
-        return len(some) > 0
-    ends = some[:, AT_RANGES][:, axes] / FAR[axes] / 2
-    some = ends[np.argsort(-ends.min(axis=1))[:RIVALS]]
-    poses = np.zeros((len(some), len(axes), 2, 6))
-    for n, axis in enumerate(axes):
-        poses[:, n, 0, axis], poses[:, n, 1, axis] = some[:, n], -some[:, n]
-    out = clearances(sensor, poses.reshape(-1, 6), rules).min(axis=1).reshape(-1, len(axes), 2) <= 0
-    return bool(out.any(axis=2).all(axis=1).any())
-
-
-def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
-    """Return the table of the part that begins with design number `first`.
-
-    rivals: measures of the designs that these are compared with, in rows; none in the pilot.
-    """
+def part_of(space: Space, first: int) -> dict[str, Any]:
+    """Return the table of the part that begins with design number `first`."""
     some = designs(space)[first : first + space.part]
     if space.plain:
         return part_table(space, first, some, *measure_designs(space, some))
-    full = first < space.pilot
-    reasons: list[int] = []
-    values, seconds = [], []
+    reasons, values, seconds = [], [], []
     for x in some:
         begin = time.perf_counter()
-        why, measured = measure_design(space, x, NO_RIVALS if full else rivals)
+        why, measured = measure_design(space, x)
         seconds.append(time.perf_counter() - begin)
         reasons.append(why)
         values.append(measured)
-        if not why and not full:
-            rivals = np.concatenate([rivals, measured[None]])
     return part_table(space, first, some, np.array(reasons), np.array(values), np.array(seconds))
 
 
@@ -350,7 +296,7 @@ def measure_designs(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, F
 
 def identity(space: Space, about: dict[str, str]) -> str:
     """The text that must be the same for a run to continue in a folder."""
-    asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
+    asked = f"{space.sampling} {space.count} {space.seed} {space.required}"
     asked += f" parts of {space.part}" if space.part != DESIGNS_PER_TASK else ""
     return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
@@ -408,7 +354,7 @@ def explore(
     folder: Path,
     about: dict[str, str],
     scheduler: str | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, whole: None,
+    tell: Callable[[int, int], None] = lambda done, whole: None,
 ) -> None:
     """Write a Parquet file for each missing part.
 
@@ -419,16 +365,12 @@ def explore(
     firsts = parts(space)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
-    on_progress(done, len(firsts))
+    tell(done, len(firsts))
     made = run_on_cluster if scheduler else run_in_processes
-    for pilot in (True, False):
-        wanted = [first for first in missing if (first < space.pilot) == pilot]
-        held = space.has_rivals and not pilot and wanted
-        rivals = rivals_in(space, folder) if held else NO_RIVALS
-        for first, table in made(space, wanted, rivals, scheduler or ""):
-            write_part(space, folder, first, table, about)
-            done += 1
-            on_progress(done, len(firsts))
+    for first, table in made(space, missing, scheduler or ""):
+        write_part(space, folder, first, table, about)
+        done += 1
+        tell(done, len(firsts))
 
 
 def parts(space: Space) -> range:
@@ -436,32 +378,25 @@ def parts(space: Space) -> range:
     return range(0, len(designs(space)), space.part)
 
 
-def rivals_in(space: Space, folder: Path) -> Floats:
-    """Return the measures (n, MEASURES) of the pilot's front."""
-    table = collect(folder, range(0, space.pilot, space.part))
-    best = front(table, list(space.objectives))
-    return np.stack([table[name][best] for name in MEASURES], axis=1)
-
-
 def part_path(folder: Path, first: int) -> Path:
     return folder / "parts" / f"{first:010d}.parquet"
 
 
 def run_in_processes(
-    space: Space, firsts: list[int], rivals: Floats, _: str
+    space: Space, firsts: list[int], _: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield parts as they are finished, from a process on each core."""
     if not firsts:
         return
-    measure_design(space, designs(space)[0], rivals)  # compiled once, before the processes begin
+    measure_design(space, designs(space)[0])  # compiled once, before the processes begin
     workers = min(cores(), len(firsts))
     if workers == 1:
-        yield from ((first, part_of(space, first, rivals)) for first in firsts)
+        yield from ((first, part_of(space, first)) for first in firsts)
         return
     with ProcessPoolExecutor(
         workers, mp_context=get_context("spawn"), initializer=serve, initargs=(os.getpid(),)
     ) as pool:
-        jobs = {pool.submit(part_of, space, first, rivals): first for first in firsts}
+        jobs = {pool.submit(part_of, space, first): first for first in firsts}
         try:
             for job in as_completed(jobs):
                 yield jobs[job], job.result()
@@ -487,15 +422,14 @@ def serve(parent: int) -> None:
 
 
 def run_on_cluster(
-    space: Space, firsts: list[int], rivals: Floats, address: str
+    space: Space, firsts: list[int], address: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield parts as a cluster finishes them; parts of a lost worker are made again, and a new
     worker takes part."""
     with client_of(address) as client:
         from dask.distributed import as_completed as completed
 
-        part = partial(part_of, space, rivals=rivals)
-        jobs = client.map(part, firsts, pure=False, retries=5)
+        jobs = client.map(partial(part_of, space), firsts, pure=False, retries=5)
         numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
         for job in completed(jobs):  # type: ignore[no-untyped-call]
             yield numbers[job.key], job.result()
@@ -581,12 +515,10 @@ def summary(
     """
     skipped, spent = table["skipped"], table["seconds"]
     lines = [f"{len(skipped)} designs, {seconds:.1f} s in this run"]
-    full = np.median(spent[skipped == ""]) if (skipped == "").any() else np.nan
     for reason in np.unique(skipped):
         each = spent[skipped == reason]
-        saved = f", {full * len(each) - each.sum():.0f} core seconds saved" if reason else ""
-        told = f"{1e3 * np.median(each):.2f} ms each{saved}"
-        lines.append(f"  {len(each):7} {reason or 'looked at'} ({told})")
+        typical = f"{1e3 * np.median(each):.2f} ms each"
+        lines.append(f"  {len(each):7} {reason or 'looked at'} ({typical})")
     lines.append(f"{int(best.sum())} are beaten by none in {', '.join(objectives)}")
     for name, effects in indices.items():
         shown = ", ".join(f"{key} {s.value:.2f} +- {s.half:.2f}" for key, s in effects.items())

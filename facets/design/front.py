@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.units import Floats
-from .exploration import MEASURES, NO_RIVALS, Space, front, measure_design
+from .exploration import MEASURES, Space, front, measure_design
 from .search import active_constraints, active_rows, solve
 from .trade import Trade, trade_of
 
@@ -221,7 +221,7 @@ def measure_ends(walk: Walk, ends: list[End]) -> Front:
     designs, measures, prices, ends_kept, left_out = [], [], [], [], 0
     for end in ends:
         x = trade.problem.values_at(end.unknowns)
-        why, values = measure_design(trade.space, x, NO_RIVALS, RANGE_TOLERANCE)
+        why, values = measure_design(trade.space, x, RANGE_TOLERANCE)
         if why or (trade.costs_of_measures(values) > end.costs + MEASURE_TOLERANCE).any():
             left_out += 1
             continue

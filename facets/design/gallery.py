@@ -14,7 +14,7 @@ from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
 from ..files.provenance import require_origin
 from ..files.tables import read_chunks, read_head
-from .exploration import MEASURES, NO_RIVALS, Space, measure_design, measure_designs
+from .exploration import MEASURES, Space, measure_design, measure_designs
 from .rounding import nearest_steps
 from .survey import SKIPPED
 from .variables import present_values, sensor_of
@@ -30,7 +30,7 @@ Table = dict[str, NDArray[Any]]
 def present_design(space: Space) -> tuple[Floats, Floats, str]:
     """Return the present sensor's variables, its measures, and why some measures are missing."""
     fixed = replace(space, layout=replace(space.layout, variables={}))
-    why, values = measure_design(fixed, np.empty(0), NO_RIVALS)
+    why, values = measure_design(fixed, np.empty(0))
     now = present_values(space.sensor)
     return np.array([now[name] for name in space.names]), values, SKIPPED[why]
 

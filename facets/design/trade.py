@@ -18,7 +18,7 @@ from ..core.names import FINE_COLUMNS, FINE_UNITS, POSE, RANGE_COLUMNS
 from ..core.units import Floats
 from ..detectors.noise import power_floor
 from ..optics.forward import build_geometry, dark_scene
-from .exploration import FAR, MEASURES, NO_RIVALS, Space, measure_design
+from .exploration import FAR, MEASURES, Space, measure_design
 from .formula import Formula
 from .problem import (
     LayoutProblem,
@@ -83,7 +83,7 @@ class Trade:
 
     def guess(self, x: Floats) -> Floats:
         """Return the unknowns at a design, given in the units of the variables' names."""
-        _, values = measure_design(self.space, x, NO_RIVALS)
+        _, values = measure_design(self.space, x)
         known = np.abs(self.costs_of_measures(values))
         shares = (x - self.problem.low) / (self.problem.high - self.problem.low)
         start = np.append(shares, np.where(np.isfinite(known), known, 0.1))
@@ -145,7 +145,7 @@ def scales_of(space: Space, objectives: list[str]) -> list[float]:
     now = present_values(space.sensor)
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     x = np.clip([now[name] for name in space.names], low, high)
-    values = measure_design(space, x, NO_RIVALS)[1][[MEASURES.index(name) for name in objectives]]
+    values = measure_design(space, x)[1][[MEASURES.index(name) for name in objectives]]
     usual: list[float] = np.where(np.isfinite(values) & (values > 0), values, USUAL_SCALE).tolist()
     return usual
 
