@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import time
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from facets import core, design, files, pictures
+from facets import design, files, pictures
 from facets.core.errors import InputError
 
 from .console import load_config
 from .options import (
-    Certify,
     ConfigName,
     Force,
     Look,
@@ -33,16 +31,7 @@ from .options import (
 )
 from .parts.design_space import Exploration, follow_front, sample, write, write_pick
 
-if TYPE_CHECKING:
-    pass
-
 GOALS = ("head_mm", "u_roll_urad", "range_roll_mrad")
-
-
-class Draw(StrEnum):
-    sobol = "sobol"
-    lhs = "lhs"
-    grid = "grid"
 
 
 Objectives = Annotated[
@@ -72,7 +61,7 @@ Front = Annotated[
     typer.Option(
         "--front",
         help="Follow the Pareto front by continuation instead of sampling designs, with the "
-        "exchange rate between the objectives; sampled designs in the folder are compared with it.",
+        "exchange rate between the objectives; the picture has the folder's sampled designs, too.",
     ),
 ]
 Report = Annotated[
@@ -99,18 +88,8 @@ Points = Annotated[
         min=3, max=10_000, help="Approximate number of points on the front, with --front."
     ),
 ]
-Number = Annotated[int, typer.Option(min=2, max=10**9, help="Minimum number of designs to sample.")]
-Sampling = Annotated[
-    Draw,
-    typer.Option(
-        help="Method of sampling designs: Sobol' sequence, Latin hypercube, or regular grid."
-    ),
-]
-NoTable = Annotated[
-    bool,
-    typer.Option(
-        "--no-table", help="Write no table of all designs; the data set in parts/ holds them too."
-    ),
+Number = Annotated[
+    int, typer.Option(min=2, max=10**9, help="Number of designs to sample, by a Sobol' sequence.")
 ]
 
 
@@ -118,17 +97,14 @@ def explore(
     config: ConfigName,
     folder: Annotated[Path | None, folder_option("results/CONFIG-explore")] = None,
     designs: Number = 1000,
-    sampling: Sampling = Draw.sobol,
     seed: Annotated[int, seed_option()] = 1,
     objective: Objectives = None,
     required: Required = False,
     scheduler: Scheduler = None,
     force: Force = False,
     table: Table = TableKind.parquet,
-    no_table: NoTable = False,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
-    certify: Certify = 0,
     front: Front = False,
     points: Points = 100,
     report: Report = None,
@@ -143,8 +119,8 @@ def explore(
     no design has all objectives.
     """
     settings = load_config(config)
-    drawn = design.exploration.DesignDraw(sampling.value, designs, seed)
-    space = design.exploration.space_of(settings, objective or GOALS, drawn, required)
+    goals = objective or GOALS
+    space = design.exploration.space.space_of(settings, goals, designs, seed, required)
     place = output_folder(folder, settings.name, "explore")
     if pick is not None:
         source = place / ("pareto.csv" if front else "front.csv")
@@ -153,18 +129,16 @@ def explore(
     if output is not None:
         raise InputError(f"-o {output}: -o is the file that --pick writes; the folder is --folder")
     require_page(report, force)
-    if certify:
-        core.extras.require_extra("flint", "--certify")
-    design.exploration.require_same(settings, place, force)
+    design.exploration.runs.require_same(settings, place, force)
     job = Exploration(settings, space, place, plot.value, report)
     if front:
         follow_front(job, points)
         return
     begin = time.perf_counter()
-    whole = "parts" if no_table else f"designs.{table.value}"
-    paths = [place / name for name in (whole, "front.csv", f"front.{plot.value}")]
+    names = (f"designs.{table.value}", "front.csv", f"front.{plot.value}")
+    paths = [place / name for name in names]
     sample(job, paths, scheduler, force)
-    write(job, paths, time.perf_counter() - begin, certify)
+    write(job, paths, time.perf_counter() - begin)
 
 
 def require_page(report: Path | None, force: bool) -> None:

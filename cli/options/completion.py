@@ -61,7 +61,7 @@ def effects() -> Sequence[str]:
 
 
 def measures() -> Sequence[str]:
-    return design.exploration.MEASURES[:-1]
+    return design.exploration.space.MEASURES
 
 
 def experiments() -> Sequence[str]:

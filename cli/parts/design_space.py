@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from facets import characterization, core, design, files, pictures, proof
+from facets import characterization, core, design, files, pictures
 from facets import config as configuration
 
 from ..console import FINDING, draw_beside, leave_out_picture, show_progress, show_table
@@ -19,8 +19,7 @@ from ..sentences.design_pages import write_gallery
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.core.units import Floats
-    from facets.design.exploration import Space
+    from facets.design.exploration.space import Space
 
 #: Maximum number of designs from which the sensitivity indices are computed.
 PILOT = 10_000
@@ -56,34 +55,27 @@ def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bo
     core.extras.require_extra("SALib", "the sensitivity")
     space, folder = job.space, job.folder
     if scheduler:
-        typer.echo(design.exploration.cluster_words(scheduler))
+        typer.echo(design.exploration.runs.cluster_words(scheduler))
     # an interrupted run has written them
-    files.tables.refuse_to_overwrite([file for file in paths if file.suffix], force=True)
-    design.exploration.require_variables(space)
-    design.exploration.prepare(folder, space, job.header, force)
+    files.tables.refuse_to_overwrite(paths, force=True)
+    design.exploration.runs.prepare(folder, space, force)
     with show_progress("exploring") as on_progress:
-        design.exploration.explore(space, folder, job.header, scheduler, on_progress)
+        design.exploration.runs.explore(space, folder, job.header, scheduler, on_progress)
 
 
-def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> None:
-    """Write designs, front, picture and page; exit status 1 if no design is on the front.
-
-    certify: boxes that the proof of each of these may examine; 0 for none.
-    """
+def write(job: Exploration, paths: list[Path], seconds: float) -> None:
+    """Write designs, front, picture and page; exit status 1 if no design is on the front."""
     space, goals = job.space, list(job.space.objectives)
     every, front_table, picture = paths
     with files.tables.ResultSet():
-        table = design.exploration.collect(job.folder)
-        best = design.exploration.front(table, goals)
+        table = design.exploration.runs.collect(job.folder)
+        best = design.exploration.space.front(table, goals)
         pilot = {name: column[:PILOT] for name, column in table.items()}
         indices = characterization.sensitivity.sensitivity(pilot, space.names, goals)
-        if every.suffix:
-            files.tables.write_table(every, table, job.header)
+        files.tables.write_table(every, table, job.header)
         on_front = {name: column[best] for name, column in table.items()}
-        if certify:
-            on_front["proof_margin"] = proof_margins(space, on_front, certify)
         files.tables.write_table(front_table, on_front, job.header)
-        typer.echo("\n".join(design.exploration.summary(table, best, goals, indices, seconds)))
+        typer.echo("\n".join(design.exploration.runs.summary(table, best, goals, indices, seconds)))
         present = show_own_measures(space)
         drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
         if drawing is None:
@@ -93,25 +85,10 @@ def write(job: Exploration, paths: list[Path], seconds: float, certify: int) -> 
         else:
             draw_beside(picture, lambda: drawing)
         if best.any():
-            job.write_page(design.gallery.best_of(table, goals, best), table)
+            job.write_page(design.exploration.gallery.best_of(table, goals, best), table)
     job.name_results(paths)
     if not best.any():
         raise typer.Exit(FINDING)
-
-
-def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
-    """Margins (n,) of the proofs that a design's readings determine states; NaN without proof."""
-    import numpy as np
-
-    designs = np.stack([table[name] for name in space.names], axis=1)
-    sensors = [design.variables.sensor_of(space.sensor, space.names, x) for x in designs]
-    margins = np.array(
-        [proof.designs.proof_margin(sensor, space.rules, work) for sensor in sensors]
-    )
-    typer.echo(f"of the front's {len(margins)} designs, {int(np.isfinite(margins).sum())} are "
-               "proved: readings determine states within the ranges of their axes and with the "
-               "least light of the rules of `range` on each detector (proof_margin)")  # fmt: skip
-    return margins
 
 
 def follow_front(job: Exploration, points: int) -> None:
@@ -122,23 +99,21 @@ def follow_front(job: Exploration, points: int) -> None:
         files.tables.refuse_to_overwrite(paths, force=True)
         begin = time.perf_counter()
         with show_progress("following the front") as on_progress:
-            pareto = design.front.pareto_front(space, points, space.seed, on_progress)
+            pareto = design.exploration.front.pareto_front(space, points, space.seed, on_progress)
         seconds = time.perf_counter() - begin
         if not len(pareto.designs):
             typer.echo("no design meets all requirements, as far as the search can tell")
             raise typer.Exit(FINDING)
-        table = design.front.columns(pareto)
+        table = design.exploration.front.columns(pareto)
         files.tables.write_table(paths[0], table, job.header)
-        headings, rows = design.front.some_rows(pareto)
+        headings, rows = design.exploration.front.some_rows(pareto)
         title = f"{len(pareto.designs)} points on the front, {seconds:.1f} s; some of them"
         show_table(title, headings, rows, left=(len(headings) - 1,))
         if pareto.left_out:
             typer.echo(
                 f"{pareto.left_out} more are left out: measured again, they are not what was found"
             )
-        cloud = design.exploration.collect_older(space, job.folder)
-        if cloud is not None:
-            typer.echo("\n".join(design.front.compare_with_designs(pareto, cloud).lines()))
+        cloud = design.exploration.runs.collect_older(space, job.folder)
         present = show_own_measures(space)
         make = pictures.exploration.pareto_picture
         draw_beside(paths[1], make, table, goals, cloud, present)
@@ -148,8 +123,8 @@ def follow_front(job: Exploration, points: int) -> None:
 
 def show_own_measures(space: Space) -> dict[str, float]:
     """Print the measures of the unchanged sensor in one line, and return them."""
-    _, values, why = design.gallery.present_design(space)
-    present = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
+    _, values, why = design.exploration.gallery.present_design(space)
+    present = dict(zip(design.exploration.space.MEASURES, values.tolist(), strict=True))
     shown = ", ".join(f"{name} {present[name]:.4g}" for name in space.objectives)
     typer.echo(f"as it is: {why or shown}")
     return present
@@ -162,8 +137,8 @@ def write_pick(
     path = output or Path(f"{settings.name}-{number}.yaml")
     require_yaml(path)
     files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
-    chosen = design.gallery.choose_design(settings, space, file, number)
-    x, words = design.gallery.make_buildable(space, chosen)
+    chosen = design.exploration.gallery.choose_design(settings, space, file, number)
+    x, words = design.exploration.gallery.make_buildable(space, chosen)
     typer.echo("\n".join(words))
     sensor = design.variables.sensor_of(space.sensor, space.names, x)
     about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}

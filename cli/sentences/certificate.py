@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from facets import characterization, proof
+from facets.core.errors import InputError
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
 from .bounds import box_lines, light_text, piece_text, round_down
@@ -100,12 +101,16 @@ def prove_design(better: Config, work: int) -> str:
     """State whether it is proved with `work` boxes that readings determine states."""
     if not work:
         return "not proved: that the readings determine the pose (use --certify)"
-    certificate = proof.designs.certify_design(better.sensor, better.range, work)
-    if isinstance(certificate, str):
-        return f"not proved that readings determine states: {certificate}"
+    sensor, rules, places = better.sensor, better.range, characterization.state_box
+    try:
+        box = places.range_box(sensor, rules)
+    except InputError as error:
+        return f"not proved that readings determine states: {error}"
+    share, effort = places.least_share(sensor, rules), proof.uniqueness.Effort(work)
+    certificate = proof.uniqueness.certify(sensor, box, share, effort=effort)
     if not certificate.share:
         return f"not proved that readings determine states: {certificate.reason}"
-    light = light_text(certificate.share, better.sensor.beam.power)
+    light = light_text(certificate.share, sensor.beam.power)
     states = f"states within the ranges of the axes and with {light}"
     seconds = f"({certificate.seconds:.1f} s)"
     if certificate.unique:

@@ -15,7 +15,7 @@ from .yields import error_rows, show_yields, tolerance_rows, yield_rows, yields_
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.design.exploration import Space
+    from facets.design.exploration.space import Space
     from facets.design.rounding import Rounded
     from facets.design.search import Optimum
     from facets.design.tables import Rows
@@ -28,14 +28,14 @@ def write_gallery(
     settings: Config, space: Space, front: dict[str, Any], others: dict[str, Any] | None, path: Path
 ) -> None:
     """Write the page of the front's designs and of some others."""
-    table, sensors = design.gallery.gallery(space, front, others)
+    table, sensors = design.exploration.gallery.gallery(space, front, others)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
     if others is not None:
         shown = int((table["kind"] == "other").sum())
         some += f", and {shown} others of {len(others['design'])} sampled designs"
     goals = list(space.objectives)
-    texts = design.gallery.texts_of(settings, sensors, path.parent)
+    texts = design.exploration.gallery.texts_of(settings, sensors, path.parent)
     designs = pictures.exploration_page.ShownDesigns(table, sensors, texts)
     text = pictures.exploration_page.page(settings.name, space.names, goals, designs, f"{some}.")
     files.whole.write_text(path, text)

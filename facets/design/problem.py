@@ -34,6 +34,7 @@ from .variables import (
     heads_of,
     layout_parameters,
     outcome_of,
+    require_variables,
 )
 from .volume import mirror_states, span_of, states_of, worst_places
 
@@ -379,10 +380,7 @@ def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optim
             "sensor.calibration belongs to a rig that stands, not to a layout to be found; "
             "leave it out"
         )
-    if not layout.variables:
-        raise InputError(
-            "optimize.variables is empty: name what may vary, as radius_mm: [150, 260]"
-        )
+    require_variables(layout)
     require_noise(sensor, layout, command)
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..characterization.ranges import fine_slopes
+from ..core.errors import InputError
 from ..core.names import DETECTORS, FINE_UNITS
 from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Electronics, Sensor
@@ -18,6 +19,9 @@ from ..model.arrays import parameters, sensor_with
 from ..model.many import evaluate, pack_all
 from ..optics.forward import Geometry, sub_beam_height
 from ..scalars.nesting import leaves
+
+if TYPE_CHECKING:
+    from ..core.layout import Layout
 
 #: Where the parts of a sensor's 30 parameters begin: the beam, the facets, the detectors.
 FACETS, PSDS = (6, 8, 10), (12, 18, 24)
@@ -148,6 +152,14 @@ GAIN = "transimpedance_kohm"
 OF_A_FACET = {"inclination_deg": 0, "azimuth_deg": 1}
 OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,
             "roll_mrad": 3, "pitch_mrad": 4, "yaw_mrad": 5}  # fmt: skip
+
+
+def require_variables(layout: Layout) -> None:
+    """Raise `InputError` if no variable may vary."""
+    if not layout.variables:
+        raise InputError(
+            "optimize.variables is empty: name what may vary, as radius_mm: [150, 260]"
+        )
 
 
 def unit_of(name: str) -> float:

@@ -4,7 +4,6 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import certificate as certificate
-    from . import designs as designs
     from . import tolerances as tolerances
     from . import uniqueness as uniqueness
 else:

@@ -77,7 +77,7 @@ def test_the_light_on_the_mirror_stays_within_its_rim():
 
 def test_a_drawn_design_past_its_full_scale_is_left_out():
     layout = replace(CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)})
-    space = Space(with_electronics(), CONFIG.range, layout, "sobol", 8, 1)
+    space = Space(with_electronics(), CONFIG.range, layout, 8, 1)
     assert measure_design(space, np.array([100.0]))[0] == 0
     assert measure_design(space, np.array([5000.0]))[0] == 8
 

@@ -10,8 +10,9 @@ import pytest
 from commands import command
 
 import facets
-from facets import design, pictures
-from facets.design import NO_RIVALS, Space, part_of, states_of
+from facets import pictures
+from facets.design import Space, part_of, states_of
+from facets.design.exploration import gallery
 
 from .conftest import LOOSE
 
@@ -33,12 +34,12 @@ def written(tmp_path_factory):
     """A page, what it shows, and the configurations that it gives to copy."""
     pytest.importorskip("plotly")
     folder = tmp_path_factory.mktemp("page")
-    space = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, "sobol", 40, 1, part=40, every=True)
-    table = part_of(space, 0, NO_RIVALS)
+    space = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, 40, 1, part=40)
+    table = part_of(space, 0)
     ranges = np.isfinite(table["range_roll_mrad"])
-    best = design.gallery.best_of(table, list(space.objectives), ranges & (np.arange(40) % 4 == 0))
-    shown, sensors = design.gallery.gallery(space, best, table)
-    texts = design.gallery.texts_of(CONFIG, sensors, folder)
+    best = gallery.best_of(table, list(space.objectives), ranges & (np.arange(40) % 4 == 0))
+    shown, sensors = gallery.gallery(space, best, table)
+    texts = gallery.texts_of(CONFIG, sensors, folder)
     designs = pictures.exploration_page.ShownDesigns(shown, sensors, texts)
     text = pictures.exploration_page.page(
         "layout </script>", space.names, list(space.objectives), designs, ""

@@ -172,7 +172,6 @@ explore layout --designs 0
 explore layout --objective cost
 explore layout -d FILE
 explore layout -d LONG
-explore layout --sampling random
 explore layout --scheduler tcp://127.0.0.1:1 -d out
 optimize layout -o out.txt
 optimize layout -o FILE/out.yaml

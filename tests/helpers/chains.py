@@ -114,7 +114,6 @@ NEEDS = [
     ("mpmath", ["bench", "-d", "y"]),
     ("flint", ["jacobian", "paper", "-d", "y", "--certify"]),
     ("flint", ["optimize", "layout", "-o", "x.yaml"]),
-    ("flint", ["explore", "layout", "-d", "y", "--certify"]),
     ("flint", ["reproduce", "-d", "y"]),
     ("pyarrow", ["solve", "paper", "readings.parquet", "-o", "x.csv"]),
     ("pyarrow", ["simulate", "paper", "-d", "y", "--table", "parquet"]),

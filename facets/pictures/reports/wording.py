@@ -14,7 +14,6 @@ LABELS = {
     "room_mm": "least clearance of a spot, mm",
     "least_power_mw": "least power on a detector, mW",
     "condition": "condition number",
-    "regular": "one sign of Eq. (11) over the volume (1: yes)",
 }
 #: Units by the ending of a column's name.
 UNITS = {"mm": "mm", "um": "µm", "mrad": "mrad", "urad": "µrad", "deg": "deg", "mw": "mW",

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
-from ..core.sensor import Sensor
-from ..core.units import Booleans, Floats
-from ..files.provenance import require_origin
-from ..files.tables import read_chunks, read_head
-from .exploration import MEASURES, Space, measure_design, measure_designs
-from .rounding import nearest_steps
+from ...core.errors import InputError
+from ...core.sensor import Sensor
+from ...core.units import Booleans, Floats
+from ...files.provenance import require_origin
+from ...files.tables import read_chunks, read_head
+from ..rounding import nearest_steps
+from ..variables import present_values, sensor_of
+from .space import MEASURES, Space, measure_design, measure_designs
 from .survey import SKIPPED
-from .variables import present_values, sensor_of
 
 if TYPE_CHECKING:
-    from ..core.settings import Config
+    from ...core.settings import Config
 
 #: Largest numbers of designs of the front, and of other designs, on a page.
 FRONT, OTHERS = 200, 400
@@ -88,14 +88,7 @@ def round_designs(space: Space, rows: Floats) -> Floats:
     x = np.array([round_to_steps(space, row[:count]) for row in rows]).reshape(-1, count)
     if not len(x):
         return rows
-    if space.plain:
-        why, values, _ = measure_designs(space, x)
-    else:
-        measured = [measure_design(space, each) for each in x]
-        why, values = (
-            np.array([each[0] for each in measured]),
-            np.array([each[1] for each in measured]),
-        )
+    why, values = measure_designs(space, x)
     return np.where((why == 0)[:, None], np.concatenate([x, values], axis=1), rows)
 
 
@@ -107,7 +100,7 @@ def round_to_steps(space: Space, x: Floats) -> Floats:
 
 def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
     """The YAML of each sensor, as an extension of the configuration, in manufacturable values."""
-    from .changes import base_of, changed_keys, common_keys_hold, document, merge_common_blocks
+    from ..changes import base_of, changed_keys, common_keys_hold, document, merge_common_blocks
 
     base = base_of(settings, folder)
     once = common_keys_hold(settings, sensors[-1], folder)

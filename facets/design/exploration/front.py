@@ -6,7 +6,7 @@ from random designs, so that a front of several pieces is found, and what such a
 passed on to the neighbours. The multiplier of a bound at a point is the price of that objective in
 the first one: for example urad for each mm of the head.
 
-Every point is measured again by `exploration.measure_design`, as the designs of a cloud are.
+Every point is measured again by `measure_design`, as sampled designs are.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.units import Floats
-from .exploration import MEASURES, Space, front, measure_design
-from .search import active_constraints, active_rows, solve
+from ...core.units import Floats
+from ..search import active_constraints, active_rows, solve
+from .space import MEASURES, Space, measure_design
 from .trade import Trade, trade_of
 
 #: Starts for the least of each objective; and every how many points a random start is tried, too.
@@ -231,13 +231,9 @@ def measure_ends(walk: Walk, ends: list[End]) -> Front:
         measures.append(values)
         prices.append(price)
         ends_kept.append(end)
-    table: dict[str, Any] = {
-        name: np.array([values[n] for values in measures]) for n, name in enumerate(MEASURES)
-    }
     best: list[int] = []
     if designs:
-        some = np.flatnonzero(distinct(trade, np.array(measures)))
-        best = some[front({name: table[name][some] for name in names}, names)].tolist()
+        best = np.flatnonzero(distinct(trade, np.array(measures))).tolist()
         best.sort(key=lambda n: float(trade.costs_of_measures(measures[n])[first]))
     return Front(
         walk,
@@ -262,60 +258,6 @@ def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
         same = worse & ~clear & (others < n) & keep[others]
         keep[n] = not (same | (worse & clear)).any()
     return keep
-
-
-@dataclass(frozen=True)
-class FrontComparison:
-    """Comparison of a front with the designs of a cloud.
-
-    beaten: points that a design of the cloud beats, by more than the tolerance of its ranges.
-    gains: by what percentage the front's first objective is better than that of the cloud's own
-    front, at equal values of the other objectives.  count: of the cloud's designs.
-    first: the front's first objective.
-    """
-
-    beaten: int
-    gains: Floats
-    count: int
-    first: str
-
-    def lines(self) -> list[str]:
-        who = f"they beat {self.beaten} points of" if self.beaten else "none of them beats"
-        told = [f"beside the {self.count} designs in the folder: {who} the front"]
-        if len(self.gains):
-            told.append(
-                f"  at what the best {len(self.gains)} of these have in all else, the front's "
-                f"{self.first} is better by {np.median(self.gains):.2g} % (median; "
-                f"{self.gains.min():.2g} to {self.gains.max():.2g} %)"
-            )
-        return told
-
-
-#: Number of compared designs of a cloud; and the tolerance of their ranges as a share.
-COMPARED_DESIGNS, CLOUD_TOLERANCE = 40, 1e-3
-
-
-def compare_with_designs(pareto: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
-    """Compare the front with a table of designs from `exploration.collect`."""
-    trade, first = pareto.walk.trade, pareto.walk.first
-    costs = trade.costs_of_measures(np.stack([table[name] for name in MEASURES], axis=1))
-    costs = costs[np.isfinite(costs).all(axis=1)]
-    mine = trade.costs_of_measures(pareto.measures)
-    limits = mine - CLOUD_TOLERANCE * np.abs(mine)
-    beaten = sum(bool((costs < limit).all(axis=1).any()) for limit in limits)
-    best = costs[
-        front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))
-    ]
-    some = best[np.linspace(0, len(best) - 1, min(COMPARED_DESIGNS, len(best))).astype(int)]
-    gains = []
-    for cost in some:
-        most = cost.copy()
-        most[first] = np.inf
-        near = pareto.ends[int(np.abs(mine - cost).sum(axis=1).argmin())]
-        end = pareto.walk.least(first, most, near)
-        if end is not None:
-            gains.append(100 * (cost[first] - end.costs[first]) / abs(cost[first]))
-    return FrontComparison(beaten, np.array(gains), len(table["design"]), pareto.objectives[first])
 
 
 def columns(pareto: Front) -> dict[str, NDArray[Any]]:

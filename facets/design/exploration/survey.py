@@ -1,4 +1,4 @@
-"""Measures of many designs at once, as `exploration.measure_design` measures each plain sensor.
+"""Measures of many designs at once, as `space.measure_design` measures each plain sensor.
 
 A design is a row of its sensor's 30 parameters and of its detectors' sizes; the model computes all
 designs in one call (`model.many`). Their ranges are found as `characterization.ranges` finds those
@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..characterization.ranges import (
+from ...characterization.ranges import (
     AXIS_RAYS,
     CAUSES,
     COARSE,
     FARTHEST_MM_RAD,
-    LEFT_OUT,
     LIGHT,
     PSD,
     SATURATED,
@@ -29,17 +28,17 @@ from ..characterization.ranges import (
     spot_clearances,
     standard_uncertainties,
 )
-from ..characterization.ranges import states_of as states_of_poses
-from ..characterization.singularity import extremes
-from ..core.names import FINE_UNITS
-from ..core.rules import Rules
-from ..core.sensor import Sensor
-from ..core.units import Booleans, Floats, Integers
-from ..detectors.noise import standard_deviations
-from ..model.arrays import edge_distances, edge_limits
-from ..model.kinds import kind_of
-from ..model.many import evaluate, vectors_of
-from .variables import FACETS, PSDS, layout_parameters
+from ...characterization.ranges import states_of as states_of_poses
+from ...characterization.singularity import extremes
+from ...core.names import FINE_UNITS, STATE_UNITS
+from ...core.rules import Rules
+from ...core.sensor import Sensor
+from ...core.units import Booleans, Floats, Integers
+from ...detectors.noise import standard_deviations
+from ...model.arrays import edge_distances, edge_limits
+from ...model.kinds import kind_of
+from ...model.many import evaluate, vectors_of
+from ..variables import FACETS, PSDS, layout_parameters
 
 #: Reasons to skip a design; "" for a measured one.
 SKIPPED = (
@@ -52,8 +51,12 @@ SKIPPED = (
     "too coarse at rest",
     "amplifier past its full scale at rest",
 )
+BESIDE, DIM, INVALID, UNFIT, NEAR_SINGULAR, TOO_COARSE, OVERLOADED = range(1, 8)
 #: The reason for a design that is outside its own range at rest, by the range's limit.
-OUTSIDE = {PSD: 1, LIGHT: 2, SATURATED: 7, SINGULAR: 5, COARSE: 6}
+OUTSIDE = {PSD: BESIDE, LIGHT: DIM, SATURATED: OVERLOADED, SINGULAR: NEAR_SINGULAR,
+           COARSE: TOO_COARSE}  # fmt: skip
+#: Factors from mm and rad to mm and mrad, by axis of the pose.
+FAR = 1 / np.array(STATE_UNITS[:6])
 #: Largest number of designs whose states are in memory at a time.
 CHUNK = 128
 
@@ -142,7 +145,7 @@ def rest_reasons(distances: Floats, reading: Floats, least: float) -> Integers:
     """
     beside = ~(least_of_rows(distances) > 0)
     dim = ~(least_of_rows(reading[:, 2::3]) > least)
-    return np.where(beside, 1, np.where(dim, 2, 0))
+    return np.where(beside, BESIDE, np.where(dim, DIM, 0))
 
 
 def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
@@ -154,19 +157,8 @@ def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
     return standard_uncertainties(matrices, slopes), extremes(matrices)[:, 1]
 
 
-def regularity(some: Designs, volume: Floats) -> Floats:
-    """1 for each design whose determinant of Eq. (11) has one sign at states (v, 8), else 0."""
-    count = len(some.vectors)
-    owner = np.repeat(np.arange(count), len(volume))
-    matrices = evaluate("derivatives", some.vectors, owner, np.tile(volume, (count, 1)))
-    dark = np.isnan(matrices).any(axis=(1, 2))
-    signs = np.where(dark, 0.0, np.sign(np.linalg.det(np.delete(matrices, LEFT_OUT, axis=1))))
-    whole: Floats = np.abs(signs.reshape(count, -1).sum(axis=1)) == len(volume)
-    return whole.astype(float)
-
-
 def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
-    """Twice the nearer end of each axis's range, mm and rad: (n, 6).
+    """Twice the nearer end of each axis's range, mm and mrad: (n, 6).
 
     tolerance: in units of `FARTHEST_MM_RAD`.
     """
@@ -177,28 +169,42 @@ def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
 
     exits = first_exits(margins_at, len(some.vectors) * len(AXIS_RAYS), tolerance)
     ends = exits.distance.reshape(-1, 2, 6).min(axis=1)
-    ranges: Floats = 2 * ends * FARTHEST_MM_RAD
+    ranges: Floats = 2 * ends * FARTHEST_MM_RAD * FAR
     return ranges
 
 
-def measure(
-    some: Designs, volume: Floats, least_power: float, tolerance: float
-) -> tuple[Integers, Floats]:
-    """Measure designs: why each is skipped, by its number in SKIPPED, and its measures (n, 14):
-    ranges, mm and rad, uncertainties, um and urad, condition number, regular; without the head.
+def measure_plain(
+    sensor: Sensor, rules: Rules, names: Sequence[str], rows: Floats, least_power: float,
+    tolerance: float,
+) -> tuple[Booleans, Integers, Floats]:  # fmt: skip
+    """Measure designs (n, variables) of a plain sensor: which are valid sensors; why each is
+    skipped, by its number in SKIPPED; and its measures (n, 14), the head first."""
+    some, heads, possible = designs_of(sensor, rules, names, rows)
+    reasons, values = np.zeros(len(rows), dtype=np.int64), np.full((len(rows), 14), np.nan)
+    values[possible, 0] = heads[possible]
+    numbers = np.flatnonzero(possible)
+    for first in range(0, len(numbers), CHUNK):
+        part = slice(first, first + CHUNK)
+        measured = measure(some.subset(part), least_power, tolerance)
+        reasons[numbers[part]], values[numbers[part], 1:] = measured
+    return possible, reasons, values
+
+
+def measure(some: Designs, least_power: float, tolerance: float) -> tuple[Integers, Floats]:
+    """Measure designs: why each is skipped, by its number in SKIPPED, and its measures (n, 13):
+    ranges, mm and mrad, uncertainties, um and urad, and the condition number.
 
     NaN where a measure was not reached.
     """
     reading = some.evaluate_rest("readings")
     distances = edge_distances(some.evaluate_rest("footprints"), some.limits)
     reasons = rest_reasons(distances, reading, least_power)
-    values = np.full((len(reasons), 14), np.nan)
+    values = np.full((len(reasons), 13), np.nan)
     sound = np.flatnonzero(reasons == 0)
     if not len(sound):
         return reasons, values
     part = some.subset(sound)
     values[sound, 6:12], values[sound, 12] = spectra(part, reading[sound])
-    values[sound, 13] = regularity(part, volume)
     clear = part.margins(np.arange(len(sound)), np.zeros((len(sound), 6)))
     outside = ~(clear.min(axis=1) > 0)
     reasons[sound[outside]] = np.array([OUTSIDE[cause] for cause in range(len(CAUSES))])[

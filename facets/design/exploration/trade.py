@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.extras import require_extra
-from ..core.names import FINE_COLUMNS, FINE_UNITS, POSE, RANGE_COLUMNS
-from ..core.units import Floats
-from ..detectors.noise import power_floor
-from ..optics.forward import build_geometry, dark_scene
-from .exploration import FAR, MEASURES, Space, measure_design
-from .formula import Formula
-from .problem import (
+from ...core.errors import InputError
+from ...core.extras import require_extra
+from ...core.names import FINE_COLUMNS, FINE_UNITS, POSE, RANGE_COLUMNS
+from ...core.units import Floats
+from ...detectors.noise import power_floor
+from ...optics.forward import build_geometry, dark_scene
+from ..formula import Formula
+from ..problem import (
     LayoutProblem,
     UnknownBounds,
     head_limits,
@@ -30,9 +29,9 @@ from .problem import (
     refuse_unknown_effects,
     rows_of,
 )
-from .requirement import EDGES, Constraint, limits_of
-from .spots import corner_clearances, rim_clearances, tip_clearance
-from .variables import (
+from ..requirement import EDGES, Constraint, limits_of
+from ..spots import corner_clearances, rim_clearances, tip_clearance
+from ..variables import (
     Outcome,
     columns_of_states,
     heads_of,
@@ -40,7 +39,9 @@ from .variables import (
     outcome_of,
     present_values,
 )
-from .volume import mirror_states, span_of
+from ..volume import mirror_states, span_of
+from .space import MEASURES, Space, measure_design
+from .survey import FAR
 
 #: The measures that can be objectives here, since they have slopes.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)

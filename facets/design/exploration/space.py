@@ -1,0 +1,227 @@
+"""A design space and the measures of its designs: ranges and resolutions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...characterization.ranges import axis_ranges, clearances
+from ...characterization.resolution import uncertainties
+from ...characterization.singularity import measures
+from ...core.errors import InputError
+from ...core.knowledge import Knowledge
+from ...core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS
+from ...core.rules import Rules
+from ...core.sensor import Sensor
+from ...core.units import Booleans, Floats, Integers
+from ...detectors.noise import fullness
+from ...model.arrays import margins, readings
+from ..requirement import Requirement, margins_of, worst_places_of
+from ..variables import FULL, require_variables, sensor_of
+from ..volume import states_of
+from .survey import (
+    FAR,
+    INVALID,
+    OUTSIDE,
+    OVERLOADED,
+    SKIPPED,
+    UNFIT,
+    is_plain,
+    measure_plain,
+    rest_reasons,
+)
+
+if TYPE_CHECKING:
+    from ...core.layout import Layout
+    from ...core.settings import Config
+
+#: Number of designs that a worker measures at a time, unless they are plain.
+DESIGNS_PER_TASK = 200
+#: A task of plain designs has up to this many times as many designs, if at least this many tasks
+#: remain.
+LARGEST_FACTOR, LEAST_TASKS = 50, 100
+#: Tolerance of a design's ranges, in units of `ranges.FARTHEST_MM_RAD`.
+FINE_ENOUGH = 1e-5
+#: Factors from mm and rad to um and urad, by axis of the pose.
+FINE = 1 / np.array(FINE_UNITS[:6])
+#: The measures of a design, each of which can be an objective. Ranges are symmetric, both sides
+#: together; uncertainties and the condition number are at rest.
+MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition")
+AT_RANGES = slice(1, 7)
+
+
+@dataclass(frozen=True)
+class Space:
+    """The design space and how it is sampled.
+
+    count: of designs.  part: designs a task.  objectives: of the front.  required: whether designs
+    must keep the layout's requirements over its volume.
+    """
+
+    sensor: Sensor
+    rules: Rules
+    layout: Layout
+    count: int
+    seed: int
+    objectives: tuple[str, ...] = ("head_mm", "u_roll_urad", "range_roll_mrad")
+    required: bool = False
+    part: int = DESIGNS_PER_TASK
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.layout.variables)
+
+    @cached_property
+    def volume(self) -> Floats:
+        """States (n, 8): corners, faces and centre of the layout's volume, as of `volume`."""
+        return np.array(states_of(self.layout, 1.0), dtype=float)
+
+    @property
+    def plain(self) -> bool:
+        """Whether its designs are measured many at once (`survey`)."""
+        return not self.required and is_plain(self.sensor, self.rules)
+
+
+def space_of(
+    settings: Config, objectives: Sequence[str], count: int, seed: int, required: bool = False
+) -> Space:
+    """The space of a configuration; a task has as many designs as take about a second.
+
+    Raises `InputError` for an unknown objective, or if no variable may vary.
+    """
+    unknown = [name for name in objectives if name not in MEASURES]
+    if unknown:
+        raise InputError(f"unknown measure {', '.join(unknown)}; allowed: {', '.join(MEASURES)}")
+    require_variables(settings.layout)
+    space = Space(
+        settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,
+        count, seed, tuple(objectives), required,
+    )  # fmt: skip
+    if not space.plain:
+        return space
+    times = min(LARGEST_FACTOR, max(1, space.count // (LEAST_TASKS * DESIGNS_PER_TASK)))
+    return replace(space, part=times * DESIGNS_PER_TASK)
+
+
+def designs(space: Space) -> Floats:
+    """Return all designs (n, variables), in the units of the variables' names."""
+    bounds = tuple(space.layout.variables[name] for name in space.names)
+    return draw(bounds, space.count, space.seed)
+
+
+@lru_cache(1)  # one table serves all parts of a worker
+def draw(bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
+    """Draw designs within bounds by a Sobol' sequence."""
+    from scipy.stats import qmc
+
+    power = int(np.ceil(np.log2(max(count, 2))))
+    shares = qmc.Sobol(len(bounds), rng=np.random.default_rng(seed)).random_base2(power)[:count]
+    low, high = np.array(bounds).T
+    values: Floats = low + shares * (high - low)
+    return values
+
+
+def saturates(sensor: Sensor, states: Floats) -> bool:
+    """Whether an electrode's current exceeds the share of the amplifier's full scale that the
+    optimiser allows; never without electronics."""
+    return bool((fullness(sensor, readings(sensor, states)) > FULL).any())
+
+
+def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
+    """Return whether the design keeps all the layout's requirements at states of the volume."""
+    if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
+        return False
+    if saturates(sensor, states):
+        return False
+    asked = Requirement(layout, states, rim=bool(np.isfinite(sensor.apertures.rim)))
+    if not margins_of(asked, sensor).min() > 0:
+        return False
+    between = replace(asked, states=worst_places_of(asked, sensor))
+    return not len(between.states) or bool(margins_of(between, sensor).min() > 0)
+
+
+def reason_at_rest(space: Space, sensor: Sensor) -> int:
+    """The place in SKIPPED of why a design is skipped before its uncertainties are known; else
+    0."""
+    rest, least = np.zeros((1, 8)), space.layout.least_power
+    if why := int(rest_reasons(margins(sensor, rest), readings(sensor, rest), least)[0]):
+        return why
+    if saturates(sensor, rest):
+        return OVERLOADED
+    return UNFIT if space.required and not meets(sensor, space.layout, space.volume) else 0
+
+
+def measure_design(space: Space, x: Floats, tolerance: float = FINE_ENOUGH) -> tuple[int, Floats]:
+    """Measure a design: the place in SKIPPED of why it is skipped, and its measures, else NaN.
+
+    tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
+    """
+    values = np.full(len(MEASURES), np.nan)
+    try:
+        sensor = sensor_of(space.sensor, space.names, x)
+    except InputError:
+        return INVALID, values
+    values[0] = 2 * max(psd.radius for psd in sensor.psds)
+    if why := reason_at_rest(space, sensor):
+        return why, values
+    rest = np.zeros((1, 8))
+    values[7:13] = FINE * uncertainties(sensor, rest, Knowledge(), space.layout.object)[0]
+    values[13] = measures(sensor, rest)[0, 2]
+    rules = replace(space.rules, condition=np.inf)
+    clear = clearances(sensor, np.zeros((1, 6)), rules)[0]
+    if not clear.min() > 0:
+        return OUTSIDE[int(clear.argmin())], values
+    ranges = axis_ranges(sensor, rules, np.zeros(6), tolerance)
+    values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in ranges])
+    return 0, values
+
+
+def measure_designs(space: Space, some: Floats) -> tuple[Integers, Floats]:
+    """Measure designs (n, variables): why each is skipped, and its measures (n, MEASURES).
+
+    Those of a plain sensor are measured many at once, others, and invalid ones, one by one.
+    """
+    if space.plain:
+        possible, why, values = measure_plain(
+            space.sensor, space.rules, space.names, some, space.layout.least_power, FINE_ENOUGH
+        )
+    else:
+        possible, why = np.zeros((2, len(some)), dtype=np.int64)
+        values = np.full((len(some), len(MEASURES)), np.nan)
+    for n in np.flatnonzero(possible == 0).tolist():
+        why[n], values[n] = measure_design(space, some[n])
+    return why, values
+
+
+def part_of(space: Space, first: int) -> dict[str, Any]:
+    """Return the table of the part that begins with design number `first`."""
+    some, begin = designs(space)[first : first + space.part], time.perf_counter()
+    why, values = measure_designs(space, some)
+    seconds = np.full(len(some), (time.perf_counter() - begin) / len(some))
+    columns: dict[str, Any] = {"design": first + np.arange(len(some))}
+    columns |= {name: some[:, i] for i, name in enumerate(space.names)}
+    columns["skipped"] = np.array(SKIPPED)[why]
+    columns |= {name: values[:, i] for i, name in enumerate(MEASURES)}
+    return columns | {"seconds": seconds}
+
+
+def front(table: dict[str, NDArray[Any]], objectives: Sequence[str]) -> Booleans:
+    """Which designs no other one beats in all objectives; ranges are maximised, others
+    minimised."""
+    signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
+    costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)
+    best = np.zeros(len(costs), dtype=bool)
+    known = np.flatnonzero(np.isfinite(costs).all(axis=1))
+    remaining = known[np.lexsort(costs[known].T[::-1])]
+    while len(remaining):  # the first is beaten by none that follow; what it beats goes
+        first = remaining[0]
+        best[first] = True
+        beaten = (costs[remaining] >= costs[first]).all(axis=1)
+        remaining = remaining[~beaten]
+    return best
