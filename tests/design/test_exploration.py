@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets import OutputError, axis_ranges
+from facets import OutputError, axis_ranges, design
 from facets.design import (
     MEASURES,
     SKIPPED,
@@ -22,9 +22,9 @@ from facets.design import (
     meets,
     part_of,
 )
-from facets.design.exploration import runs, space
 
 CONFIG = facets.load("layout")
+runs, space = design.exploration.runs, design.exploration.space
 SPACE = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, 60, 1)
 
 

@@ -10,13 +10,13 @@ import pytest
 from commands import command
 
 import facets
-from facets import pictures
+from facets import design, pictures
 from facets.design import Space, part_of, states_of
-from facets.design.exploration import gallery
 
 from .conftest import LOOSE
 
 CONFIG = facets.load("layout")
+gallery = design.exploration.gallery
 
 
 @pytest.fixture(scope="module")

@@ -192,9 +192,9 @@ def measure_designs(space: Space, some: Floats) -> tuple[Integers, Floats]:
             space.sensor, space.rules, space.names, some, space.layout.least_power, FINE_ENOUGH
         )
     else:
-        possible, why = np.zeros((2, len(some)), dtype=np.int64)
+        possible, why = np.zeros(len(some), dtype=bool), np.zeros(len(some), dtype=np.int64)
         values = np.full((len(some), len(MEASURES)), np.nan)
-    for n in np.flatnonzero(possible == 0).tolist():
+    for n in np.flatnonzero(~possible).tolist():
         why[n], values[n] = measure_design(space, some[n])
     return why, values
 
