@@ -5,7 +5,7 @@ Imported only where the code is not kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import nan
 from typing import Any, NamedTuple
 
@@ -43,21 +43,36 @@ def write_estimator(form: Form) -> LaneWrite:
         numbers = range(len(BlockTask._fields))
         task = BlockTask(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
         with write_loop(builder, task.blocks) as index:
-            write_block(begin_code(builder), form, task, index)
+            write_block(BlockRows(begin_code(builder), task, index), form)
 
     return write
 
 
-def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> None:
-    """task: of numbers that the code has read.  index: of the block."""
-    rows = BlockRows(code, task, index)
-    vectors = rows.vectors(form)
+def write_block(rows: BlockRows, form: Form) -> None:
+    """Write the estimates of one block's readings."""
+    code, task, vectors = rows.code, rows.task, rows.vectors(form)
     question, status, used = ask(
         form, rows.read("values", 9, task.own_rows), rows.read("weights", 9, task.own_rows),
-        rows.read("means", 3, task.own_means), vectors_at(code, rows.pointers.scales, SCALES),
+        rows.read("means", 3, task.own_means), rows.scales(),
     )  # fmt: skip
-    state = begin(rows.read("starts", UNKNOWNS, task.own_starts), form, status)
-    count = len(list(leaves(state)))
+    first = begin(rows.read("starts", UNKNOWNS, task.own_starts), form, status)
+
+    def advance(state: State) -> State:
+        return step(state, question, lambda x: linearise(code, vectors, x, form))
+
+    end = iterate(code, first, advance, task.patient)
+    status = final_status(end, question, used)
+    write_results(rows, end._replace(status=status), used, form.free)
+
+
+def iterate(
+    code: LaneWriter, first: State, advance: Callable[[State], State], patient: Any
+) -> State:
+    """Write the loop over steps, until no lane goes on, and return the last state.
+
+    patient: 0 where lanes that need many steps are left behind.
+    """
+    count = len(list(leaves(first)))
     memory = LaneMemory(code, count)
 
     def keep(state: State) -> None:
@@ -65,24 +80,22 @@ def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> No
             memory[n] = number
 
     def load() -> State:
-        return nest(state, (memory[n] for n in range(count)))  # type: ignore[no-any-return]
+        return nest(first, (memory[n] for n in range(count)))  # type: ignore[no-any-return]
 
-    keep(state)
-    patient = code.builder.icmp_signed("!=", task.patient, ir.Constant(LONG, 0))
+    keep(first)
+    waits = code.same(code.builder.icmp_signed("!=", patient, ir.Constant(LONG, 0)))
     with code.do_while() as repetition:
-        new = step(load(), question, lambda x: linearise(code, vectors, x, form))
+        new = advance(load())
         keep(new)
         going = new.status < CONVERGED
         usual = (new.damping < MIN_DAMPING) & (new.steps < PROGRESS_INTERVAL_STEPS - 1.5)
-        repetition.again = code.any(going & (usual | code.same(patient)))
-    end = load()
-    end = end._replace(status=final_status(end, question, used))
-    write_results(code, form, end, used, rows)
+        repetition.again = code.any(going & (usual | waits))
+    return load()
 
 
-def write_results(code: LaneWriter, form: Form, end: State, used: Numbers, rows: BlockRows) -> None:
-    """Of the last state; without a pose they are NaN."""
-    task, converged = rows.task, end.status < 0.5
+def write_results(rows: BlockRows, end: State, used: Numbers, free: Sequence[int]) -> None:
+    """Write the results of the last state; without a pose they are NaN."""
+    code, converged = rows.code, end.status < 0.5
 
     def write(name: str, numbers: Sequence[Any]) -> None:
         rows.write(name, [code.select(converged, number, nan) for number in numbers])
@@ -90,9 +103,9 @@ def write_results(code: LaneWriter, form: Form, end: State, used: Numbers, rows:
     write("states", end.end)
     write("residuals", [residual_of(end)])
     rows.write("ends", [end.status, end.steps, *used])
-    wanted = code.builder.icmp_signed("!=", task.covariances, ir.Constant(LONG, 0))
+    wanted = code.builder.icmp_signed("!=", rows.task.covariances, ir.Constant(LONG, 0))
     with code.builder.if_then(wanted), code.scope():
-        covariance = covariance_of(end.factor, form.free)
+        covariance = covariance_of(end.factor, free)
         write("covariances", [each for row in covariance for each in row])
 
 
@@ -109,6 +122,7 @@ class BlockRows:
     """A block's rows in the arrays of a task."""
 
     def __init__(self, code: LaneWriter, task: BlockTask, index: Any) -> None:
+        """task: of numbers that the code has read.  index: of the block."""
         self.code, self.task = code, task
         self.pointers = BlockTask(*pointers_to(code.builder, task))
         self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
@@ -121,6 +135,10 @@ class BlockRows:
         first = self.code.builder.mul(self.first, ir.Constant(LONG, size))
         here = self.code.builder.gep(self.pointers.packed, [first])
         return vectors_of(LoadedRows(load_rows(self.code, here, size, size)), None, form.kind)
+
+    def scales(self) -> Any:
+        """The numbers that all readings share, as `Scales`."""
+        return vectors_at(self.code, self.pointers.scales, SCALES)
 
     def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
         """Read rows of `width` numbers.
@@ -142,7 +160,7 @@ class BlockRows:
         return build.gep(getattr(self.pointers, name), [build.mul(self.first, apart)])
 
 
-def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:
+def linearise(code: LaneWriter, vectors: Any, x: Sequence[Any], form: Form) -> Any:
     """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     vectors = replace_power(vectors, x[8])

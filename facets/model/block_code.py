@@ -5,19 +5,17 @@ Imported only if no compiled code is stored.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from math import nan
 from typing import Any
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, cut, gradient
+from ..optics import bench_gradient, gradient
 from ..optics.exact_text import BENCH, IDEAL, ExactText
 from ..optics.exact_text import CUT as CUT_TEXT
 from ..optics.footprint import footprints
 from ..optics.forward import Geometry
-from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lane_rows import load_rows, store_column, store_rows
 from ..scalars.lanes import DOUBLE, LONG, LaneMemory, LaneWriter, write_loop
@@ -74,11 +72,9 @@ def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
 
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
     """Write nine readings to a row of `results` for each row of eight numbers of a state."""
-    state = load_rows(code, states, 8, 8)
-    text = cut.readings if is_cut(vectors) else bench_light.readings
-    if is_ideal(vectors) and not is_cut(vectors):
-        text = readings_uncut
-    store_rows(code, list(leaves(text(vectors, tuple(state)))), results, 9)
+    text = text_of(vectors)
+    at = text.scene(vectors, tuple(load_rows(code, states, 8, 8)))
+    store_rows(code, list(leaves(text.readings(vectors, at))), results, 9)
 
 
 def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
@@ -87,9 +83,15 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, results:
 
     Under real light they are those of `bench_gradient.linearise_nearly`.
     """
-    state = load_rows(code, states, 8, 8)
     text = gradient.linearise if is_ideal(vectors) else bench_gradient.linearise_nearly
-    store_rows(code, lit_rows(code, text(vectors, tuple(state))), results, 72)
+    detectors = text(vectors, tuple(load_rows(code, states, 8, 8)))
+    store_rows(code, lit_rows(code, detectors), results, 72)
+
+
+def write_exact_derivatives(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
+    """Write the results of `write_derivatives`, exact under any light."""
+    detectors = linearise_exactly(code, vectors, load_rows(code, states, 8, 8), 8)
+    store_rows(code, lit_rows(code, detectors), results, 72)
 
 
 def lit_rows(code: LaneWriter, detectors: Any) -> list[Value]:
@@ -119,54 +121,23 @@ def text_of(vectors: Geometry) -> ExactText:
     return IDEAL if is_ideal(vectors) else BENCH
 
 
-@contextmanager
-def each_component(
-    code: LaneWriter, vectors: Geometry, state: Sequence[Value], at: Any, count: int
-) -> Iterator[tuple[Any, list[Value]]]:
-    """Write a loop over the first components of the state, with the exact derivatives by each.
-
-    at: from the `scene` of `text_of`.
-    """
+def linearise_exactly(
+    code: LaneWriter, vectors: Geometry, state: Sequence[Value], count: int
+) -> list[tuple[Any, list[list[Value]]]]:
+    """Readings and their exact derivatives by the first `count` components of the state, arranged
+    as by `bench_gradient.linearise`; a loop writes the derivatives by one component at a time."""
+    text = text_of(vectors)
+    at = text.scene(vectors, tuple(state))
+    values = text.readings(vectors, at)
+    memory = LaneMemory(code, 9 * count)
     with code.loop(ir.Constant(LONG, count)) as component:
         moved = []
         for c, number in enumerate(state):
             is_c = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
             slope = code.spread(code.builder.uitofp(is_c, DOUBLE)) if c < count else 0.0
             moved.append(Dual(number, slope))
-        yield component, list(leaves(text_of(vectors).slopes(vectors, tuple(moved), at)))
-
-
-def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, results: Any) -> None:
-    """Write the exact derivatives, one component after the other."""
-    state = load_rows(code, states, 8, 8)
-    text = text_of(vectors)
-    at = text.scene(vectors, tuple(state))
-    values = list(leaves(text.readings(vectors, at)))
-    with each_component(code, vectors, state, at, 8) as (component, slopes):
-        store_column(
-            code, where_read(code, values, slopes), results, component, ir.Constant(LONG, 8)
-        )
-
-
-def where_read(code: LaneWriter, values: list[Value], slopes: list[Value]) -> list[Value]:
-    """The derivatives of readings; NaN where there is no reading."""
-    pairs = zip(values, slopes, strict=True)
-    return [code.select(code.compare("==", value, value), slope, nan) for value, slope in pairs]
-
-
-def linearise_exactly(
-    code: LaneWriter, vectors: Geometry, state: Sequence[Value], count: int
-) -> list[tuple[Any, list[list[Value]]]]:
-    """Readings and their exact derivatives by the first `count` components of the state, arranged
-    as by `bench_gradient.linearise`."""
-    text = text_of(vectors)
-    at = text.scene(vectors, tuple(state))
-    values = text.readings(vectors, at)
-    memory = LaneMemory(code, 9 * count)
-    with each_component(code, vectors, state, at, count) as (component, slopes):
-        for row, slope in enumerate(slopes):
-            first = code.builder.add(component, ir.Constant(LONG, row * count))
-            memory[first] = slope
+        for row, slope in enumerate(leaves(text.slopes(vectors, tuple(moved), at))):
+            memory[code.builder.add(component, ir.Constant(LONG, row * count))] = slope
     rows = [[memory[row * count + c] for c in range(count)] for row in range(9)]
     return [(values[k], rows[3 * k : 3 * k + 3]) for k in range(3)]
 
@@ -211,7 +182,7 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
     loops = {
         f"slopes_of_{kind}": slopes,
         f"readings_of_{kind}": readings,
-        f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
+        f"derivatives_of_{kind}": each_block(write_exact_derivatives, load, 72),
     }
     return loops if kind in CUT else {**loops, f"approximate_derivatives_of_{kind}": derivatives}
 

@@ -86,6 +86,24 @@ def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(wanted)), wanted))
 
 
+def splat(builder: Any, number: Any, kind: Any) -> Any:
+    empty = ir.Constant(kind, ir.Undefined)
+    first = builder.insert_element(empty, number, ir.Constant(SHORT, 0))
+    return shuffle(builder, first, empty, [0] * kind.count)
+
+
+def place_table(builder: Any, table: Sequence[Sequence[float]]) -> Any:
+    """A table's numbers in the module's memory, row by row."""
+    numbers = [float(number) for row in table for number in row]
+    name, kind = f"table_{id(table)}", ir.ArrayType(DOUBLE, len(numbers))
+    known = builder.module.globals.get(name)
+    if known is None:
+        known = ir.GlobalVariable(builder.module, kind, name)
+        known.linkage, known.global_constant = "internal", True
+        known.initializer = ir.Constant(kind, numbers)
+    return builder.bitcast(known, ir.PointerType(DOUBLE))
+
+
 class LaneWriter(Tracer):
     """Writes LLVM's code for several poses at once.
 
@@ -133,7 +151,7 @@ class LaneWriter(Tracer):
         kind = ir.VectorType(BIT, self.lanes)
         if isinstance(truth, bool):
             return Condition(self, ir.Constant(kind, [int(truth)] * self.lanes))
-        return Condition(self, self._splat(truth, kind))
+        return Condition(self, splat(self.builder, truth, kind))
 
     def any(self, condition: Condition) -> Any:
         """Return a bit: whether the condition holds in any lane."""
@@ -141,12 +159,7 @@ class LaneWriter(Tracer):
 
     def spread(self, number: Any) -> Value:
         """Broadcast one number to all lanes."""
-        return Value(self, self._splat(number, self.kind))
-
-    def _splat(self, number: Any, kind: Any) -> Any:
-        empty = ir.Constant(kind, ir.Undefined)
-        first = self.builder.insert_element(empty, number, ir.Constant(SHORT, 0))
-        return shuffle(self.builder, first, empty, [0] * self.lanes)
+        return Value(self, splat(self.builder, number, self.kind))
 
     def load(self, pointer: Any, index: int) -> Value:
         """Load a number that all lanes have in common."""
@@ -180,7 +193,9 @@ class LaneWriter(Tracer):
     ) -> Numbers:
         """See `dispatch.where_any`; the function is called if any lane needs it."""
         with self._rare(condition, other) as cells:
-            for cell, new in zip(cells, self._call(function, arguments, len(cells)), strict=True):
+            for cell, new in zip(
+                cells, call_function(self, function, arguments, len(cells)), strict=True
+            ):
                 cell[0] = self.select(condition, new, cell[0])
         return nest(other, iter([cell[0] for cell in cells]))
 
@@ -203,37 +218,12 @@ class LaneWriter(Tracer):
         with self.builder.if_then(self.any(condition), likely=False), self.scope():
             yield cells
 
-    def _call(
-        self, function: Callable[..., Any], arguments: Numbers, count: int
-    ) -> Iterator[Value]:
-        """Call a function that has an object of its own, and return its `count` results."""
-        file = function.__module__.rpartition(".")[2]
-        given = list(leaves(arguments))
-        name = f"{file}_{function.__name__}_of_{len(given)}_in_{self.called_lanes}_lanes"
-        CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), self.called_lanes
-        module = self.builder.module
-        kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
-        code = module.globals.get(name) or ir.Function(module, kind, name)
-        wide = LaneWriter(self.builder, self.called_lanes)
-        inputs, outputs = LaneMemory(wide, len(given)), LaneMemory(wide, count)
-        for n, number in enumerate(given):
-            inputs[n] = self._fit_lanes(number, wide)
-        places = (self.builder.ptrtoint(each.address(0), LONG) for each in (inputs, outputs))
-        self.builder.call(code, list(places))
-        return (wide._fit_lanes(outputs[n], self) for n in range(count))
-
-    def _fit_lanes(self, number: Value | float, other: LaneWriter) -> Value:
-        """Convert numbers to another writer's lanes, repeated if it has more lanes."""
-        vector, places = self.value(number), [n % self.lanes for n in range(other.lanes)]
-        same = other.lanes == self.lanes
-        return Value(other, vector if same else shuffle(self.builder, vector, vector, places))
-
     def sum_over(
         self, function: Callable[..., Any], table: Sequence[Sequence[float]], *arguments: Numbers
     ) -> Numbers:
         """See `dispatch.sum_over`."""
         width = len(table[0])
-        memory = self._table(table)
+        memory = place_table(self.builder, table)
         with self.builder.goto_entry_block():
             place = self.builder.alloca(LONG)
         self.builder.store(ir.Constant(LONG, 0), place)
@@ -251,17 +241,6 @@ class LaneWriter(Tracer):
             end = ir.Constant(LONG, width * len(table))
             repetition.again = self.builder.icmp_signed("<", at, end)
         return nest(terms, iter([each[0] for each in sums]))
-
-    def _table(self, table: Sequence[Sequence[float]]) -> Any:
-        """A table's numbers in the module's memory, row by row."""
-        numbers = [float(number) for row in table for number in row]
-        name, kind = f"table_{id(table)}", ir.ArrayType(DOUBLE, len(numbers))
-        known = self.builder.module.globals.get(name)
-        if known is None:
-            known = ir.GlobalVariable(self.builder.module, kind, name)
-            known.linkage, known.global_constant = "internal", True
-            known.initializer = ir.Constant(kind, numbers)
-        return self.builder.bitcast(known, ir.PointerType(DOUBLE))
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
         key = (name, *map(key_of, arguments))
@@ -294,6 +273,33 @@ class LaneWriter(Tracer):
         new = tuple(x for x in angles if isinstance(x, Value) and ("turn", x) not in self._known)
         if new:
             self._known |= {("turn", x): turn for x, turn in zip(new, turns(new), strict=True)}
+
+
+def call_function(
+    code: LaneWriter, function: Callable[..., Any], arguments: Numbers, count: int
+) -> Iterator[Value]:
+    """Call a function that has an object of its own, and return its `count` results."""
+    file = function.__module__.rpartition(".")[2]
+    given = list(leaves(arguments))
+    name = f"{file}_{function.__name__}_of_{len(given)}_in_{code.called_lanes}_lanes"
+    CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), code.called_lanes
+    module = code.builder.module
+    kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
+    callee = module.globals.get(name) or ir.Function(module, kind, name)
+    wide = LaneWriter(code.builder, code.called_lanes)
+    inputs, outputs = LaneMemory(wide, len(given)), LaneMemory(wide, count)
+    for n, number in enumerate(given):
+        inputs[n] = fit_lanes(code, number, wide)
+    places = (code.builder.ptrtoint(each.address(0), LONG) for each in (inputs, outputs))
+    code.builder.call(callee, list(places))
+    return (fit_lanes(wide, outputs[n], code) for n in range(count))
+
+
+def fit_lanes(code: LaneWriter, number: Value | float, other: LaneWriter) -> Value:
+    """Convert numbers to another writer's lanes, repeated if it has more lanes."""
+    vector, places = code.value(number), [n % code.lanes for n in range(other.lanes)]
+    same = other.lanes == code.lanes
+    return Value(other, vector if same else shuffle(code.builder, vector, vector, places))
 
 
 def write_callee(name: str, builder: Any, places: Sequence[Any]) -> None:
