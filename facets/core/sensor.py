@@ -7,9 +7,10 @@ Every object is frozen and checks itself; a `Sensor` is plain data and knows no 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from math import pi
 from types import MappingProxyType
@@ -18,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 from .arguments import check_arguments, require_plausible
 from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
 from .errors import InputError
-from .keys import FieldSource, Key, Values, declare, item_of, key
+from .keys import FieldSource, Key, Values, declare, item_of, key, to_code
 from .names import DETECTORS, TEMPERATURE_COLUMN
 from .units import bounds_of
 
@@ -37,15 +38,45 @@ def _require(condition: bool, what: str, value: object, allowed: str) -> None:
         raise InputError(f"{what} is {value}; allowed: {allowed}")
 
 
-def _require_finite(thing: object) -> None:
-    for field in fields(thing):  # type: ignore[arg-type]
-        value = getattr(thing, field.name)
-        if isinstance(value, int | float):
-            _require(math.isfinite(value), field.name, value, "a finite number")
+@cache
+def _lower_bounds(kind: type[Any]) -> dict[str, tuple[float, bool, Any]]:
+    """The lowest value of each field in the units of the code, whether it is itself allowed, and
+    what else is: what the field holds where a file says null.
+
+    Limits of a file that only keep typing errors out do not count: an estimate may be beyond them.
+    """
+    bounds = {}
+    for member in fields(kind):
+        source = member.metadata.get("source")
+        key = source.keys[0] if source is not None else Key(member.name, None, "")
+        low = key.bounds.get("gt", key.bounds.get("ge", -math.inf))
+        is_limit = "gt" in key.bounds or low >= 0
+        lowest = to_code(float(low), key.unit) if is_limit else -math.inf
+        bounds[member.name] = lowest, "gt" not in key.bounds, key.null
+    return bounds
 
 
-def _are_finite(values: Sequence[float], count: int) -> bool:
-    return len(values) == count and all(map(math.isfinite, values))
+def _numbers_in(value: object) -> Iterator[float]:
+    """The numbers of a field, which may hold tuples of them, or none."""
+    if isinstance(value, int | float):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _numbers_in(item)
+
+
+class Part:
+    """A part of the sensor, whose numbers are finite and keep the lower bounds of their keys."""
+
+    def __post_init__(self) -> None:
+        for name, (lowest, is_allowed, null) in _lower_bounds(type(self)).items():
+            value = getattr(self, name)
+            numbers = () if value == null else _numbers_in(value)
+            is_ordered = operator.le if is_allowed else operator.lt
+            if not all(math.isfinite(number) and is_ordered(lowest, number) for number in numbers):
+                bound = f"{lowest:g} or more" if is_allowed else f"above {lowest:g}"
+                allowed = f"finite numbers{f', {bound}' if math.isfinite(lowest) else ''}"
+                _require(False, f"{name} of {type(self).__name__}", value, allowed)
 
 
 DIAMETER_MM = Key(
@@ -69,7 +100,7 @@ BEAM_TILT_MRAD = Key(
 
 @check_arguments
 @dataclass(frozen=True)
-class Beam:
+class Beam(Part):
     """The laser beam: collimated, Gaussian, coming down onto the mirror's apex.
 
     Its centre (bx, by) in the x_w y_w plane is part of the state.
@@ -88,16 +119,10 @@ class Beam:
     tilt_x: float = item_of(BEAM_TILT_MRAD, 0)
     tilt_y: float = item_of(BEAM_TILT_MRAD, 1)
 
-    def __post_init__(self) -> None:
-        _require_finite(self)
-        _require(self.power > 0, "beam power", self.power, "above 0 mW")
-        for name in ("diameter_x", "diameter_y"):
-            _require(getattr(self, name) > 0, f"beam {name}", getattr(self, name), "above 0 mm")
-
 
 @check_arguments
 @dataclass(frozen=True)
-class Facet:
+class Facet(Part):
     """One reflecting side of the mirror, through the apex, in the mirror frame.
 
     inclination: of its normal from the mirror's axis, rad, between 0 and pi/2.
@@ -119,10 +144,8 @@ class Facet:
     )
 
     def __post_init__(self) -> None:
-        _require_finite(self)
-        _require(
-            0 < self.inclination < pi / 2, "facet inclination", self.inclination, "0 to pi/2 rad"
-        )
+        super().__post_init__()
+        _require(self.inclination < pi / 2, "facet inclination", self.inclination, "0 to pi/2 rad")
 
 
 #: Powers of y and of z, in half sizes, of the terms that correct a detector's places.
@@ -155,7 +178,7 @@ class Grid:
 
 @check_arguments
 @dataclass(frozen=True)
-class Correction:
+class Correction(Part):
     """Corrections that are added to a detector's reading; the places enter in half sizes.
 
     power: share of the power that is added to it.  dark: constant added to the power, mW.  y, z:
@@ -176,8 +199,7 @@ class Correction:
     grid: Grid | None = None
 
     def __post_init__(self) -> None:
-        _require_finite(self)
-        _require(self.power > -1, "correction of the power", self.power, "above -1")
+        super().__post_init__()
         for name in ("y", "z"):
             count = len(getattr(self, name))
             _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
@@ -199,7 +221,7 @@ SIZE_MM = Key(
 
 @check_arguments
 @dataclass(frozen=True)
-class Psd:
+class Psd(Part):
     """A position-sensitive detector.
 
     radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
@@ -251,9 +273,7 @@ class Psd:
     correction: Correction = Correction()
 
     def __post_init__(self) -> None:
-        _require_finite(self)
-        for name in ("radius", "size_y", "size_z"):
-            _require(getattr(self, name) > 0, f"PSD {name}", getattr(self, name), "above 0 mm")
+        super().__post_init__()
         ascends = self.usable[0] < self.usable[1] and self.usable[2] < self.usable[3]
         _require(
             ascends, "PSD usable_mm", self.usable, "lowest psi below highest, and zeta likewise"
@@ -268,7 +288,7 @@ class Psd:
 
 @check_arguments
 @dataclass(frozen=True)
-class Noise:
+class Noise(Part):
     """Noise of the readings, 1 sigma.
 
     It is Gaussian, and independent from reading to reading.
@@ -289,15 +309,10 @@ class Noise:
     )
     power: float = key("power_uw", 0.04, "noise of a power reading", gt=0, le=1000)
 
-    def __post_init__(self) -> None:
-        _require_finite(self)
-        for name in ("position", "at_power", "power"):
-            _require(getattr(self, name) > 0, f"noise {name}", getattr(self, name), "above 0")
-
 
 @check_arguments
 @dataclass(frozen=True)
-class Electronics:
+class Electronics(Part):
     """The detectors' electronics; their noise counts where `noise.model` is electronics.
 
     The noise follows from them in `facets.detectors.noise`.
@@ -365,21 +380,10 @@ class Electronics:
         le=1e4,
     )
 
-    def __post_init__(self) -> None:
-        _require_finite(self)
-        for name in ("responsivity", "resistance", "transimpedance", "bandwidth", "adc_range"):
-            _require(getattr(self, name) > 0, name, getattr(self, name), "above 0")
-        for name in (
-            "dark_current", "voltage_noise", "current_noise", "temperature", "ambient",
-            "power_noise", "pointing",
-        ):  # fmt: skip
-            _require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
-        _require(1 <= self.adc_bits <= 32, "adc_bits", self.adc_bits, "1 to 32")
-
 
 @check_arguments
 @dataclass(frozen=True)
-class Apertures:
+class Apertures(Part):
     """Apertures that cut the light, beside the facets' edges; off unless given.
 
     beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
@@ -425,10 +429,7 @@ class Apertures:
     )
 
     def __post_init__(self) -> None:
-        _require(self.beam > 0, "aperture of the beam", self.beam, "above 0")
-        for name in ("tip", "gap"):
-            value = getattr(self, name)
-            _require(0 <= value < math.inf, f"mirror {name}", value, "0 or more, mm, and finite")
+        super().__post_init__()
         _require(self.rim > self.tip, "mirror rim", self.rim, "above its tip, mm")
 
     @property
@@ -564,7 +565,7 @@ def background_field() -> Any:
 
 @check_arguments
 @dataclass(frozen=True)
-class BenchLight:
+class BenchLight(Part):
     """Effects of real light that the model of every reading includes; off unless given.
 
     curvature_xx, curvature_xy, curvature_yy: of the wavefront where the beam passes (bx, by, 0),
@@ -608,13 +609,12 @@ class BenchLight:
         sigma=1e-3,
         apertures="an aperture's own edge would diffract too, which is not modelled",
     )
-    rolloff: tuple[float, ...] = declare_effect(
+    rolloff: Six = declare_effect(
         key(
             "rolloff_nm",
             (0.0,) * 6,
             "depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
             "and bc, of c at bc and ca",
-            hint=Six,
             ge=-1e5,
             le=1e5,
         ),
@@ -661,7 +661,7 @@ class BenchLight:
         sigma=0.01,
         apertures="for a flat tip give apertures.tip_um alone",
     )
-    background: tuple[Three, ...] = declare_effect(
+    background: tuple[Three, Three, Three] = declare_effect(
         background_field(),
         *(f"background_{letter}.{what}" for letter in DETECTORS for what in ("power", "y", "z")),
         candidate="background",
@@ -731,24 +731,14 @@ class BenchLight:
     )
 
     def __post_init__(self) -> None:
-        _require_finite(self)
-        _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
-        _require(self.rolloff_width >= 0, "rolloff_width", self.rolloff_width, "0 or more, mm")
-        for name, count in (
-            ("rolloff", 6),
-            ("strips", 3),
-            ("delays", 3),
-            ("profile", 5),
-            ("asymmetry", 4),
-        ):
-            values = getattr(self, name)
-            _require(_are_finite(values, count), name, values, f"{count} finite numbers")
-        sound = len(self.background) == 3 and all(_are_finite(row, 3) for row in self.background)
-        _require(sound, "background", self.background, "power, y and z of three detectors")
+        super().__post_init__()
         if self.index is not None:
-            n, k = self.index
-            sound = _are_finite(self.index, 2) and n > 0 and (n, k) != (1, 0)
-            _require(sound, "index", self.index, "n above 0, and k, but not those of air")
+            _require(
+                self.index[0] > 0 and self.index != (1, 0),
+                "index",
+                self.index,
+                "n above 0, and k, but not those of air",
+            )
         if self.has_profile:
             lowest = lowest_irradiance(self.asymmetry, self.profile)
             allowed = f"coefficients that leave light everywhere within {PROFILE_SIGMAS:g} sigma"
@@ -786,7 +776,7 @@ EFFECTS = tuple(name for effect in LIGHT_EFFECTS.values() for name in effect.nam
 
 @check_arguments
 @dataclass(frozen=True)
-class Thermal:
+class Thermal(Part):
     """How the beam's position and the places on the detectors follow the temperature.
 
     reference: the temperature at which nothing is added, degrees Celsius.  beam: shift of the
@@ -813,6 +803,7 @@ class Thermal:
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _require(len(self.places) == 6, "thermal places", len(self.places), "6 coefficients")
         require_plausible(self.reference, TEMPERATURE_COLUMN, "the reference temperature")
 
@@ -824,7 +815,7 @@ class Thermal:
 
 @check_arguments
 @dataclass(frozen=True)
-class Drift:
+class Drift(Part):
     """Slow noise beside the white noise of the readings, by one-sided densities at 1 Hz.
 
     flicker_corner: frequency at which the 1/f noise of the amplifiers equals their white noise, Hz;
@@ -863,11 +854,6 @@ class Drift:
         ge=0,
         le=1e6,
     )
-
-    def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
-            _require(0 <= value < math.inf, one.name, value, "0 or more, and finite")
 
 
 @check_arguments
