@@ -59,14 +59,9 @@ class ResultFolder:
 
     def write_record(self, entries: dict[str, Any], seed: int | None = None) -> None:
         """Write the record of the run; it comes last, because it states the duration."""
-        files.provenance.write_record(
-            self.folder / "run.yaml",
-            self.settings,
-            self.seed if seed is None else seed,
-            self.seconds,
-            entries,
-            self.paths,
-        )
+        seed = self.seed if seed is None else seed
+        record = files.provenance.run_record(self.settings, seed, self.seconds, entries)
+        files.whole.write_text(self.folder / "run.yaml", record)
 
     def name(self) -> None:
         """Print the last line of a command: the files that it wrote."""

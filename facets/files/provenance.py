@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from io import StringIO
@@ -16,9 +16,7 @@ from ..core.names import escape_undecodable
 from ..core.settings import resolved_text
 from ..core.version import __version__
 from .columns import CONFIGURATION
-from .crate import write_crate
 from .tables import head_lines
-from .whole import write_text
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -118,19 +116,3 @@ def run_record(config: Config, seed: int | None, seconds: float, results: dict[s
         stream,
     )
     return stream.getvalue()
-
-
-def write_record(
-    path: Path,
-    config: Config,
-    seed: int | None,
-    seconds: float,
-    results: dict[str, Any],
-    files: Sequence[Path],
-) -> None:
-    """Write `run_record` to a file, and the description of the folder beside it.
-
-    files: the results, including the record; existing files are described.
-    """
-    write_text(path, run_record(config, seed, seconds, results))
-    write_crate(path.parent, files, provenance_header(config, seed), seconds)
