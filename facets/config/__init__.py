@@ -9,7 +9,6 @@ _NAMES_OF = {
     ".core.motions": "Motion Random Runs Sine Steps Sweep Table Vibration",
     ".core.axis_keys": "State",
     "loading": "fingerprint load source_files",
-    "alignment_check": "landings",
     "json_schema": "key_names schema",
     "models": "model_of",
     "files": "shipped",

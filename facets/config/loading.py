@@ -15,7 +15,6 @@ from ..core.channels import AuxiliaryChannel, is_taken
 from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
 from ..core.names import DETECTORS, escape_undecodable
-from ..core.sensor import LIGHT_EFFECTS, BenchLight
 from ..core.settings import Config, resolved_text
 from . import alignment_check, build
 from .blame import culprits, message
@@ -84,13 +83,9 @@ def _resolve(tree: Marked) -> dict[str, Any]:
         raise ConfigError("\n".join(lost))  # Without a sound tree there is no sensor to check.
     problems = [
         *(
-            _aperture_conflicts(tree, resolved["sensor"])
-            or _light_conflicts(tree, resolved["sensor"])
-            or _wide_edges(tree, resolved["sensor"])
+            _wide_edges(tree, resolved["sensor"])
             or _gained_strips(tree, resolved["sensor"])
-            or alignment_check.disorder(resolved["sensor"]["mirror"], tree)
-            or _refusals(tree, resolved["sensor"])
-            or alignment_check.problems(resolved["sensor"], tree, _sensor_keys)
+            or _sensor_problems(tree, resolved["sensor"])
         ),
         *_locate_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
@@ -111,20 +106,32 @@ def _sensor_keys(tree: Marked) -> dict[str, Any]:
     return keys
 
 
-def _refusals(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """The problems that the sensor itself reports."""
+def _sensor_problems(tree: Marked, keys: dict[str, Any]) -> list[str]:
+    """The problem that the sensor itself reports, or that a sub-beam misses its detector.
 
-    def refusal(keys: dict[str, Any]) -> str:
-        try:
-            build.sensor(keys)
-        except InputError as error:
-            return str(error)
-        return ""
-
-    if not (reason := refusal(sensor)):
+    The key that is blamed is the one of the user's own file without which there is no such problem,
+    and the spots come closest to the middles of their detectors.
+    """
+    if not (complaint := _complaint(keys)):
         return []
-    paths = culprits(tree, ("sensor",), lambda other: inf if refusal(_sensor_keys(other)) else 0.0)
-    return [message(tree, paths, reason)]
+    paths = culprits(tree, ("sensor",), _worst_miss)
+    got = quote_value(tree.find(paths[0])[0].plain())
+    return [message(tree, paths, f"{complaint} (got {got})")]
+
+
+def _complaint(keys: dict[str, Any]) -> str:
+    try:
+        return alignment_check.complaint(build.sensor(keys))
+    except InputError as error:
+        return str(error)
+
+
+def _worst_miss(tree: Marked) -> float:
+    """See `alignment_check.worst_miss`; infinite without a sensor."""
+    try:
+        return alignment_check.worst_miss(build.sensor(_sensor_keys(tree)))
+    except InputError:
+        return inf
 
 
 def _locate_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
@@ -208,43 +215,6 @@ def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
             )
         keys[name], keys[total] = str(file.resolve()), summed
     return list(dict.fromkeys(problems))  # Three detectors may share a key.
-
-
-def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Check that the facets begin at the tip and end at the rim, not the other way round."""
-    tip, rim = sensor["apertures"]["tip_um"], sensor["apertures"]["rim_mm"]
-    if rim is None or 1000 * rim > tip:
-        return []
-    paths = [("sensor", "apertures", name) for name in ("rim_mm", "tip_um")]
-    return [
-        message(
-            tree,
-            paths,
-            f"the facets would end, at {rim:g} mm from the axis, before they begin, at {tip:g} um",
-        )
-    ]
-
-
-def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Check that effects at the facets' edges are not combined with apertures."""
-    cuts = [name for name, value in sensor["apertures"].items() if value]
-    if not cuts:
-        return []
-    problems = []
-    remedies = {
-        block_of(BenchLight).sources[field].keys[0].name: effect.apertures
-        for field, effect in LIGHT_EFFECTS.items()
-        if effect.apertures
-    }
-    for name, remedy in remedies.items():
-        value = sensor["light"][name]
-        if any(value) if isinstance(value, list | tuple) else value:
-            paths = [("sensor", "light", name), ("sensor", "apertures", cuts[0])]
-            reason = (
-                f"sensor.light.{name} cannot be combined with sensor.apertures.{cuts[0]}: {remedy}"
-            )
-            problems.append(message(tree, paths, f"{reason}; leave one of the two out"))
-    return problems
 
 
 def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from facets import ConfigError, Correction, Sensor, readings
+from facets import ConfigError, Correction, Sensor
 from facets.config import (
     Random,
     Sine,
@@ -18,7 +18,6 @@ from facets.config import (
     Table,
     fingerprint,
     key_names,
-    landings,
     load,
     schema,
     shipped,
@@ -269,7 +268,7 @@ WRONG = [
     ("stage: {force_n: 76}", "1: stage.force_n: .*stage.permit and stage.heartbeat.*up to 75"),
     ("stage: {mass_kg: 8, permit: board}", "1: stage.mass_kg: .*78.5 N needs stage.heartbeat;"),
     ("sensor: {light: {strips_um: [-1, 0, 0]}}", "1: sensor.light.strips_um: .*below zero"),
-    ("sensor: {beam: {diameter_mm: 1000}}", "1: sensor.beam.diameter_mm: .*got 1000.*0.85"),
+    ("sensor: {beam: {diameter_mm: 1000}}", "1: sensor.beam.diameter_mm: .*got 1000"),
     ("sensor: {light: {background_uw: [-200, 0, 0]}}",
      "1: sensor.light.background_uw: .*no light on PSD a at"),
     ("sensor: {apertures: {tip_um: 9000, gap_um: 9000}}",
@@ -296,17 +295,17 @@ WRONG = [
     ("a: 1\n<<: {b: 1}", "2: .*use `extends`"),
     # a sub-beam that misses its detector
     ("sensor:\n  mirror:\n    a: {inclination_deg: 49}",
-     "3: sensor.mirror.a.inclination_deg: facet a sends its sub-beam past PSD a.*"
-     "psi 0, zeta -35.4 mm, 28.9 mm beyond.*got 49.*45 would.*a.height_mm to -35.4"),
+     "3: sensor.mirror.a.inclination_deg: at the nominal pose the sub-beam of facet a lands at "
+     "psi 0, zeta -35.4 mm, 28.9 mm beyond .*got 49"),
     ("sensor:\n  beam:\n    tilt_mrad: [0, 50]",
-     r"3: sensor.beam.tilt_mrad: facets a, b, c.*got \[0, 50\].*\[0, 0\] would"),
+     r"3: sensor.beam.tilt_mrad: .*facet a .*facet b .*facet c .*got \[0, 50\]"),
     # of two keys off the usual, the one that matters
     ("sensor:\n  psd: {a: {radius_mm: 240, pitch_mrad: 9}}\n  mirror: {inclination_deg: 49}",
-     "3: sensor.mirror.inclination_deg: facets a, b, c.*45 would correct it"),
+     "3: sensor.mirror.inclination_deg: .*facet a .*facet b .*facet c .*got 49"),
     ("sensor: {psd: {yaw_mrad: 3000}}",
-     "1: sensor.psd.yaw_mrad: facets a, b, c.*never meets the plane.*got 3000; 0 would correct"),
+     "1: sensor.psd.yaw_mrad: .*never reaches the front of its PSD.*got 3000"),
     ("sensor:\n  mirror:\n    b: {azimuth_deg: 240}\n    c: {azimuth_deg: 120}",
-     "3: sensor.mirror.b.azimuth_deg: facets a, b, c must follow.*counter-clockwise"),
+     "3: sensor.mirror.b.azimuth_deg: azimuth of facet .*make a pyramid.*with sensor.mirror.c"),
 ]  # fmt: skip
 
 
@@ -354,7 +353,7 @@ def test_a_missing_file_lists_what_there_is(write, name, says):
 #: Keys of base.yaml, those of the file that extends it, and what is said.
 CONFLICTS = [
     ("sensor: {light: {wavelength_nm: 600}}", "sensor: {apertures: {tip_um: 10}}",
-     r"my.yaml:2: sensor.apertures.tip_um: .*wavelength_nm \(base.yaml:2\)"),
+     "my.yaml:2: sensor.apertures.tip_um: light.wavelength is given with apertures"),
     ("sensor: {light: {strips_um: [50, 0, 0]}}", "sensor: {beam: {diameter_mm: 0.1}}",
      r"my.yaml:2: sensor.beam.diameter_mm: .*not small beside the beam.*strips_um \(base.yaml:2"),
     ("solve: {beam: known}", "solve: {method: paper}",
@@ -362,10 +361,10 @@ CONFLICTS = [
     ("optimize: {variables: {size_mm: [1, 10]}}", "optimize: {parts: {psds: {x: {size_mm: 4}}}}",
      r"my.yaml:2: optimize.parts.psds: .*optimize.variables.size_mm \(base.yaml:2\)"),
     ("sensor: {psd: {a: {radius_mm: 240}}}", "sensor: {mirror: {inclination_deg: 49}}",
-     "my.yaml:2: sensor.mirror.inclination_deg: facets a, b, c.*45 would correct it"),
+     "my.yaml:2: sensor.mirror.inclination_deg: .*facet a .*facet b .*facet c "),
     # only the extended file is wrong
     ("sensor: {mirror: {inclination_deg: 49}}", "sensor: {psd: {a: {pitch_mrad: 9}}}",
-     "base.yaml:2: sensor.mirror.inclination_deg: facets a, b, c"),
+     "base.yaml:2: sensor.mirror.inclination_deg: .*facet a .*facet b .*facet c "),
 ]  # fmt: skip
 
 
@@ -405,17 +404,6 @@ def test_an_absurd_value_of_any_key_is_blamed_on_that_key_and_file(write):
                 blamed.append(path)
                 assert line.startswith(f"my.yaml:{len(path) + 1}: {'.'.join(path)}"), line
     assert len(blamed) > 150
-
-
-def test_the_advice_given_for_a_missed_detector_holds(write):
-    """A landing is the reading at rest."""
-    text = "sensor: {mirror: {a: {inclination_deg: 49}}, psd: {a: {height_mm: -35.4}}}"
-    sensor = load(write(text)).sensor
-    spots = landings(sensor)
-    assert all(spot.on for spot in spots)
-    places = readings(sensor, [0] * 8).reshape(3, 3)[:, :2]
-    for place, spot in zip(places, spots, strict=True):
-        assert place == pytest.approx([spot.psi, spot.zeta], abs=1e-9)
 
 
 def test_a_rig_turned_as_a_whole_is_right(write):
