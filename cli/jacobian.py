@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from facets import core
+from facets import characterization, core, files
 
 from .console import FINDING, load_config
 from .options import (
@@ -22,9 +22,20 @@ from .options import (
     output_folder,
     seed_option,
 )
-from .options.survey_request import SurveyRequest, choose_box
-from .parts.state_survey import certify_and_report, survey_box, write
+from .options.claims import claim_for
+from .parts.certificates import prove
+from .parts.state_survey import (
+    draw_survey,
+    find_and_show_pair,
+    report,
+    search_and_report,
+    survey_box,
+)
 from .results import ResultFolder
+
+if TYPE_CHECKING:
+    from facets.characterization.state_box import StateBox
+    from facets.config import Config
 
 States = Annotated[int, typer.Option(min=1, help="Number of states to sample.")]
 Box = Annotated[
@@ -33,13 +44,6 @@ Box = Annotated[
         metavar="NAME=HALF|LOW:HIGH,...",
         help="Box of states, such as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1 (mm and mrad); axes "
         "left out stay at zero.  [default: the range of each axis, by the block `range`]",
-    ),
-]
-LeftOut = Annotated[
-    str,
-    typer.Option(
-        metavar="READING",
-        help="Reading to leave out of the determinant of Eq. (11), which takes eight of the nine.",
     ),
 ]
 SearchWorst = Annotated[
@@ -58,7 +62,6 @@ Deviations = Annotated[
         "[default: the sensor exactly as configured]",
     ),
 ]
-Limit = Annotated[float, typer.Option(min=1, help="Stop the proof after this many seconds.")]
 
 
 def jacobian(
@@ -68,18 +71,16 @@ def jacobian(
     states: States = 200_000,
     seed: Annotated[int, seed_option()] = 1,
     box: Box = None,
-    left_out: LeftOut = "power_c",
     search_worst: SearchWorst = True,
     certify: Certify = 0,
     tolerances: Deviations = None,
-    limit: Limit = 300.0,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
     """Check whether the readings determine the pose.
 
-    Samples states in a box and evaluates the determinant of the Jacobian without one reading
-    (Eq. (11) and Fig. 4 of the paper) and its smallest singular value, in standard deviations
+    Samples states in a box and evaluates the determinant of the Jacobian without the power
+    of C (Eq. (11) and Fig. 4 of the paper) and its smallest singular value, in standard deviations
     of readings per µm or µrad. With --certify, proves with interval arithmetic that no state of
     the box is singular and that no two states have the same readings, and writes a certificate;
     exit status 1 if this is not proved.
@@ -87,18 +88,32 @@ def jacobian(
     if certify:
         core.extras.require_extra("flint", "--certify")
     settings = load_config(config)
-    place = output_folder(folder, settings.name, "jacobian")
-    request = SurveyRequest(
-        settings, *choose_box(settings, box), states, seed, left_out, place, plot.value,
-        certify > 0,
-    )  # fmt: skip
-    results = ResultFolder(place, request.names, force)
-    with results.publish(settings, seed):
-        survey, worst, pair = survey_box(request, results, search_worst)
-        entries = write(request, results, survey, pair)
+    domain, least_share = choose_box(settings, box)
+    names = [f"jacobian.{plot.value}", "density.csv", "run.yaml"]
+    names += ["certificate.json"] if certify else []
+    results = ResultFolder(output_folder(folder, settings.name, "jacobian"), names, force)
+    with results.publish(settings, seed) as (picture, table, _, *certificate):
+        survey = survey_box(settings.sensor, domain, states, seed)
+        report(settings, domain, survey, results.seconds)
+        weakest = search_and_report(settings.sensor, domain, survey, seed) if search_worst else None
+        pair = find_and_show_pair(settings.sensor, survey, weakest)
+        results.write_table(table, characterization.tables.density_columns(survey))
+        draw_survey(picture, survey, pair)
+        entries: dict[str, Any] = {"states": survey.states, "one_sign": survey.one_sign}
         if certify:
-            entries |= certify_and_report(request, certify, limit, tolerances, worst)
+            claim = claim_for(settings, domain, least_share, tolerances, weakest)
+            about = files.provenance.provenance_header(settings, seed)
+            entries |= prove(claim, certify, certificate[0], about)
         results.write_record(entries)
     results.name()
     if certify and not entries["unique"]:
         raise typer.Exit(FINDING)
+
+
+def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
+    """Return the box, and the least share of light for a proof, by the rules or by the box."""
+    boxes = characterization.state_box
+    if box is not None:
+        return boxes.parse_box(box), None
+    sensor, rules = settings.sensor, settings.range
+    return boxes.range_box(sensor, rules), boxes.least_share(sensor, rules)

@@ -19,12 +19,10 @@ if TYPE_CHECKING:
     from facets.proof.uniqueness import Certificate
 
 
-def prove(
-    claim: Claim, work: int, limit: float, file: Path, about: dict[str, str]
-) -> dict[str, Any]:
+def prove(claim: Claim, work: int, file: Path, about: dict[str, str]) -> dict[str, Any]:
     """Prove, print the result, and write the certificate; return the entries of the record."""
     settings = claim.settings
-    certificate = certify_box(claim, work, limit)
+    certificate = certify_box(claim, work)
     proof.certificate.write_certificate(
         file, settings.sensor, certificate, about, settings.resolved
     )
@@ -41,9 +39,9 @@ def prove(
     }
 
 
-def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
+def certify_box(claim: Claim, work: int) -> Certificate:
     sensor, share = claim.settings.sensor, claim.least_share
-    effort = proof.uniqueness.Effort(work, limit)
+    effort = proof.uniqueness.Effort(work)
     with show_progress("proving") as on_progress:
         return proof.uniqueness.certify(
             sensor, claim.box, share, claim.deviations, effort, lambda done: on_progress(done, 1.0)

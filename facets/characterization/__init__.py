@@ -25,7 +25,9 @@ else:
             "propagation": "MonteCarlo coverage_intervals propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
-            "singularity": "direction_in_words measures samples search survey weakest_direction",
+            "singularity": (
+                "direction_in_words measures samples search_weakest survey weakest_direction"
+            ),
             "state_box": "StateBox apex_offset box_of_poses least_share parse_box range_box",
             "tables": "outline_columns resolution_columns",
             "trials": "default_states",

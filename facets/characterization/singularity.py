@@ -8,7 +8,6 @@ deviations, to one unit along the direction of the weakest response.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -16,18 +15,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.names import READING
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..model.arrays import derivatives, readings
-from .ranges import saturation_clearances, scale_jacobian, scaled_jacobian
+from .ranges import LEFT_OUT, saturation_clearances, scale_jacobian, scaled_jacobian
 from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
 #: Number of different points of a Sobol sequence of 30 bits.
 MAX_STATES = 2**30
-#: Number of states from which a survey's time is estimated.
-PILOT_STATES = 256
 #: Names of a state's measures.
 MEASURES = ("determinant", "smallest singular value", "condition number")
 
@@ -35,20 +31,17 @@ MEASURES = ("determinant", "smallest singular value", "condition number")
 def measures(
     sensor: Sensor,
     states: Floats,
-    left_out: str = "power_c",
     spectra: bool = True,
 ) -> Floats:
     """Compute `MEASURES` (n, 3) at states (n, 8); NaN if a detector has no reading.
 
-    left_out: the reading whose row the determinant omits; mm, mW and rad. The other two measures
-    use all nine readings, um and urad; NaN without `spectra`.
+    The determinant is that of Eq. (11), without the power of C; mm, mW and rad. The other two
+    measures use all nine readings, um and urad; NaN without `spectra`.
     """
-    if left_out not in READING:
-        raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     out = np.full((len(states), 3), np.nan)
     for first in range(0, len(states), JACOBIANS_AT_ONCE):
         some = slice(first, first + JACOBIANS_AT_ONCE)
-        fill_measures(sensor, states[some], READING.index(left_out), spectra, out[some])
+        fill_measures(sensor, states[some], spectra, out[some])
     return out
 
 
@@ -56,14 +49,12 @@ def measures(
 JACOBIANS_AT_ONCE = 2000
 
 
-def fill_measures(
-    sensor: Sensor, states: Floats, left_out: int, spectra: bool, out: Floats
-) -> None:
-    """Fill out (n, 3) with `measures`.  left_out: the number of a reading."""
+def fill_measures(sensor: Sensor, states: Floats, spectra: bool, out: Floats) -> None:
+    """Fill out (n, 3) with `measures`."""
     matrices = derivatives(sensor, states)
     lit = ~np.isnan(matrices).any(axis=(1, 2))
     rest = matrices[lit]
-    out[lit, 0] = np.linalg.det(np.delete(rest, left_out, axis=1))
+    out[lit, 0] = np.linalg.det(np.delete(rest, LEFT_OUT, axis=1))
     if spectra:
         out[lit, 1:] = extremes(scale_jacobian(sensor, states[lit], rest))
 
@@ -107,7 +98,6 @@ class Survey:
     high: Floats
     signs: Integers
     weakest: Worst
-    lowest: Worst
     states: int = 0
     dark: int = 0
     saturated: int = 0
@@ -124,27 +114,6 @@ class Survey:
 
 
 OFFSETS, LEVELS = 120, 160
-
-
-class Cost(NamedTuple):
-    """The cost of a survey: time in s, and bytes of memory."""
-
-    seconds: float
-    memory: float
-
-
-#: Numbers in memory for each state: the state, its measures, and the Jacobians for these.
-NUMBERS_PER_STATE = 200
-
-
-def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
-    """Estimate the cost of `count` states from PILOT_STATES; compiles the model first if needed."""
-    states = next(samples(domain, PILOT_STATES, "uniform", 0))
-    measures(sensor, states[:1], left_out)
-    begin = time.perf_counter()
-    measures(sensor, states, left_out)
-    each = (time.perf_counter() - begin) / len(states)
-    return Cost(each * count, 8.0 * NUMBERS_PER_STATE * min(count, CHUNK))
 
 
 def samples(
@@ -179,23 +148,18 @@ def sobol_points(sobol: object, rows: int) -> Floats:
 def survey(
     sensor: Sensor,
     chunks: Iterator[Floats],
-    left_out: str = "power_c",
-    spectra: bool = True,
 ) -> Survey:
     """Measure all states chunk by chunk."""
-    if left_out not in READING:
-        raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     result: Survey | None = None
     for states in chunks:
-        values = measures(sensor, states, left_out, spectra)
+        values = measures(sensor, states)
         if result is None:
             result = empty_survey(apex_offset(states), values)
         count_states(result, states, values)
         if sensor.electronics is not None:
             margins = saturation_clearances(sensor, readings(sensor, states))
             result.saturated += int((margins < 0).sum())
-    if result is None:
-        raise InputError("no states are requested; allowed: 1 or more")
+    assert result is not None
     if result.dark == result.states:
         raise InputError(
             f"none of the {result.states:,} states drawn gives every detector a reading: the box "
@@ -210,7 +174,6 @@ def empty_survey(offset: Floats, values: Floats) -> Survey:
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
         ends = [extent_of(values[:, 0]), extent_of(values[:, 1])]
     edges = (np.linspace(0, top, OFFSETS + 1), *(np.linspace(*end, LEVELS + 1) for end in ends))
-    none = Worst(np.full(8, np.nan), np.full(3, np.nan))
     return Survey(
         edges=(edges[0], edges[1], edges[2]),
         counts=np.zeros((OFFSETS, LEVELS)),
@@ -218,8 +181,7 @@ def empty_survey(offset: Floats, values: Floats) -> Survey:
         low=np.full(3, np.inf),
         high=np.full(3, -np.inf),
         signs=np.zeros(3, np.int64),
-        weakest=none,
-        lowest=none,
+        weakest=Worst(np.full(8, np.nan), np.full(3, np.nan)),
     )
 
 
@@ -240,61 +202,46 @@ def count_states(result: Survey, states: Floats, values: Floats) -> None:
     if not lit.any():
         return
     states, values = states[lit], values[lit]
-    offset = apex_offset(states)
+    offset = np.minimum(apex_offset(states), result.edges[0][-1])
     for counts, edges, column in ((result.counts, 1, 0), (result.second, 2, 1)):
         ends = result.edges[edges]
-        if np.isfinite(values[0, column]):
-            held = np.clip(values[:, column], ends[0], ends[-1])
-            inside = np.minimum(offset, result.edges[0][-1])
-            counts += np.histogram2d(inside, held, bins=(result.edges[0], ends))[0]
+        held = np.clip(values[:, column], ends[0], ends[-1])
+        counts += np.histogram2d(offset, held, bins=(result.edges[0], ends))[0]
     result.low = np.fmin(result.low, values.min(axis=0))
     result.high = np.fmax(result.high, values.max(axis=0))
     sign = np.sign(values[:, 0])
     result.signs += [int((sign == s).sum()) for s in (-1, 0, 1)]
-    result.lowest = keep_worse(result.lowest, states, values, np.abs(values[:, 0]), 0)
-    if np.isfinite(values[0, 1]):
-        result.weakest = keep_worse(result.weakest, states, values, values[:, 1], 1)
+    n = int(values[:, 1].argmin())
+    if not values[n, 1] >= result.weakest.values[1]:
+        result.weakest = Worst(states[n].copy(), values[n].copy())
 
 
-def keep_worse(known: Worst, states: Floats, values: Floats, size: Floats, column: int) -> Worst:
-    n = int(size.argmin())
-    if not size[n] >= abs(known.values[column]):
-        return Worst(states[n].copy(), values[n].copy())
-    return known
-
-
-def search(
-    sensor: Sensor, domain: StateBox, column: int, left_out: str = "power_c", seed: int = 1
-) -> Worst:
-    """The state of the box with the least measure, by differential evolution and descent.
-
-    column: 0 the determinant, times its sign in the middle; 1 the smallest singular value.
-    """
+def search_weakest(sensor: Sensor, domain: StateBox, seed: int = 1) -> Worst:
+    """The state of the box with the least smallest singular value, by differential evolution and
+    descent."""
     from scipy.optimize import differential_evolution
 
-    middle = measures(sensor, domain.states(np.full((1, 8), 0.5)), left_out, column == 1)[0]
-    sign = np.sign(middle[0]) if column == 0 else 1.0
-    scale = abs(middle[column]) or 1.0
     wide = np.flatnonzero(domain.high > domain.low)
 
+    def states_at(shares: Floats) -> Floats:
+        """States (n, 8) at shares (w, n) of the sides that are not 0."""
+        points = np.full((shares.shape[1], 8), 0.5)
+        points[:, wide] = shares.T
+        return domain.states(points)
+
     def least(shares: Floats) -> Floats:
-        points = np.full((8, shares.reshape(len(wide), -1).shape[1]), 0.5)
-        points[wide] = shares.reshape(len(wide), -1)
-        values = measures(sensor, domain.states(points.T.copy()), left_out, column == 1)[:, column]
-        size: Floats = np.nan_to_num(sign * values / scale, nan=1e9)
+        values = measures(sensor, states_at(shares.reshape(len(wide), -1)))[:, 1]
+        size: Floats = np.nan_to_num(values, nan=1e9)
         return size if shares.ndim == 2 else size[0]
 
-    if len(wide) == 0:
-        shares = np.full((1, 8), 0.5)
-    else:
-        optimum = differential_evolution(
+    shares = np.empty((0, 1))
+    if len(wide):
+        shares = differential_evolution(
             least, [(0, 1)] * len(wide), rng=np.random.default_rng(seed), vectorized=True,
             updating="deferred", maxiter=400, tol=1e-8,
-        )  # fmt: skip
-        shares = np.full((1, 8), 0.5)
-        shares[0, wide] = optimum.x
-    state = domain.states(shares)
-    return Worst(state[0], measures(sensor, state, left_out)[0])
+        ).x[:, None]  # fmt: skip
+    state = states_at(shares)
+    return Worst(state[0], measures(sensor, state)[0])
 
 
 def weakest_direction(sensor: Sensor, state: Floats) -> Floats:

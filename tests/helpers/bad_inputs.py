@@ -159,12 +159,10 @@ jacobian paper --box tx_mm=-1
 jacobian paper --box tx_mm=5:1
 jacobian paper --box ''
 jacobian paper --box tx_mm=1:2:3
-jacobian paper --left-out phi
 jacobian paper --states 0
 jacobian paper --states 100000000000
 jacobian paper --states 1e3
 jacobian paper -d FILE
-jacobian paper --limit 0
 jacobian paper --threads -1
 explore paper
 explore layout --designs 1

@@ -21,7 +21,7 @@ DISTANCE = "apex from the beam's centre, mm"
 DETERMINANT = "determinant, units of mm, mW, rad"
 
 
-def survey_picture(survey: Survey, left_out: str, pair: AmbiguousPair | None = None) -> Figure:
+def survey_picture(survey: Survey, pair: AmbiguousPair | None = None) -> Figure:
     """Draw the determinant (as Fig. 4) and the smallest singular value against the apex's offset.
 
     pair: two states with the same readings, if there are any.
@@ -34,7 +34,7 @@ def survey_picture(survey: Survey, left_out: str, pair: AmbiguousPair | None = N
         panels = picture.subplots(rows, 2, squeeze=False)
         first = density(picture, panels[0, 0], survey.edges[0], survey.edges[1], survey.counts)
         second = density(picture, panels[0, 1], survey.edges[0], survey.edges[2], survey.second)
-        panels[0, 0].set(xlabel=DISTANCE, ylabel=DETERMINANT, title=f"Eq. (11) without {left_out}")
+        panels[0, 0].set(xlabel=DISTANCE, ylabel=DETERMINANT, title="Eq. (11) without power_c")
         panels[0, 1].set(
             xlabel=DISTANCE, ylabel="standard deviations per µm or µrad",
             title="smallest singular value",
