@@ -26,9 +26,9 @@ from .options import (
     output_folder,
 )
 from .options.places import choose_point
-from .parts.response_input import EstimateRequest, InputEstimate, estimate_inputs, read_columns
+from .parts.response_input import read_columns
 from .results import ResultFolder
-from .sentences.response import show_estimate
+from .sentences.response import show_response
 
 if TYPE_CHECKING:
     from facets.responses.forms import ResponseForm
@@ -152,37 +152,40 @@ def response(
     results = ResultFolder(place, names, force, [measurement], [uff] if uff else [])
     columns, settings = read_columns(measurement, inputs, config)
     settings = choose_point(settings, point)
-    body = settings.object or core.rigid_body.MIRROR
-    request = EstimateRequest(settings, str(measurement), resolution_hz, correct_bandwidth, chosen)
-    estimates = estimate_inputs(columns, inputs, request)
+    ordered = [[name, *(other for other in inputs if other != name)] for name in inputs]
+    estimates = [
+        responses.signals.respond(
+            columns, names, settings, str(measurement), resolution_hz, correct_bandwidth
+        )
+        for names in ordered
+    ]
+    converted = [receptance.convert(chosen) for _, receptance in estimates]
+    units = [responses.signals.describe_input(settings, name)[1] for name in inputs]
+    body, bandwidth = settings.object or core.rigid_body.MIRROR, settings.electronics.bandwidth
     origin = {"input": ", ".join(inputs), "form": form.value, "point": body.text}
-    origin["averages"] = f"{estimates[0].response.averages:.4g}"
-    bandwidth = settings.electronics.bandwidth
+    origin["averages"] = f"{converted[0].averages:.4g}"
     source = core.names.escape_undecodable(measurement.name)
     with results.publish(settings, more=origin) as paths:
-        for each, rows, picture in zip(estimates, paths[::2], paths[1::2], strict=True):
-            frequency_response = responses.frequency_response
-            results.write_table(rows, frequency_response.response_table(each.response))
-            title = f"{form.value.replace('-', ' ').capitalize()}, {each.name}, {source}"
+        for n, estimate in enumerate(converted):
+            rows, picture = paths[2 * n : 2 * n + 2]
+            results.write_table(rows, responses.frequency_response.response_table(estimate))
+            title = f"{form.value.replace('-', ' ').capitalize()}, {inputs[n]}, {source}"
             make = pictures.response.response_picture
-            draw_beside(picture, make, each.response, each.unit, title, bandwidth)
+            draw_beside(picture, make, estimate, units[n], title, bandwidth)
         if uff is not None:
             output_node = responses.universal_file.Node(node, body.point)
-            every = [(each.response, at) for each, at in zip(estimates, channels, strict=True)]
+            every = list(zip(converted, channels, strict=True))
             responses.universal_file.write_universal_file(uff, every, output_node, results.about)
-    for each in estimates:
-        show_response(each, bandwidth, body.text)
+    for n, (signals, receptance) in enumerate(estimates):
+        if signals.others.size:
+            typer.echo(f"{inputs[n]}, without what goes with the other inputs:")
+        show_response(signals, receptance, chosen, units[n], body.text, bandwidth)
     results.name()
     if uff is not None:
         typer.echo(f"{uff}")
-    if has_silent_input(estimates):
-        raise typer.Exit(FINDING)
-
-
-def has_silent_input(estimates: list[InputEstimate]) -> bool:
-    """Whether no axis answers to some input."""
     silent = responses.findings.silent_axes
-    return any(silent(each.receptance).all() for each in estimates)
+    if any(silent(receptance).all() for _, receptance in estimates):
+        raise typer.Exit(FINDING)
 
 
 def result_names(inputs: list[str], table: TableKind, plot: PlotKind) -> list[str]:
@@ -201,17 +204,6 @@ def input_channels(inputs: list[str], places: list[str]) -> list[InputChannel]:
         )
     dofs = [universal.read_input_dof(place) for place in places] or [(0, 0)] * len(inputs)
     return [universal.InputChannel(name, *dof) for name, dof in zip(inputs, dofs, strict=True)]
-
-
-def show_response(each: InputEstimate, bandwidth: float, point: str) -> None:
-    """Print a response to an input, and what limits it."""
-    findings = responses.findings
-    if each.signals.others.size:
-        typer.echo(f"{each.name}, without what goes with the other inputs:")
-    peaks = findings.find_peaks(each.receptance)
-    show_estimate(each.response, each.signals, peaks, each.unit, point)
-    limits = findings.find_limits(each.receptance, each.signals, peaks, bandwidth)
-    typer.echo("\n".join(f"  {text}" for text in limits))
 
 
 def require_universal(uff: Path | None, form: ResponseForm) -> None:

@@ -1,4 +1,4 @@
-"""What `facets response` prints: the frame of an estimate, and its peaks."""
+"""What `facets response` prints of an estimate."""
 
 from __future__ import annotations
 
@@ -6,27 +6,28 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from facets import responses
 from facets.core.names import POSE
 
 from ..console import show_table
 
 if TYPE_CHECKING:
-    from facets.responses.findings import Peak
+    from facets.responses.forms import ResponseForm
     from facets.responses.frequency_response import FrequencyResponse
     from facets.responses.signals import ResponseSignals
 
 
-def show_estimate(
-    estimate: FrequencyResponse,
+def show_response(
     signals: ResponseSignals,
-    peaks: list[Peak],
+    receptance: FrequencyResponse,
+    form: ResponseForm,
     unit: str,
     point: str,
+    bandwidth: float,
 ) -> None:
-    """Print the estimate's frame, and the peaks.
-
-    estimate: in the form that is shown.  peaks: of the receptance.
-    """
+    """Print the frame of an estimate, its peaks in a form, and what limits it."""
+    estimate, findings = receptance.convert(form), responses.findings
+    peaks = findings.find_peaks(receptance)
     lines = estimate.frequency[estimate.is_excited]
     typer.echo(
         f"{len(signals.stimulus)} rows at {estimate.rate:.6g} Hz: {estimate.segments} segments, "
@@ -34,7 +35,6 @@ def show_estimate(
         f"the input has power from {lines.min():.4g} to {lines.max():.4g} Hz"
     )
     typer.echo(f"{point}")
-    form = estimate.form
     rows = []
     for peak in peaks:
         place = peak.line, POSE.index(peak.axis)
@@ -59,3 +59,5 @@ def show_estimate(
         show_table("peaks, at lines of the estimate", headings, rows, left=(1, 3))
     else:
         typer.echo("No peak stands out of its surroundings by a factor of 3.")
+    limits = findings.find_limits(receptance, signals, peaks, bandwidth)
+    typer.echo("\n".join(f"  {text}" for text in limits))

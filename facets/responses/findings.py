@@ -7,15 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..core import POSE, Booleans, Complexes, Floats, unit_of
+from ..core import POSE, Booleans, Floats
 from .frequency_response import (
-    SEPARATE_SHARE,
-    SKIPPED_LINES,
     FrequencyResponse,
-    SegmentOptions,
     low_pass,
-    segment_spectra,
-    segment_starts,
 )
 
 if TYPE_CHECKING:
@@ -41,13 +36,6 @@ CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
 #: Share of rows with a residual beyond chance from which the model is doubted; of right poses one
 #: in 10,000 has such a one.
 MISFIT_SHARE = 1e-3
-#: The zero moved if the means of the first and the last tenth differ by this number of standard
-#: deviations of the means of twentieths, and by this share of the motion's standard deviation.
-MOVED_SIGMAS, MOVED_SHARE = 8.0, 0.2
-#: Number of parts of the recording for that.
-PARTS = 20
-#: A motion goes with the input's square or cube if chance does as much with this probability.
-BENT_CHANCE = 1e-4
 #: What else lowers the coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
@@ -117,10 +105,8 @@ def find_limits(
         *average_limits(response),
         *gap_limits(response, signals),
         *input_limits(response, signals),
-        *bent_input_limits(response, signals),
         *light_limits(signals),
         *misfit_limits(signals),
-        *zero_limits(signals),
         *leakage_limits(response, peaks),
         *silence_limits(response),
         *coherence_limits(response, peaks),
@@ -190,85 +176,6 @@ def clipped_shares(stimulus: Floats) -> Iterator[float]:
             yield float(at_end.mean())
 
 
-def bent_input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
-    """A sentence on a quadratic or cubic response beyond the linear part."""
-    from scipy.signal import get_window
-
-    if response.period or not response.is_stationary:
-        return
-    length = round(response.rate / response.resolution)
-    rows = np.concatenate(segment_starts(signals.stretches, length))
-    options = SegmentOptions(rows, get_window("hann", length), response.rate, "linear")
-    known = signals.stimulus[signals.usable]
-    x = np.where(signals.usable, (signals.stimulus - known.mean()) / np.ptp(known), 0.0)
-
-    def spectra_of(signal: Floats) -> Complexes:
-        spectra = segment_spectra(signal[:, None], options)[:, SKIPPED_LINES:, 0]
-        return spectra[:, response.is_excited]
-
-    force, share = spectra_of(x), response.averages / response.segments
-    for power, name in ((2, "square"), (3, "cube")):
-        slope = power * float((x[signals.usable] ** (power - 1)).mean())
-        other = spectra_of(x**power)
-        bent = [chance_of_power(force, other, spectra_of(motion), slope, share) < BENT_CHANCE
-                for motion in signals.motion.T]  # fmt: skip
-        if any(bent):
-            axes = ", ".join(axis for axis, is_bent in zip(POSE, bent, strict=True) if is_bent)
-            yield (
-                f"The motion of {axes} goes with the {name} of the input, too: the input's "
-                "channel or the spring is not linear, and |H| depends on the amplitude by more "
-                "than the random error. Halve the force, and compare."
-            )
-            return
-
-
-def chance_of_power(
-    force: Complexes, other: Complexes, motion: Complexes, slope: float, share: float
-) -> float:
-    """Probability that a motion goes as much with a power of the input by chance.
-
-    force, other, motion: (k, m) spectra of k segments: of the input, its power and the motion.
-    slope: mean derivative of the power by the input.  share: of independent segments.
-
-    At each line, the part of the motion without the input's is fitted by that of the power. The
-    coefficient is compared with its scatter when single segments are left out (jackknife), with as
-    many degrees of freedom as segments have that power. The mean of the lines, which may go
-    together, is compared with a gamma distribution. It has the variance that random phases of the
-    segments give.
-
-    Noise n of the input's channel makes products, too: it is in the power by `slope` n and in the
-    motion by -H n. What noise can explain that is no larger than the motion's rest is taken out.
-    """
-    from scipy.special import gammaincc
-
-    gain, h = ((force.conj() * part).sum(axis=0) / (np.abs(force) ** 2).sum(axis=0)
-               for part in (other, motion))  # fmt: skip
-    beyond, rest = other - gain * force, motion - h * force
-    energy = np.abs(beyond) ** 2
-    power = energy.sum(axis=0)
-    freedom = share * power**2 / np.maximum((energy**2).sum(axis=0), 1e-300) - 1
-    lines = (power > SEPARATE_SHARE * (np.abs(other) ** 2).sum(axis=0)) & (freedom >= 1)
-    lines &= rest.any(axis=0)
-    if not lines.any():
-        return 1.0
-    beyond, rest, weight, freedom = (
-        part[..., lines] for part in (beyond, rest, energy / np.maximum(power, 1e-300), freedom)
-    )
-    total = (beyond.conj() * rest).sum(axis=0)
-    scatter = (beyond.conj() * rest - weight * total) / (1 - weight)
-    norm = np.sqrt((np.abs(scatter) ** 2).sum(axis=0))
-    noise = np.conj(gain - slope)[lines] * (np.abs(rest) ** 2).sum(axis=0) / np.conj(h[lines])
-    unit = noise / np.maximum(np.abs(noise), 1e-300)
-    total = total - unit * np.clip((unit.conj() * total).real, 0, np.abs(noise))
-    score = freedom * np.log1p(share * np.abs(total / norm) ** 2 / freedom)  # exponential by chance
-    alike = scatter / norm
-    gram = alike @ alike.conj().T if len(alike) < lines.sum() else alike.conj().T @ alike
-    own = (np.abs(alike) ** 2).sum(axis=1)
-    variance = ((np.abs(gram) ** 2).sum() - (own**2).sum()) / lines.sum() ** 2
-    shape = 1 / max(float(variance), 1e-12)
-    return float(gammaincc(shape, shape * float(score.mean())))
-
-
 def bands(frequency: Floats, chosen: Booleans, most: int = 3) -> str:
     """The widest bands of chosen lines in words: "from 1 to 4 Hz, and from 90 to 500 Hz"."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
@@ -295,33 +202,6 @@ def misfit_limits(signals: ResponseSignals) -> Iterator[str]:
             "response holds only as far as they do. Likely cause: another power of the laser or "
             "place of the beam than configured, or a sensor that was not calibrated."
         )
-
-
-def zero_limits(signals: ResponseSignals) -> Iterator[str]:
-    """A sentence on axes whose mean at the end is not that at the beginning."""
-    rows = np.flatnonzero(signals.usable)
-    parts = np.array_split(signals.motion[rows], PARTS)
-    means = np.array([part.mean(axis=0) for part in parts])
-    apart = means[-2:].mean(axis=0) - means[:2].mean(axis=0)
-    steps = np.diff(means, axis=0)
-    usual = 1.4826 * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0) / np.sqrt(2)
-    motion = signals.motion[rows].std(axis=0)
-    moved = (np.abs(apart) > MOVED_SIGMAS * usual) & (np.abs(apart) > MOVED_SHARE * motion)
-    if not moved.any():
-        return
-    texts = []
-    for n in np.flatnonzero(moved).tolist():
-        unit = unit_of(POSE[n])
-        texts.append(f"{POSE[n]} by {unit.fine_factor * apart[n]:+.3g} {unit.fine_unit}")
-    sudden = (np.abs(means[2:] - means[:-2]).max(axis=0) > 0.7 * np.abs(apart))[moved].any()
-    cause = (
-        "all at once: something slipped, or was touched" if sudden else
-        "little by little: a drift of the temperature, or a creeping clamp; which one is unknown"
-    )  # fmt: skip
-    yield (
-        f"The zero moved from the beginning to the end, {', '.join(texts)}, {cause}. Of each "
-        "segment the straight line is removed, so that only the lowest lines suffer."
-    )
 
 
 def leakage_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[str]:

@@ -448,48 +448,51 @@ class Spectra(NamedTuple):
 def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -> Spectra:
     """Average the spectra of the first of the inputs (n, q) and of the outputs (n, d), and take out
     of both what goes with the other inputs."""
-    q, both = inputs.shape[1], np.column_stack([inputs, outputs])
-    every = [average_spectra(x, both, options) for x in inputs.T]
-    frequency, whole, _, autos, input_share = every[0]
-    cross = np.stack([spectra[2] for spectra in every], axis=1)  # (m, q, q + d)
+    q = inputs.shape[1]
+    cross, autos, input_share = average_spectra(np.column_stack([inputs, outputs]), q, options)
+    whole = autos[:, 0]
     rest, kept = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
     try:  # of the first input and the outputs, over each other input
         parts = np.linalg.solve(rest, kept)
     except np.linalg.LinAlgError:
         raise InputError(INSEPARABLE) from None
-    g_xx = whole - (kept[:, :, 0].conj() * parts[:, :, 0]).sum(axis=1).real
+    taken = (kept.conj() * parts).sum(axis=1).real  # of the powers, by the other inputs
+    g_xx = whole - taken[:, 0]
     excited = whole >= EXCITED_SHARE * whole.max()
     if np.median(g_xx[excited] / whole[excited]) < SEPARATE_SHARE:
         raise InputError(INSEPARABLE)
     g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", kept[:, :, 0].conj(), parts[:, :, 1:])
-    g_yy = autos[:, q:] - (kept[:, :, 1:].conj() * parts[:, :, 1:]).sum(axis=1).real
+    g_yy = autos[:, q:] - taken[:, 1:]
+    frequency = np.asarray(np.fft.rfftfreq(len(options.window), 1 / options.rate), np.float64)
     with np.errstate(invalid="ignore"):  # an output may be zero in all rows
         return Spectra(frequency, g_xx, g_xy, g_yy, input_share, g_yy / autos[:, q:])
 
 
 def average_spectra(
-    stimulus: Floats, outputs: Floats, options: SegmentOptions
-) -> tuple[Floats, Floats, Complexes, Floats, Floats]:
-    """Frequencies (m,) and averaged densities: of the stimulus (m,), of the stimulus and each
-    output (m, d), and of the outputs (m, d); and (m,) the input's share of the segments, as
+    signals: Floats, inputs: int, options: SegmentOptions
+) -> tuple[Complexes, Floats, Floats]:
+    """Averaged densities of signals (n, d): of each of the first, `inputs`, and every one (m,
+    inputs, d), and of each alone (m, d); and (m,) the first input's share of the segments, as
     `FrequencyResponse.input_share`."""
     count, length = len(options.starts), len(options.window)
-    sums: list[Any] = [0.0, 0.0, 0.0, 0.0]
+    sums: list[Any] = [0.0, 0.0, 0.0]
     energy: list[Floats] = []
     for part in np.array_split(options.starts, -(-count // SEGMENTS_AT_ONCE)):
-        x = segment_spectra(stimulus[:, None], options._replace(starts=part))
-        y = segment_spectra(outputs, options._replace(starts=part))
-        power = np.abs(x[:, :, 0]) ** 2
-        values = power, x.conj() * y, np.abs(y) ** 2, power**2
-        sums = [total + some.sum(axis=0) for total, some in zip(sums, values, strict=True)]
-        energy.append(power.sum(axis=1))
-    frequency = np.asarray(np.fft.rfftfreq(length, 1 / options.rate), dtype=np.float64)
-    sides = np.where((frequency > 0) & (2 * frequency < options.rate), 2.0, 1.0)
-    scale = (sides / (options.rate * (options.window**2).sum() * count))[:, None]
+        spectra = segment_spectra(signals, options._replace(starts=part))
+        powers = np.abs(spectra) ** 2
+        cross = np.einsum("kmi,kmd->mid", spectra[:, :, :inputs].conj(), spectra)
+        values = cross, powers.sum(axis=0), (powers[:, :, 0] ** 2).sum(axis=0)
+        sums = [total + some for total, some in zip(sums, values, strict=True)]
+        energy.append(powers[:, :, 0].sum(axis=1))
+    sides = np.full((length // 2 + 1, 1), 2.0)  # but at zero, and at half the rate
+    sides[0] = 1.0
+    if length % 2 == 0:
+        sides[-1] = 1.0
+    scale = sides / (options.rate * (options.window**2).sum() * count)
     each = np.concatenate(energy)
     segments = each.sum() ** 2 / (each**2).sum()
-    input_share = sums[0] ** 2 / np.maximum(sums[3], 1e-300) / segments
-    return frequency, scale[:, 0] * sums[0], scale * sums[1], scale * sums[2], input_share
+    input_share = sums[1][:, 0] ** 2 / np.maximum(sums[2], 1e-300) / segments
+    return scale[:, None] * sums[0], scale * sums[1], input_share
 
 
 def segment_spectra(signals: Floats, options: SegmentOptions) -> Complexes:

@@ -79,14 +79,14 @@ def read_signal_table(path: Source, inputs: Sequence[str]) -> Columns:
 
 
 def build_signals(
-    columns: Columns, inputs: Sequence[str], body: MeasuredObject, config: Config, name: str
+    columns: Columns, inputs: Sequence[str], config: Config, name: str
 ) -> ResponseSignals:
     """Build the signals from columns of poses, times and inputs; the first input is the stimulus.
 
-    body: the point of interest.  config: configuration of the sensor, for its noise.  name: name of
-    the columns' source, for messages.
+    config: configuration of the sensor, for the point of interest and the noise.  name: name of the
+    columns' source, for messages.
     """
-    time = row_times(columns)
+    time, body = row_times(columns), config.object or MIRROR
     poses = np.stack(
         [columns[key] * STATE_UNITS[n] for n, key in enumerate(STATE_COLUMNS[:6])], axis=1
     )
@@ -171,9 +171,27 @@ def measure_response(
     """
     table = FrameTable(poses)
     columns = read_signal_table(table, [column])
-    signals = build_signals(columns, [column], config.object or MIRROR, config, str(table))
-    delay, _ = describe_input(config, column)
-    output = OutputChannel(signals.deviation, config.electronics.bandwidth, delay=delay)
-    return estimate_response(
-        signals.stimulus, signals.motion, signals.stretches, resolution_hz, output
+    return respond(columns, [column], config, str(table), resolution_hz)[1]
+
+
+def respond(
+    columns: Columns,
+    inputs: Sequence[str],
+    config: Config,
+    name: str,
+    resolution_hz: float | None,
+    is_corrected: bool = False,
+) -> tuple[ResponseSignals, FrequencyResponse]:
+    """Estimate the receptances of the six axes to the first of the inputs, without what goes with
+    the others.
+
+    name: name of the columns' source, for messages.  is_corrected: whether the electronics' low
+    pass is divided out.
+    """
+    signals = build_signals(columns, inputs, config, name)
+    delay, _ = describe_input(config, inputs[0])
+    bandwidth = config.electronics.bandwidth
+    channel = OutputChannel(signals.deviation, bandwidth, is_corrected, delay)
+    return signals, estimate_response(
+        signals.stimulus, signals.motion, signals.stretches, resolution_hz, channel, signals.others
     )

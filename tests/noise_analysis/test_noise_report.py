@@ -6,7 +6,7 @@ import pytest
 from colours import flicker
 
 import facets
-from facets.core import READING_COLUMNS, STATE_COLUMNS, MeasuredObject
+from facets.core import READING_COLUMNS, STATE_COLUMNS
 from facets.detectors import readings_to_counts
 from facets.live import RawSamples, pack
 from facets.noise_analysis import noise_report
@@ -101,7 +101,7 @@ def test_the_rate_of_a_recording_is_that_of_its_arrivals(pace):
     columns = {"seq": rows, "board_us": np.round(1e3 * pace * rows), "host_s": 50 + 1e-3 * rows}
     assert noise_report.longest_section(columns, "it").rate == pytest.approx(1000, rel=1e-3)
     columns |= {name: np.zeros(4096) for name in (*STATE_COLUMNS, "force_n")}
-    signals = build_signals(columns, ["force_n"], MeasuredObject(), BENCH, "it")
+    signals = build_signals(columns, ["force_n"], BENCH, "it")
     assert signals.stretches.rate == pytest.approx(1000, rel=1e-3)
     table = pd.DataFrame(columns)
     assert facets.to_sep005(table)[0]["fs"] == pytest.approx(1000, rel=1e-3)

@@ -63,16 +63,8 @@ def test_a_good_record_has_no_limits_but_the_band_and_the_bandwidth():
     assert "-0.32 % and the phase by -4.6 degrees" in limits[1]
 
 
-def add_drift(force, motion):
-    motion[:, 0] += np.linspace(0, 0.1, COUNT)
-
-
 def clip(force, motion):
     np.minimum(force, 0.8 * force.std(), out=force)
-
-
-def compress(force, motion):
-    force[:] = np.tanh(force / force.std())
 
 
 def add_force(force, motion):
@@ -86,9 +78,7 @@ def silence(force, motion):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (add_drift, "zero moved from the beginning to the end, tx by +90 µm, little by little"),
         (clip, "clipped by its amplifier or converter"),
-        (compress, "goes with the cube of the input"),
         (add_force, "The coherence of tz is below 0.75 in 100 % of the excited lines; the cause is"
                     " unknown (another force"),
         (silence, "No response beyond chance: yaw. What is drawn is an upper limit; the motion "
@@ -99,7 +89,7 @@ def silence(force, motion):
 def test_what_spoils_a_record_is_said(change, words):
     *_, limits = look(change)
     assert any(words in text for text in limits)
-    assert len(limits) <= (9 if change in (clip, compress) else 4)
+    assert len(limits) <= (9 if change is clip else 4)
 
 
 @pytest.mark.slow
@@ -116,7 +106,7 @@ def test_slow_sweeps_few_averages_and_narrow_peaks_are_said():
     assert limits[0].startswith("There are only 6.")
 
 
-def drive(force, motion, applied, force_noise=0.0):
+def drive(force, motion, applied):
     """Replace a record by that of a body with modes at 62 and 97 Hz under an applied force."""
     from scipy import signal
 
@@ -126,34 +116,7 @@ def drive(force, motion, applied, force_noise=0.0):
         turn = 2 * np.pi * frequency
         b, a, _ = signal.cont2discrete(([turn**2], [1, 2 * damping * turn, turn**2]), 1 / RATE)
         motion[:, axis] += size * signal.lfilter(b.ravel(), a, applied)
-    force[:] = applied + force_noise * rng.standard_normal(COUNT)
-
-
-def blows(rng):
-    """Half sines of 3 to 6 ms and 20 to 60 N every 2 to 4 s."""
-    force, row = np.zeros(COUNT), 700
-    while row < COUNT - 100:
-        length = rng.uniform(3, 6)
-        rows = np.arange(int(np.ceil(length)))
-        force[row + rows] = rng.uniform(20, 60) * np.sin(np.pi * (rows + rng.random()) / length)
-        row += rng.integers(2000, 4000)
-    return np.maximum(force, 0)
-
-
-@pytest.mark.parametrize("force_noise", [0.0, 0.05])
-def test_a_linear_body_under_hammer_blows_is_not_called_nonlinear(force_noise):
-    for seed in range(4):
-        applied = blows(np.random.default_rng(seed))
-        _, peaks, limits = look(lambda *record: drive(*record, applied, force_noise))  # noqa: B023
-        assert [peak.frequency for peak in peaks] == pytest.approx([62, 97], abs=1)
-        assert not any("goes with the" in text or "segments have" in text for text in limits)
-    _, _, limits = look(lambda *record: (drive(*record, applied), bend(*record)))
-    assert any("tz goes with the square" in text for text in limits)
-
-
-def bend(force, motion):
-    """Add a static response to the square of the force, of 10 % at 60 N."""
-    motion[:, 2] += 0.01 * force**2 / 600
+    force[:] = applied
 
 
 def test_a_stepped_sine_has_its_peaks_no_random_error_and_is_not_clipped():
@@ -167,7 +130,6 @@ def test_a_stepped_sine_has_its_peaks_no_random_error_and_is_not_clipped():
     said = " ".join(limits)
     assert "Random errors are therefore not stated" in said
     assert "clipped" not in said
-    assert "goes with the" not in said
 
 
 def test_rows_that_are_doubtful_are_said():
@@ -184,7 +146,7 @@ def test_the_noise_of_the_signals_is_that_at_the_point():
     columns |= {"time_s": rows / 1000, "force_n": rows}
     columns |= {"misfit": rows < 5, "flags": np.where(rows < 3, SATURATED, 0)}
     body = MeasuredObject(point=(0.0, 0.0, 40.0))
-    signals = build_signals(columns, ["force_n"], body, config, "it")
+    signals = build_signals(columns, ["force_n"], replace(config, object=body), "it")
     known = config.solve.knowledge(config.sensor)
     expected = facets.uncertainties(config.sensor, state, known, body)
     assert signals.deviation == pytest.approx(expected, rel=1e-3)  # turned by some mrad
