@@ -15,7 +15,6 @@ import numpy as np
 
 from ..core.names import DETECTORS
 from ..core.sensor import LIGHT_CANDIDATES, LIGHT_EFFECTS, Sensor
-from ..model.kinds import lit_kind
 from .alternatives.alternative import Alternative
 from .fitting.bundle_adjustment import Data
 from .fitting.unknowns import BACKLASH, CLOCKS, DELAY, OF_DRIFT, SKEW, SPLINE, Choice
@@ -199,16 +198,6 @@ def effects_without_columns(every: list[Candidate], settings: Calibrate) -> list
         for effect in EVERY_EFFECT
         if effect.missing and effect.key not in possible and not is_off(effect, settings)
     ]
-
-
-def tried_kinds(sensor: Sensor, settings: Calibrate) -> list[str]:
-    """The kinds of light, see `model.kinds.LIT`, whose effects are tried."""
-    tried = candidates(sensor, None, settings)
-    light = [candidate.effect for candidate in tried if candidate.effect.of_light]
-    kinds = {lit_kind(add_coating(sensor) if effect.coated else sensor) for effect in light}
-    if any(effect.key in ("profile", "asymmetry") for effect in light):
-        kinds.add(lit_kind(sensor, profiled=True))
-    return sorted(kinds)
 
 
 def add_candidate(chosen: Choice, candidate: Candidate) -> Choice:

@@ -17,7 +17,6 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
-from ..estimation.estimates import compile_for
 from .alternatives.alternative import Finding, chance_of
 from .alternatives.faults import WORST_LIGHT_SIGMAS, Explanation, find_fault
 from .alternatives.judge import (
@@ -33,7 +32,7 @@ from .alternatives.judge import (
 )
 from .alternatives.remainder import Remainder
 from .alternatives.scatter import fit_steady_laser
-from .candidates import SIGMAS, Candidate, tried_kinds
+from .candidates import SIGMAS, Candidate
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
     PROFILE,
@@ -251,7 +250,6 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     """Fit without effects of the light; where that is hopeless, also with a delay of the
     reference."""
     robust = settings.outliers
-    compile_for(sensor, "readings", "derivatives", "slopes", kinds=tried_kinds(sensor, settings))
 
     def fit_without_outliers(choice: Choice) -> tuple[Data, Fit, list[int]]:
         result = fit(sensor, screened.fitted, choice, robust)

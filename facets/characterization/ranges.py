@@ -22,7 +22,6 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..detectors.noise import fullness, least_light, other_light, standard_deviations
-from ..estimation.estimates import compile_for
 from ..model.arrays import (
     as_rows,
     centroids_as_ends,
@@ -427,7 +426,6 @@ def axis_ranges(
     >>> f"{z.symmetric:.2f} mm, then {facets.CAUSES[z.high_cause]}"
     '12.15 mm, then spot leaves the PSD'
     """
-    compile_for(sensor, "readings", "footprints", "derivatives")
     pose = require_inside(sensor, rules, start)
     exits = find_exits(sensor, rules, pose, AXIS_RAYS, tolerance)
     far = exits.distance * np.tile(FARTHEST_MM_RAD, 2)

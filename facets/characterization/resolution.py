@@ -25,7 +25,6 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
-from ..estimation.estimates import compile_for
 from ..estimation.uncertainty import (
     coverage_factor,
     effective_degrees_of_freedom,
@@ -361,7 +360,6 @@ def total(budget: Floats) -> Floats:
 def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Resolution]:
     """Compute the resolutions of estimators at rest, over the range of each axis, and in the
     largest box with the proportions of these ranges."""
-    compile_for(sensor, "readings", "footprints", "derivatives")
     rest, known, body, resolutions = np.zeros((1, 8)), sensor.calibration, rules.object, []
     half = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
     box, _ = largest_box(sensor, rules, np.zeros(6), half)

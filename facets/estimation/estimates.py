@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any, Literal
+from collections.abc import Callable
 
 import numpy as np
 
 from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..model import blocks as of_model
-from ..model.arrays import kernel_name, packed_vectors
+from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE
 from ..model.kinds import LIT, kind_of
-from ..model.threads import run_side_by_side
 from . import blocks, problem
 from .plan import Plan, make_plan
 from .problem import Form
@@ -90,48 +86,3 @@ def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
 def needs_exactness(sensor: Sensor) -> bool:
     """Whether the usual derivatives leave something out, so that estimates may stall."""
     return kind_of(sensor) in LIT
-
-
-Task = Literal[
-    "readings", "derivatives", "approximate_derivatives", "footprints", "slopes", "poses"
-]
-Makers = list[Callable[[], Any]]
-
-
-def compile_for(
-    sensor: Sensor,
-    *tasks: Task,
-    knowledge: Knowledge | None = None,
-    kinds: Sequence[str] = (),
-) -> None:
-    """Compile or load the code that some tasks with a sensor take.
-
-    tasks: results of `facets.model`, "slopes" being derivatives by parameters; "poses" those of
-    `facets.solve`.  knowledge: of the beam, for "poses"; by default its position is free.
-    kinds: of `model.kinds.LIT`, whose slopes by the numbers of the light are asked for, too.
-    """
-    makers: Makers = []
-    for task in tasks:
-        if task == "poses":
-            makers += estimators(sensor, knowledge or Knowledge())
-        elif task == "slopes":
-            makers += slopes(kind_of(sensor), kinds)
-        else:
-            makers.append(partial(of_model.kernel, kernel_name(sensor, task)))
-    run_side_by_side(makers)
-
-
-def slopes(kind: str, kinds: Sequence[str]) -> Makers:
-    """Makers of the slopes by parameters, for a `kind` of light (`model.kinds.kind_of`) and further
-    kinds."""
-    names = {*kinds, kind} & {*LIT, "cut", "plain"}
-    return [partial(of_model.slopes_kernel, f"slopes_of_{name}") for name in names]
-
-
-def estimators(sensor: Sensor, knowledge: Knowledge) -> Makers:
-    """Makers of the blocks that estimate poses, and of those that find doubtful poses."""
-    free = tuple(make_plan(sensor, knowledge).free.tolist())
-    makers: Makers = [partial(blocks.kernel, Form(free, kind_of(sensor)))]
-    if 6 in free:
-        makers.append(partial(of_model.kernel, "derivatives"))  # `doubts.has_fold`
-    return makers

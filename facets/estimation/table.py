@@ -18,7 +18,6 @@ from ..detectors.skew import align
 from ..detectors.temperature import beam_shift, warmer_than_reference
 from ..files import tables
 from ..files.columns import TIMES
-from .estimates import Task, compile_for
 from .measurement import Measurement
 from .result import worded_columns
 from .samples import UNPARSABLE, Samples
@@ -55,7 +54,6 @@ def solve_table(
     """
     tables.ending(poses)
     config = measurement.config
-    compile_for_poses(config)
     beside = (*TIMES, *((TEMPERATURE_COLUMN,) if config.sensor.thermal.is_on else ()))
     if config.solve.beam != "free":
         beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
@@ -87,12 +85,6 @@ def solve_table(
             lines += chunk.lines[chunk.unparsable][: NAMED_LINES - len(lines)].tolist()
             progress(chunk.bytes_read)
     return lines
-
-
-def compile_for_poses(config: Config, *tasks: Task) -> None:
-    """Compile the code that a measurement and other tasks take, see `compile_for`."""
-    knowledge = config.solve.knowledge(config.sensor)
-    compile_for(config.sensor, "poses", *tasks, knowledge=knowledge)
 
 
 def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:

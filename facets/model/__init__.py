@@ -16,7 +16,7 @@ else:
             ),
             "beam_shape": "axes_of shape_derivatives shape_of",
             "many": "evaluate vectors_of",
-            "threads": "once run_side_by_side share",
+            "threads": "once share",
             "varied": "VariedSensors",
         },
     )

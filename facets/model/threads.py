@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
 from itertools import pairwise
@@ -55,15 +55,6 @@ def once(make: Callable[..., T]) -> Callable[..., T]:
             return kept[arguments]
 
     return call
-
-
-def run_side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
-    """Run functions that compile in two threads.
-
-    llvmlite lets one thread in at a time, so one writes text while LLVM compiles for the other.
-    """
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(lambda make: make(), makers))
 
 
 #: Fewest rows for which a thread pays.

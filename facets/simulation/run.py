@@ -25,7 +25,6 @@ from ..estimation.object_pose import transform
 from ..estimation.result import worded_columns
 from ..estimation.samples import Poses, Samples
 from ..estimation.solution import LABELS, Solution
-from ..estimation.table import compile_for_poses
 from ..estimation.tally import Tally
 from ..estimation.zero import PoseColumns
 from ..model.arrays import is_on_detector, mask_missed_spots
@@ -205,7 +204,6 @@ def simulate(
         raise InputError(f"seed is {seed}; allowed: 0 or more")
     noisy = config.noise if noise is None else noise
     streams = np.random.SeedSequence(config.seed if seed is None else seed)
-    compile_for_poses(config, "readings")
     children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
     tally = Tally()
     return [

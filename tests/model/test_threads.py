@@ -1,11 +1,12 @@
 """Threads share the work and change nothing else."""
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from facets.model import once, run_side_by_side, share
+from facets.model import once, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (10_001, 3), (4000, 0)])
@@ -29,13 +30,8 @@ def test_what_two_threads_ask_for_is_made_once_and_other_things_meanwhile():
             both.wait()  # only two that are made at the same time get past it
         return [name]
 
-    run_side_by_side([lambda: make("one"), lambda: make("other")])
-    later = []
-    run_side_by_side([lambda: later.append(make("later"))] * 4)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(make, ["one", "other"]))
+        later = list(pool.map(make, ["later"] * 4))
     assert sorted(made) == ["later", "one", "other"]
     assert all(each is later[0] for each in later)
-
-
-def test_what_goes_wrong_side_by_side_is_raised():
-    with pytest.raises(ZeroDivisionError):
-        run_side_by_side([lambda: 1 / 0, int])
