@@ -33,12 +33,10 @@ _NAMES_OF = {
     "model.arrays": "footprints jacobian margins parameter_jacobian reaches readings",
     "detectors.noise": "add_noise standard_deviations",
     "estimation.measurement": "Measurement",
-    "estimation.prepared": "Solver",
-    "estimation.zero": "PoseColumns ZeroRequest",
-    "estimation.samples": "Poses Samples",
-    "estimation.solution": "Solution Status",
-    "estimation.solver": "solve",
-    "estimation.differences": "difference_uncertainty mean_uncertainty ZeroPose zero_pose",
+    "estimation.zero": "PoseColumns ZeroPose ZeroRequest zero_pose",
+    "estimation.solution": "Poses Samples Solution Status",
+    "estimation.solver": "Solver solve",
+    "estimation.differences": "difference_uncertainty mean_uncertainty",
     "estimation.object_pose": "ObjectPose transform",
     "estimation.uncertainty": "unseen_errors",
     "axis_tests.report": "measure_axis",
@@ -91,22 +89,22 @@ if TYPE_CHECKING:
     from .design.search import optimize as optimize
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
-    from .estimation.differences import ZeroPose as ZeroPose
     from .estimation.differences import difference_uncertainty as difference_uncertainty
     from .estimation.differences import mean_uncertainty as mean_uncertainty
-    from .estimation.differences import zero_pose as zero_pose
     from .estimation.measurement import Measurement as Measurement
     from .estimation.object_pose import ObjectPose as ObjectPose
     from .estimation.object_pose import transform as transform
-    from .estimation.prepared import Solver as Solver
-    from .estimation.samples import Poses as Poses
-    from .estimation.samples import Samples as Samples
+    from .estimation.solution import Poses as Poses
+    from .estimation.solution import Samples as Samples
     from .estimation.solution import Solution as Solution
     from .estimation.solution import Status as Status
+    from .estimation.solver import Solver as Solver
     from .estimation.solver import solve as solve
     from .estimation.uncertainty import unseen_errors as unseen_errors
     from .estimation.zero import PoseColumns as PoseColumns
+    from .estimation.zero import ZeroPose as ZeroPose
     from .estimation.zero import ZeroRequest as ZeroRequest
+    from .estimation.zero import zero_pose as zero_pose
     from .files.frame_table import to_sep005 as to_sep005
     from .files.frame_table import to_xarray as to_xarray
     from .live.recording.data_frame import read_table as read_table

@@ -11,8 +11,7 @@ import numpy as np
 from ..config.loading import load
 from ..core.sensor import Apertures, Sensor
 from ..core.units import Floats
-from ..estimation.prepared import Solver
-from ..estimation.solver import solve
+from ..estimation.solver import Solver, solve
 from ..model.arrays import jacobian, parameters, readings
 from ..optics import forward
 from .clock import Contender, cpu_seconds, first_cpu_seconds

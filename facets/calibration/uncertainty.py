@@ -21,11 +21,11 @@ from ..core.small_matrices import one_thread
 from ..core.units import Floats
 from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import correct
-from ..estimation.differences import carry, propagate_in_light
+from ..estimation.differences import propagate_in_light
 from ..estimation.plan import make_plan
 from ..estimation.solution import Solution
 from ..estimation.solver import solve
-from ..estimation.uncertainty import coverage_factor, effective_degrees_of_freedom
+from ..estimation.uncertainty import carry, coverage_factor, effective_degrees_of_freedom
 from ..model.arrays import EFFECTS, readings
 from .alternatives.columns import beam_sigma, chip_columns, effect_columns
 from .alternatives.judge import Cause, trace_in_use, unsaid_shift

@@ -7,7 +7,6 @@ if TYPE_CHECKING:
     from . import table as table
     from . import uncertainty as uncertainty
     from . import zero as zero
-    from .differences import carry as carry
     from .differences import lasting_covariance as lasting_covariance
     from .differences import propagate_in_light as propagate_in_light
     from .dwells import finite_means as finite_means
@@ -17,14 +16,15 @@ if TYPE_CHECKING:
     from .measurement import Measurement as Measurement
     from .plan import Plan as Plan
     from .plan import make_plan as make_plan
-    from .samples import Poses as Poses
-    from .samples import Samples as Samples
-    from .samples import common_detectors as common_detectors
-    from .samples import detectors_of as detectors_of
+    from .solution import Poses as Poses
+    from .solution import Samples as Samples
+    from .solution import common_detectors as common_detectors
+    from .solution import detectors_of as detectors_of
     from .solution import root_of_covariance as root_of_covariance
     from .table import solve_table as solve_table
     from .tally import Tally as Tally
     from .uncertainty import Propagation as Propagation
+    from .uncertainty import carry as carry
     from .uncertainty import coverage_factor as coverage_factor
     from .uncertainty import propagate as propagate
     from .zero import PoseColumns as PoseColumns
@@ -35,21 +35,22 @@ else:
         {
             "block_code": "linearise",
             "blocks": "scales_of",
-            "differences": "carry lasting_covariance propagate_in_light",
+            "differences": "lasting_covariance propagate_in_light",
             "doubts": "has_fold",
             "dwells": "dwell_means finite_means mean per_row stands stands_of_axis",
             "measurement": "Measurement",
             "plan": "FALSE_ALARM_RATE LIMITS Plan make_plan",
             "problem": "Form MIN_REDUNDANCY Results SCALES some_rows",
-            "result": "worded_columns",
-            "samples": "Poses Samples common_detectors detectors_of",
-            "solution": "root_of_covariance",
+            "solution": (
+                "Poses Samples common_detectors detectors_of root_of_covariance worded_columns"
+            ),
             "solver": "solve_each",
             "step": "ask estimate final_status",
             "table": "solve_table",
             "tally": "Misfit Tally shift_per_kelvin",
             "uncertainty": (
-                "Propagation coverage_factor effective_degrees_of_freedom propagate region_factor"
+                "Propagation carry coverage_factor effective_degrees_of_freedom propagate "
+                "region_factor"
             ),
             "zero": "PoseColumns ZeroRequest zero_findings zero_of_table",
         },

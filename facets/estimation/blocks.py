@@ -1,4 +1,4 @@
-"""Estimate several poses at once, with one lane for each reading: see `step` and `block_code`.
+"""Estimate poses by compiled code, with one lane for each reading: see `step` and `block_code`.
 
 What a reading gives does not depend on the others in its block.
 """
@@ -11,15 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.knowledge import Knowledge
+from ..core.sensor import Sensor
+from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE, address_of, lane_code, lanes
+from ..model.kinds import LIT, kind_of
 from ..model.threads import once
 from ..scalars.nesting import leaves
-from .plan import count_checks
+from .plan import count_checks, make_plan
 from .problem import (
     CONVERGED,
     COVARIANCE,
     RESIDUAL,
     SCALES,
+    STALLED,
     STATUS,
     UNKNOWNS,
     BlockTask,
@@ -87,7 +92,7 @@ def scales_of(readings: Readings, problem: FitProblem) -> Array:
     return numbers
 
 
-def estimate(
+def estimate_blocks(
     code: Code,
     packed: Array,
     readings: Readings,
@@ -158,7 +163,7 @@ def estimate_late(
         again = empty_results(len(late), len(results.covariances) > 0)
         some, questions = some_rows(late, readings, problem)
         sensors = packed[late] if packed.ndim > 1 else packed
-        estimate(code, sensors, some, questions, again, patient=True)
+        estimate_blocks(code, sensors, some, questions, again, patient=True)
         put_rows(results, late, again)
 
 
@@ -232,7 +237,7 @@ def estimate_in_turn(
     """Estimate readings one after the other, and write them into `results`.
 
     Each reading starts where the last one that converged has ended, and from its own start where
-    that does not lead to a pose.  The arguments are those of `estimate`; code: in blocks of
+    that does not lead to a pose.  The arguments are those of `estimate_blocks`; code: in blocks of
     `SINGLE`.
     """
     count, near, n, length = len(readings.values), None, 0, FEWEST_IN_A_ROW
@@ -301,3 +306,58 @@ def follow(
     )  # fmt: skip
     put_ends(ends, results)
     return Results(states[SINGLE::SINGLE], *(part[::SINGLE] for part in results[1:]))
+
+
+def estimate(
+    sensor: Sensor,
+    readings: Readings,
+    request: FitProblem,
+    results: Results,
+) -> None:
+    """Estimate the states of readings, and write them into `results`.
+
+    Under real light, stalled estimates are repeated with exact derivatives.
+    """
+    estimate_once(sensor, False, readings, request, results)
+    stalled = np.flatnonzero(results.status == STALLED) if needs_exactness(sensor) else ()
+    if len(stalled):
+        again = empty_results(len(stalled), len(results.covariances) > 0)
+        some, questions = some_rows(stalled, readings, request)
+        estimate_once(sensor, True, some, questions._replace(previous=False), again)
+        put_rows(results, stalled, again)
+
+
+def estimate_once(
+    sensor: Sensor,
+    exact: bool,
+    readings: Readings,
+    request: FitProblem,
+    results: Results,
+) -> None:
+    """Estimate readings once, with exact derivatives if `exact`, and write them into `results`."""
+    code = find_code(sensor, request, exact, SINGLE if request.previous else None)
+    way = estimate_in_turn if request.previous else estimate_blocks
+    way(code, packed_vectors(sensor), readings, request, results)
+
+
+def find_code(
+    sensor: Sensor, request: FitProblem, exact: bool = False, width: int | None = None
+) -> Code:
+    """Return the code that estimates blocks of readings; compile it if it is not compiled yet.
+
+    exact: see `Form`.  width: see `kernel`.
+    """
+    return kernel(Form(tuple(request.free.tolist()), kind_of(sensor), exact), width)
+
+
+def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
+    """Compile or load everything that a reading may need, for a loop that cannot wait."""
+    free = tuple(make_plan(sensor, knowledge).free.tolist())
+    for exact in (False, True) if needs_exactness(sensor) else (False,):
+        for width in (None, SINGLE):
+            kernel(Form(free, kind_of(sensor), exact), width)
+
+
+def needs_exactness(sensor: Sensor) -> bool:
+    """Whether the usual derivatives leave something out, so that estimates may stall."""
+    return kind_of(sensor) in LIT

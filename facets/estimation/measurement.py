@@ -17,14 +17,20 @@ from ..core.knowledge import Knowledge, Prior
 from ..core.settings import Config
 from ..core.units import Booleans, Floats
 from ..detectors.temperature import beam_shift, exact_readings, warmer_than_reference
-from .differences import ZeroPose
 from .object_pose import ObjectPose, transform
-from .result import covariance_columns, expanded_columns
-from .samples import Poses, SampleEstimate, Samples
-from .solution import Solution, Status, empty_solution
+from .solution import (
+    Poses,
+    SampleEstimate,
+    Samples,
+    Solution,
+    Status,
+    covariance_columns,
+    empty_solution,
+    expanded_columns,
+)
 from .solver import solve_question
 from .tally import Tally
-from .zero import PoseColumns, ZeroRequest, ZeroSearch, zero_findings, zero_text
+from .zero import PoseColumns, ZeroPose, ZeroRequest, ZeroSearch, zero_findings, zero_text
 
 #: The statuses of an estimate that another start may avoid.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,20 +12,20 @@ from ..core.arguments import as_floats, check_arguments, index_of, require_plaus
 from ..core.errors import InputError
 from ..core.names import STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN, covariance_entries
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, object_poses
-from ..core.units import Floats
+from ..core.units import Booleans, Floats
 from ..files.columns import pack_covariances
 from ..files.frame_table import make_frame
 from ..model.arrays import as_rows
-from .differences import (
-    POSE_BLOCK,
-    CovarianceParts,
-    MeasuredPoses,
-    ZeroPose,
-    carry,
-    displacement_covariance,
+from .differences import common_shares, covariance_of_sum
+from .solution import (
+    Solution,
+    UncertainResult,
+    covariance_columns,
+    expanded_columns,
+    uncertainty_columns,
 )
-from .result import UncertainResult, covariance_columns, expanded_columns, uncertainty_columns
-from .solution import Solution
+from .uncertainty import carry, propagate, slices_of
+from .zero import ZeroPose
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -179,6 +179,83 @@ def transform(
         pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None, known,
         solution.index if isinstance(solution, Solution) else index_of(solution),
     )  # fmt: skip
+
+
+class CovarianceParts(NamedTuple):
+    """Covariances (n, m, m), and their parts by noise and calibration; None where there is none."""
+
+    whole: Floats | None
+    noise: Floats | None
+    calibration: Floats | None
+
+
+class MeasuredPoses(NamedTuple):
+    """States (n, 8), the detectors (n, 3) that took part, and covariances (n, 8, 8)."""
+
+    states: Floats
+    used: Booleans
+    covariances: CovarianceParts
+
+
+#: The part of covariances (n, 8, 8) that belongs to the pose.
+POSE_BLOCK = np.s_[:, :6, :6]
+
+
+def displacement_covariance(
+    poses: MeasuredPoses,
+    zero: ZeroPose,
+    slopes: tuple[Floats, Floats],
+    members: Booleans,
+    warmer: Floats,
+) -> CovarianceParts:
+    """The covariances (n, 6, 6) of displacements from a zero.
+
+    slopes: (n, 6, 6) derivatives of the displacements by the mirror's pose and by the zero.
+    members: (n,) whether a pose is a sample of the zero, which then has its errors.
+    warmer: (n,) than the reference temperature of the calibration, K.
+    """
+    known, (whole, noise, calibration) = zero.sensor.calibration, poses.covariances
+    assert whole is not None
+    if (known is None) != (calibration is None):
+        raise InputError(
+            "the solution and the zero come from different sensors: only one has a calibration "
+            "covariance; compute the zero with the sensor of the solution"
+        )
+
+    by_pose, by_zero = slopes
+    each, count = zero.propagation.noise[0, :6, :6], zero.samples
+    priors = zero.propagation.statistical[0, :6, :6] - each
+
+    def combine(covariance: Floats, prior: Floats) -> Floats:
+        """Carry the noise of poses and zero, and what both know beforehand.
+
+        A sample of the zero is a share of its mean, and has the zero's errors of the priors.
+        """
+        apart = carry(by_pose, covariance[POSE_BLOCK]) + carry(by_zero, each / count + prior)
+        rest = carry(by_zero, each * (count - 1) / count**2)
+        within = carry(by_pose + by_zero / count, each) + rest + carry(by_pose + by_zero, prior)
+        return np.where(members[:, None, None], within, apart)
+
+    if known is None or noise is None or calibration is None:
+        return CovarianceParts(combine(whole, priors), None, None)
+    by_calibration = np.empty((len(whole), 6, 6))
+    for part in slices_of(len(whole)):
+        states, plan = poses.states[part], zero.plan
+        other = propagate(zero.sensor, known, states, poses.used[part], plan, warmer[part])
+        ends = [
+            by[part] @ end.slopes[:, :6]
+            for by, end in zip(slopes, (other, zero.propagation), strict=True)
+            if end.slopes is not None
+        ]
+        shares = common_shares(known, (zero.propagation, other), (zero.state[None], states))
+        shares[members[part]] = 1.0
+        shares *= zero.same_calibration
+        by_calibration[part] = covariance_of_sum(known, (ends[1], ends[0]), shares)
+    return CovarianceParts(
+        combine(whole - calibration, priors) + by_calibration,
+        combine(noise, np.zeros_like(priors)),
+        by_calibration,
+    )
 
 
 def carry_pose(poses: Floats, covariances: Floats, body: MeasuredObject) -> ObjectPose:

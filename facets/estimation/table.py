@@ -19,8 +19,7 @@ from ..detectors.temperature import beam_shift, warmer_than_reference
 from ..files import tables
 from ..files.columns import TIMES
 from .measurement import Measurement
-from .result import worded_columns
-from .samples import UNPARSABLE, Samples
+from .solution import UNPARSABLE, Samples, worded_columns
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor

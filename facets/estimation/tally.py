@@ -31,7 +31,7 @@ from .uncertainty import redundancies, unseen_by_residual
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
-    from .samples import SampleEstimate, Samples
+    from .solution import SampleEstimate, Samples
 
 
 #: The model is doubted from this many flagged readings on, over those that chance flags; from this

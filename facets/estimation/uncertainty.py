@@ -47,6 +47,7 @@ from ..model.arrays import (
 from ..model.beam_shape import SHAPE, shape_derivatives
 from ..optics.forward import PARAMETERS
 from .plan import chance_of, jitter_share, make_plan
+from .problem import Results
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration, Sensor
@@ -112,11 +113,37 @@ def uncertainty_parts(
     return UncertaintyParts(noise, calibration, np.nan if known is None else known)
 
 
+def add_calibration(
+    sensor: Sensor, plan: Plan, results: Results, warmer: Floats | None = None
+) -> UncertaintyParts | None:
+    """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
+    covariances.
+
+    warmer: (n,) than the reference temperature of the calibration, K.
+    """
+    if sensor.calibration is None or not results.covariances.shape[1]:
+        return None
+    parts = uncertainty_parts(sensor, results.states[:, :8], results.used, plan, warmer)
+    results.covariances[:] += parts.calibration
+    return parts
+
+
+def transpose(matrices: Floats) -> Floats:
+    """The transposes of matrices (..., m, k)."""
+    return np.swapaxes(matrices, -1, -2)
+
+
+def carry(slopes: Floats, covariance: Floats) -> Floats:
+    """The covariance (..., m, m) of quantities with derivatives (..., m, k) by others, whose
+    covariance (..., k, k) is known."""
+    carried: Floats = slopes @ covariance @ transpose(slopes)
+    return carried
+
+
 def carry_over(known: Calibration, slopes: Floats | None) -> Floats:
     """The covariance (n, 8, 8) of states whose derivatives by the parameters are (n, 8, p)."""
     assert slopes is not None
-    covariance: Floats = slopes @ np.array(known.covariance) @ np.swapaxes(slopes, 1, 2)
-    return covariance
+    return carry(slopes, np.array(known.covariance))
 
 
 def propagate(

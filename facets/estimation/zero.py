@@ -7,25 +7,161 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..core.arguments import check_arguments
+from ..core.arguments import check_arguments, require_plausible
 from ..core.errors import InputError
-from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
 from ..core.plain_numbers import short_number
+from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
 from ..files import tables
-from .differences import ZeroPose, make_zero
-from .plan import make_plan
-from .samples import detectors_of
+from ..model.arrays import as_rows
+from .plan import Plan, make_plan
+from .solution import Solution, detectors_of, root_of_diagonal
+from .uncertainty import Propagation, propagate
 
 if TYPE_CHECKING:
     from ..core.settings import Config
-    from .samples import Samples
-    from .solution import Solution
+    from .solution import Samples
 
 #: Scatter of a zero's samples over their noise above which the mirror did not stand still; and what
 #: chance adds to 1 once in 10,000, times the root of one less than their number.
 MOVED, BY_CHANCE = 1.5, 3.0
+
+
+@dataclass(frozen=True)
+class ZeroPose:
+    """A measured reference pose of the mirror; from `facets.zero_pose`.
+
+    Attributes
+    ----------
+    state
+        (8,) mm, rad: the mean of the samples.
+    samples
+        Number of samples in the mean.
+    sensor
+        The sensor that measured it.
+    plan
+        The unknowns and priors with which it was solved.
+    propagation
+        How the state follows noise, priors and parameters.
+    scatter
+        (6,) of the samples: their standard deviation over that of their noise; NaN for a single
+        sample. Above about 1.5, and 1 + 3 / sqrt(samples - 1), the mirror did not stand still.
+    same_calibration
+        Whether the errors of the calibration are those of the poses that are compared with it.
+    """
+
+    state: Floats
+    samples: int
+    sensor: Sensor
+    plan: Plan
+    propagation: Propagation
+    scatter: Floats
+    same_calibration: bool = True
+
+
+@check_arguments
+def zero_pose(
+    sensor: Sensor,
+    states: Solution | ArrayLike,
+    samples: int | None = None,
+    *,
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
+    temperature: float | None = None,
+) -> ZeroPose:
+    """Compute a reference pose of the mirror, from which `facets.transform` gives displacements.
+
+    Parameters
+    ----------
+    sensor
+        The sensor; with `Sensor.calibration` its errors are common to this pose and the others.
+    states
+        A solution of samples at the reference, or states (..., 8), which all detectors have seen;
+        mm and rad, world frame. Rows with NaN do not count.
+    samples
+        Number of samples whose mean `states` already is; by default the number of rows.
+    beam, power
+        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+    temperature
+        Mean temperature of the samples, degrees Celsius, for a sensor that follows it.
+
+    Returns
+    -------
+    ZeroPose
+        The mean of the states, and how its errors follow noise, priors and calibration.
+
+    Raises
+    ------
+    InputError
+        If no row has a finite state, if no two detectors took part in all samples, or if an
+        argument has a wrong shape or value.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> sensor, head = facets.Sensor(), facets.MeasuredObject((0, 0, 50))
+    >>> zero = facets.zero_pose(sensor, np.zeros((100, 8)))
+    >>> state = np.array([0, 0, 0, 0, 0.001, 0, 0, 0])
+    >>> f"{1e3 * facets.transform(state, head, zero).pose[0]:.1f} um along x"
+    '50.0 um along x'
+    """
+    if samples is not None and samples < 1:
+        raise InputError(f"samples is {samples}; allowed: 1 or more")
+    knowledge, used = Knowledge(beam=beam, power=power), None
+    if isinstance(states, Solution):
+        used, states = states.used.reshape(-1, 3), states.state
+    rows, _ = as_rows(states, 8, "states")
+    warmer = 0.0
+    if temperature is not None:
+        require_plausible(temperature, TEMPERATURE_COLUMN, "temperature")
+        warmer = temperature - sensor.thermal.reference
+    plan = make_plan(sensor, knowledge, shape=(len(rows),))
+    return make_zero(sensor, rows, plan, used, samples, warmer)
+
+
+def make_zero(
+    sensor: Sensor,
+    states: Floats,
+    plan: Plan,
+    used: Booleans | None = None,
+    samples: int | None = None,
+    warmer: float = 0.0,
+) -> ZeroPose:
+    """`zero_pose` by a plan.  warmer: than the reference temperature of the calibration, K.
+
+    Detectors that took part in some of the samples only count as if they had in none: its noise is
+    stated too large then, and never too small.
+    """
+    finite = np.isfinite(states).all(axis=1)
+    rows = states[finite]
+    common: Booleans = np.ones((1, 3), bool)
+    if used is not None:
+        common = used[finite].all(axis=0).reshape(1, 3)
+    if not len(rows):
+        raise InputError(
+            "the zero has no solved pose that fits its readings; choose samples with light on all "
+            "detectors"
+        )
+    if common.sum() < 2:
+        raise InputError(
+            "the samples of the zero were measured with different detectors; choose samples with "
+            "light on the same two, or on all"
+        )
+    mean = rows.mean(axis=0, keepdims=True)
+    propagation = propagate(sensor, sensor.calibration, mean, common, plan, np.array([warmer]))
+    if np.isnan(propagation.readings[np.repeat(common, 3, axis=1)]).any():
+        raise InputError(
+            "at the mean pose of the zero a detector has no light, so that it cannot have been "
+            "measured with this sensor; choose another zero"
+        )
+    scatter = np.full(6, np.nan)
+    if len(rows) > 1:
+        scatter = rows[:, :6].std(axis=0, ddof=1) / root_of_diagonal(propagation.noise)[0, :6]
+    return ZeroPose(mean[0], samples or len(rows), sensor, plan, propagation, scatter)
 
 
 @check_arguments

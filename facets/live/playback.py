@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..core.channels import describe_channels
 from ..core.errors import InputError
-from ..estimation.result import worded_columns
+from ..estimation.solution import worded_columns
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
 from ..files.whole import STANDARD_STREAM

@@ -22,9 +22,7 @@ from ..detectors.noise import add_noise, fullness
 from ..detectors.skew import align, delayed_readings
 from ..estimation.measurement import Measurement
 from ..estimation.object_pose import transform
-from ..estimation.result import worded_columns
-from ..estimation.samples import Poses, Samples
-from ..estimation.solution import LABELS, Solution
+from ..estimation.solution import LABELS, Poses, Samples, Solution, worded_columns
 from ..estimation.tally import Tally
 from ..estimation.zero import PoseColumns
 from ..model.arrays import is_on_detector, mask_missed_spots

@@ -9,7 +9,7 @@ import pytest
 
 import facets
 from facets import InputError, Prior, Status
-from facets.estimation import estimates
+from facets.estimation import blocks
 
 SENSOR = facets.Sensor()
 HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
@@ -239,14 +239,14 @@ def test_threads_do_not_change_bits_and_what_fails_in_one_is_raised(readings, mo
     one, two = (facets.solve(SENSOR, readings, threads=count) for count in (1, 2))
     np.testing.assert_array_equal(one.state, two.state)
     np.testing.assert_array_equal(one.covariance, two.covariance)
-    plain = estimates.blocks.estimate
+    plain = blocks.estimate_blocks
 
     def fail_in_the_second(code, numbers, some, *rest):
         if some.values[0, 0] == readings[1000, 0]:
             raise MemoryError
         return plain(code, numbers, some, *rest)
 
-    monkeypatch.setattr(estimates.blocks, "estimate", fail_in_the_second)
+    monkeypatch.setattr(blocks, "estimate_blocks", fail_in_the_second)
     with pytest.raises(MemoryError):
         facets.solve(SENSOR, readings, threads=2)
 

@@ -29,8 +29,8 @@ from facets.estimation import (
     Form,
     Results,
     ask,
+    blocks,
     estimate,
-    estimates,
     final_status,
     linearise,
     scales_of,
@@ -147,7 +147,7 @@ def solve_elsewhere(question: Question) -> Answer:
 def solve_floats(question: Question) -> Answer:
     """By the text of a step over floats, without covariances; where numbers grow too large for
     Python, and with exact derivatives, as `facets.solve` does."""
-    vectors, blocks, code = geometry_of(question.sensor), estimates.blocks, estimates.block_code
+    vectors, code = geometry_of(question.sensor), blocks.find_code
 
     def way(form: Form, packed: Any, *given: Any, **options: Any) -> None:
         readings, request, found = given
@@ -171,15 +171,15 @@ def solve_floats(question: Question) -> Answer:
             found.residuals[n] = max(end.cost - end.gain, 0.0) ** 0.5 if has_pose else np.nan
 
     def form_of(sensor: Any, request: Any, exact: bool = False, width: Any = None) -> Any:
-        kind = estimates.kind_of(sensor)
+        kind = blocks.kind_of(sensor)
         return None if exact or kind is None else Form(tuple(request.free.tolist()), kind)
 
-    usual = blocks.estimate
+    usual = blocks.estimate_blocks
     with (
         np.errstate(all="ignore"),
-        patch.object(estimates, "block_code", form_of),
+        patch.object(blocks, "find_code", form_of),
         patch("facets.estimation.solver.FEW", 0),
-        patch.object(blocks, "estimate", way),
+        patch.object(blocks, "estimate_blocks", way),
     ):
         return solve_batch(question)._replace(covariance=None)
 

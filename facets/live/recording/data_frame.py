@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...core.arguments import check_arguments
 from ...core.channels import describe_channels
 from ...core.errors import InputError
-from ...estimation.result import worded_columns
+from ...estimation.solution import worded_columns
 from ...files.frame_table import make_frame
 from ...files.provenance import configuration_entry, provenance_header
 from ...files.tables import read_frame

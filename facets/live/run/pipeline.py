@@ -24,10 +24,9 @@ from ...core.units import Floats
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
 from ...detectors.noise import least_light
 from ...detectors.skew import align
-from ...estimation.estimates import prepare
+from ...estimation.blocks import prepare
 from ...estimation.measurement import Measurement
-from ...estimation.samples import Poses, Samples
-from ...estimation.solution import Solution
+from ...estimation.solution import Poses, Samples, Solution
 from ...estimation.tally import Tally
 from ...estimation.uncertainty import unseen_errors
 from ...estimation.zero import PoseColumns

@@ -14,8 +14,7 @@ from ...core.names import ANGLES, DETECTORS, POSE, STATE
 from ...core.units import round_to
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
-from ...estimation.result import UNCERTAINTY_PARTS
-from ...estimation.solution import LABELS, Status
+from ...estimation.solution import LABELS, UNCERTAINTY_PARTS, Status
 from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live

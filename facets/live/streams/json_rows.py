@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
-from ...estimation.result import UNCERTAINTY_PARTS
+from ...estimation.solution import UNCERTAINTY_PARTS
 from .sample_rows import HEAD as HEAD_COLUMNS
 from .sample_rows import NUMBERS, PARTS
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ...estimation.measurement import Measurement
-from ...estimation.result import UNCERTAINTY_PARTS
+from ...estimation.solution import UNCERTAINTY_PARTS
 from ...files.tables import unit_of_column
 
 if TYPE_CHECKING:

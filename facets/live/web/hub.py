@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
-from ...estimation.result import UNCERTAINTY_PARTS
+from ...estimation.solution import UNCERTAINTY_PARTS
 from .bins import AllBins, Bins, Rows, bin_columns
 
 #: Width of the bins of the last two minutes, s.
