@@ -7,7 +7,7 @@ embedded TrueType font.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -228,6 +228,31 @@ def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str], col
     """Draw one legend for all panels, below them."""
     return picture.legend(handles, texts, loc="outside lower center", ncols=columns,
                    columnspacing=1.4, handletextpad=0.5)  # fmt: skip
+
+
+def panels_legend(picture: Any, panels: Iterable[Axes], columns: int) -> Any:
+    """Draw one legend below the panels, with each text of their labelled marks once."""
+    marks: dict[str, Any] = {}
+    for panel in panels:
+        for handle, text in zip(*panel.get_legend_handles_labels(), strict=True):
+            marks.setdefault(text, handle)
+    return legend_below(picture, list(marks.values()), list(marks), columns)
+
+
+def colour_bar(picture: Any, image: Any, panels: Any, label: str, **options: Any) -> Any:
+    """Draw the scale of an image's colours beside its panels."""
+    bar = picture.colorbar(image, ax=panels, label=label, **{"pad": 0.02, **options})
+    bar.outline.set_visible(False)
+    return bar
+
+
+def name_lanes(panel: Axes, places: Iterable[float], names: Sequence[str], count: int) -> None:
+    """Make a panel of `count` horizontal lanes, the first at the top, with names at places."""
+    panel.set_yticks(list(places), names)
+    panel.set_ylim(count - 0.5, -0.5)
+    panel.grid(visible=False, axis="y")
+    panel.grid(visible=True, axis="x")
+    panel.tick_params(axis="y", length=0)
 
 
 def measure_label(column: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.hues import chosen_hues
-from ...core.names import ANGLES, DETECTORS, KINDS, POSE
+from ...core.names import DETECTORS, KINDS, POSE
 from ...core.units import Floats, write_micro
 from .. import style
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 #: Ends of the scale of residuals, standard deviations.
 ENDS = 3.0
-#: Rows of `compared`: column, mark, and whether it is filled.
-ROWS = (("before", "o", False), ("after", "o", True), ("stated", "|", True))
 
 
 def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) -> Figure:
@@ -44,9 +42,8 @@ def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) ->
             panels[2, k].set_xlabel("psi, mm")
         for panel in panels[:, 0]:
             panel.set_ylabel("zeta, mm")
-        bar = upper.colorbar(image, ax=panels, shrink=0.6, pad=0.02, extend="both")
-        bar.set_label("mean residual in a cell, standard deviations (above: r.m.s.)")
-        bar.outline.set_visible(False)
+        words = "mean residual in a cell, standard deviations (above: r.m.s.)"
+        style.colour_bar(upper, image, panels, words, shrink=0.6, extend="both")
         draw_comparison(lower, table)
     return picture
 
@@ -80,28 +77,20 @@ def diverging() -> Any:
 
 def draw_comparison(part: Any, table: dict[str, NDArray[Any]]) -> None:
     """Errors of each axis before and after, on a logarithmic scale: they differ by hundreds."""
-    panels = part.subplots(1, 2)
-    for panel, angles in zip(panels, (False, True), strict=True):
-        names = [name for name in POSE if (name in ANGLES) == angles]
-        for row, name in enumerate(names):
-            errors(panel, row, table, list(POSE).index(name))
-        unit = write_micro(str(table["unit"][list(POSE).index(names[0])]))
-        panel.set_yticks(range(3), [style.component_label(name) for name in names])
-        panel.set(xscale="log", ylim=(2.6, -0.6), xlabel=f"r.m.s. error, held back, {unit}")
-        panel.tick_params(axis="y", length=0)
-        panel.grid(visible=True, axis="x")
-        style.plain_log(panel.xaxis)
-    handles, texts = panels[0].get_legend_handles_labels()
-    by_text = dict(zip(texts, handles, strict=True))
-    style.legend_below(part, list(by_text.values()), list(by_text), 3)
-
-
-def errors(panel: Axes, row: int, table: dict[str, NDArray[Any]], i: int) -> None:
     hues = chosen_hues()
-    low, high = table["before"][i], table["after"][i]
-    panel.plot([low, high], [row, row], color=hues.grey, lw=1.0, zorder=1)
-    for column, mark, filled in ROWS:
-        colour = hues.ink if column == "stated" else hues.axes[POSE[i]]
-        panel.plot(table[column][i], row, mark, color=colour, ms=11 if mark == "|" else 6,
-                   mfc=colour if filled else hues.ground, mew=1.4, ls="",
-                   label=column if column != "stated" else "after, as stated")  # fmt: skip
+    panels = part.subplots(1, 2)
+    for panel, rows in zip(panels, (range(3), range(3, 6)), strict=True):
+        for lane, n in enumerate(rows):
+            hue = hues.axes[POSE[n]]
+            before, after, stated = (table[key][n] for key in ("before", "after", "stated"))
+            panel.plot([before, after], [lane, lane], color=hues.grey, lw=1.0, zorder=1)
+            mark: dict[str, Any] = {"ls": "", "mew": 1.4}
+            panel.plot(before, lane, "o", color=hue, ms=6, mfc=hues.ground, label="before", **mark)
+            panel.plot(after, lane, "o", color=hue, ms=6, label="after", **mark)
+            panel.plot(stated, lane, "|", color=hues.ink, ms=11, label="after, as stated", **mark)
+        names = [style.component_label(POSE[n]) for n in rows]
+        style.name_lanes(panel, range(3), names, 3)
+        unit = write_micro(str(table["unit"][rows[0]]))
+        panel.set(xscale="log", ylim=(2.6, -0.6), xlabel=f"r.m.s. error, held back, {unit}")
+        style.plain_log(panel.xaxis)
+    style.panels_legend(part, panels, 3)

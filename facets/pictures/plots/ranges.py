@@ -43,18 +43,11 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
             if inside:
                 map_values(picture, panels[number], boundary, inside[number])
             outline(panels[number], boundary, filled=not inside)
-        add_legend(picture, boundaries, 3 if columns > 1 else 2)
+        for cause in sorted({int(cause) for b in boundaries for cause in b.causes}):
+            words = CAUSES[cause] if cause >= 0 else "end of the box"
+            panels[0].plot([], [], label=words, **line_of(cause))
+        style.panels_legend(picture, panels[:1], 3 if columns > 1 else 2)
     return picture
-
-
-def add_legend(picture: Figure, boundaries: Sequence[Boundary], columns: int) -> None:
-    """Name the causes of all outlines, below them."""
-    from matplotlib.lines import Line2D
-
-    seen = sorted({int(cause) for b in boundaries for cause in b.causes})
-    lines = [Line2D([], [], **line_of(cause)) for cause in seen]
-    texts = [CAUSES[cause] if cause >= 0 else "end of the box" for cause in seen]
-    style.legend_below(picture, lines, texts, columns)
 
 
 def line_of(cause: int) -> dict[str, Any]:
@@ -107,5 +100,4 @@ def map_values(
     factors = [style.unit_of(name).factor for name in boundary.axes]
     image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
     panel.grid(visible=False)
-    bar = picture.colorbar(image, ax=panel, label=label, pad=0.03)
-    bar.outline.set_visible(False)
+    style.colour_bar(picture, image, panel, label, pad=0.03)

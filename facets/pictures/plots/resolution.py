@@ -9,7 +9,8 @@ import numpy as np
 
 from ...characterization.resolution import Resolution
 from ...core.hues import chosen_hues
-from ...core.names import ANGLES, POSE
+from ...core.names import POSE
+from ...core.units import unit_of
 from .. import style
 
 if TYPE_CHECKING:
@@ -28,20 +29,26 @@ def budget_picture(resolutions: Sequence[Resolution]) -> Figure:
     Each way of solving has a lane; the mark at rest denotes the source of most of the variance.
     """
     lanes = len(resolutions) + 1
+    ways = [resolution.how.name for resolution in resolutions]
     with style.style_context():
         picture = style.figure(style.FULL, 0.19 * 3 * lanes + 1.15)
         panels = picture.subplots(1, 2)
-        groups = ([n for n in POSE if n not in ANGLES], list(ANGLES))
-        for panel, names in zip(panels, groups, strict=True):
+        for panel, names in zip(panels, (POSE[:3], POSE[3:]), strict=True):
             for row, name in enumerate(names):
                 heading(panel, row * lanes, style.component_label(name))
                 for k, resolution in enumerate(resolutions):
-                    lane(panel, row * lanes + k + 1, resolution, name)
-            finish(panel, 3 * lanes, style.unit_of(names[0]).fine_unit)
-        places = [row * lanes + k + 1 for row in range(3) for k in range(len(resolutions))]
-        panels[0].set_yticks(places, [resolution.how.name for resolution in resolutions] * 3)
-        panels[1].set_yticks(places, [])
-        legend(picture, resolutions)
+                    draw_lane(panel, row * lanes + k + 1, resolution, name)
+            places = [place for place in range(3 * lanes) if place % lanes]
+            style.name_lanes(panel, places, 3 * ways, 3 * lanes)
+            unit = unit_of(names[0]).fine_unit
+            panel.set(xscale="log", xlabel=f"standard uncertainty, {unit}")
+            low, high = panel.get_xlim()
+            span = high / low
+            panel.set_xlim(low / span**0.02, high * span**0.22)
+            style.plain_log(panel.xaxis)
+            panel.spines["left"].set_visible(False)
+        panels[1].tick_params(labelleft=False)
+        draw_legend(picture, panels[0], resolutions)
     return picture
 
 
@@ -52,12 +59,12 @@ def heading(panel: Axes, place: float, text: str) -> None:
     panel.axhspan(place - 0.5, place + 0.5, color=chosen_hues().rule, alpha=0.5, lw=0)
 
 
-def lane(panel: Axes, place: float, resolution: Resolution, name: str) -> None:
+def draw_lane(panel: Axes, place: float, resolution: Resolution, name: str) -> None:
     """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
     from matplotlib.transforms import ScaledTranslation
 
     hues, i = chosen_hues(), POSE.index(name)
-    factor = style.unit_of(name).fine_factor
+    factor = unit_of(name).fine_factor
     rest, worst = factor * resolution.nominal[i], factor * resolution.worst[i]
     panel.plot([rest, worst], [place, place], color=hues.grey, lw=1.0, zorder=1)
     panel.plot(worst, place, "|", color=hues.ink, ms=8, mew=1.4)
@@ -77,27 +84,13 @@ def look(source: int) -> dict[str, Any]:
     return {"color": series[source % len(series)], "marker": MARKS[source % len(MARKS)], "ls": ""}
 
 
-def finish(panel: Axes, lanes: int, unit: str) -> None:
-    panel.set(xscale="log", ylim=(lanes - 0.5, -0.5), xlabel=f"standard uncertainty, {unit}")
-    low, high = panel.get_xlim()
-    span = high / low
-    panel.set_xlim(low / span**0.02, high * span**0.22)
-    style.plain_log(panel.xaxis)
-    panel.grid(visible=False, axis="y")
-    panel.tick_params(axis="y", length=0)
-    panel.spines["left"].set_visible(False)
-
-
-def legend(picture: Figure, resolutions: Sequence[Resolution]) -> None:
-    from matplotlib.lines import Line2D
-
-    hues = chosen_hues()
-    sources = list(
-        dict.fromkeys(source for resolution in resolutions for source in resolution.sources)
-    )
-    handles: list[Any] = [Line2D([], [], **look(n)) for n in range(len(sources))]
-    handles.append(Line2D([], [], color=hues.ink, marker="|", ls="", ms=8, mew=1.4))
-    made = style.legend_below(picture, handles, [*sources, "at worst in the axis's range"], 4)
+def draw_legend(picture: Figure, panel: Axes, resolutions: Sequence[Resolution]) -> None:
+    sources = dict.fromkeys(source for each in resolutions for source in each.sources)
+    for n, source in enumerate(sources):
+        panel.plot([], [], label=source, **look(n))
+    panel.plot([], [], "|", color=chosen_hues().ink, ms=8, mew=1.4,
+               label="at worst in the axis's range")  # fmt: skip
+    made = style.panels_legend(picture, [panel], 4)
     whose = "" if resolutions[0].object is None else "displacement of the object\n"
     made.set_title(f"{whose}at rest, marked by the source of most of the variance; "
                    "in %: the share of a second", {"size": style.LEAST})  # fmt: skip

@@ -40,8 +40,7 @@ def survey_picture(survey: Survey, pair: AmbiguousPair | None = None) -> Figure:
             title="smallest singular value",
         )  # fmt: skip
         for image, panel in zip((first, second), panels[0], strict=True):
-            bar = picture.colorbar(image, ax=panel, label="states in a cell", pad=0.02, aspect=30)
-            bar.outline.set_visible(False)
+            bar = style.colour_bar(picture, image, panel, "states in a cell", aspect=30)
             bar.ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             bar.ax.yaxis.set_major_formatter("{x:g}")
             bar.ax.yaxis.set_minor_formatter(NullFormatter())

@@ -37,11 +37,9 @@ def spots_picture(sensor: Sensor, state: Floats) -> Figure:
         for panel in panels[:, 0]:
             panel.set_ylabel("zeta, mm")
         if image is not None:
-            bar = picture.colorbar(image, ax=panels[1, :].tolist(), shrink=0.9, pad=0.01)
-            bar.set_label("irradiance, its largest is 1")
-            bar.outline.set_visible(False)
-        handles, names = panels[1, 0].get_legend_handles_labels()
-        style.legend_below(picture, handles, names, 2)
+            words = "irradiance, its largest is 1"
+            style.colour_bar(picture, image, panels[1].tolist(), words, shrink=0.9, pad=0.01)
+        style.panels_legend(picture, panels[1, :1], 2)
     return picture
 
 

@@ -39,12 +39,7 @@ def trials_picture(results: dict[str, PropagationResult]) -> Figure:
             return picture
         draw_plane(plane, result, (first, second))
         draw_distribution(line, result, first)
-        handles, names = [], []
-        for panel in (plane, line):
-            marks, labels = panel.get_legend_handles_labels()
-            handles += marks
-            names += labels
-        style.legend_below(picture, handles, names, 3)
+        style.panels_legend(picture, (plane, line), 3)
     return picture
 
 
@@ -82,11 +77,8 @@ def draw_plane(panel: Axes, result: PropagationResult, axes: tuple[int, int]) ->
     panel.add_collection(LineCollection([ellipse.T], colors=hues.accent, lw=1.6, label=text))
     low, high = np.quantile(places, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2], axis=0)
     low, high = np.minimum(low, ellipse.min(axis=1)), np.maximum(high, ellipse.max(axis=1))
-    more = 0.05 * (high - low)
-    panel.set(
-        xlim=(low[0] - more[0], high[0] + more[0]), ylim=(low[1] - more[1], high[1] + more[1])
-    )
-    panel.set(xlabel=label(axes[0]), ylabel=label(axes[1]))
+    ends = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)], axis=1)
+    panel.set(xlim=ends[0], ylim=ends[1], xlabel=label(axes[0]), ylabel=label(axes[1]))
 
 
 def label(axis: int) -> str:
