@@ -19,13 +19,21 @@ from ..estimation.zero import PoseColumns
 from ..files.provenance import run_record
 from ..files.whole import hold_signals
 from ..tracking.check import StageCheck
+from ..tracking.control import Law
+from ..tracking.tracker import Tracker
 from .recording.writer import Recording
 from .run.live import Live
 from .run.loop import Ending, acquire
 from .run.pipeline import Pipeline
 from .run.reader import Reader
 from .sources.ports import VIRTUAL
-from .stage_setup import check_sentences, open_tracker, refuse_board
+from .stage_setup import (
+    check_sentences,
+    open_envelope,
+    refuse_board,
+    require_stability,
+    require_stage_check,
+)
 from .streams.publication import Publications, require_packages
 from .virtual.in_process import BenchInProcess, BenchReader
 from .web.page import WebPage
@@ -103,6 +111,7 @@ class RunOptions:
         return self.track or self.check_stage
 
 
+@dataclass
 class Run:
     """A live stream that is recorded, solved, published, and followed by a stage.
 
@@ -127,21 +136,14 @@ class Run:
     10000
     """
 
-    def __init__(
-        self, config: Config, options: RunOptions, bench: BenchInProcess | None = None
-    ) -> None:
-        """Prepare the solver; `from_config` adds the source and the sinks."""
-        self.config, self.options, self.bench = config, options, bench
-        self.live = Live(Pipeline(config, options.columns))
-        if bench:  # the only clock of a run that is not the host's
-            self.live.clock = bench.clock
-        self.live.pipeline.warm_up()
-        self.reader: Reader
-        self.ending = Ending()
-        self.stage_port = ""
-        self.recording: Recording | None = None
-        self.publications: Publications | None = None
-        self.page: WebPage | None = None
+    config: Config
+    options: RunOptions
+    live: Live
+    ending: Ending = field(default_factory=Ending)
+    reader: Reader | None = None
+    recording: Recording | None = None
+    publications: Publications | None = None
+    stage_port: str = ""
 
     @classmethod
     def from_config(
@@ -180,16 +182,16 @@ class Run:
         if options.check_stage:  # the check uses only the readings' place of the beam
             config = replace(config, solve=replace(config.solve, beam="free"))
         require_packages(options.publish, options.web)
-        run = cls(resolve_object(config), options, bench)
+        config = resolve_object(config)
+        run = cls(config, options, prepare_live(config, options.columns, bench))
         with ExitStack() as on_failure:
             on_failure.callback(run.abandon)
             if options.record:
                 run.begin_recording()
-            if options.publish or options.web is not None:
-                run.publish(on_progress)
+            page = run.publish(on_progress)
             if options.moves_stage:
-                run.open_stage(on_progress)
-            run.open_reader(port, on_progress)
+                run.open_stage(bench, page, on_progress)
+            run.open_reader(port, bench, on_progress)
             on_failure.pop_all()
         run.ending = Ending(options.seconds or inf, options.samples or inf, run.is_check_over)
         return run
@@ -216,40 +218,47 @@ class Run:
             self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
         self.live.sinks.append(self.recording)
 
-    def publish(self, on_progress: OnProgress) -> None:
-        """Begin to publish samples; report where."""
+    def publish(self, on_progress: OnProgress) -> WebPage | None:
+        """Begin to publish samples, and report where; return the page, if there is one."""
         options, measurement = self.options, self.live.pipeline.measurement
+        if not options.publish and options.web is None:
+            return None
         self.publications = Publications(options.publish, self.config, objects=measurement)
         self.live.sinks.append(self.publications)
         if options.publish:
             on_progress(f"publishing at {', '.join(self.publications.places())}")
         if options.web is None:
-            return
+            return None
         if options.page_scripts is None:
             raise InputError("a page (web) needs page_scripts; give rig_scripts of the sensor")
         status = partial(status_of, self.live)
         outlet, more = self.publications.outlet, {"kind": "acquire"}
-        self.page = WebPage(
-            outlet, self.config, options.web, status, more, drawn=options.page_scripts
-        )
-        for text in self.page.greeting():
+        page = WebPage(outlet, self.config, options.web, status, more, drawn=options.page_scripts)
+        for text in page.greeting():
             on_progress(text)
         outlet.refresh()
+        return page
 
-    def open_stage(self, on_progress: OnProgress) -> None:
+    def open_stage(
+        self, bench: BenchInProcess | None, page: WebPage | None, on_progress: OnProgress
+    ) -> None:
         """Open the stage, which the page can then resume."""
-        port = "virtual" if self.bench else self.options.stage_port or self.config.stage.port
+        config, check, say = self.config, self.options.check_stage, self.live.add_event
+        port = "virtual" if bench else self.options.stage_port or config.stage.port
         self.stage_port = require_port(port, "--stage-port", "stage.port")
-        check, say = self.options.check_stage, self.live.add_event
-        tracker = open_tracker(self.config, self.stage_port, self.bench, check, on_progress, say)
-        self.live.tracker = tracker
-        if self.page:
-            self.page.resume = partial(tracker.resume, "the page")
+        if not (check or bench):
+            require_stage_check(config, self.stage_port)
+        require_stability(config, on_progress)
+        law = Law.from_sensor(config.sensor, config.stage)
+        envelope = open_envelope(config.stage, self.stage_port, bench, not check, say)
+        self.live.tracker = StageCheck(envelope, law) if check else Tracker(envelope, law)
+        if page:
+            page.resume = partial(self.live.tracker.resume, "the page")
 
-    def open_reader(self, port: str, on_progress: OnProgress) -> None:
+    def open_reader(self, port: str, bench: BenchInProcess | None, on_progress: OnProgress) -> None:
         """Open the detector board's port."""
-        if self.bench:
-            self.reader = BenchReader(self.bench, self.config, self.live)
+        if bench:
+            self.reader = BenchReader(bench, self.config, self.live)
         else:
             self.reader = Reader(self.config, port, self.options.reconnect, self.live, on_progress)
 
@@ -262,7 +271,7 @@ class Run:
                 closing.callback(self.live.tracker.close)
             if self.publications is not None:
                 closing.callback(self.publications.close)
-            if hasattr(self, "reader"):  # opened last
+            if self.reader is not None:
                 closing.callback(self.reader.close_port)
 
     def acquire(self, show: Show = lambda _: None) -> None:
@@ -271,6 +280,7 @@ class Run:
         show: called often, with the state of the run. Raises the `FacetsError` that ended the
         reading, if there is one; everything before it is recorded and solved.
         """
+        assert self.reader is not None
         show = join_outlet(self.publications.outlet, show) if self.publications else show
         acquire(self.live, self.reader, self.ending, show, lambda _: self.complaints())
 
@@ -312,6 +322,15 @@ class Run:
         if self.check:
             good = not self.complaints()
             yield from check_sentences(self.check, self.config, self.stage_port, path, good)
+
+
+def prepare_live(config: Config, columns: PoseColumns, bench: BenchInProcess | None) -> Live:
+    """Prepare the solver, and the clock: only that of a virtual bench is not the host's."""
+    live = Live(Pipeline(config, columns))
+    if bench:
+        live.clock = bench.clock
+    live.pipeline.warm_up()
+    return live
 
 
 def resolve_object(config: Config) -> Config:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +13,13 @@ import numpy as np
 from ..characterization.ranges import axis_ranges
 from ..core.errors import InputError
 from ..files import provenance, whole
-from ..tracking.check import StageCheck, checked_today, stage_identity
-from ..tracking.control import Law, margin_of, pull_of
-from ..tracking.tracker import Tracker
+from ..tracking.check import StageCheck, stage_identity
+from ..tracking.control import margin_of, pull_of
+from ..tracking.envelope import Envelope
 from .sources.ports import VIRTUAL, open_line
 
 if TYPE_CHECKING:
-    from ..core.settings import Config
+    from ..core.settings import Config, Stage
     from .virtual.in_process import BenchInProcess
 
 
@@ -40,7 +41,7 @@ def refuse_board(config: Config, port: str) -> None:
 
 def require_stage_check(config: Config, port: str) -> None:
     """Raise `InputError` for a stage whose wiring has not been checked."""
-    known, here = config.stage.checked, stage_identity(config.stage, port)
+    known, here = config.stage.checked, stage_identity(config.stage.driver, port, config.stage.step)
     if known and known.partition(" ")[2] == here:
         return
     what = (
@@ -54,24 +55,9 @@ def require_stage_check(config: Config, port: str) -> None:
     )
 
 
-def open_tracker(
-    config: Config,
-    port: str,
-    bench: BenchInProcess | None,
-    check: bool,
-    on_progress: Callable[[str], None],
-    add_event: Callable[..., None],
-) -> Tracker:
-    """Open the stage, and report the stability of the loop before anything moves.
-
-    bench: a virtual bench, whose stage and clock are then used.  check: move the stage to check its
-    wiring, instead of following the mirror. Raises `InputError`
-    if the stage was not checked, or the loop would be unstable; `PortError` if the port cannot be
-    opened.
-    """
+def require_stability(config: Config, on_progress: Callable[[str], None]) -> None:
+    """Report the stability of the loop; raise `InputError` if it would be unstable."""
     stage = config.stage
-    if not check and bench is None:
-        require_stage_check(config, port)
     axes = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
     clearance = min(axis.symmetric / 2 for axis in axes)
     margin = margin_of(stage, pull_of(config.sensor, clearance))
@@ -82,15 +68,29 @@ def open_tracker(
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
 
+
+def open_envelope(
+    settings: Stage,
+    port: str,
+    bench: BenchInProcess | None,
+    is_reopened: bool,
+    add_event: Callable[..., None],
+) -> Envelope:
+    """Open the stage, or that of a virtual bench with the clock of the bench.
+
+    is_reopened: whether the stage's line is opened again after a fault. Raises `PortError` or
+    `StageError` if the stage cannot be used.
+    """
+
     def open_port() -> Any:
-        return port if stage.driver == "other" else open_line(port, stage.baud, 0.02)
+        if bench is not None:
+            return bench.open_stage()
+        return port if settings.driver == "other" else open_line(port, settings.baud, 0.02)
 
     # no stage but the virtual one has another clock than the host's
-    open_stage, clock = (bench.open_stage, bench.clock) if bench else (open_port, time.monotonic)
-    law = Law.from_sensor(config.sensor, stage)
-    if check:
-        return StageCheck(open_stage(), stage, law, add_event, clock)
-    return Tracker(open_stage(), stage, law, add_event, clock, open_stage)
+    clock = bench.clock if bench else time.monotonic
+    again = open_port if is_reopened else None
+    return Envelope(open_port(), settings, add_event, clock, again)
 
 
 def check_sentences(
@@ -111,7 +111,7 @@ def check_sentences(
         f"The stage is wired as the configuration says. It expects a delay of {delay_ms:.3g} ms "
         "(stage.latency_ms and stage.lag_ms)."
     )
-    value = checked_today(stage, port)
+    value = f"{datetime.now(UTC):%Y-%m-%d} {stage_identity(stage.driver, port, stage.step)}"
     if path is None:
         yield f"For --track, add to the configuration: stage: {{checked: {value}}}"
         return

@@ -11,16 +11,15 @@ sample without a good pose, or with the beam more than SLACK_MM from where it wa
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core.names import escape_undecodable
-from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .arrival import distance_to_box, settling_time, words
-from .envelope import STALLED
+from .control import Law
+from .envelope import STALLED, Envelope
 from .limits import Limits
 from .tracker import STALE, Sample, Tracker
 
@@ -91,14 +90,9 @@ def response(axis: int, share: Floats, delay: float) -> Axis:
     return Axis("xy"[axis], float(share[axis]), float(share[1 - axis]), delay)
 
 
-def stage_identity(settings: Settings, port: str) -> str:
+def stage_identity(driver: str, port: str, step: float) -> str:
     """The text that identifies a stage in `stage.checked`; every stage needs its own check."""
-    return f"{settings.driver} {escape_undecodable(port)} {1e3 * settings.step:g} um"
-
-
-def checked_today(settings: Settings, port: str) -> str:
-    """The value of `stage.checked` after a check."""
-    return f"{datetime.now(UTC):%Y-%m-%d} {stage_identity(settings, port)}"
+    return f"{driver} {escape_undecodable(port)} {1e3 * step:g} um"
 
 
 class StageCheck(Tracker):
@@ -107,8 +101,8 @@ class StageCheck(Tracker):
     The samples must be solved with a free beam.
     """
 
-    def __init__(self, *arguments: Any, **more: Any) -> None:
-        super().__init__(*arguments, **more)
+    def __init__(self, envelope: Envelope, law: Law) -> None:
+        super().__init__(envelope, law)
         self.search = None
         full = self.envelope.limits
         self.narrow = Limits(full.low, full.high, min(full.speed, SPEED_MM_S), full.reach)

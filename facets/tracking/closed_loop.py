@@ -27,14 +27,11 @@ def simulate_following(sensor: Sensor, settings: Settings, time: Floats, truth: 
         states[n, 6:] = model.place
         if now >= due:
             due += 1 / settings.rate
-            command(sensor, law, model, states[n], now)
+            powers = readings(sensor, states[n])[2::3]
+            if np.isfinite(powers).all() and (powers > 0).all():
+                seen = ControlInput(now, now, powers, states[n, :2], model.place)
+                model.command(law.command(seen))
+            else:
+                model.halt()
+                law.forget()
     return states
-
-
-def command(sensor: Sensor, law: Law, model: StageModel, state: Floats, now: float) -> None:
-    powers = readings(sensor, state)[2::3]
-    if np.isfinite(powers).all() and (powers > 0).all():
-        model.command(law.command(ControlInput(now, now, powers, state[:2], model.place)))
-    else:
-        model.halt()
-        law.forget()

@@ -46,8 +46,8 @@ def check_driver(
     try:
         check_parts(driver)
         driver.prepare()
-        home = check_place(driver, settings)
-        check_move(driver, settings, home + MOVE_MM, wait, now)
+        home = check_place(driver, Limits.from_settings(settings))
+        check_move(driver, home + MOVE_MM, settings.max_speed, settings.step, wait, now)
         check_stop(driver, home - MOVE_MM, driver.stop, "stop", wait)
         check_stop(driver, home + 2 * MOVE_MM, driver.emergency_stop, "emergency_stop", wait)
         check_threads(driver)
@@ -64,7 +64,7 @@ def check_parts(driver: Driver) -> None:
     assert not lacks, f"the driver has no {', '.join(lacks)}"
 
 
-def check_place(driver: Driver, settings: Settings) -> Floats:
+def check_place(driver: Driver, limits: Limits) -> Floats:
     """Check that a place is two finite numbers, which are the same again while nothing moves."""
     first, second = driver.place(), driver.place()
     for place in (first, second):
@@ -73,7 +73,6 @@ def check_place(driver: Driver, settings: Settings) -> Floats:
         assert place.dtype == np.float64, f"place() gives {place.dtype}, not float64"
         assert np.isfinite(place).all(), f"place() gives {place}"
     assert np.abs(first - second).max() < SAME_PLACE_MM, "the stage moves though it was stopped"
-    limits = Limits.from_settings(settings)
     low, high = np.array(limits.low) + 3 * MOVE_MM, np.array(limits.high) - 3 * MOVE_MM
     inside = (low < first) & (first < high)
     assert inside.all(), "the stage stands too near its limits"
@@ -82,8 +81,9 @@ def check_place(driver: Driver, settings: Settings) -> Floats:
 
 def check_move(
     driver: Driver,
-    settings: Settings,
     goal: Floats,
+    max_speed: float,
+    step: float,
     wait: Callable[[float], None],
     now: Callable[[], float],
 ) -> None:
@@ -94,7 +94,7 @@ def check_move(
     while np.abs(before - goal).max() > SAME_PLACE_MM:
         assert now() - begin < MAX_MOVE_S, f"the stage stands at {before}, not at {goal}"
         place, then = driver.place(), now()
-        most = 1.5 * settings.max_speed * (then - at) + SAME_PLACE_MM + settings.step
+        most = 1.5 * max_speed * (then - at) + SAME_PLACE_MM + step
         assert np.abs(place - before).max() <= most, "the stage moves faster than max_speed"
         before, at = place, then
         wait(LOOK_INTERVAL_S)

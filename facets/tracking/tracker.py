@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable
-from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from ..core.errors import FacetsError
-from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .control import ControlInput, Law
 from .encoder import Encoder
@@ -86,21 +82,11 @@ class Tracker:
     number of commands.  begun: time of the first, s.
     """
 
-    def __init__(
-        self,
-        port: Any,
-        settings: Settings,
-        law: Law,
-        say: Callable[..., None],
-        clock: Callable[[], float] = time.monotonic,
-        open_again: Callable[[], Any] | None = None,
-    ) -> None:
-        """Open the stage; raise `StageError` if it cannot be used.  port, open_again: as in
-        `Envelope`."""
-        self.settings, self.law, self.clock = settings, law, clock
-        self.envelope = Envelope(port, settings, say, clock, open_again)
-        self.tell = self.envelope.tell
-        self.search = Search(settings) if settings.search_distance else None
+    def __init__(self, envelope: Envelope, law: Law) -> None:
+        """Follow with an open stage."""
+        self.envelope, self.law, self.tell = envelope, law, envelope.tell
+        self.settings, self.clock = envelope.settings, envelope.clock
+        self.search = Search(self.settings) if self.settings.search_distance else None
         self.started = self.searching = self.bridging = False
         self.newest = self.good = NOTHING
         self.error = self.refused = self.request = self.offer = self.distrust = ""
@@ -152,17 +138,12 @@ class Tracker:
         """Ask the loop, from any thread, to stop the stage until a person resumes."""
         self.halted = reason
 
-    def __enter__(self) -> Tracker:
+    def __enter__(self) -> Self:
         for thread in self.threads:
             thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -23,6 +23,7 @@ from facets.live import PiController, ZaberDevice
 from facets.tracking import (
     MAX_PLACE_AGE_S,
     POLL_S,
+    Envelope,
     Law,
     Limits,
     SolvedSamples,
@@ -359,7 +360,7 @@ class World(StagePort):
         settings = replace(self.settings, search_distance=2.0 if search else 0.0)
         opener = self.open_again if again else None
         try:
-            self.tracker = Tracker(self, settings, self.law, self.say, self.clock, opener)
+            self.tracker = Tracker(Envelope(self, settings, self.say, self.clock, opener), self.law)
         except (StageError, OSError):
             self.require(self.closed and not self.model.sent, "moved, or the port left open")
 

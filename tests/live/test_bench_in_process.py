@@ -79,7 +79,7 @@ def test_a_stage_is_checked_on_a_busy_machine(busy):
 
 def test_the_faults_of_a_board_are_those_that_the_run_counts():
     run = run_on("virtual:wobble,rate=2000,drop=5e-3,flip=5e-3", samples=4000, max_loss=1.0)
-    pipeline, made = run.live.pipeline, run.bench.count
+    pipeline, made = run.live.pipeline, run.reader.bench.count
     assert made.dropped + made.spoilt > 10
     assert pipeline.sequence.lost == pytest.approx(made.dropped + made.spoilt, abs=3)
     assert pipeline.tally.samples + pipeline.sequence.lost == pytest.approx(made.made, abs=50)
@@ -100,7 +100,7 @@ def test_a_stage_with_a_permit_and_a_heartbeat_is_stopped_as_a_real_one(driver, 
     run = run_on(f"virtual:wobble,rate=500{faults}", config, track=True, seconds=0.5)
     assert reason in run.live.stage_stop
     assert bool(run.live.stage_stop) == bool(reason)
-    assert bool(run.bench.count.moves) == (not reason)
+    assert bool(run.reader.bench.count.moves) == (not reason)
     text = "\n".join(summary(run.live))
     assert "p99" not in text  # by a clock that stands while the run computes
     assert "real-time priority" not in text
@@ -126,8 +126,8 @@ def test_only_a_virtual_stage_has_the_clock_of_a_virtual_bench(monkeypatch, tmp_
     assert real.live.clock is time.monotonic
     real.abandon()
     virtual = Run.from_config(CONFIG, "virtual:rest", RunOptions(record=False, track=True))
-    assert virtual.live.tracker.clock is virtual.live.clock is virtual.bench.clock
-    assert virtual.live.tracker.envelope.open_again().bench is virtual.bench
+    assert virtual.live.tracker.clock is virtual.live.clock is virtual.reader.bench.clock
+    assert virtual.live.tracker.envelope.open_again().bench is virtual.reader.bench
     virtual.abandon()
 
 

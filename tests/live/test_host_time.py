@@ -132,7 +132,7 @@ def test_a_board_whose_times_are_in_another_unit_ends_with_a_complaint(pace, wor
         poses = pipeline.take(data, arrival)
     assert words in pipeline.clock_fault
     assert poses[-1].host[-1] == pytest.approx(arrival, abs=2 * JITTER)
-    run = Run(BENCH, RunOptions(record=False))
+    run = Run(BENCH, RunOptions(record=False), Live(Pipeline(BENCH)))
     run.live.pipeline = pipeline
     assert any(words in text for text in run.complaints())
     assert any(words in text for text in run.live.messages())

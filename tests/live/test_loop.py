@@ -28,7 +28,7 @@ from facets.live import (
     join_columns,
     pack,
 )
-from facets.tracking import Encoder, Law, Tracker
+from facets.tracking import Encoder, Envelope, Law, Tracker
 
 CONFIG = facets.load("bench")
 EACH = 20
@@ -173,7 +173,8 @@ def test_a_loss_of_the_board_s_permit_is_found_in_a_backlog_too():
     port = stage_on(stage)
     law = Law.from_sensor(CONFIG.sensor, stage)
     clock = Clock()
-    live = Live(Pipeline(CONFIG), clock, tracker=Tracker(port, stage, law, print, port.clock))
+    tracker = Tracker(Envelope(port, stage, print, port.clock), law)
+    live = Live(Pipeline(CONFIG), clock, tracker=tracker)
     loop = Loop(live, Board(clock, 0))
     samples = samples_of(facets.readings(CONFIG.sensor, np.zeros((750, 8))))
     samples.flags[:] = PERMIT
@@ -192,7 +193,9 @@ def test_a_stage_is_stopped_after_a_suspend_of_the_computer():
     port = stage_on(CONFIG.stage)
     law = Law.from_sensor(CONFIG.sensor, CONFIG.stage)
     live = Live(
-        Pipeline(CONFIG), Clock(), tracker=Tracker(port, CONFIG.stage, law, print, port.clock)
+        Pipeline(CONFIG),
+        Clock(),
+        tracker=Tracker(Envelope(port, CONFIG.stage, print, port.clock), law),
     )
     loop = Loop(live, Board(live.clock, 0))
     samples = samples_of(facets.readings(CONFIG.sensor, np.zeros((12_000, 8))))

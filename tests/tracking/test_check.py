@@ -10,7 +10,7 @@ from sensors import SENSORS
 from stage_world import stage_on
 
 import facets
-from facets.tracking import SLACK_MM, STEP_MM, Law, SolvedSamples, StageCheck
+from facets.tracking import SLACK_MM, STEP_MM, Envelope, Law, SolvedSamples, StageCheck
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 RIGHT = ((1, 0), (0, 1))
@@ -29,7 +29,7 @@ class Bench:
         self.wiring, self.drift = np.array(wiring), drift
         self.home, self.way, self.targets = self.model.place.copy(), 0.0, []
         law = Law.from_sensor(SENSORS["paper"], settings)
-        self.check = StageCheck(self.port, settings, law, print, clock=self.port.clock)
+        self.check = StageCheck(Envelope(self.port, settings, print, self.port.clock), law)
 
     def run(self, dark=(), steps=1000, interval_s=0.01):
         """To the end; the faults."""

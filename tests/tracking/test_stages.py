@@ -180,7 +180,9 @@ class Run:
         self.model = self.port.model
         law = Law.from_sensor(SENSORS["paper"], settings)
         opener = self.open_again if again else None
-        self.tracker = Tracker(self.port, settings, law, self.say, self.port.clock, opener)
+        self.tracker = Tracker(
+            Envelope(self.port, settings, self.say, self.port.clock, opener), law
+        )
 
     def say(self, name, **more):
         self.events.append((name, more))
