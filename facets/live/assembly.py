@@ -307,7 +307,7 @@ class Run:
         """What is wrong with the samples of a finished run, in sentences."""
         live, without = self.live, self.live.time_without_samples
         sentences = [text for text in (live.pipeline.tally.pose_complaint(),) if text]
-        if clock := live.pipeline.clock_fault:
+        if clock := live.pipeline.times.fault:
             sentences.append(f"{clock}.")
         if live.loss > self.options.max_loss:
             silence = f" and none came for {without:.1f} s" if without else ""

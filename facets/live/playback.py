@@ -119,7 +119,7 @@ class Playback:
             if count and words != "converged":
                 yield f"  {count} {words}"
         board, sentences = self.pipeline.board, self.pipeline.measurement.sentences()
-        clock = (*sequence.sentences(), *self.pipeline.clock_messages)
+        clock = (*sequence.sentences(), *self.pipeline.times.messages)
         for text in (*clock, *sentences, board.sentence(), board.trouble()):
             if text:
                 yield f"  {text}"

@@ -59,14 +59,6 @@ def test_channels_stand_beside_poses_and_frames_of_another_kind_end_nothing():
     assert pipeline.parser.corrupt
 
 
-@pytest.mark.parametrize(("sent", "named"), [(2, 0), (2, 1), (0, 2)])
-def test_a_configuration_with_other_channels_ends_with_what_to_do(sent, named):
-    pipeline = Pipeline(configure(*(FORCE, HEAT)[:named]))
-    words = f"has {sent} auxiliary .* names {named}: .* replay"
-    with pytest.raises(facets.InputError, match=words):
-        pipeline.feed(frames(sent)[0], 1.0)
-
-
 def warm_stream(temperature):
     """Frames of a mirror that stands still, whose channels are a force and a temperature (n,): the
     readings follow the latter as THERMAL has it, without noise but the converters'."""
@@ -175,12 +167,12 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     sine = np.sin(2 * np.pi * (times + 250e-6))
     np.testing.assert_allclose(live["temperature_c"], sine, atol=1e-6)
     playback = Playback(tmp_path / "rec")
-    sentences, is_same = playback.finish(playback.poses(), table, None, True, None)
+    sentences, is_same = playback.finish(playback.poses(), table, True, None)
     assert is_same, sentences
     columns = pq.read_table(table)
     np.testing.assert_array_equal(columns["force_n"].to_numpy(), live["force_n"])
     assert columns.schema.metadata[b"delay of temperature_c"] == b"250 us"
-    playback.finish(Playback(tmp_path / "rec").poses(), tmp_path / "poses.h5", None, False, None)
+    playback.finish(Playback(tmp_path / "rec").poses(), tmp_path / "poses.h5", False, None)
     for frame in map(facets.read_table, (tmp_path / "rec", table, tmp_path / "poses.h5")):
         np.testing.assert_array_equal(frame.force_n, live["force_n"])
         assert frame.attrs["units"]["temperature_c"] == "degC"

@@ -130,7 +130,7 @@ def test_a_board_whose_times_are_in_another_unit_ends_with_a_complaint(pace, wor
     pipeline = Pipeline(BENCH)
     for data, arrival in packets(40_000, 100.0, pace):
         poses = pipeline.take(data, arrival)
-    assert words in pipeline.clock_fault
+    assert words in pipeline.times.fault
     assert poses[-1].host[-1] == pytest.approx(arrival, abs=2 * JITTER)
     run = Run(BENCH, RunOptions(record=False), Live(Pipeline(BENCH)))
     run.live.pipeline = pipeline
@@ -146,7 +146,7 @@ def test_a_file_has_no_arrivals_and_its_clock_no_fault(tmp_path):
     playback = Playback(tmp_path / "rec")
     host = np.concatenate([poses.host for poses in playback.poses()])
     assert np.diff(host) == pytest.approx(np.full(39_999, 1e-4), abs=1e-9)
-    assert playback.pipeline.clock_messages == []
+    assert playback.pipeline.times.messages == []
 
 
 def packets(count, begin, pace=1.0):

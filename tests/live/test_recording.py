@@ -122,7 +122,7 @@ def test_a_replay_writes_the_samples_of_many_blocks_together_and_all_of_them(tmp
     recording.close()
     path, playback = tmp_path / "poses.parquet", Playback(tmp_path / "r", CONFIG)
     poses = list(playback.poses())
-    playback.finish(poses, path, None, False, None)
+    playback.finish(poses, path, False, None)
     file = pq.ParquetFile(path)
     rows = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
     assert rows == [5_000, 5_000, 2_500]

@@ -137,7 +137,7 @@ class Live:
             sentences.append(self.tracker.note)
         sentences += self.line_messages()
         sentences += filter(None, (self.port_message, self.pipeline.sequence.complaint))
-        sentences += self.pipeline.clock_messages
+        sentences += self.pipeline.times.messages
         if self.behind:
             sentences.append(
                 f"the loop is {self.age:.1f} s behind: all bytes are recorded, and the newest "
@@ -183,7 +183,7 @@ class Live:
                 what = "no bytes arrive"
             else:
                 what = "bytes arrive, but no sample can be read from them"
-                return [f"{what}: check acquire.baud and acquire.format"]
+                return [f"{what}: check acquire.baud, acquire.format and acquire.channels"]
             return [f"{what}: check that the board is on and sending"]
         if self.rate < FEWER * self.best:
             now, before = f"{self.rate:.4g}", f"{self.best:.4g}"

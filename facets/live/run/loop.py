@@ -133,7 +133,7 @@ class Loop:
         if tracker := self.live.tracker:
             for batch in batches:
                 is_permitted = bool((batch.flags & PERMITTED).all())
-                tracker.take_permit(batch.host[-1] - self.live.pipeline.late, is_permitted)
+                tracker.take_permit(batch.host[-1] - self.live.pipeline.times.late, is_permitted)
         if clock.moves > moves:
             if tracker:
                 tracker.halt(CLOCK_MOVED)
@@ -167,7 +167,7 @@ class Loop:
                 apexes, beams = apexes_of(poses)
                 known = live.pipeline
                 samples = SolvedSamples(poses.host, powers_of(poses), apexes, beams)
-                live.tracker.feed(samples, known.late, known.trust.doubt)
+                live.tracker.feed(samples, known.times.late, known.trust.doubt)
         else:
             live.late += len(poses)
         self.give_to_sinks(poses)

@@ -11,14 +11,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from math import hypot, inf, isnan
+from math import hypot, inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.clocks import IMPOSSIBLE_RATE
-from ...core.errors import InputError
 from ...core.names import READING_COLUMNS, TEMPERATURE_COLUMN
 from ...core.units import Floats
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
@@ -31,11 +29,10 @@ from ...estimation.tally import Tally
 from ...estimation.uncertainty import unseen_errors
 from ...estimation.zero import PoseColumns
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
-from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, RawSamples, parser
-from ..sources.host_time import HostTime
 from .board_poses import BoardPoses, is_pose
 from .doubts import Doubts, Trust
+from .sample_times import SampleTimes
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -156,7 +153,10 @@ class RunTally(Tally):
     def pose_complaint(self) -> str:
         """Say why no sample gave a pose; empty if one did."""
         if not self.samples:
-            return "no sample came."
+            return (
+                "no sample came; if bytes did, check acquire.baud, acquire.format and "
+                "acquire.channels."
+            )
         words = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         return "" if self.solved_count else f"no sample gave a pose: {words}."
 
@@ -178,14 +178,12 @@ class Pipeline:
         self.measurement = Measurement(config, columns, waits=True, tally=self.tally)
         settings = config.acquire
         self.parser = parser(settings.format, settings.content, len(settings.channels))
-        self.sequence = Sequence()
-        self.host_time = HostTime()
+        self.times = SampleTimes(settings)
+        self.sequence, self.host_time = self.times.sequence, self.times.host_time
         self.board = BoardPoses()
         self.doubts = Doubts(least_light(config.sensor))
         self.trust = Trust(config)
         self.dark = np.full(12, config.acquire.dark)
-        self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
-        self.latest = -float("inf")  # host's time of the last sample, s
         self.waiting: Batch | None = None  # the last two samples; see `await_neighbours`
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> RunPoses | None:
@@ -200,7 +198,6 @@ class Pipeline:
         """Return the samples that a block completes, in batches to be solved, in order."""
         breaks = self.sequence.breaks
         came = self.parser.feed(block)
-        self.refuse_other_channels()
         solved = is_pose(came)
         poses = came.where(solved) if solved.any() else None
         samples, seq, time = self.sequence.follow(
@@ -210,9 +207,7 @@ class Pipeline:
             self.board.add(poses, self.sequence, self.sequence.breaks > breaks)
         if not len(samples):
             return []
-        host = self.host_times(time, arrival, self.sequence.breaks > breaks)
-        arrival = self.known_arrival(arrival, time)
-        self.last = arrival, int(time[-1])
+        host = self.times.follow(time, arrival, self.sequence.breaks > breaks)
         readings, flags = self.convert(samples)
         self.trust.add_samples(samples, flags, host)
         flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
@@ -223,7 +218,9 @@ class Pipeline:
             channel.column: channel.values(samples.channels[:, n])
             for n, channel in enumerate(self.config.acquire.channels)
         }
-        whole = Batch(seq, time, host, readings, readings, flags, arrival, encoder, channels)
+        whole = Batch(
+            seq, time, host, readings, readings, flags, self.times.arrival, encoder, channels
+        )
         return list(self.await_neighbours(whole).split())
 
     def await_neighbours(self, newest: Batch) -> Batch:
@@ -245,76 +242,6 @@ class Pipeline:
         """Return the last sample of a stream, if it still waits for a next one."""
         last, self.waiting = self.waiting, None
         return [last.part(slice(-1, None))] if last else []
-
-    def refuse_other_channels(self) -> None:
-        """Raise `InputError` if the stream has other auxiliary channels than the configuration.
-
-        Frames of such a kind in a stream that began otherwise are refused as damaged ones are.
-        """
-        count, named = self.parser.other_channels, len(self.config.acquire.channels)
-        if count is None or self.tally.samples or self.board.came:
-            return
-        remedy = f"name all {count}, in the order of the frame" if count else "leave that key out"
-        raise InputError(
-            f"each sample of the stream has {count} auxiliary channels, but acquire.channels of "
-            f"the configuration names {named}: {remedy}, or change what the board sends; "
-            "what was recorded can be solved by `facets replay RECORDING --config CONFIG`"
-        )
-
-    def host_times(self, time: NDArray[np.int64], arrival: float, restarted: bool) -> Floats:
-        """Return the samples' times on the host's clock (n,), s, which only grow.
-
-        time: times of the board, us.  restarted: whether the board restarted before one of them.
-        """
-        device: Floats = 1e-6 * time.astype(np.float64)
-        before = self.host_time.line
-        if restarted:
-            self.host_time.restart()
-        if not isnan(arrival):
-            self.host_time.add(float(device[-1]), arrival)
-        line, clock = self.host_time.line, self.host_time
-        if self.config.acquire.timing == "arrival" or line is None or clock.stands_still:
-            known = self.known_arrival(arrival, time) - self.config.acquire.delay
-            age: Floats = (device[-1] - device) / (1 if clock.stands_still else 1 - clock.rate)
-            return known - age
-        host = line.host_times(device)
-        if restarted and before is not None:
-            host[: self.sequence.fresh] = before.host_times(device[: self.sequence.fresh])
-        host -= self.config.acquire.least_delay
-        # the line moves as it is known better, and later samples are not earlier for that
-        host = np.maximum(host, self.latest + 1e-9 * np.arange(1, len(host) + 1))
-        host = np.maximum.accumulate(host)
-        self.latest = float(host[-1])
-        return host
-
-    def known_arrival(self, arrival: float, time: NDArray[np.int64]) -> float:
-        """Return an arrival, s; an unknown one is as late after its sample as the last arrival.
-
-        time: times of the samples that arrived, us.
-        """
-        if not isnan(arrival):
-            return arrival
-        return self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
-
-    @property
-    def late(self) -> float:
-        """How much later the newest samples came than the earliest line of the board's clock so
-        far says, s."""
-        over = self.host_time.over if self.config.acquire.timing == "arrival" else 0.0
-        return self.host_time.late + over
-
-    @property
-    def clock_messages(self) -> list[str]:
-        """Sentences on a board's clock that leaps or is off."""
-        return [text for text in (self.sequence.leap_sentence, self.host_time.complaint) if text]
-
-    @property
-    def clock_fault(self) -> str:
-        """The sentence on a board's clock that cannot be a clock; or nothing."""
-        clock, sequence = self.host_time, self.sequence
-        if sequence.leaps > 1 and not clock.is_known:
-            return sequence.leap_sentence
-        return clock.complaint if abs(clock.ppm) > 1e6 * IMPOSSIBLE_RATE else ""
 
     def warm_up(self) -> None:
         """Compile or load the code that the stream needs, before it runs."""

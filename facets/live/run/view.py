@@ -215,7 +215,7 @@ def clock_sentences(live: Live) -> Iterator[str]:
         )
     if (moves := clock.moves - live.pipeline.sequence.breaks) > 0:
         yield f"{CLOCK_MOVED}, {moves} times"
-    yield from live.pipeline.clock_messages
+    yield from live.pipeline.times.messages
     if clock.is_held and clock.is_known:
         most = 1e6 * (abs(clock.rate) + clock.rate_sigma)
         yield (

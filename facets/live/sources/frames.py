@@ -82,14 +82,11 @@ class RawSamples:
 class Parser(Protocol):
     """Turns blocks of bytes into samples.
 
-    corrupt: number of frames refused.  skipped: number of bytes passed over.  other_channels:
-    number of auxiliary channels of sound frames that came instead of the expected ones; None if
-    none came.
+    corrupt: number of frames refused.  skipped: number of bytes passed over.
     """
 
     corrupt: int
     skipped: int
-    other_channels: int | None
 
     def feed(self, block: bytes) -> RawSamples: ...
 
@@ -121,11 +118,6 @@ def no_samples(channels: int = 0) -> RawSamples:
     return samples_from(np.zeros(0, frame_dtype(channels)))
 
 
-def is_sound(frame: memoryview | bytes) -> bool:
-    """Whether a frame's CRC-32 is that of its bytes."""
-    return zlib.crc32(frame[:-4]) == int.from_bytes(frame[-4:], "little")
-
-
 def sound_frames(view: memoryview, dtype: np.dtype[np.void] = FRAME) -> int:
     """Number of sound frames, one after the other, with which the bytes begin."""
     size = dtype.itemsize
@@ -148,15 +140,6 @@ def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
     return sound
 
 
-def channels_at(view: memoryview | bytes) -> int | None:
-    """Number of auxiliary channels of the sound frame with which the bytes begin; None if they
-    begin with no sound frame."""
-    channels = view[2] >> 4 if len(view) > 2 else 0
-    frame = view[: frame_dtype(channels).itemsize]
-    is_frame = len(frame) == frame_dtype(channels).itemsize and frame[:2] == SYNC
-    return channels if is_frame and is_sound(frame) else None
-
-
 class FixedFrames:
     """Format "frames": 64 bytes each, and 4 for each auxiliary channel, one after the other."""
 
@@ -164,7 +147,6 @@ class FixedFrames:
         self.channels, self.dtype = channels, frame_dtype(channels)
         self.rest = b""
         self.corrupt = self.skipped = 0
-        self.other_channels: int | None = None
 
     def feed(self, block: bytes) -> RawSamples:
         raw, size = self.rest + block, self.dtype.itemsize
@@ -194,10 +176,9 @@ class FixedFrames:
             if following < 0:
                 following = len(raw) - (raw[-1:] == SYNC[:1])
                 break
-            channels = channels_at(view[following:])
-            if len(raw) - following < self.dtype.itemsize or channels == self.channels:
+            frame = view[following : following + self.dtype.itemsize]
+            if len(frame) < self.dtype.itemsize or are_sound(frame, self.dtype).all():
                 break
-            self.other_channels = channels if channels is not None else self.other_channels
             following += 1
         self.skipped += following - place
         return following
@@ -212,7 +193,6 @@ class CobsFrames:
         self.coded = self.dtype.itemsize + 1
         self.rest = b""
         self.corrupt = self.skipped = 0
-        self.other_channels: int | None = None
 
     def feed(self, block: bytes) -> RawSamples:
         *parts, self.rest = (self.rest + block).split(b"\0")
@@ -231,9 +211,6 @@ class CobsFrames:
     def refuse(self, parts: list[bytes]) -> None:
         self.corrupt += len(parts)
         self.skipped += sum(len(part) + 1 for part in parts)
-        for part in parts[-1:]:
-            frame = cobs_decode(np.frombuffer(part, np.uint8)[None])[0].tobytes()
-            self.other_channels = channels_at(frame)
 
 
 def cobs_decode(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -272,15 +249,11 @@ class TextLines:
 
     #: Length of a line, bytes, that no line reaches.
     LONGEST = 800
-    #: Number of successive lines with the same wrong number of channels that are no accident.
-    SURE = 3
 
     def __init__(self, kind: int, channels: int = 0) -> None:
         self.kind, self.channels = kind, channels
         self.rest = b""
         self.corrupt = self.skipped = 0
-        self.others: list[int] = []
-        self.other_channels: int | None = None
 
     def feed(self, block: bytes) -> RawSamples:
         *lines, self.rest = (self.rest + block).split(b"\n")
@@ -312,21 +285,12 @@ class TextLines:
             row += [float(part) if part.strip() else np.nan for part in parts[14:]]
         except ValueError:
             row = []
-        within = len(row) >= 14 and all(0 <= x < 2**32 for x in row[:2])
+        within = len(row) == 14 + self.channels and all(0 <= x < 2**32 for x in row[:2])
         if within and all(-(2**31) <= x < 2**31 for x in row[2:14]):
-            if len(row) == 14 + self.channels:
-                self.others = []
-                return row
-            self.watch(len(row) - 14)
+            return row
         self.corrupt += 1
         self.skipped += len(line) + 1
         return None
-
-    def watch(self, channels: int) -> None:
-        """Take note of a line with another number of channels."""
-        self.others = [*self.others, channels][-self.SURE :]
-        if self.others == [channels] * self.SURE:
-            self.other_channels = channels
 
 
 def text_encode(samples: RawSamples) -> bytes:

@@ -50,7 +50,7 @@ def status_of(live: Live) -> dict[str, Any]:
 def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
     """Return the status of a replay that has taken `seconds` s by now."""
     zero, board = pipeline.measurement.messages(), pipeline.board.trouble()
-    messages = [*pipeline.doubts.said, *pipeline.clock_messages, *zero, board]
+    messages = [*pipeline.doubts.said, *pipeline.times.messages, *zero, board]
     return {
         "seconds": round(seconds, 3),
         "messages": [text for text in messages if text],
