@@ -279,7 +279,11 @@ def make_dark(data):
             "10 samples were lost, 5 % of all; --max-loss allows 0.1 %.",
         ),
         (make_dark(DATA[: 200 * SIZE]), "no sample gave a pose: 200 non finite."),
-        (bytes(100_000), "no sample came; if bytes did, check"),
+        (
+            bytes(100_000),
+            "no sample came; if bytes did, check acquire.baud, acquire.format and "
+            "acquire.channels.",
+        ),
     ],
 )
 def test_the_reason_for_exit_status_1_is_said_and_recorded(
