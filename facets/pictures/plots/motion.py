@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.hues import chosen_hues
-from ...core.names import ANGLES, POSE
-from ...core.units import Floats
+from ...core.names import POSE
+from ...core.units import Floats, unit_of
 from .. import style
 
 if TYPE_CHECKING:
@@ -19,12 +19,8 @@ if TYPE_CHECKING:
 
     from ...simulation.run import Segment
 
-#: Inches: the picture's height; margins left, right, above, below; gaps between columns and rows.
-HEIGHT, MARGINS, BETWEEN = 7.8, (0.78, 0.08, 0.12, 1.12), (0.84, 0.26)
 #: Relative heights of a panel and of the strip of its error below.
 SHARES = (1.45, 1.0)
-#: Distance of labels from a panel, inches to its left.
-LABEL = 0.58
 #: Dash and gap of the line at twice the standard uncertainty, points.
 DASHES = (0, (4, 2))
 #: Number of columns of a panel into which many samples are gathered.
@@ -33,45 +29,29 @@ COLUMNS = 160
 
 def motion_picture(segments: Sequence[Segment]) -> Figure:
     """Draw six axes: shifts left, angles right; one motion after the other, all equally wide."""
+    clock, count = Clock(segments), max(12, COLUMNS // len(segments))
     with style.style_context():
-        picture, panels = panels_of_axes()
-        clock = Clock(segments)
-        for n in range(len(POSE)):
+        picture = style.figure(style.FULL, 7.8)
+        cells, panels = picture.add_gridspec(3, 2), []
+        for n, name in enumerate(POSE):
             column, row = divmod(n, 3)
-            place, error = panels[row, column]
-            place_panel(place, clock, segments, n)
-            error_panel(error, clock, segments, n)
+            inner = cells[row, column].subgridspec(2, 1, height_ratios=SHARES, hspace=0.0)
+            pair: Any = inner.subplots(sharex=True)
+            place, error = pair
+            draw_places(place, clock, segments, name, count)
+            draw_errors(error, clock, segments, name, count)
             clock.mark(place, error, lowest=row == 2)
-        legend(picture, clock, has_unsolved(segments))
+            panels += [place, error]
+        picture.align_ylabels(panels[:6])
+        picture.align_ylabels(panels[6:])
+        words = clock.words
+        if any(len(time) > count for time in clock.times):
+            words += "; bands from the least to the largest of neighbouring samples, "
+            words += "lines at their median"
+        made = style.panels_legend(picture, panels, 4)
+        made.set_title(fill(words, 84), {"size": style.LEAST})
+        made.get_title().set_color(chosen_hues().soft)
     return picture
-
-
-def panels_of_axes() -> tuple[Figure, NDArray[Any]]:
-    """Make the picture and its panels (3, 2, 2): row, column, and place or error.
-
-    They have fixed places, because measuring all their labels takes as long as drawing them.
-    """
-    left, right, above, below = MARGINS
-    picture = style.figure(style.FULL, HEIGHT, layout="none")
-    wide = (style.FULL - left - right - BETWEEN[0]) / 2
-    tall = (HEIGHT - above - below - 2 * BETWEEN[1]) / 3
-    panels = np.empty((3, 2, 2), dtype=object)
-    for row in range(3):
-        for column in range(2):
-            x = (left + column * (wide + BETWEEN[0])) / style.FULL
-            top = HEIGHT - above - row * (tall + BETWEEN[1])
-            high = tall * SHARES[0] / sum(SHARES)
-            rest = tall - high - 0.06
-            place = picture.add_axes((x, (top - high) / HEIGHT, wide / style.FULL, high / HEIGHT))
-            panels[row, column] = (
-                place,
-                picture.add_axes(
-                    (x, (top - tall) / HEIGHT, wide / style.FULL, rest / HEIGHT), sharex=place
-                ),
-            )
-    for panel in panels.ravel():
-        panel.yaxis.set_label_coords(-LABEL / wide, 0.5)
-    return picture, panels
 
 
 class Clock:
@@ -107,104 +87,69 @@ class Clock:
 
     @property
     def words(self) -> str:
-        """Name the motions for the label below the panels."""
+        """Name the motions for the legend."""
+        if self.alone:
+            return self.names[0]
         named = [
             f"{n} {name} ({seconds:.3g} s)"
             for n, (name, seconds) in enumerate(zip(self.names, self.seconds, strict=True), start=1)
         ]
-        return ", ".join(named)
+        return "motions: " + ", ".join(named)
 
 
-def step_of(time: NDArray[np.float64]) -> float:
+def step_of(time: Floats) -> float:
     return float(time[1] - time[0]) if len(time) > 1 else 1.0
 
 
-def has_unsolved(segments: Sequence[Segment]) -> bool:
-    return any(not segment.solution.converged.all() for segment in segments)
-
-
-def columns_for(segments: Sequence[Any]) -> int:
-    return max(12, COLUMNS // len(segments))
-
-
-def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) -> None:
+def draw_places(
+    panel: Axes, clock: Clock, segments: Sequence[Segment], name: str, count: int
+) -> None:  # fmt: skip
     """Draw the truth as a broad line, and the estimate thin upon it, so that both are visible."""
-    hues, name = chosen_hues(), POSE[n]
+    hues, n = chosen_hues(), POSE.index(name)
     moved = any(np.ptp(segment.truth[:, n]) > 0 for segment in segments)
-    unit = style.unit_of(name)
+    unit = unit_of(name)
     factor = unit.factor if moved else unit.fine_factor
     for segment, time in zip(segments, clock.times, strict=True):
-        truth = factor * segment.truth[:, n]
         width = {"marker": "s", "ms": 7} if len(time) == 1 else {"lw": 4.2}
-        panel.plot(time, truth, color=hues.grey, alpha=0.55, solid_capstyle="butt", **width)
-        samples(panel, time, factor * segment.solution.state[:, n], name, columns_for(segments))
-        mark_failures(panel, time[~segment.solution.converged])
+        panel.plot(time, factor * segment.truth[:, n], color=hues.grey, alpha=0.55,
+                   solid_capstyle="butt", label="truth", **width)  # fmt: skip
+        draw_samples(panel, time, factor * segment.solution.state[:, n], name, count)
+        lost = time[~segment.solution.converged]
+        if len(lost):  # along the foot of the panel
+            panel.plot(lost, np.full(len(lost), 0.03), "|", ms=5, color=hues.alarm, clip_on=False,
+                       transform=panel.get_xaxis_transform(), label="not solved")  # fmt: skip
     panel.set_ylabel(style.place_label(name) if moved else style.fine_label(name))
     panel.margins(y=0.12)
 
 
-def samples(panel: Axes, time: Floats, values: Floats, name: str, columns: int) -> None:
+def draw_samples(panel: Axes, time: Floats, values: Floats, name: str, count: int) -> None:
     """Draw few samples as marks; many as the band from least to largest, with their median."""
-    hue = chosen_hues().axes[name]
-    if len(time) <= columns:
-        panel.plot(time, values, ".", ms=6 if len(time) < 10 else 3, color=hue, mew=0)
+    hue, words = chosen_hues().axes[name], "estimate, error"
+    if len(time) <= count:
+        size = 6 if len(time) < 10 else 3
+        panel.plot(time, values, ".", ms=size, color=hue, mew=0, label=words)
         return
-    band = style.band(time, values, columns)
+    band = style.band(time, values, count)
     panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.4, lw=0)
-    panel.plot(band.time, band.middle, color=hue, lw=1.0)
+    panel.plot(band.time, band.middle, color=hue, lw=1.0, label=words)
 
 
-def mark_failures(panel: Axes, time: Floats) -> None:
-    """Mark samples that could not be solved, along the foot of a panel."""
-    panel.plot(time, np.full(len(time), 0.03), "|", ms=5, color=chosen_hues().alarm,
-               transform=panel.get_xaxis_transform(), clip_on=False)  # fmt: skip
-
-
-def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) -> None:
+def draw_errors(
+    panel: Axes, clock: Clock, segments: Sequence[Segment], name: str, count: int
+) -> None:  # fmt: skip
     """Draw the error and the band of twice its standard uncertainty."""
-    hues, name = chosen_hues(), POSE[n]
-    unit = style.unit_of(name)
+    hues, unit, n = chosen_hues(), unit_of(name), POSE.index(name)
     for segment, time in zip(segments, clock.times, strict=True):
         wide = 2 * unit.fine_factor * segment.solution.uncertainty[:, n]
-        band = style.band(time, wide, columns_for(segments))
+        band = style.band(time, wide, count)
         for side in (-1, 1):
-            panel.plot(band.time, side * band.middle, color=hues.ink, lw=0.8, ls=DASHES)
+            panel.plot(band.time, side * band.middle, color=hues.ink, lw=0.8, ls=DASHES,
+                       label="± 2 standard uncertainties")  # fmt: skip
         if len(time) == 1:
             panel.errorbar(time, 0 * time, wide, color=hues.ink, lw=0.8, capsize=3, fmt="none")
-        samples(panel, time, unit.fine_factor * segment.error[:, n], name, columns_for(segments))
+        draw_samples(panel, time, unit.fine_factor * segment.error[:, n], name, count)
     if not any(segment.solution.converged.any() for segment in segments):
         style.say(panel, "no sample could be solved")
     panel.axhline(0, color=hues.soft, lw=0.6, zorder=0)
     panel.set_ylabel(f"error, {unit.fine_unit}")
     panel.margins(y=0.12)
-
-
-def legend(picture: Figure, clock: Clock, with_unsolved: bool) -> None:
-    """Explain lines and bands, and name the motions."""
-    from textwrap import fill
-
-    from matplotlib.legend_handler import HandlerTuple
-    from matplotlib.lines import Line2D
-
-    hues = chosen_hues()
-    names = [name for name in POSE if name not in ANGLES]
-    handles: list[Any] = [
-        Line2D([], [], color=hues.grey, alpha=0.55, lw=4.2),
-        tuple(Line2D([], [], color=hues.axes[name], lw=1.6) for name in names),
-        Line2D([], [], color=hues.ink, lw=0.8, ls=DASHES),
-    ]
-    texts = ["truth", "estimate, error", "± 2 standard uncertainties"]
-    if with_unsolved:
-        handles.append(Line2D([], [], color=hues.alarm, marker="|", ls=""))
-        texts.append("not solved")
-    top = 0.62 / HEIGHT
-    picture.legend(handles, texts, loc="center", bbox_to_anchor=(0.5, top), ncols=4,
-                   columnspacing=1.2, handletextpad=0.5,
-                   handler_map={tuple: HandlerTuple(ndivide=None, pad=0)})  # fmt: skip
-    words = clock.names[0] if clock.alone else f"motions: {clock.words}"
-    if any(len(time) > columns_for(clock.times) for time in clock.times):
-        words += (
-            "; bands from the least to the largest of neighbouring samples, lines at their median"
-        )
-    picture.text(0.5, 0.46 / HEIGHT, fill(words, 88), ha="center", va="top",
-                 fontsize=style.LEAST, color=hues.soft, linespacing=1.25)  # fmt: skip

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.hues import DASHES, chosen_hues
-from ...core.names import ANGLES, DETECTORS, POSE
+from ...core.names import ANGLES, POSE
 from ...core.units import Floats, write_micro
 from ...noise_analysis.noise_model import fill
 from ...noise_analysis.rest import NOT_NOISE
@@ -16,9 +17,12 @@ from ..reports import report_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from ...noise_analysis.noise_report import Channel, NoiseReport
+
+#: Labels across and up, and the picture in words.
+SPECTRA = ("frequency, Hz", "amplitude density, {}/√Hz", "spectra of the noise")
+DEVIATIONS = ("averaging time, s", "Allan deviation, {}", "Allan deviations")
 
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
@@ -51,10 +55,10 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
             [channel_cells(channel) for channel in report.channels],
             wide=True,
         ),
-        section("Spectra of the readings", drawing=spectra(group_channels(readings))),
-        section("Spectra of the poses", drawing=spectra(group_channels(poses))),
-        section("Allan deviations", drawing=deviations(group_channels(report.channels)),
-                wide=True),
+        section("Spectra of the readings", drawing=draw_groups(readings, draw_spectrum, *SPECTRA)),
+        section("Spectra of the poses", drawing=draw_groups(poses, draw_spectrum, *SPECTRA)),
+        section("Allan deviations",
+                drawing=draw_groups(report.channels, draw_deviation, *DEVIATIONS), wide=True),
         section(
             "Correlation of the readings' fast noise",
             [common],
@@ -93,39 +97,55 @@ def amplitude(density: Any) -> str:
     return f"{np.sqrt(max(density.value, 0.0)):.3g} ({low:.3g} to {high:.3g})"
 
 
-def spectra(groups: dict[str, list[Channel]]) -> str:
-    """Draw Welch's spectra, a panel for each group of channels that share a unit."""
+def draw_groups(
+    channels: list[Channel], draw: Callable[[Axes, Channel], None], across: str, up: str, words: str
+) -> str:  # fmt: skip
+    """Draw channels on logarithmic scales, a panel for each group, as an SVG element.
+
+    across, up: labels, the second one with {} for the unit.
+    """
+    groups = group_channels(channels)
+    rows = -(-len(groups) // 2)
     with style.style_context():
-        picture, panels = page_of(len(groups))
-        for panel, (name, channels) in zip(panels, groups.items(), strict=False):
-            for channel in channels:
-                spectrum(panel, channel)
-            for line in {
-                round(x.frequency, 2) for channel in channels for x in channel.model.lines[:5]
-            }:
-                panel.axvline(line, color=chosen_hues().rule, lw=1.0, zorder=0)
-            unit = write_micro(channels[0].unit)
-            panel.set(xscale="log", yscale="log", xlabel="frequency, Hz", title=name)
-            panel.set_ylabel(f"amplitude density, {unit}/√Hz")
-        legend(picture, panels, groups)
-    return report_page.inline(picture, "spectra of the noise")
+        picture = style.figure(style.FULL, 2.6 * rows + 0.4)
+        panels = picture.subplots(rows, 2, squeeze=False).ravel()
+        for panel in panels[len(groups) :]:
+            panel.set_axis_off()
+        for panel, (name, group) in zip(panels, groups.items(), strict=False):
+            panel.set(xscale="log", yscale="log", xlabel=across, title=name)
+            panel.set_ylabel(up.format(write_micro(group[0].unit)))
+            for channel in group:
+                draw(panel, channel)
+                panel.plot([], [], label=words_of(channel.name), **line_of(channel.name))
+        style.panels_legend(picture, panels, min(len(groups) + 2, 5))
+    return report_page.inline(picture, words)
 
 
-def spectrum(panel: Axes, channel: Channel) -> None:
-    """Draw the measured spectrum as a band, the fitted noise, and the configured noise dashed."""
+def draw_spectrum(panel: Axes, channel: Channel) -> None:
+    """Draw the measured spectrum as a band, the fitted noise, the configured noise dotted, and
+    found lines."""
     from scipy.signal import welch
 
-    rate, hue = channel.model.rate, hue_of(channel.name)
+    rate, line = channel.model.rate, line_of(channel.name)
+    hue = line["color"]
     signal = fill(channel.signal) - channel.model.mean
     piece = 1 << max(6, int(np.log2(len(signal) / 8)))
     frequency, power = welch(signal, rate, nperseg=min(piece, len(signal)))
     band = columns(frequency[1:], np.sqrt(power[1:]))
     panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.35, lw=0)
     panel.plot(band.time, band.middle, color=hue, lw=0.5, alpha=0.7)
-    fitted = np.sqrt(channel.model.density(band.time))
-    panel.plot(band.time, fitted, color=hue, lw=1.6, ls=dash_of(channel.name))
+    panel.plot(band.time, np.sqrt(channel.model.density(band.time)), lw=1.6, **line)
     level = channel.configured * np.sqrt(2 / rate)
     panel.plot(band.time[[0, -1]], [level, level], color=hue, ls=(0, (1, 1.5)), lw=1.4)
+    for found in channel.model.lines[:5]:
+        panel.axvline(found.frequency, color=chosen_hues().rule, lw=1.0, zorder=0)
+
+
+def draw_deviation(panel: Axes, channel: Channel) -> None:
+    """Draw the Allan deviation with its 95 % interval."""
+    allan, line = channel.allan, line_of(channel.name)
+    panel.fill_between(allan.tau, allan.low, allan.high, color=line["color"], alpha=0.2, lw=0)
+    panel.plot(allan.tau, allan.deviation, **line)
 
 
 def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
@@ -137,58 +157,18 @@ def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
     return style.Band(*np.array(rows).T)
 
 
-def deviations(groups: dict[str, list[Channel]]) -> str:
-    """Draw Allan deviations of readings and poses, with their 95 % intervals."""
-    with style.style_context():
-        picture, panels = page_of(len(groups))
-        for panel, (name, channels) in zip(panels, groups.items(), strict=False):
-            for channel in channels:
-                hue, allan = hue_of(channel.name), channel.allan
-                panel.fill_between(allan.tau, allan.low, allan.high, color=hue, alpha=0.2, lw=0)
-                panel.plot(allan.tau, allan.deviation, color=hue, ls=dash_of(channel.name))
-            unit = write_micro(channels[0].unit)
-            panel.set(xscale="log", yscale="log", xlabel="averaging time, s", title=name)
-            panel.set_ylabel(f"Allan deviation, {unit}")
-        legend(picture, panels, groups)
-    return report_page.inline(picture, "Allan deviations")
-
-
-def page_of(count: int) -> tuple[Figure, Any]:
-    """Make a picture of panels in two columns."""
-    rows = -(-count // 2)
-    picture = style.figure(style.FULL, 2.6 * rows + 0.4)
-    panels = picture.subplots(rows, 2, squeeze=False).ravel()
-    for panel in panels[count:]:
-        panel.set_axis_off()
-    return picture, panels
-
-
-def legend(picture: Figure, panels: Any, groups: dict[str, list[Channel]]) -> None:
-    """Explain hues and dashes: detectors by letter, axes by name."""
-    from matplotlib.lines import Line2D
-
-    names = list(
-        dict.fromkeys(channel.name.rpartition("_")[0] for g in groups.values() for channel in g)
-    )
-    axes = [name for name in names if name in POSE]
-    letters = [letter for letter in DETECTORS if any(name.endswith(f"_{letter}") for name in names)]
-    hues = chosen_hues()
-    handles = [Line2D([], [], color=hues.detectors[letter]) for letter in letters]
-    handles += [Line2D([], [], color=hues.axes[name], ls=DASHES[name]) for name in axes]
-    texts = [f"detector {letter.upper()}" for letter in letters]
-    texts += [style.component_label(name) for name in axes]
-    style.legend_below(picture, handles, texts, min(len(texts), 5))
-
-
-def hue_of(column: str) -> str:
-    """Return the hue of a column's detector or axis: "psi_a_mm", "roll_mrad"."""
+def line_of(column: str) -> dict[str, Any]:
+    """Return hue and dash of a column's detector or axis: "psi_a_mm", "roll_mrad"."""
     name = column.rpartition("_")[0]
     hues = chosen_hues()
-    return hues.axes[name] if name in hues.axes else hues.detectors[name[-1]]
+    hue = hues.axes[name] if name in hues.axes else hues.detectors[name[-1]]
+    return {"color": hue, "ls": DASHES.get(name, "-")}
 
 
-def dash_of(column: str) -> str:
-    return DASHES.get(column.rpartition("_")[0], "-")
+def words_of(column: str) -> str:
+    """Return the axis or the detector of a column in words."""
+    name = column.rpartition("_")[0]
+    return style.component_label(name) if name in POSE else f"detector {name[-1].upper()}"
 
 
 def group_channels(channels: list[Channel]) -> dict[str, list[Channel]]:
