@@ -48,12 +48,6 @@ def unit_of(name: str) -> AxisUnit:
     return ANGLE if name in ANGLES else LENGTH
 
 
-def column_label(column: str) -> str:
-    """Label a picture's axis by a table's column: "range_roll_mrad" is "range roll, mrad"."""
-    words, _, unit = column.rpartition("_")
-    return f"{words.replace('_', ' ')}, {write_micro(unit)}"
-
-
 def write_micro(unit: str) -> str:
     """Write the unit of a column or a key for people: "um" is "µm"."""
     return MICRO + unit[1:] if unit in ("um", "urad", "uw", "uW") else unit

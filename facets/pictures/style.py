@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.hues import chosen_hues, chosen_style
-from ..core.units import Floats, column_label, write_micro
+from ..core.units import Floats
 from ..core.units import unit_of as unit_of
 from ..files.tables import Whole
 
@@ -56,9 +56,6 @@ WORDS = {
     "tx": "shift in x", "ty": "shift in y", "tz": "shift in z", "roll": "roll", "pitch": "pitch",
     "yaw": "yaw", "bx": "beam in x", "by": "beam in y",
 }  # fmt: skip
-#: The first word of a measure's column, in words.
-MEASURES = {"u": "uncertainty of", "range": "range of"}
-OTHERS = {"head_mm": "diameter of the head, mm", "condition": "condition number"}
 
 
 def rules() -> dict[Any, Any]:
@@ -253,17 +250,6 @@ def name_lanes(panel: Axes, places: Iterable[float], names: Sequence[str], count
     panel.grid(visible=False, axis="y")
     panel.grid(visible=True, axis="x")
     panel.tick_params(axis="y", length=0)
-
-
-def measure_label(column: str) -> str:
-    """A measure of a design for a label: "u_roll_urad" is "uncertainty of roll, µrad"."""
-    if column in OTHERS:
-        return OTHERS[column]
-    kind, _, rest = column.partition("_")
-    name, _, unit = rest.partition("_")
-    if kind in MEASURES and name in WORDS and unit:
-        return f"{MEASURES[kind]} {WORDS[name]}, {write_micro(unit)}"
-    return column_label(column)
 
 
 def plain_log(axis: Any) -> None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ...characterization.sensitivity import Index
 from ...core.hues import chosen_hues
-from ...core.units import Booleans, column_label
+from ...core.units import Booleans
 from .. import style
+from ..reports.wording import label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,14 +84,14 @@ def draw_designs(
     if hue:
         image = panel.scatter(front[x], front[y], 34, c=front[hue[0]], lw=1.1, ec=hues.ink,
                               label="beaten by none", **options)  # fmt: skip
-        style.colour_bar(part, image, panel, style.measure_label(hue[0]), aspect=28)
+        style.colour_bar(part, image, panel, label(hue[0]), aspect=28)
     else:
         panel.plot(front[x], front[y], "o-" if is_line else "o", ms=5, color=hues.accent,
                    label="beaten by none")  # fmt: skip
     if present is not None and np.isfinite([present[x], present[y]]).all():
         panel.plot(present[x], present[y], "*", ms=13, color=hues.series[1], mec=hues.ground,
                    mew=0.8, ls="", label="as it is")  # fmt: skip
-    panel.set(xlabel=style.measure_label(x), ylabel=style.measure_label(y))
+    panel.set(xlabel=label(x), ylabel=label(y))
 
 
 def draw_indices(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
@@ -104,19 +105,15 @@ def draw_indices(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
             [by_variable[name].value for name in variables], places,
             xerr=[by_variable[name].half for name in variables], fmt=MARKS[n % len(MARKS)], ms=4.5,
             color=hues.series[n % len(hues.series)], elinewidth=1.2,
-            label=objective_words(objective),
+            label=label(objective).partition(", ")[0],
         )  # fmt: skip
     for n in range(1, len(variables)):
         panel.axhline(n - 0.5, color=hues.rule, lw=0.7)
     panel.axvline(0, color=hues.soft, lw=0.8)
-    names = [column_label(name) for name in variables]
+    names = [label(name) for name in variables]
     style.name_lanes(panel, range(len(names)), names, len(names))
     panel.set_xlabel("first-order Sobol index, with its 95 % interval")
     style.panels_legend(panel.figure, [panel], min(len(indices), 3))
-
-
-def objective_words(objective: str) -> str:
-    return style.measure_label(objective).rpartition(", ")[0] or objective
 
 
 def pareto_picture(
@@ -149,6 +146,6 @@ def draw_price(panel: Axes, table: Table, first: str, other: str, is_line: bool)
         style.plain_log(panel.yaxis)
     else:
         style.say(panel, "no price is known between the ends of the front")
-    units = [style.measure_label(name).rpartition(", ")[2] for name in (first, other)]
-    panel.set(xlabel=style.measure_label(other), ylabel=f"price, {units[0]} for 1 {units[1]}")
-    panel.set_title(f"{objective_words(first)}, its price")
+    units = [label(name).rpartition(", ")[2] for name in (first, other)]
+    panel.set(xlabel=label(other), ylabel=f"price, {units[0]} for 1 {units[1]}")
+    panel.set_title(f"{label(first).partition(', ')[0]}, its price")

@@ -7,14 +7,17 @@ from collections.abc import Sequence
 from textwrap import wrap
 
 from ...core.names import DETECTORS
-from ..style import WORDS, measure_label
+from ..style import WORDS
 
 #: Measures whose columns need an explanation.
 LABELS = {
+    "head_mm": "diameter of the head, mm",
     "room_mm": "least clearance of a spot, mm",
     "least_power_mw": "least power on a detector, mW",
     "condition": "condition number",
 }
+#: The first word of a measure's column, in words.
+MEASURES = {"u": "uncertainty of", "range": "range of"}
 #: Units by the ending of a column's name.
 UNITS = {"mm": "mm", "um": "µm", "mrad": "mrad", "urad": "µrad", "deg": "deg", "mw": "mW",
          "uw": "µW", "percent": "%"}  # fmt: skip
@@ -42,10 +45,11 @@ def label(key: str) -> str:
     name, _, unit = key.rpartition("_")
     if key in LABELS or unit not in UNITS:
         return LABELS.get(key, key.replace("_", " "))
-    if name in WORDS:
-        return f"{WORDS[name]}, {UNITS[unit]}"
-    words = [LETTERS.get(word, word) for word in measure_label(key).rpartition(", ")[0].split()]
-    return f"{' '.join(words)}, {UNITS[unit]}"
+    kind, _, axis = name.partition("_")
+    if kind in MEASURES and axis in WORDS:
+        return f"{MEASURES[kind]} {WORDS[axis]}, {UNITS[unit]}"
+    words = WORDS.get(name) or " ".join(LETTERS.get(word, word) for word in name.split("_"))
+    return f"{words}, {UNITS[unit]}"
 
 
 def lines_of(text: str) -> list[str]:
