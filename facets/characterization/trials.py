@@ -29,7 +29,7 @@ from ..estimation.solution import Solution, Status, root_of_covariance
 from ..estimation.solver import solve_each, solve_question
 from ..model.arrays import EFFECTS, effects, parameters, readings
 from ..model.beam_shape import OF_SHAPE, SHAPE, axes_of_shapes, shape_of
-from ..model.varied import VariedSensors
+from ..model.many import VariedSensors
 from ..optics.forward import PARAMETERS
 from .resolution import Estimator, resolve
 

@@ -16,7 +16,8 @@ from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..detectors.noise import electrode_currents, largest_current, standard_deviations
 from ..model.arrays import parameters, sensor_with
-from ..model.many import evaluate, pack_all
+from ..model.many import evaluate
+from ..model.packing import pack_rows
 from ..optics.forward import Geometry, sub_beam_height
 from ..scalars.nesting import leaves
 
@@ -72,7 +73,7 @@ def outcome_of(
     for i, values in enumerate(state):
         states[..., i] = values
     shape, owner = states.shape[:2], np.repeat(np.arange(count), states.shape[1])
-    vectors, states = pack_all(fixed, count), states.reshape(-1, 8)
+    vectors, states = pack_rows(fixed, count), states.reshape(-1, 8)
     reading = evaluate("readings", vectors, owner, states)
     matrices = evaluate("derivatives", vectors, owner, states)
     sigma, headrooms = noise_of(sensor, reading.reshape(*shape, 9), sizes, gain)

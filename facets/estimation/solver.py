@@ -22,8 +22,8 @@ from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import as_rows, as_vectors, packed_vectors
 from ..model.blocks import SINGLE, lanes
+from ..model.many import VariedSensors
 from ..model.threads import Pool, part_of, share
-from ..model.varied import VariedSensors
 from . import blocks, problem
 from .blocks import KeptBlocks, estimate, find_code, needs_exactness
 from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful

@@ -15,8 +15,7 @@ else:
                 "replace_effects sensor_with spot_size"
             ),
             "beam_shape": "axes_of shape_derivatives shape_of",
-            "many": "evaluate vectors_of",
+            "many": "VariedSensors evaluate vectors_of",
             "threads": "once share",
-            "varied": "VariedSensors",
         },
     )

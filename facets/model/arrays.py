@@ -228,8 +228,8 @@ def readings(
     state
         States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
     irradiance
-        "paper" evaluates Eqs. (7) to (9) as printed, by quadrature, for comparison: Eq. (8) leaves
-        out a cross term and is exact only for a level sub-beam. Slow.
+        "paper" evaluates Eqs. (7) to (9) as printed, for comparison: Eq. (8) leaves out a cross
+        term and is exact only for a level sub-beam. Slow.
     threads
         Number of threads that share the states; 0 for all cores.
     out

@@ -37,24 +37,20 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
 
     Raises `InputError` where no beam has that shape.
     """
-    xx, yy, xy = shape
-    middle, half = (xx + yy) / 2, float(np.hypot((xx - yy) / 2, xy))
-    if not middle - half > 0:
+    (axes,) = axes_of_shapes(np.reshape(shape, (1, 3)), near).tolist()
+    if not min(axes[:2]) > 0:
+        xx, yy, xy = shape
         raise InputError(f"no beam has a cross-section of covariance {xx:g}, {yy:g}, {xy:g} mm^2")
-    if half < 1e-12 * middle:
-        return 4 * float(np.sqrt(middle)), 4 * float(np.sqrt(middle)), near
-    turn = float(np.arctan2(xy, (xx - yy) / 2)) / 2
-    quarters = round((near - turn) / (np.pi / 2))
-    long, short = 4 * float(np.sqrt(middle + half)), 4 * float(np.sqrt(middle - half))
-    turn += quarters * np.pi / 2
-    return (long, short, turn) if quarters % 2 == 0 else (short, long, turn)
+    return axes[0], axes[1], axes[2]
 
 
 def axes_of_shapes(shapes: Floats, near: float) -> Floats:
     """`axes_of` shapes (n, 3): (n, 3); NaN where no beam has that shape."""
     xx, yy, xy = shapes.T
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    turn = np.arctan2(xy, (xx - yy) / 2) / 2
+    is_round = half < 1e-12 * middle
+    turn = np.where(is_round, near, np.arctan2(xy, (xx - yy) / 2) / 2)
+    half = np.where(is_round, 0.0, half)
     quarters = np.round((near - turn) / (np.pi / 2))
     with np.errstate(invalid="ignore"):
         long, short = 4 * np.sqrt(middle + half), 4 * np.sqrt(middle - half)

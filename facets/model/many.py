@@ -1,18 +1,24 @@
-"""The model of many sensors, each at its own states, in one call.
+"""Many sensors that differ in their parameters, for compiled code in one call.
 
-For ideal light that nothing cuts. Sensors are rows of their 30 parameters, which `vectors_of`
-converts to vectors all at once; the results have the same bits as those of `arrays`.
+The optics makes the sensors' vectors from arrays of parameters, as it makes one sensor's from
+numbers. `evaluate` gives the model of each sensor at its own states, for ideal light that nothing
+cuts, with the same bits as `arrays`; the solver takes `VariedSensors`, one for each reading.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
-from ..optics.forward import Geometry, build_geometry
-from ..scalars.nesting import leaves
+from ..optics.effects import LightEffects
+from ..optics.forward import build_geometry
+from . import packing
+from .arrays import effects, group_by_field, openings, options, replace_effects, sensor_with
 from .blocks import address_of, kernel, lanes
-from .packing import EXAMPLE
+from .kinds import block_kind, lit_kind
 
 #: The shape of a kernel's result at a state.
 SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
@@ -20,24 +26,7 @@ SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
 
 def vectors_of(parameters: Floats) -> Floats:
     """`packing.pack` of each row of 30 parameters: (n, m)."""
-    columns = tuple(np.ascontiguousarray(parameters.T)[:, :, None])
-    return pack_all(build_geometry(columns), len(parameters))
-
-
-#: The parts of packed vectors that follow those that depend on the 30 parameters.
-VARIED = 7
-REST = np.array([number + 0.0 for number in leaves(EXAMPLE[VARIED:])])
-
-
-def pack_all(vectors: Geometry, count: int) -> Floats:
-    """`packing.pack` of several sensors (n, m), whose vectors are floats or columns (n, 1)."""
-    numbers = list(leaves(vectors[:VARIED]))
-    packed = np.empty((count, len(numbers) + len(REST)))
-    for i, number in enumerate(numbers):
-        packed[:, i : i + 1] = number
-    packed[:, : len(numbers)] += 0.0
-    packed[:, len(numbers) :] = REST
-    return packed
+    return packing.pack_rows(build_geometry(tuple(parameters.T)), len(parameters))
 
 
 def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Floats:
@@ -63,3 +52,44 @@ def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Flo
     ):
         code(*arguments)
     return results[: len(states)]
+
+
+class VariedSensors(NamedTuple):
+    """Sensors that differ in their parameters.
+
+    sensor: its other properties are those of all sensors.  parameters: (n, 30) in the order of
+    `facets.PARAMETERS`.  effects: (n, 36) numbers of the light in the order of `EFFECTS`; None if
+    all have the light of `sensor`.
+    """
+
+    sensor: Sensor
+    parameters: Floats
+    effects: Floats | None
+
+    @property
+    def kind(self) -> str | None:
+        """The kind of light of the formulas for blocks; None where blocks do not support it."""
+        if self.effects is None or self.sensor.apertures.cut:
+            return block_kind(self.sensor)
+        return lit_kind(self.sensor)
+
+    def rows(self, which: slice | Floats) -> VariedSensors:
+        some = None if self.effects is None else self.effects[which]
+        return VariedSensors(self.sensor, self.parameters[which], some)
+
+    def pack(self, kind: str) -> Floats:
+        """The vectors of each sensor, as compiled code for this kind of light takes them."""
+        light, numbers = None, self.effects
+        if kind != "plain":
+            if numbers is None:
+                numbers = effects(self.sensor)[None]
+            columns = [row[0] if (row == row[0]).all() else row for row in numbers.T]
+            light = LightEffects(group_by_field(columns), options(self.sensor))
+        with np.errstate(invalid="ignore", divide="ignore"):  # an impossible sensor gives no pose
+            vectors = build_geometry(tuple(self.parameters.T), openings(self.sensor), light)
+        return packing.pack_rows(vectors, len(self.parameters), packing.row_size(kind))
+
+    def one(self, row: int) -> Sensor:
+        """The sensor of a row.  Raises `InputError` if it is impossible."""
+        made = sensor_with(self.sensor, self.parameters[row].tolist())
+        return made if self.effects is None else replace_effects(made, self.effects[row])

@@ -32,12 +32,15 @@ def row_size(kind: str) -> int:
     return PACKED if kind in LIT else len(list(leaves(PLAIN[:-2])))
 
 
-def pack_rows(vectors: Geometry, kind: str, count: int) -> np.ndarray:
-    """Pack the vectors of several sensors, arrays (count,) or numbers that all have in common, into
-    rows (count, `row_size`)."""
-    rows = np.empty((count, row_size(kind)))
-    for n, numbers in zip(range(rows.shape[1]), leaves(vectors), strict=False):
-        rows[:, n] = numbers
+def pack_rows(vectors: Geometry, count: int, width: int = PACKED) -> np.ndarray:
+    """The first `width` numbers of `pack` for several sensors, in rows (count, width).
+
+    vectors: of numbers that all sensors have in common, and of columns with one for each.
+    """
+    rows = np.empty((count, width))
+    for n, number in zip(range(width), leaves(vectors), strict=False):
+        rows[:, n] = np.ravel(number)
+    rows += 0.0
     return rows
 
 
