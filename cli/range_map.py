@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from facets import characterization, pictures
+from facets.core.names import POSE
 
 from .console import INTERRUPTED, draw_beside, load_config, track
 from .options import (
@@ -29,7 +30,7 @@ from .options import (
 )
 from .options.places import choose_point, displacement_at, object_rules, pair_of
 from .results import ResultFolder
-from .sentences.ranges import report_axes, report_calls, report_outline
+from .sentences.ranges import report_axes, report_outline
 
 if TYPE_CHECKING:
     from facets.characterization.outlines import Boundary
@@ -97,7 +98,7 @@ def range_map(
     """
     settings = choose_point(load_config(config), point)
     rules = object_rules(settings, track)
-    pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
+    pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE, 2))
     pose = displacement_at(settings, at)
     names = [f"outlines.{table.value}", f"range.{plot.value}", "run.yaml"]
     results = ResultFolder(output_folder(folder, settings.name, "range"), names, force)
@@ -105,32 +106,23 @@ def range_map(
     boundaries = trace_all(settings, rules, pairs, pose)
     for boundary in boundaries:
         report_outline(settings, rules, boundary, grid)
-    with results.publish(settings):
-        write(results, rules, boundaries, inside)
-    report_calls(boundaries, results.seconds)
+    with results.publish(settings) as (outlines, picture, _):
+        results.write_table(outlines, characterization.tables.outline_columns(boundaries))
+        maps = map_all(settings, rules, boundaries, inside) if inside else []
+        draw_beside(picture, pictures.ranges.ranges_picture, boundaries, maps)
+        traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
+        results.write_record({"tracking": rules.tracking, "points": traced})
     results.name()
     if len(boundaries) < len(pairs):
         raise typer.Exit(INTERRUPTED)
 
 
-POSE_NAMES = tuple(name.value for name in Inside if name is not Inside.condition)
-
-
-def write(
-    results: ResultFolder, rules: Rules, boundaries: list[Boundary], inside: Inside | None
-) -> None:
-    """Write outlines, picture and record, in that order."""
-    outlines, picture, _ = results.paths
-    results.write_table(outlines, characterization.tables.outline_columns(boundaries))
-    sensor = results.settings.sensor
-    maps = (
-        [characterization.outlines.map_inside(sensor, rules, b, inside) for b in boundaries]
-        if inside
-        else []
-    )
-    draw_beside(picture, pictures.ranges.ranges_picture, boundaries, maps)
-    traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
-    results.write_record({"tracking": rules.tracking, "points": traced})
+def map_all(
+    settings: Config, rules: Rules, boundaries: list[Boundary], inside: Inside
+) -> list[Any]:
+    """Map a quantity inside each outline."""
+    map_inside = characterization.outlines.map_inside
+    return [map_inside(settings.sensor, rules, boundary, inside) for boundary in boundaries]
 
 
 def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[Boundary]:

@@ -51,7 +51,7 @@ def outline(table: Table, first: str, second: str) -> Boundary:
     units = np.array([unit_of(first)[1], unit_of(second)[1]])
     points = np.stack([table["first_place"][rows], table["second_place"][rows]], axis=1) / units
     causes = [CAUSES.index(cause) for cause in table["cause"][rows]]
-    return Boundary((first, second), np.zeros(6), points, np.array(causes), 0)
+    return Boundary((first, second), np.zeros(6), points, np.array(causes))
 
 
 def symmetric_range(table: Table, first: str, second: str, axis: int) -> float:

@@ -46,14 +46,12 @@ class Boundary:
     `start` (6,); places of the pose, or of the displacement of `object`.
 
     causes: (n,) why the range ends between each point and the next; -1 where the search ended.
-    calls: of the model.
     """
 
     axes: tuple[str, str]
     start: Floats
     points: Floats
     causes: NDArray[np.int64]
-    calls: int
     object: MeasuredObject | None = None
 
     def poses(self, points: Floats) -> Floats:
@@ -65,11 +63,6 @@ class Boundary:
         """Width and height of the outline."""
         size: Floats = np.ptp(self.points, axis=0)
         return size
-
-    @property
-    def grid_calls(self) -> float:
-        """Number of model calls of a grid with the same resolution over the same extent."""
-        return float(np.prod(self.extent / tolerances(self.axes)))
 
 
 def poses_on_axes(start: Floats, axes: Sequence[str], points: Floats) -> Floats:
@@ -150,43 +143,40 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
     reach = np.array([FARTHEST_MM_RAD[column] for column in columns])
     fine = tolerances(axes)
 
-    def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any, int]:
+    def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any]:
         rays = np.zeros((len(angles), 6))
         rays[:, columns] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * scale
         exits = find_exits(sensor, rules, pose, rays, precise)
-        return exits.distance[:, None] * rays[:, columns], exits.cause, exits.calls
+        return exits.distance[:, None] * rays[:, columns], exits.cause
 
-    ends, _, calls = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
+    ends, _ = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
     scale = 4 * np.abs(ends).max(axis=0)  # a nearly round outline, inside the ends of the rays
-    points, causes, more = refine_outline(follow, scale, fine)
-    calls += more
+    points, causes = refine_outline(follow, scale, fine)
     while (causes < 0).any() and (scale < reach).any():  # a long range between the two axes
         scale = 2 * scale
-        points, causes, more = refine_outline(follow, scale, fine)
-        calls += more
+        points, causes = refine_outline(follow, scale, fine)
     poses = poses_on_axes(pose, axes, (points[:-1] + points[1:]) / 2)
     between = clearances(sensor, poses, rules).argmin(axis=1)
     ended = (causes[:-1] < 0) & (causes[1:] < 0)
     causes = np.where(ended, -1, between)
-    return Boundary(axes, pose, points[:-1], causes, calls + len(poses), rules.object)
+    return Boundary(axes, pose, points[:-1], causes, rules.object)
 
 
 def refine_outline(
-    follow: Callable[[Floats, Floats, float], tuple[Floats, Any, int]], scale: Floats, fine: Floats
-) -> tuple[Floats, Any, int]:
-    """Points of an outline from rays of the lengths `scale`, with their causes and the number of
-    model calls; rays are added until chords between points are within the tolerances `fine`.
+    follow: Callable[[Floats, Floats, float], tuple[Floats, Any]], scale: Floats, fine: Floats
+) -> tuple[Floats, Any]:
+    """Points of an outline from rays of the lengths `scale`, with their causes; rays are added until
+    chords between points are within the tolerances `fine`.
 
-    follow: points, causes and calls of rays by their angles, lengths and tolerance.
+    follow: points and causes of rays by their angles, lengths and tolerance.
     """
     precise = float((fine / scale).min()) / 10
     angles = np.arange(33) * np.pi / 16
-    points, causes, calls = follow(angles, scale, precise)
+    points, causes = follow(angles, scale, precise)
     open_ = np.arange(32)  # segments whose middle has not been examined
     while len(open_) and len(angles) < 20_000:
         middle = (angles[open_] + angles[open_ + 1]) / 2
-        between, why, more = follow(middle, scale, precise)
-        calls += more
+        between, why = follow(middle, scale, precise)
         away = chord_distance(between / fine, points[open_] / fine, points[open_ + 1] / fine)
         split = (away > 1) & (np.diff(angles)[open_] > 1e-9)
         where = open_ + 1
@@ -194,7 +184,7 @@ def refine_outline(
         causes = np.insert(causes, where, why)
         first = open_[split] + np.flatnonzero(split)  # numbers after the insertion
         open_ = np.sort(np.concatenate([first, first + 1]))
-    return points, causes, calls
+    return points, causes
 
 
 def chord_distance(point: Floats, a: Floats, b: Floats) -> Floats:
@@ -220,12 +210,14 @@ def cause_grid(
     return x, y, cause.reshape(count, count)
 
 
-def encloses(boundary: Boundary, points: Floats) -> NDArray[np.bool_]:
-    """Whether the outline encloses each of points (n, 2)."""
+def count_grid_differences(sensor: Sensor, rules: Rules, boundary: Boundary, count: int) -> int:
+    """Number of the places of `cause_grid` that are on another side of the outline than of the
+    range."""
     from matplotlib.path import Path
 
-    within: NDArray[np.bool_] = Path(boundary.points).contains_points(points)
-    return within
+    x, y, cause = cause_grid(sensor, rules, boundary, count)
+    within = Path(boundary.points).contains_points(grid_points(x, y))
+    return int((within != (cause.ravel() < 0)).sum())
 
 
 def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:

@@ -185,11 +185,10 @@ def fine_slopes(states: Floats, body: MeasuredObject | None) -> Floats | None:
 
 
 class Exits(NamedTuple):
-    """Where rays leave the range: distance, number of the cause (-1: none), model calls."""
+    """Where rays leave the range: distance, number of the cause (-1: none)."""
 
     distance: Floats
     cause: NDArray[np.int64]
-    calls: int
 
 
 #: Number of steps that are examined at once, and shares of the farthest distance at which a ray is
@@ -245,20 +244,13 @@ def first_exits(
     """
     from scipy.optimize.elementwise import find_root
 
-    calls = 0
-
-    def examine(distance: Floats, ray: Integers) -> Floats:
-        nonlocal calls
-        calls += distance.size
-        return margins_at(distance, ray)
-
     def least(distance: Floats, ray: Integers) -> Floats:
-        return least_of_rows(examine(distance.ravel(), ray.ravel())).reshape(distance.shape)
+        return least_of_rows(margins_at(distance.ravel(), ray.ravel())).reshape(distance.shape)
 
     def look(distance: Floats, ray: Integers) -> Floats:
         """Examine places (n,): columns RAY to CAUSE, then heights and slopes of the margins."""
         beside = np.stack([distance, distance + tolerance], axis=1).ravel()
-        margins = examine(beside, np.repeat(ray, 2)).reshape(len(ray), 2, -1)
+        margins = margins_at(beside, np.repeat(ray, 2)).reshape(len(ray), 2, -1)
         signs = np.ones(len(ray)) if signs_at is None else signs_at(distance, ray)
         with np.errstate(invalid="ignore", over="ignore"):
             height = np.expm1(margins)
@@ -291,7 +283,7 @@ def first_exits(
             continue
         place, ray = doubtful_places(rows, tolerance)
         examined = [rows, look(place, ray)] if len(ray) else []
-    return Exits(np.minimum(ends, 1.0), causes, calls)
+    return Exits(np.minimum(ends, 1.0), causes)
 
 
 def is_outside(rows: Floats) -> NDArray[np.bool_]:
