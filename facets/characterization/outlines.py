@@ -165,8 +165,8 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
 def refine_outline(
     follow: Callable[[Floats, Floats, float], tuple[Floats, Any]], scale: Floats, fine: Floats
 ) -> tuple[Floats, Any]:
-    """Points of an outline from rays of the lengths `scale`, with their causes; rays are added until
-    chords between points are within the tolerances `fine`.
+    """Points of an outline from rays of the lengths `scale`, with their causes; rays are added
+    until chords between points are within the tolerances `fine`.
 
     follow: points and causes of rays by their angles, lengths and tolerance.
     """

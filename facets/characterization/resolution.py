@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
-from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
+from ..core.knowledge import Knowledge, Prior
 from ..core.rigid_body import MeasuredObject, displacement_slopes
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -38,47 +38,30 @@ CALIBRATION = "calibration"
 
 
 class Estimator(NamedTuple):
-    """The readings and the knowledge of the beam for a solution, with a name for tables.
+    """The knowledge of the beam and the readings for a solution, with a name for tables.
 
-    beam: knowledge of the position: "free", "known" or a `Prior` as in `Knowledge`, or its standard
-    uncertainty along x and y, mm; 0: known exactly; infinite: free.  eight: omits the last power,
-    as the paper's inversion does.  power: "known", "unknown" or a `Prior` as in `Knowledge`; or
-    whether it is known.
+    eight: omits the last power, as the paper's inversion does.
     """
 
     name: str
-    beam: BeamKnowledge | float
+    knowledge: Knowledge
     eight: bool = False
-    power: PowerKnowledge | bool = True
-
-    @property
-    def knowledge(self) -> Knowledge:
-        """Knowledge of the beam.  Raises `InputError` for invalid values."""
-        beam: Any = self.beam
-        if not isinstance(beam, str | Prior):
-            if not as_floats(beam, "the estimator's beam") >= 0:
-                raise InputError(
-                    f"the estimator's beam is {beam}; allowed: 0 mm or more, or infinite"
-                )
-            beam = {0.0: "known", np.inf: "free"}.get(beam) or Prior((0.0, 0.0), beam)
-        words: dict[Any, PowerKnowledge] = {True: "known", False: "unknown"}
-        power = words[self.power] if isinstance(self.power, bool) else self.power
-        return Knowledge(beam=beam, power=power)
 
 
 def estimators(beam_sigma: float) -> list[Estimator]:
     """The paper's estimator, and ours with increasing knowledge of the beam."""
+    within = Knowledge(Prior((0.0, 0.0), beam_sigma))
     return [
-        Estimator("paper: 8 readings", np.inf, eight=True),
-        Estimator("beam free", np.inf),
-        Estimator(f"beam within {1000 * beam_sigma:g} µm", beam_sigma),
-        Estimator("beam known", 0.0),
+        Estimator("paper: 8 readings", Knowledge(), eight=True),
+        Estimator("beam free", Knowledge()),
+        Estimator(f"beam within {1000 * beam_sigma:g} µm", within),
+        Estimator("beam known", Knowledge("known")),
     ]
 
 
-def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[str, ...]:
+def sources(sensor: Sensor, knowledge: Knowledge) -> tuple[str, ...]:
     """Sources of the uncertainty: the columns of a budget."""
-    known = () if how is None or not isinstance(how.power, Prior) else ("beam power",)
+    known = ("beam power",) if isinstance(knowledge.power, Prior) else ()
     calibration = (CALIBRATION,) if sensor.calibration else ()
     return (*noise_sources(sensor), "beam position", *known, *calibration)
 
@@ -374,18 +357,8 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
             for states in (along_axes, in_box)
         )
         at_rest = budgets(sensor, rest, how, body)[0]
+        parts = sources(sensor, how.knowledge)
         resolutions.append(
-            Resolution(
-                how,
-                sources(sensor, how),
-                along_axes,
-                in_box,
-                at_rest,
-                at_axes,
-                at_box,
-                box,
-                freedom,
-                body,
-            )
+            Resolution(how, parts, along_axes, in_box, at_rest, at_axes, at_box, box, freedom, body)
         )
     return resolutions

@@ -125,7 +125,7 @@ def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Fl
     """States (8,) by their names: rest, and where each axis is worst known in its own range,
     except at rest."""
     knowledge = options.knowledge(sensor)
-    how = Estimator("solve", knowledge.beam, eight=options.method == "paper", power=knowledge.power)
+    how = Estimator("solve", knowledge, eight=options.method == "paper")
     worst = resolve(sensor, rules, [how])[0].worst_state
     worst_by_name = {
         f"where {POSE[n]} is worst": state for n, state in enumerate(worst) if state.any()

@@ -76,7 +76,7 @@ def test_uncertainties_are_those_of_the_solver_at_the_point():
 @pytest.mark.slow
 def test_the_worst_pose_is_in_the_range_of_the_object():
     rules = replace(CONFIG.range, object=SIDE)
-    (row,) = resolve(SENSOR, rules, [Estimator("", np.inf)])
+    (row,) = resolve(SENSOR, rules, [Estimator("", facets.Knowledge())])
     again = facets.uncertainties(SENSOR, row.worst_state, row.how, SIDE)
     np.testing.assert_array_equal(again.diagonal(), row.worst)
     ends = [axis.symmetric / 2 for axis in facets.axis_ranges(SENSOR, rules, REST)]

@@ -22,14 +22,17 @@ PLACES[3, 3:6] = 5e-3, -4e-3, 8e-3
 PLACES[4, [0, 1, 6, 7]] = -0.1, 0.08, 0.02, -0.03
 
 POWER = facets.Prior(SENSOR.beam.power, 0.01)
-#: What is known, as an estimator with sizes or in words, and the solver's arguments for it.
+#: What is known, and the solver's arguments for it.
 WAYS = {
     "free": (Knowledge(), {}),
-    "paper": (Estimator("paper", np.inf, eight=True), {"method": "paper"}),
-    "within 5 um": (Estimator("prior", 0.005), {"beam": facets.Prior(PLACES[:, 6:], 0.005)}),
-    "known": (Estimator("known", 0.0), {"beam": facets.Prior(PLACES[:, 6:], 0.0)}),
+    "paper": (Estimator("paper", Knowledge(), eight=True), {"method": "paper"}),
+    "within 5 um": (
+        Knowledge(facets.Prior((0, 0), 0.005)),
+        {"beam": facets.Prior(PLACES[:, 6:], 0.005)},
+    ),
+    "known": (Knowledge("known"), {"beam": facets.Prior(PLACES[:, 6:], 0.0)}),
     "free; power unknown": (
-        Estimator("", np.inf, power=False),
+        Knowledge(power="unknown"),
         {"power": "unknown", "accept_unchecked": True},
     ),
     "free; power within 10 uW": (
@@ -49,7 +52,7 @@ def test_propagation_gives_the_solvers_own_covariance(name, known):
     ours = uncertainties(sensor, PLACES, how)
     assert solution.uncertainty[:, :6] == pytest.approx(ours, rel=1e-9)
     budget = budgets(sensor, PLACES, how)
-    assert budget.shape[-1] == len(sources(sensor, how))
+    assert budget.shape[-1] == len(sources(sensor, getattr(how, "knowledge", how)))
     assert (budget >= 0).all()
     assert np.sqrt(budget.sum(axis=2)) == pytest.approx(ours)
     # a beam that is not known, or exactly, has no part

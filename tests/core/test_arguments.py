@@ -16,7 +16,7 @@ CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor
 REST = np.zeros(8)
 READING = facets.readings(SENSOR, REST)
-FREE = facets.Estimator("free", np.inf)
+FREE = facets.Estimator("free", facets.Knowledge())
 
 #: Every public function of an array of numbers, with what it takes.
 OF_STATES = {
