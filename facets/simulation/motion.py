@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from functools import singledispatch
 from pathlib import Path
 
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.motions import Motion, Runs, Sine, Steps, Sweep, Table, Vibration
+from ..core.motions import Motion, Random, Sine, Steps, Sweep, Table, Vibration
 from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.settings import Config
 from ..core.units import Floats
@@ -25,34 +26,63 @@ def find_motion(config: Config, name: str) -> Motion:
     return config.motions[name]
 
 
+@singledispatch
 def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions and
     forces."""
-    if isinstance(motion, Table):
-        time, state = read_motion_table(motion.file, motion.rate)
-        if motion.samples_per_step == 1:
-            return time, state
-        refuse_times(motion)
-        state = np.repeat(state, motion.samples_per_step, axis=0)
-        return np.arange(len(state)) / motion.rate, state
-    if isinstance(motion, Runs):
-        return run_states(motion, rng)
-    time = np.arange(motion.samples) / motion.rate
-    if isinstance(motion, Steps):
-        places = np.linspace(motion.start, motion.stop, motion.steps)
-        return time, np.repeat(places, motion.samples_per_step, axis=0)
-    if isinstance(motion, Sweep):
-        return time, np.linspace(motion.start, motion.stop, motion.samples)
-    centre = np.array(motion.centre)
-    if isinstance(motion, Vibration):
-        moved = shake(motion, rng)[1]
-        return time, centre + np.pad(moved, ((0, 0), (0, 2)))
-    if isinstance(motion, Sine):
-        share = np.arange(motion.samples)[:, None] / motion.samples
-        angle = 2 * np.pi * np.array(motion.cycles) * share + np.array(motion.phase)
-        return time, centre + np.array(motion.amplitude) * np.sin(angle)
-    box = np.array(motion.box)
-    return time, rng.uniform(centre - box, centre + box, (motion.samples, 8))
+    raise TypeError(motion)
+
+
+states.register(run_states)
+
+
+@states.register
+def table_states(motion: Table, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    time, state = read_motion_table(motion.file, motion.rate)
+    if motion.samples_per_step == 1:
+        return time, state
+    refuse_times(motion)
+    state = np.repeat(state, motion.samples_per_step, axis=0)
+    return np.arange(len(state)) / motion.rate, state
+
+
+@states.register
+def step_states(motion: Steps, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    places = np.linspace(motion.start, motion.stop, motion.steps)
+    return np.arange(motion.samples) / motion.rate, np.repeat(
+        places, motion.samples_per_step, axis=0
+    )
+
+
+@states.register
+def sweep_states(motion: Sweep, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    return np.arange(motion.samples) / motion.rate, np.linspace(
+        motion.start, motion.stop, motion.samples
+    )
+
+
+@states.register
+def vibration_states(motion: Vibration, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    moved = shake(motion, rng)[1]
+    return np.arange(motion.samples) / motion.rate, np.array(motion.centre) + np.pad(
+        moved, ((0, 0), (0, 2))
+    )
+
+
+@states.register
+def sine_states(motion: Sine, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    share = np.arange(motion.samples)[:, None] / motion.samples
+    angle = 2 * np.pi * np.array(motion.cycles) * share + np.array(motion.phase)
+    waves = np.array(motion.amplitude) * np.sin(angle)
+    return np.arange(motion.samples) / motion.rate, np.array(motion.centre) + waves
+
+
+@states.register
+def random_states(motion: Random, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    centre, box = np.array(motion.centre), np.array(motion.box)
+    return np.arange(motion.samples) / motion.rate, rng.uniform(
+        centre - box, centre + box, (motion.samples, 8)
+    )
 
 
 def shaker_force(motion: Motion, rng: np.random.Generator) -> Floats | None:

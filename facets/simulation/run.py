@@ -27,7 +27,7 @@ from ..estimation.tally import Tally
 from ..estimation.zero import PoseColumns
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
-from .motion import shaker_force, states
+from .motion import find_motion, shaker_force, states
 from .reference import reference_columns, reference_poses
 
 
@@ -89,32 +89,35 @@ def read_detectors(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Readings (n, 9) of a simulated bench, whether spots reach their detectors (n, 3), and whether
     these are saturated (n, 3)."""
-    state = add_pointing_jitter(sensor, truth, rng) if noise else truth
-    drifts = noise and sensor.drift != Drift() and len(time) > 1
-    step = (time[-1] - time[0]) / max(len(time) - 1, 1)
-    if drifts:
-        shift, warmer = draw_beam_and_temperature(sensor, len(time), step, rng)
-        state = np.column_stack([state[:, :6], state[:, 6:] + shift])
-    exact = delayed_readings(sensor, time, truth, state)
-    if drifts:
-        exact = exact + draw_readings(sensor, exact, warmer, step, rng)
+    if not noise:
+        exact = delayed_readings(sensor, time, truth, truth)
+        seen = mask_missed_spots(sensor, exact, exact)
+    else:
+        exact = light_of_bench(sensor, time, truth, rng)
+        seen = add_noise(sensor, exact, rng)
     reached = is_on_detector(sensor, exact)
-    if noise and sensor.electronics and sensor.electronics.power_noise > 0:
-        share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
-        exact[:, 2::3] *= 1 + share
-    seen = add_noise(sensor, exact, rng) if noise else mask_missed_spots(sensor, exact, exact)
     # one that is dark reads nothing, either
     saturated = reached & np.isnan(seen[:, 2::3]) & (fullness(sensor, exact) > 0.5)
     return invert_correction(sensor, seen), reached, saturated
 
 
-def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
-    """Add the beam's pointing jitter to the true states."""
-    if sensor.electronics is None or sensor.electronics.pointing == 0:
-        return truth
-    state = truth.copy()
-    state[:, 6:] += sensor.electronics.pointing * rng.standard_normal((len(truth), 2))
-    return state
+def light_of_bench(sensor: Sensor, time: Floats, truth: Floats, rng: np.random.Generator) -> Floats:
+    """Places and powers (n, 9) of the spots, with the jitter of the laser and slow noise, before
+    they are read."""
+    electronics, count, state = sensor.electronics, len(time), truth.copy()
+    if electronics is not None and electronics.pointing > 0:
+        state[:, 6:] += electronics.pointing * rng.standard_normal((count, 2))
+    if sensor.drift == Drift() or count == 1:
+        exact = delayed_readings(sensor, time, truth, state)
+    else:
+        step = (time[-1] - time[0]) / (count - 1)
+        shift, warmer = draw_beam_and_temperature(sensor, count, step, rng)
+        state[:, 6:] += shift
+        exact = delayed_readings(sensor, time, truth, state)
+        exact = exact + draw_readings(sensor, exact, warmer, step, rng)
+    if electronics is not None and electronics.power_noise > 0:
+        exact[:, 2::3] *= 1 + electronics.power_noise * rng.standard_normal((count, 1))
+    return exact
 
 
 def reported_beam_place(
@@ -192,25 +195,26 @@ def simulate(
     ((401, 8), True)
     """
     names = list(motions) or list(config.motions)
-    unknown = [name for name in names if name not in config.motions]
-    if not config.motions:
+    if not names:
         raise InputError(f"{config.path}: has no motions; describe one in the block motions")
-    if unknown:
-        has = ", ".join(config.motions)
-        raise InputError(f"{config.path}: no motion {', '.join(unknown)}; its motions: {has}")
-    if seed is not None and seed < 0:
+    for name in names:
+        find_motion(config, name)
+    entropy = config.seed if seed is None else seed
+    if entropy < 0:
         raise InputError(f"seed is {seed}; allowed: 0 or more")
-    noisy = config.noise if noise is None else noise
-    streams = np.random.SeedSequence(config.seed if seed is None else seed)
-    children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
-    tally = Tally()
+    noisy, tally = config.noise if noise is None else noise, Tally()
     return [
         simulate_motion(
             Measurement(config, columns, tally=tally),
-            name, noisy, np.random.default_rng(children[name]), track,
+            name, noisy, generator_of(entropy, list(config.motions).index(name)), track,
         )
         for name in names
     ]  # fmt: skip
+
+
+def generator_of(entropy: int, number: int) -> np.random.Generator:
+    """The random numbers of the motion with a number."""
+    return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(number,)))
 
 
 def axes(segment: Segment, body: MeasuredObject = MIRROR) -> list[AxisErrors]:
