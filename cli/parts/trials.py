@@ -158,16 +158,13 @@ def show(where: str, result: PropagationResult) -> None:
     digits, undecided = result.validate()
     for i, name in enumerate(POSE):
         unit, place = core.units.unit_of(name), linear.pose[0, i]
-        ends = [
-            f"{unit.fine_factor * (interval.low[i] - place):.4g} "
-            f"{unit.fine_factor * (interval.high[i] - place):+.4g}"
-            for interval in (result.symmetric, result.shortest)
-        ]
-        cells = [*ends, describe(digits[i], undecided[i])] if result.is_stated else ["-"] * 3
+        low, high = (unit.fine_factor * (end[i] - place) for end in result.symmetric[:2])
+        ends, agreement = f"{low:.4g} {high:+.4g}", describe(digits[i], undecided[i])
+        cells = [ends, agreement] if result.is_stated else ["-"] * 2
         linear_end = f"±{unit.fine_factor * expanded[i]:.4g}"
         rows.append([f"{name} {unit.fine_unit}", linear_end, *cells])
     share = f"{100 * result.probability:g} %"
-    headings = ["", "linear", "trials", "shortest", "linear agrees to"]
+    headings = ["", "linear", "trials", "linear agrees to"]
     whose = "of the object's displacement " if linear.is_displacement else ""
     title = f"{share} coverage intervals {whose}{where}, {result.count:,} trials"
     show_table(title, headings, rows)

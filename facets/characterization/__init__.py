@@ -22,7 +22,7 @@ else:
             "ambiguity": "find_ambiguous_pair find_pair_in_box find_singular_state",
             "outlines": "Boundary map_inside",
             "pose_density": "density_at_rest",
-            "propagation": "MonteCarlo coverage_intervals propagate_distributions tolerance",
+            "propagation": "MonteCarlo coverage_interval propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",
             "resolution": "Estimator estimators resolve sources",
             "singularity": (

@@ -20,9 +20,8 @@ from ..core.sensor import Sensor
 from ..core.settings import Solve
 from ..core.units import Floats
 from ..estimation.object_pose import ObjectPose, transform
-from ..estimation.solution import Status
 from ..estimation.uncertainty import region_factor, require_probability
-from .trials import PART, TrialResults, linear_solution, solve_trials
+from .trials import PART, TrialResults, Trials
 
 #: Trials that have to lie beyond each end of an interval.
 FEWEST_BEYOND = 10
@@ -73,8 +72,8 @@ class PropagationResult:
         Poses of the trials, and how many have none.
     mean, covariance
         (6,), (6, 6) mean pose of the trials and its covariance.
-    symmetric, shortest
-        Coverage intervals: with equal probabilities beyond both ends, and the shortest.
+    symmetric
+        Coverage intervals, with equal probabilities beyond both ends.
     region_factor
         Coverage factor of the hyper-ellipsoid about the mean, from the trials.
     linear_region_factor
@@ -92,7 +91,6 @@ class PropagationResult:
     mean: Floats
     covariance: Floats
     symmetric: CoverageInterval
-    shortest: CoverageInterval
     region_factor: float
     linear_region_factor: float
     linear_region_probability: float
@@ -155,33 +153,18 @@ def require_trials(count: int, probability: float) -> None:
         )
 
 
-def interval_of(values: Floats, starts: Sequence[int], width: int) -> CoverageInterval:
-    """The interval from order statistic `starts` of each column of sorted values (m, 6) to that
-    `width` places on."""
-    count, columns = len(values), range(values.shape[1])
-    low, high = (np.array([values[s + more, c] for s, c in zip(starts, columns, strict=True)])
-                 for more in (0, width))  # fmt: skip
-    errors = np.empty((values.shape[1], 2))
-    for column, start in enumerate(starts):
-        for side, place in enumerate((start, start + width)):
-            share = (place + 1) / (count + 1)
-            step = max(1, round(np.sqrt(count * share * (1 - share))))
-            below, above = max(place - step, 0), min(place + step, count - 1)
-            errors[column, side] = (values[above, column] - values[below, column]) / 2
-    return CoverageInterval(low, high, errors)
-
-
-def coverage_intervals(
-    poses: Floats, probability: float
-) -> tuple[CoverageInterval, CoverageInterval]:
-    """The probabilistically symmetric and the shortest coverage intervals of poses (m, 6) (JCGM
-    101, 7.7)."""
-    values = np.sort(poses, axis=0)
-    count, width = len(values), int(probability * len(values) + 0.5)
-    middle = (count - width) // 2
-    lengths = values[width:] - values[: count - width]
-    least = lengths.argmin(axis=0).tolist()
-    return interval_of(values, [middle] * 6, width), interval_of(values, least, width)
+def coverage_interval(poses: Floats, probability: float) -> CoverageInterval:
+    """The probabilistically symmetric coverage intervals of poses (m, 6) (JCGM 101, 7.7)."""
+    values, count = np.sort(poses, axis=0), len(poses)
+    width = int(probability * count + 0.5)
+    errors = np.empty((6, 2))
+    ends = (count - width) // 2, (count - width) // 2 + width
+    for side, place in enumerate(ends):
+        share = (place + 1) / (count + 1)
+        step = max(1, round(np.sqrt(count * share * (1 - share))))
+        below, above = max(place - step, 0), min(place + step, count - 1)
+        errors[:, side] = (values[above] - values[below]) / 2
+    return CoverageInterval(values[ends[0]], values[ends[1]], errors)
 
 
 def mahalanobis(offsets: Floats, covariance: Floats) -> Floats:
@@ -229,33 +212,32 @@ def propagate_distributions(
     InputError
         If there are too few trials, or readings without noise at the state have no pose.
     """
-    count, probability = method.count, method.probability
-    require_trials(count, probability)
-    solved = linear_solution(sensor, options, state)
-    if not solved.converged.all():
-        raise InputError(
-            f"the readings without noise have no pose ({Status(int(solved.status[0])).label}) at "
-            f"the state {np.array2string(state, precision=6, separator=', ')}, mm and rad; choose "
-            "another pose"
-        )
+    require_trials(method.count, method.probability)
+    trials = Trials(sensor, options, state)
     zero = None if object is None else np.zeros(6)
-    linear = transform(solved, object, zero)
-    assert linear.covariance is not None
-    trials = solve_trials(sensor, options, state, count, method.seed, advance)
+    linear = transform(trials.linear_solution(), object, zero)
+    results = trials.solve(method.count, method.seed, advance)
     if object is not None:
-        parts = (trials.poses[n : n + PART] for n in range(0, len(trials.poses), PART))
+        parts = (results.poses[n : n + PART] for n in range(0, len(results.poses), PART))
         carried = [transform(part, object, zero).pose for part in parts]
-        trials = trials._replace(poses=np.concatenate([np.empty((0, 6)), *carried]))
-    poses = trials.poses
+        results = results._replace(poses=np.concatenate([np.empty((0, 6)), *carried]))
+    return summarise(state, method, linear, results)
+
+
+def summarise(
+    state: Floats, method: MonteCarlo, linear: ObjectPose, trials: TrialResults
+) -> PropagationResult:
+    """The distribution of the trials of a measurement at a state (8,), beside the linear result."""
+    assert linear.covariance is not None
+    poses, probability = trials.poses, method.probability
     freedom = float(np.nanmin(linear.degrees_of_freedom[0]))
     factor = region_factor(probability, 6, freedom)
-    if len(poses) < probability * count:
+    if len(poses) < probability * method.count:
         unknown, square = np.full(6, np.nan), np.full((6, 6), np.nan)
         none = CoverageInterval(unknown, unknown, np.full((6, 2), np.nan))
-        return PropagationResult(state, probability, linear, trials, unknown, square, none, none,
-                           np.nan, factor, np.nan, 0)  # fmt: skip
+        return PropagationResult(state, probability, linear, trials, unknown, square, none,
+                                 np.nan, factor, np.nan, 0)  # fmt: skip
     mean, covariance = poses.mean(axis=0), np.cov(poses.T)
-    symmetric, shortest = coverage_intervals(poses, probability)
     distances = mahalanobis(poses - linear.pose[0], linear.covariance[0])
     return PropagationResult(
         state=state,
@@ -264,8 +246,7 @@ def propagate_distributions(
         trials=trials,
         mean=mean,
         covariance=covariance,
-        symmetric=symmetric,
-        shortest=shortest,
+        symmetric=coverage_interval(poses, probability),
         region_factor=float(np.quantile(mahalanobis(poses - mean, covariance), probability)),
         linear_region_factor=factor,
         linear_region_probability=float((distances <= factor).mean()),

@@ -105,12 +105,6 @@ def trial_row(number: int, where: str, result: PropagationResult, i: int) -> dic
     unit, linear = unit_of(POSE[i]), result.linear
     factor, place = unit.fine_factor, linear.pose[0, i]
     digits, undecided = result.validate()
-    intervals = {"symmetric": result.symmetric, "shortest": result.shortest}
-    ends = {
-        f"{name}_{side}": factor * (getattr(interval, side)[i] - place)
-        for name, interval in intervals.items()
-        for side in ("low", "high")
-    }
     return {
         "pose": number,
         "where": where,
@@ -122,7 +116,8 @@ def trial_row(number: int, where: str, result: PropagationResult, i: int) -> dic
         "expanded_linear": factor * linear.expanded_uncertainty(result.probability)[0, i],
         "u_trials": factor * np.sqrt(result.covariance[i, i]),
         "mean_trials": factor * (result.mean[i] - place),
-        **ends,
+        "symmetric_low": factor * (result.symmetric.low[i] - place),
+        "symmetric_high": factor * (result.symmetric.high[i] - place),
         "error_of_ends": factor * result.symmetric.errors[i].max(),
         "agrees_to_digits": digits[i],
         "needs_more_trials": int(undecided[i]),

@@ -139,63 +139,69 @@ def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
     return [letter for letter, share in zip("ABC", shares, strict=True) if share > 1]
 
 
-def linear_solution(sensor: Sensor, options: Solve, state: Floats) -> Solution:
-    """The solution of the readings without noise at a state (8,), with its linear covariance."""
-    question = options.question(knowledge_at(options, sensor, state))
-    return solve_question(sensor, readings(sensor, state)[None], question)
+class Trials:
+    """Trials of a measurement at a state (8,), solved as `options` say."""
 
+    def __init__(self, sensor: Sensor, options: Solve, state: Floats) -> None:
+        if options.method == "paper" and sensor.calibration is not None:
+            raise InputError(
+                "trials that draw calibrated parameters are solved by least squares, and "
+                "solve.method is paper; set solve.method to least-squares, or leave "
+                "sensor.calibration out"
+            )
+        self.sensor, self.options, self.state = sensor, options, state
+        self.knowledge = knowledge_at(options, sensor, state)
+        self.exact = readings(sensor, state)
 
-def solve_trials(
-    sensor: Sensor,
-    options: Solve,
-    state: Floats,
-    count: int,
-    seed: int | Sequence[int],
-    advance: Callable[[int], None] = lambda _: None,
-) -> TrialResults:
-    """Draw and solve trials of a measurement at a state (8,).
+    def linear_solution(self) -> Solution:
+        """The solution of the readings without noise, with its linear covariance.
 
-    advance: called with the number of trials that were just solved.
-    """
-    if options.method == "paper" and sensor.calibration is not None:
-        raise InputError(
-            "trials that draw calibrated parameters are solved by least squares, and solve.method "
-            "is paper; set solve.method to least-squares, or leave sensor.calibration out"
-        )
-    exact, poses = readings(sensor, state), np.empty((count, 6))
-    status = np.empty(count, np.int8)
-    seeds = np.random.SeedSequence(seed).spawn(-(-count // PART))
-    for n, seed_of_part in enumerate(seeds):
-        part = slice(n * PART, min((n + 1) * PART, count))
-        rng = np.random.default_rng(seed_of_part)
-        solved = solve_part(
-            sensor, options, state, np.tile(exact, (part.stop - part.start, 1)), rng
-        )
-        poses[part], status[part] = solved
-        advance(len(solved[1]))
-    good = status == Status.CONVERGED
-    failures = Counter(Status(int(code)).label for code in status[~good])
-    return TrialResults(poses[good], failures)
+        Raises `InputError` if it has no pose.
+        """
+        question = self.options.question(self.knowledge)
+        solution = solve_question(self.sensor, self.exact[None], question)
+        if not solution.converged.all():
+            raise InputError(
+                "the readings without noise have no pose "
+                f"({Status(int(solution.status[0])).label}) at the state "
+                f"{np.array2string(self.state, precision=6, separator=', ')}, mm and rad; choose "
+                "another pose"
+            )
+        return solution
 
+    def solve(
+        self, count: int, seed: int | Sequence[int], advance: Callable[[int], None]
+    ) -> TrialResults:
+        """Draw and solve trials.  advance: called with the number of those just solved."""
+        poses, status = np.empty((count, 6)), np.empty(count, np.int8)
+        seeds = np.random.SeedSequence(seed).spawn(-(-count // PART))
+        for n, seed_of_part in enumerate(seeds):
+            part = slice(n * PART, min((n + 1) * PART, count))
+            size = part.stop - part.start
+            solved = self.solve_part(size, np.random.default_rng(seed_of_part))
+            poses[part], status[part] = solved
+            advance(size)
+        good = status == Status.CONVERGED
+        failures = Counter(Status(int(code)).label for code in status[~good])
+        return TrialResults(poses[good], failures)
 
-def solve_part(
-    sensor: Sensor, options: Solve, state: Floats, exact: Floats, rng: np.random.Generator
-) -> tuple[Floats, NDArray[np.int8]]:
-    """Poses (n, 6) and statuses (n,) of trials with the readings `exact` (n, 9), all alike."""
-    knowledge = knowledge_at(options, sensor, state)
-    values = sample_readings(sensor, exact, rng, rounded=False)
-    means = np.tile([*state[6:], sensor.beam.power], (len(values), 1))
-    if sensor.calibration is None:
-        # The paper's method takes no priors: the beam's place is free there, and its power known.
-        is_paper = options.method == "paper"
-        known = knowledge if is_paper else draw_knowledge(knowledge, means, rng)
-        question = options.question(known)._replace(covariance=False)
-        solution = solve_question(sensor, values, question)
-        return solution.state[:, :6], solution.status
-    raw = invert_correction(sensor, values)
-    draws = draw_parameters(sensor, sensor.calibration, raw, rng)
-    means[:, :2] += draws.centre
-    means[:, 2] = draws.sensors.parameters[:, 0]
-    known = draw_knowledge(knowledge, means, rng)
-    results = solve_each(draws.sensors, values + draws.readings, options.question(known))
-    return results.states[:, :6], results.status
+    def solve_part(self, count: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.int8]]:
+        """Poses (n, 6) and statuses (n,) of trials."""
+        sensor, options = self.sensor, self.options
+        values = sample_readings(sensor, np.tile(self.exact, (count, 1)), rng, rounded=False)
+        means = np.tile([*self.state[6:], sensor.beam.power], (count, 1))
+        if sensor.calibration is None:
+            # The paper's method takes no priors: the beam's place is free there, its power known.
+            known = self.knowledge
+            if options.method != "paper":
+                known = draw_knowledge(known, means, rng)
+            question = options.question(known)._replace(covariance=False)
+            solution = solve_question(sensor, values, question)
+            return solution.state[:, :6], solution.status
+        raw = invert_correction(sensor, values)
+        draws = draw_parameters(sensor, sensor.calibration, raw, rng)
+        means[:, :2] += draws.centre
+        means[:, 2] = draws.sensors.parameters[:, 0]
+        question = options.question(draw_knowledge(self.knowledge, means, rng))
+        results = solve_each(draws.sensors, values + draws.readings, question)
+        return results.states[:, :6], results.status
