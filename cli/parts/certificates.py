@@ -15,7 +15,7 @@ from ..sentences.certificate import describe_set, outcome, verdict
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from facets.characterization.ambiguity import PairSearch
+    from facets.characterization.ambiguity import AmbiguousPair
     from facets.proof.uniqueness import Certificate
 
 
@@ -26,9 +26,8 @@ def prove(claim: Claim, work: int, file: Path, about: dict[str, str]) -> dict[st
     proof.certificate.write_certificate(
         file, settings.sensor, certificate, about, settings.resolved
     )
-    pair = (
-        None if certificate.unique or not certificate.share else look_for_pair(claim, certificate)
-    )
+    is_doubted = bool(not certificate.unique and certificate.share)
+    pair = look_for_pair(claim, certificate) if is_doubted else None
     for line in [*describe_set(claim, certificate), *verdict(certificate, pair)]:
         typer.echo(line)
     return {
@@ -48,7 +47,7 @@ def certify_box(claim: Claim, work: int) -> Certificate:
         )
 
 
-def look_for_pair(claim: Claim, certificate: Certificate) -> PairSearch | None:
+def look_for_pair(claim: Claim, certificate: Certificate) -> AmbiguousPair | None:
     """Search two states of the set with equal readings, starting at the weakest known state."""
     if claim.weakest is None:
         return None

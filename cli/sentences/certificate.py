@@ -11,7 +11,7 @@ from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from .bounds import box_lines, light_text, piece_text, round_down
 
 if TYPE_CHECKING:
-    from facets.characterization.ambiguity import PairSearch
+    from facets.characterization.ambiguity import AmbiguousPair
     from facets.config import Config
     from facets.proof.uniqueness import Certificate
 
@@ -45,14 +45,14 @@ def describe_set(claim: Claim, certificate: Certificate) -> list[str]:
     return lines
 
 
-def outcome(certificate: Certificate, pair: PairSearch | None) -> str:
+def outcome(certificate: Certificate, pair: AmbiguousPair | None) -> str:
     """One of "proved", "counterexample" and "undecided"."""
     if certificate.unique:
         return "proved"
-    return "counterexample" if pair is not None and pair.outside == 0 else "undecided"
+    return "undecided" if pair is None else "counterexample"
 
 
-def verdict(certificate: Certificate, pair: PairSearch | None) -> list[str]:
+def verdict(certificate: Certificate, pair: AmbiguousPair | None) -> list[str]:
     lines = []
     if certificate.regular:
         bound = round_down(certificate.at_least)
@@ -76,25 +76,17 @@ def verdict(certificate: Certificate, pair: PairSearch | None) -> list[str]:
     return lines + describe_pair(pair)
 
 
-def describe_pair(pair: PairSearch | None) -> list[str]:
+def describe_pair(pair: AmbiguousPair | None) -> list[str]:
     if pair is None:
-        return ["undecided: two states with the same readings were not looked for"]
-    if pair.pair is None:
-        length = (
-            characterization.ambiguity.MAX_STEPS * characterization.ambiguity.STEP_UM_URAD / 1000
-        )
         return [
-            "undecided: no two states with the same readings were found, which proves nothing;\n"
-            "  the way of which the readings tell least was followed from the weakest state for"
-            f" {length:.0f} mm or mrad"
+            "undecided: no two states of it with the same readings were found about its weakest "
+            "state,\n  which proves nothing"
         ]
-    if pair.outside > 0:
-        by = f"{pair.outside:.3g} of its half width, or of a power's logarithm"
-        lines = [f"undecided: the nearest two states with the same readings lie outside by {by}"]
-    else:
-        lines = ["counterexample, found by numbers: two states of it with the same readings"]
-    rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.first, pair.pair.second, strict=True)
-    return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
+    rows = zip(STATE_COLUMNS, STATE_UNITS, pair.first, pair.second, strict=True)
+    return [
+        "counterexample, found by numbers: two states of it with the same readings",
+        *(f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows),
+    ]
 
 
 def prove_design(better: Config, work: int) -> str:

@@ -264,7 +264,7 @@ def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> 
     if len(states):
         values = measures(case.sensor, states)[:, 1]
         weak = states[int(np.nanargmin(values))]
-        if find_pair_in_box(case.sensor, case.box, case.share, weak).outside == 0:
+        if find_pair_in_box(case.sensor, case.box, case.share, weak) is not None:
             return "counterexample", proof.regular and breaks_bound(case, model, proof, rng)
     if proof.regular:
         return "regular", breaks_bound(case, model, proof, rng)

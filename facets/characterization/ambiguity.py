@@ -8,7 +8,6 @@ pair on this surface is moved, with equal readings, until both of its states lie
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..estimation.solver import local_solution
-from ..model.arrays import jacobian, readings
+from ..model.arrays import readings
 from .singularity import measures, weakest_direction
 from .state_box import StateBox
 
@@ -31,10 +30,12 @@ EQUAL_SIGMAS = 1e-6
 MAX_STEPS = 400
 #: Length of a step along the weakest direction, um or urad.
 STEP_UM_URAD = 100.0
-#: Distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD; moves for each.
-DISTANCES, MOVES = (0.03, 0.3, 1.0, 3.0), 40
-#: The power reading that follows from the other eight if the laser's power is known.
-REDUNDANT_READING = 8
+#: Half the distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD.
+DISTANCES = np.array([0.03, 0.3, 1.0, 3.0])
+#: How far pairs are moved into the box, in its half widths.
+INSIDE = 1 - 1e-3
+#: Weight of these limits beside differences of readings in standard deviations.
+LIMIT_WEIGHT = 10.0
 
 
 @dataclass(frozen=True)
@@ -51,15 +52,6 @@ class AmbiguousPair:
     share: Floats
     apart: Floats
     determinant: Floats
-
-
-class PairSearch(NamedTuple):
-    """The result of a search for a pair in a box.  pair: the pair nearest to the box, if there is
-    one.  outside: its largest distance from the box, in half widths of the box or as the logarithm
-    of a power; 0 for a pair in the box."""
-
-    pair: AmbiguousPair | None
-    outside: float
 
 
 def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
@@ -79,25 +71,47 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     return None
 
 
-def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) -> PairSearch:
-    """Find the pair of states nearest to a certificate's set, from a weak state (8,).
+def find_pair_in_box(
+    sensor: Sensor, box: StateBox, share: float, near: Floats
+) -> AmbiguousPair | None:
+    """Find two states of a certificate's set with equal readings, from a weak state (8,).
 
-    share: least share of the light on each facet.
+    share: least share of the light on each facet. None if there are none about the singular state
+    along the weakest direction.
     """
-    best = PairSearch(None, np.inf)
+    from scipy.optimize import least_squares
+
     fold = find_singular_state(sensor, near)
     if fold is None:
-        return best
-    for distance in DISTANCES:
-        direction = weakest_direction(sensor, fold) * FINE_UNITS
-        direction *= distance * FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
-        pair = np.concatenate([fold - direction, fold + direction])
-        moved = move_into_box(sensor, box, share, pair)
-        if moved is not None and moved[1] < best.outside:
-            best = PairSearch(pair_between(sensor, moved[0][:8], moved[0][8:]), moved[1])
-        if best.outside == 0:
-            break
-    return best
+        return None
+    scale = np.tile(FINE_UNITS, 2)
+    sigma = standard_deviations(sensor, readings(sensor, fold))
+    middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
+
+    def remaining(fine: Floats, distance: float) -> Floats:
+        """What separates a pair (16,), um and urad, from equal readings, half a distance at least,
+        and from the set."""
+        pair = (fine * scale).reshape(2, 8)
+        seen = readings(sensor, pair)
+        near = 2 - 4 * np.linalg.norm(fine[8:] - fine[:8]) / distance
+        outside = np.abs((pair[:, :6] - middle) / half) - INSIDE
+        with np.errstate(all="ignore"):
+            dark = np.log(share * sensor.beam.power / seen[:, 2::3]) + 1 - INSIDE
+        limits = np.maximum(np.concatenate([[near], outside.ravel(), dark.ravel()]), 0.0)
+        parts = np.concatenate([(seen[1] - seen[0]) / sigma, LIMIT_WEIGHT * limits])
+        return np.asarray(np.nan_to_num(parts, nan=1e6, posinf=1e6))
+
+    tight = {"jac": "3-point", "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 200}
+    for reach in DISTANCES * FARTHEST_UM_URAD:
+        direction = weakest_direction(sensor, fold)
+        direction *= reach / np.abs(direction).max()
+        begin = np.concatenate([fold / FINE_UNITS - direction, fold / FINE_UNITS + direction])
+        distance = 2 * float(np.linalg.norm(direction))
+        found = least_squares(remaining, begin, args=(distance,), **tight)
+        if np.abs(found.fun).max() < EQUAL_SIGMAS:
+            first, second = (found.x * scale).reshape(2, 8)
+            return pair_between(sensor, first, second)
+    return None
 
 
 def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
@@ -126,68 +140,6 @@ def narrow_down(sensor: Sensor, near: Floats, far: Floats, sign: float) -> Float
         near, far = (middle, far) if same else (near, middle)
     state: Floats = (near + far) / 2
     return state
-
-
-def move_into_box(
-    sensor: Sensor, box: StateBox, share: float, pair: Floats
-) -> tuple[Floats, float] | None:
-    """A pair (16,) with equal readings and its distance from the box; None if there is none."""
-    scale = np.tile(FINE_UNITS, 2)
-    length = np.linalg.norm((pair[8:] - pair[:8]) / FINE_UNITS)
-    best: tuple[Floats, float] | None = None
-    for _ in range(MOVES):
-        seen, slopes = readings(sensor, pair.reshape(2, 8)), jacobian(sensor, pair.reshape(2, 8))
-        if not (np.isfinite(seen).all() and np.isfinite(slopes).all()):
-            break
-        sigma = standard_deviations(sensor, seen[0])
-        apart = (seen[1] - seen[0]) / sigma
-        excess, slope = excess_of(sensor, box, share, pair, seen, slopes)
-        outside = float(excess.max(initial=0.0))
-        if np.abs(apart).max() < EQUAL_SIGMAS and (best is None or outside < best[1]):
-            best = pair.copy(), outside
-            if outside == 0:
-                break
-        gap = (pair[8:] - pair[:8]) / FINE_UNITS
-        along = gap / np.linalg.norm(gap)
-        rows = np.delete(
-            np.hstack([-slopes[0], slopes[1]]) / sigma[:, None], REDUNDANT_READING, axis=0
-        )
-        equal = np.vstack([rows * scale, np.concatenate([-along, along])])
-        missing = np.concatenate(
-            [-np.delete(apart, REDUNDANT_READING), [length - np.linalg.norm(gap)]]
-        )
-        step = constrained_step(slope * scale, -excess, equal, missing)
-        pair = pair + scale * step * min(1.0, 1e3 / np.abs(step).max(initial=1e-12))
-    return best
-
-
-def constrained_step(rows: Floats, target: Floats, equal: Floats, missing: Floats) -> Floats:
-    """The step (16,) with equal . step = missing and with rows . step nearest to the target."""
-    first = np.linalg.lstsq(equal, missing, rcond=1e-12)[0]
-    free = np.linalg.svd(equal)[2][len(equal) :].T
-    inner = rows @ free
-    damped = inner.T @ inner + 1e-9 * np.eye(free.shape[1])
-    step: Floats = first + free @ np.linalg.solve(damped, inner.T @ (target - rows @ first))
-    return step
-
-
-def excess_of(
-    sensor: Sensor, box: StateBox, share: float, pair: Floats, seen: Floats, slopes: Floats
-) -> tuple[Floats, Floats]:
-    """The excess of a pair over each limit, 0 or more, (18,); its derivatives (18, 16)."""
-    middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
-    excess, slope = np.zeros(18), np.zeros((18, 16))
-    for n in range(2):
-        off = (pair[8 * n : 8 * n + 6] - middle) / half
-        powers = seen[n, 2::3]
-        short = np.log(share * sensor.beam.power / powers)
-        part = slice(9 * n, 9 * n + 9)
-        excess[part] = np.concatenate([np.abs(off) - 1, short])
-        slope[9 * n : 9 * n + 6, 8 * n : 8 * n + 6] = np.diag(np.sign(off) / half)
-        slope[9 * n + 6 : 9 * n + 9, 8 * n : 8 * n + 8] = -slopes[n, 2::3] / powers[:, None]
-    inside = excess <= 0
-    excess[inside], slope[inside] = 0.0, 0.0
-    return np.where(inside, 0.0, excess + 1e-3), slope
 
 
 def pair_between(sensor: Sensor, first: Floats, second: Floats) -> AmbiguousPair:

@@ -19,7 +19,7 @@ from facets.characterization import (
     least_share,
     parse_box,
     range_box,
-    search,
+    search_weakest,
 )
 from facets.model import parameters, sensor_with
 from facets.proof import (
@@ -108,10 +108,9 @@ def test_tolerances_come_from_what_is_known_before():
 def test_a_pair_is_found_in_the_box_of_a_singular_sensor():
     config = facets.load("singular")
     box, share = range_box(config.sensor, config.range), least_share(config.sensor, config.range)
-    weak = search(config.sensor, box, 1).state
+    weak = search_weakest(config.sensor, box).state
     result = find_pair_in_box(config.sensor, box, share, weak)
-    assert result.outside == 0
-    pair = np.array([result.pair.first, result.pair.second])
+    pair = np.array([result.first, result.second])
     readings = facets.readings(config.sensor, pair)
     np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)
     assert np.abs(pair[0] - pair[1])[:3].max() > 0.05
