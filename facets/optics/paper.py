@@ -41,7 +41,8 @@ def printed_reading(facet: LitFacet, ray: Path, sigma: float) -> tuple[float, fl
     first, second = (unit_vector((end[0] - q[0], end[1] - q[1])) for end in ends)
     if cross2(first, second) < 0:  # a mirror flips the wedge
         first, second = second, first
-    ((mass, centroid, _, _),) = wedges(q, ((first, second, *sides(q, (first, second))),))
+    begin, end = sides(q, (first, second))
+    ((mass, centroid, _, _),) = wedges(q, ((first, second, begin, end),))
     power = facet.geometry.power * mass * units[0] * units[1] / sigma**2
     power *= x / sqrt(x * x + y * y + z * z)
     return beam[0] + units[0] * centroid[0], beam[1] + units[1] * centroid[1], power
