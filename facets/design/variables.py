@@ -15,7 +15,7 @@ from ..core.rigid_body import MeasuredObject
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..detectors.noise import electrode_currents, largest_current, standard_deviations
-from ..model.arrays import parameters, sensor_with
+from ..model.arrays import half_sizes, parameters, sensor_with
 from ..model.many import evaluate
 from ..model.packing import pack_rows
 from ..optics.forward import Geometry, sub_beam_height
@@ -118,7 +118,8 @@ def noise_of(
         assert electronics is not None
         full = FULL * largest_current(electronics)
         light = reading[n].reshape(-1, 3, 3)
-        headroom_left = 1 - electrode_currents(built, electronics, light).reshape(-1, 12) / full
+        currents = electrode_currents(electronics, half_sizes(built), light)
+        headroom_left = 1 - currents.reshape(-1, 12) / full
         parts.append((standard_deviations(built, reading[n]), headroom_left))
     sigma, headroom = (np.stack(part) for part in zip(*parts, strict=True))
     return sigma, list(np.moveaxis(headroom, -1, 0))

@@ -35,7 +35,7 @@ def readings_to_counts(
     A spot past its detector's edge and a reading that is NaN make no current.
     """
     light = mask_missed_spots(sensor, exact, exact).reshape(-1, 3, 3)
-    currents = np.nan_to_num(electrode_currents(sensor, electronics, light))
+    currents = np.nan_to_num(electrode_currents(electronics, half_sizes(sensor), light))
     if rng is not None:
         var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
         currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)

@@ -68,15 +68,16 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
     >>> f"{1e3 * sigma[0]:.1f} um, {1e6 * sigma[2]:.0f} nW"
     '2.6 um, 40 nW'
     """
-    exact = as_vectors(reading, 9, "reading")
-    if sensor.electronics is None:
+    exact, electronics = as_vectors(reading, 9, "reading"), sensor.electronics
+    if electronics is None:
         var = variances(sensor, exact).sum(axis=-1)
     else:
+        half, parts = half_sizes(sensor), split_detectors(exact)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            formula = (
-                two_layer_variances if has_two_layers(sensor.electronics) else summed_variances
-            )
-            var = formula(sensor, sensor.electronics, split_detectors(exact))
+            if has_two_layers(electronics):
+                var = two_layer_variances(electronics, half, parts)
+            else:
+                var = electric_variances(electronics, half, parts, together=True)
     root: Floats = np.sqrt(var.reshape(exact.shape))
     return root
 
@@ -127,7 +128,7 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
         out[..., 2::3, 1] = simple_power_variance(sensor.noise, exact[..., 2::3])
         return out
-    parts = electric_variances(sensor, sensor.electronics, split_detectors(exact))
+    parts = electric_variances(sensor.electronics, half_sizes(sensor), split_detectors(exact))
     return parts.reshape(*exact.shape, len(ELECTRIC))
 
 
@@ -169,13 +170,13 @@ def has_two_layers(electronics: Electronics) -> bool:
     return electronics.kind == "duo-lateral"
 
 
-def electrode_currents(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
+def electrode_currents(electronics: Electronics, half: Floats, exact: Floats) -> Floats:
     """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone.
 
+    half: (3, 2) of `half_sizes`.
     A place past a detector's edge counts as on the edge, so that its noise has a size; callers that
     make readings exclude such spots by `mask_missed_spots`.
     """
-    half = half_sizes(sensor)
     place = np.clip(exact[..., :2] / half, -1, 1)
     light = 1e-3 * electronics.responsivity * exact[..., 2]
     if electronics.kind == "tetra-lateral":  # Each detector has its own shape.
@@ -190,22 +191,21 @@ def electrode_currents(sensor: Sensor, electronics: Electronics, exact: Floats) 
 
 
 def electric_variances(
-    sensor: Sensor, electronics: Electronics, exact: Floats, together: bool = False
+    electronics: Electronics, half: Floats, exact: Floats, together: bool = False
 ) -> Floats:
     """Variances of psi, zeta and power of each detector, (..., 3, 3), mm^2 and mm^2 and mW^2:
     by source (..., 3, 3, 5), or their sum (..., 3, 3, 1)."""
-    currents = electrode_currents(sensor, electronics, exact)
+    currents = electrode_currents(electronics, half, exact)
     var = current_variances(electronics, currents, together)
-    return reading_variances(sensor, electronics, exact, currents, var)
+    return reading_variances(electronics, half, exact, currents, var)
 
 
 def reading_variances(
-    sensor: Sensor, electronics: Electronics, exact: Floats, currents: Floats, var: Floats
+    electronics: Electronics, half: Floats, exact: Floats, currents: Floats, var: Floats
 ) -> Floats:
     """Propagate variances of currents (..., 3, 4, m) to psi, zeta and power of each detector (...,
     3, 3, m)."""
-    kind, half = electronics.kind, half_sizes(sensor)
-    out = np.empty((*exact.shape, var.shape[-1]))
+    kind, out = electronics.kind, np.empty((*exact.shape, var.shape[-1]))
     flow, noise = end_sums(kind, currents[..., None]), end_sums(kind, var)
     below, above = flow[..., 0, :], flow[..., 1, :]
     square = above**2 * noise[..., 0, :] + below**2 * noise[..., 1, :]
@@ -232,9 +232,9 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         return np.zeros_like(exact)
-    electronics, parts = sensor.electronics, split_detectors(exact)
+    electronics, half, parts = sensor.electronics, half_sizes(sensor), split_detectors(exact)
     step = electronics.adc_range / 2**electronics.adc_bits / electronics.transimpedance
-    currents = electrode_currents(sensor, electronics, parts)
+    currents = electrode_currents(electronics, half, parts)
     noise = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     noise = noise * np.broadcast_to(share, exact.shape[:-1])[..., None, None] / step**2
     kept = np.zeros_like(noise)
@@ -242,27 +242,22 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
         kept += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
     var = (step**2 / (2 * np.pi**2) * kept)[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return reading_variances(sensor, electronics, parts, currents, var).reshape(exact.shape)
+        return reading_variances(electronics, half, parts, currents, var).reshape(exact.shape)
 
 
 #: Harmonics of the error of a step: all later ones have a hundredth of its variance without noise.
 HARMONICS = 60
 
 
-def summed_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
-    """The summed variances of psi, zeta and power of each detector, (..., 3, 3), of all sources."""
-    return electric_variances(sensor, electronics, exact, together=True)[..., 0]
-
-
-def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
-    """The variances of `summed_variances` for a duo-lateral detector, written out, because a live
-    loop computes them for each block.
+def two_layer_variances(electronics: Electronics, half: Floats, exact: Floats) -> Floats:
+    """The summed variances (..., 3, 3) of `electric_variances` for duo-lateral detectors, written
+    out, because a live loop computes them for each block.
 
     With the current L, the place p in half sizes h, and variances of an electrode s |I| + e: h^2 (s
     (1 - p^2) / L + 2 e (1 + p^2) / L^2), and of the power (s L + 2 e) / 2 over the responsivity
     squared.
     """
-    half, noise = half_sizes(sensor), two_layer_noise(electronics)
+    noise = two_layer_noise(electronics)
     light = noise.gain * exact[..., 2]
     out = np.empty(exact.shape)
     out[..., :2] = two_layer_place_variance(exact[..., :2] / half, half, light[..., None], noise)
@@ -359,10 +354,11 @@ def sample_readings(
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         return mask_missed_spots(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
-    currents = electrode_currents(sensor, sensor.electronics, split_detectors(exact))
+    halves = half_sizes(sensor)
+    currents = electrode_currents(sensor.electronics, halves, split_detectors(exact))
     parts = [
         sample_detector(sensor.electronics, half, currents[..., k, :], rng, rounded)
-        for k, half in enumerate(half_sizes(sensor))
+        for k, half in enumerate(halves)
     ]
     return mask_missed_spots(sensor, exact, np.concatenate(parts, axis=-1))
 
@@ -380,7 +376,7 @@ def fullness(sensor: Sensor, exact: Floats) -> Floats:
     """
     if sensor.electronics is None:
         return np.zeros((*exact.shape[:-1], 3))
-    currents = electrode_currents(sensor, sensor.electronics, split_detectors(exact))
+    currents = electrode_currents(sensor.electronics, half_sizes(sensor), split_detectors(exact))
     share: Floats = currents.max(axis=-1) / largest_current(sensor.electronics)
     return share
 

@@ -61,6 +61,10 @@ class CWriter(Tracer):
         """A number for a C variable of this name."""
         return (WideValue if wide else Value)(self, name)
 
+    def array(self, name: str, count: int, wide: bool = False) -> tuple[Value, ...]:
+        """The numbers of a C array."""
+        return tuple(self.variable(f"{name}[{n}]", wide) for n in range(count))
+
     def text(self, part: Numbers, wide: bool = False) -> str:
         """Write a number as an operand of a wide or of a plain operation."""
         if not isinstance(part, Value):

@@ -23,7 +23,6 @@ from ..optics.gradient import edge_turns, linearise_detector
 from ..optics.vectors import rotation_axes
 from ..scalars.dual import Dual
 from ..scalars.nesting import leaves
-from ..scalars.tracing import Value
 from .c_numbers import CONSTANT, CWriter, prune_statements
 
 
@@ -62,7 +61,7 @@ def model_text(sensor: Sensor) -> ModelText:
     statements = prune_statements(writer.statements)
     ends = CWriter(writer.functions)
     if sensor.apertures.detectors:
-        spots = footprints(geometry_of(sensor), state_of(ends))
+        spots = footprints(geometry_of(sensor), ends.array("x", 8))
         for n, number in enumerate(leaves(spots)):
             ends.put(f"ends[{n // 5}][{n % 5}]", number)
     functions = "\n\n".join(text for text, _ in writer.functions.values())
@@ -76,17 +75,13 @@ def needs_double(sensor: Sensor) -> bool:
     return sensor.apertures.cut or sensor.light.on
 
 
-def state_of(writer: CWriter, wide: bool = False) -> tuple[Value, ...]:
-    return tuple(writer.variable(f"x[{c}]", wide) for c in range(8))
-
-
 def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
     """The readings of each detector in ideal light, and their derivatives by the state.
 
     The spots' positions are computed in wide numbers: over the detector's distance, single
     precision would round them by some 50 nm. The light and the derivatives do not need this.
     """
-    exact = state_of(writer, wide=True)
+    exact = writer.array("x", 8, wide=True)
     standing = dark_scene(vectors, exact)
     at = illuminate(writer.narrow(standing))
     lit = replace_light(standing, at.integrals, at.moments)
@@ -102,7 +97,7 @@ def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
 def linearise_exactly(writer: CWriter, vectors: Geometry, text: ExactText) -> list[Any]:
     """The readings of each detector in real light, or in light that apertures cut; a loop in C
     stores the derivatives, one component of the state after the other."""
-    state = state_of(writer)
+    state = writer.array("x", 8)
     at = text.scene(vectors, state)
     with writer.loop(8) as component:
         units = (writer.variable(f"(facets_real)({component} == {c})") for c in range(8))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -84,14 +85,7 @@ def make_vectors(sensor: Sensor) -> TestVectors:
 
 
 def solve_readings(sensor: Sensor, rows: Floats, beam: str) -> TestVectors:
-    plain = sensor if sensor.calibration is None else drop_uncertainty(sensor)
+    plain = replace(sensor, calibration=None)  # the C code has no uncertainty of the parameters
     poses = solve(plain, rows, beam=beam)  # type: ignore[arg-type]
     known = np.full(len(rows), beam == "known")
     return TestVectors(rows, known, poses.status, poses.state, poses.uncertainty)
-
-
-def drop_uncertainty(sensor: Sensor) -> Sensor:
-    """Remove the parameters' uncertainty, which the C code does not have."""
-    from dataclasses import replace
-
-    return replace(sensor, calibration=None)

@@ -10,7 +10,7 @@ else:
         __name__,
         {
             "arrays": (
-                "EFFECTS derivatives effect_jacobian effects geometry_of group_by_field "
+                "EFFECTS derivatives effect_jacobian effects geometry_of group_by_field half_sizes "
                 "is_near_edge options packed_vectors parameters "
                 "replace_effects sensor_with spot_size"
             ),

@@ -16,6 +16,7 @@ from facets.design import (
     states_of,
 )
 from facets.detectors import electrode_currents
+from facets.model import half_sizes
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
@@ -30,7 +31,7 @@ def with_electronics(**more):
 def fullness(sensor, states):
     """The electrodes' currents (n, 12) at states over 0.95 of the amplifiers' full scale."""
     light = facets.readings(sensor, states).reshape(-1, 3, 3)
-    currents = electrode_currents(sensor, sensor.electronics, light).reshape(-1, 12)
+    currents = electrode_currents(sensor.electronics, half_sizes(sensor), light).reshape(-1, 12)
     full = sensor.electronics.adc_range / sensor.electronics.transimpedance
     return currents / (0.95 * full)
 
