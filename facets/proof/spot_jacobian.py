@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb
+from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -28,10 +29,11 @@ from ..optics.vectors import (
     scale,
     subtract,
 )
+from ..scalars.dispatch import real
+from ..scalars.dual import Dual
 from ..scalars.intervals import Interval, interval, interval_around, magnitude
 from .interval_matrix import middles
 from .light_sharing import SharingBounds
-from .slopes import Sloped
 
 
 class NotFacing(Exception):
@@ -83,14 +85,14 @@ def sub_beam(geometry: Geometry, at: Scene, k: int, from_point: Sequence[Interva
     incidence = dot(beam, normal)
     leaving = reflect(beam, normal)
     middle = combine(from_point[0], geometry.spread[0], from_point[1], geometry.spread[1])
-    if not incidence < 0:
+    if not real(incidence) < 0:
         raise NotFacing
     lever = scale(-1, combine(1, middle, -dot(normal, middle) / incidence, beam))
     start = subtract(at.apex, lever)
-    if not dot(leaving, geometry.axes[k][0]) > 0:
+    if not real(dot(leaving, geometry.axes[k][0])) > 0:
         raise NotFacing
     length = flight(start, leaving, geometry.centres[k], geometry.axes[k])
-    if not length > 0:
+    if not real(length) > 0:
         raise NotFacing
     return SubBeam(normal, leaving, lever, start, length)
 
@@ -155,7 +157,7 @@ def centred_jacobian(
     place = [arb(float(x)) for x in (low + high) / 2]
     half = [side - middle for side, middle in zip(pose, place, strict=True)]
     middle = spot_jacobian(geometry, shares, place)
-    angles = [Sloped(pose[3 + j], unit_slope(j)) for j in range(3)]
+    angles = [Dual(pose[3 + j], unit_slope(j)) for j in range(3)]
     spot_jacobian(geometry, shares, pose)  # is every facet in it facing?
     carried = spot_jacobian(geometry, shares, [*place[:3], *angles])
     by_angles = [[[slope_along(x, j) for x in row] for row in carried] for j in range(3)]
@@ -164,13 +166,13 @@ def centred_jacobian(
     return Centred(place, half, middle, [*by_apex, *by_angles])
 
 
-def unit_slope(axis: int) -> tuple[Interval, ...]:
-    """The slope of an angle itself, by the three angles."""
-    return tuple(arb(int(i == axis)) for i in range(3))
+def unit_slope(axis: int) -> NDArray[Any]:
+    """The slope of an angle itself, by the three angles: (3,) intervals."""
+    return np.array([arb(int(i == axis)) for i in range(3)], dtype=object)
 
 
 def slope_along(x: Any, axis: int) -> Interval:
-    return x.slope[axis] if isinstance(x, Sloped) else arb(0)
+    return x.imag[axis] if isinstance(x, Dual) else arb(0)
 
 
 def gradient_of_spot(
