@@ -24,7 +24,7 @@ from .sentences.yields import Yields, kinds_of, show_yields, yields_of
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.design.production import SimulatedHeads
+    from facets.design.tolerances.heads import SimulatedHeads
 
 #: Least number of simulated heads for a useful estimate of a yield.
 LEAST_HEADS = 10

@@ -47,7 +47,7 @@ _NAMES_OF = {
     "files.frame_table": "to_sep005 to_xarray",
     "live.recording.data_frame": "read_table",
     "simulation.run": "Segment simulate",
-    "design.search": "Optimum optimize",
+    "design.optimisation.search": "Optimum optimize",
 }
 __all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
@@ -85,8 +85,8 @@ if TYPE_CHECKING:
     from .core.sensor import Psd as Psd
     from .core.sensor import Sensor as Sensor
     from .core.settings import Config as Config
-    from .design.search import Optimum as Optimum
-    from .design.search import optimize as optimize
+    from .design.optimisation.search import Optimum as Optimum
+    from .design.optimisation.search import optimize as optimize
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
     from .estimation.differences import difference_uncertainty as difference_uncertainty

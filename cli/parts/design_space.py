@@ -142,7 +142,7 @@ def write_pick(
     typer.echo("\n".join(words))
     sensor = design.variables.sensor_of(space.sensor, space.names, x)
     about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}
-    design.changes.write_design(settings, sensor, path, about)
-    for key, before, after in design.changes.changes_of(settings, sensor):
+    design.results.changes.write_design(settings, sensor, path, about)
+    for key, before, after in design.results.changes.changes_of(settings, sensor):
         typer.echo(f"  {key:<24} {before} -> {after}")
     typer.echo(f"{path}: design {number} of {file}")

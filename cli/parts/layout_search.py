@@ -15,9 +15,9 @@ from ..options.places import report_object
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.design.problem import StartResult
-    from facets.design.rounding import Rounded
-    from facets.design.search import Optimum
+    from facets.design.optimisation.problem import StartResult
+    from facets.design.optimisation.rounding import Rounded
+    from facets.design.optimisation.search import Optimum
 
 #: Maximum number of choices of parts in a table.
 SHOWN = 24
@@ -27,9 +27,9 @@ def search(settings: Config) -> Optimum:
     """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
     meets all requirements."""
     with show_progress("searching") as on_progress:
-        optimum = design.search.optimize(settings.sensor, settings.layout, on_progress)
+        optimum = design.optimisation.search.optimize(settings.sensor, settings.layout, on_progress)
     if optimum.tried:
-        headings, rows = design.tables.part_rows(optimum, settings.layout.aim)
+        headings, rows = design.results.tables.part_rows(optimum, settings.layout.aim)
         left = (0, 1, 2, len(headings) - 1)
         show_table("parts, the best first", headings, rows[:SHOWN], left=left)
         if len(rows) < optimum.choices or len(rows) > SHOWN:
@@ -37,7 +37,7 @@ def search(settings: Config) -> Optimum:
                 f"{len(rows)} of {optimum.choices} choices were tried; the others cannot be "
                 "better, or do not meet all requirements\n"
             )
-    headings, rows = design.tables.start_rows(optimum, settings.layout.aim)
+    headings, rows = design.results.tables.start_rows(optimum, settings.layout.aim)
     report_object(settings)
     show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
     if not optimum.best.found:
@@ -56,7 +56,7 @@ def refuse(words: str, result: StartResult) -> NoReturn:
 
 def rounded_layout(optimum: Optimum) -> Rounded | None:
     """Round the layout to manufacturable values; None if only the exact layout meets all."""
-    rounded = design.rounding.round_design(optimum.problem, optimum.best.x)
+    rounded = design.optimisation.rounding.round_design(optimum.problem, optimum.best.x)
     if rounded is None:
         typer.echo(
             "The layout was not rounded to manufacturable values, because no rounded layout nearby "
@@ -71,14 +71,14 @@ def layout_for_yield(settings: Config, optimum: Optimum) -> Optimum:
     layout = settings.layout
     if not layout.production:
         return optimum
-    known = (layout, settings.range, settings.calibrate)
-    robust = design.robust.robust_layout(optimum.problem, *known, optimum.best)
+    heads = design.HeadSettings(layout, settings.range, settings.calibrate)
+    robust = design.robust_layout(optimum.problem, heads, optimum.best)
     share = f"{100 * layout.production:g} %"
     if not robust.result.found:
         refuse(f"no layout was found of whose heads {share} keep all that is asked for; with "
                f"margins of {robust.factor:.3g} of their spreads these stand against each other:",
                robust.result)  # fmt: skip
-    was = design.report.objective_text(layout.aim, optimum.best.objective)
+    was = design.results.tables.objective_text(layout.aim, optimum.best.objective)
     typer.echo(
         f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
         f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
@@ -94,7 +94,7 @@ def write_layout(
     x = optimum.best.x if rounded is None else rounded.x
     about = files.provenance.provenance_header(settings, settings.layout.seed)
     if optimum.tried:
-        about["parts"] = optimum.tried[0][0].names
+        about["parts"] = " ".join(filter(None, optimum.tried[0][0].parts))
     sensor = design.variables.sensor_of(optimum.sensor, optimum.names, x)
-    remarks = design.tables.roundings(rounded, optimum.names)
-    return design.changes.write_design(settings, sensor, path, about, remarks)
+    remarks = design.results.tables.roundings(rounded, optimum.names)
+    return design.results.changes.write_design(settings, sensor, path, about, remarks)

@@ -16,9 +16,9 @@ from .yields import error_rows, show_yields, tolerance_rows, yield_rows, yields_
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.design.exploration.space import Space
-    from facets.design.rounding import Rounded
-    from facets.design.search import Optimum
-    from facets.design.tables import Rows
+    from facets.design.optimisation.rounding import Rounded
+    from facets.design.optimisation.search import Optimum
+    from facets.design.results.tables import Rows
     from facets.pictures.reports.report_page import ReportSection
 
     from .yields import Yields
@@ -65,7 +65,7 @@ class NewLayout:
     def objective(self) -> str:
         """The objective of the layout in words."""
         best = self.rounded or self.optimum.best
-        return design.report.objective_text(self.settings.layout.aim, best.objective)
+        return design.results.tables.objective_text(self.settings.layout.aim, best.objective)
 
 
 def show_layout(
@@ -75,7 +75,7 @@ def show_layout(
     page and the table."""
     settings, sensor = layout.settings, layout.better.sensor
     wanted = settings.layout
-    table = design.verification.compare(
+    table = design.results.verification.compare(
         settings.sensor, sensor, wanted, settings.range, wanted.seed
     )
     files.tables.write_table(
@@ -84,11 +84,11 @@ def show_layout(
     draw_beside(paths[1], pictures.layout.layout_picture, table)
     show_objectives(layout)
     names = layout.optimum.names
-    changed = design.tables.change_rows(settings, sensor, layout.rounded, names)
+    changed = design.results.tables.change_rows(settings, sensor, layout.rounded, names)
     show_table("what changes", *changed, left=(0, 3))
-    if any(row[3].endswith(design.tables.BREAKS) for row in changed[1]):
+    if any(row[3].endswith(design.results.tables.BREAKS) for row in changed[1]):
         typer.echo(f"{BREAKING}\n")
-    compared = design.tables.comparison_rows(table)
+    compared = design.results.tables.comparison_rows(table)
     show_table("before and after: the worst over the volume (1 sigma), and symmetric ranges",
                *compared)  # fmt: skip
     reasons = show_reasons(settings, layout.optimum)
@@ -106,7 +106,7 @@ def show_objectives(layout: NewLayout) -> None:
     before, exact = "the requirements are not met", replace(layout, rounded=None).objective
     if layout.optimum.before == layout.optimum.before:
         aim = layout.settings.layout.aim
-        before = design.report.objective_text(aim, layout.optimum.before)
+        before = design.results.tables.objective_text(aim, layout.optimum.before)
     typer.echo(f"before: {before}")
     typer.echo(f"after:  {exact}")
     if layout.rounded is not None:
@@ -122,15 +122,11 @@ def show_reasons(settings: Config, optimum: Optimum) -> list[list[str]]:
     typer.echo("what holds it back, over the strongest:")
     for size, group in active:
         typer.echo(f"  {size:>5}  {group}")
-    spare = optimum.problem.rows.spare
-    price = 0.0
-    if optimum.tried:
-        price = design.branching.price_term(settings.layout, optimum.tried[0][0].price)
-    more = design.report.gains(optimum.sensor, settings.layout, optimum.best.x, price, spare)
+    more = design.optimisation.search.gains(optimum, settings.layout)
     if more:
         typer.echo("\nwhat more would give:")
     given = [
-        [what, design.report.objective_text(settings.layout.aim, value)]
+        [what, design.results.tables.objective_text(settings.layout.aim, value)]
         for what, value in more.items()
     ]
     for what, words in given:
@@ -176,7 +172,7 @@ def sections_of(
         *built,
     ]  # fmt: skip
     if layout.optimum.tried:
-        parts = design.tables.part_rows(layout.optimum, layout.settings.layout.aim)
+        parts = design.results.tables.part_rows(layout.optimum, layout.settings.layout.aim)
         sections.append(section("Parts", (), *parts, wide=True))
     return [*sections, section("Are readings unique?", (proof,))]
 

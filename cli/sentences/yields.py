@@ -15,9 +15,9 @@ from ..console import show_progress, show_table
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.core.sensor import Sensor
-    from facets.design.production import SimulatedHeads
-    from facets.design.tables import Rows
-    from facets.design.tolerancing import Sensitivity, YieldShares
+    from facets.design.results.tables import Rows
+    from facets.design.tolerances.heads import SimulatedHeads
+    from facets.design.tolerances.prediction import Sensitivity, YieldShares
 
 
 class Yields:
@@ -37,16 +37,17 @@ class Yields:
 
 def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
     """Compute the yields of a sensor's heads by `calibrate.before` and the block `optimize`."""
-    built = design.assembly.assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
-    expansion = design.tolerancing.expand_margins(built)
-    draws = design.tolerancing.draw_heads(built)
+    heads_of = design.HeadSettings(settings.layout, settings.range, settings.calibrate)
+    built = heads_of.assembly_of(sensor)
+    expansion = design.tolerances.prediction.expand_margins(built)
+    draws = design.tolerances.prediction.draw_heads(built)
     with show_progress("building heads") as on_progress:
-        made = design.production.simulate_heads(built, heads, seed, on_progress)
+        made = design.tolerances.heads.simulate_heads(built, heads, seed, on_progress)
     accurate = bool(built.asked.accuracy_axes)
     return Yields(
-        design.tolerancing.predict_yields(expansion, draws),
+        design.tolerances.prediction.predict_yields(expansion, draws),
         made,
-        design.tolerancing.sensitivities(expansion, draws),
+        design.tolerances.prediction.sensitivities(expansion, draws),
         accurate,
     )
 
@@ -69,7 +70,7 @@ def show_yields(settings: Config, yields: Yields) -> None:
 
 def exact_tolerances(yields: Yields) -> str:
     """State which tolerances the heads do not have; "" if they have all."""
-    varied, words = [row.key for row in yields.by_tolerance], design.tolerancing.OF_HEADS
+    varied, words = [row.key for row in yields.by_tolerance], design.tolerances.prediction.OF_HEADS
     exact = [key + words[key] for key in words if key not in varied]
     if not exact:
         return ""
@@ -86,7 +87,7 @@ FEW = 0.5
 
 def margin_advice(settings: Config, yields: Yields) -> str:
     """Advice for a design with a low yield; "" for a higher yield or without tolerances."""
-    share = design.production.count_passes(yields.heads)["kept"] / yields.count
+    share = design.tolerances.heads.count_passes(yields.heads)["kept"] / yields.count
     if share >= FEW or not yields.by_tolerance:
         return ""
     strongest = yields.by_tolerance[0]
@@ -114,10 +115,10 @@ def kinds_of(settings: Config, yields: Yields) -> dict[str, str]:
 
 
 def yield_rows(settings: Config, yields: Yields) -> Rows:
-    counts = design.production.count_passes(yields.heads)
+    counts = design.tolerances.heads.count_passes(yields.heads)
     rows = []
     for kind, words in kinds_of(settings, yields).items():
-        low, high = design.production.interval(counts[kind], yields.count)
+        low, high = design.tolerances.heads.interval(counts[kind], yields.count)
         rows.append(
             [words, percent(getattr(yields.predicted, kind)), percent(counts[kind] / yields.count),
              f"{100 * low:.1f} to {100 * high:.1f} %"]
@@ -155,7 +156,7 @@ def last_kind(settings: Config, yields: Yields) -> str:
 def tolerance_rows(settings: Config, yields: Yields) -> Rows:
     kind = last_kind(settings, yields)
     rows = [
-        [row.key + design.tolerancing.OF_HEADS[row.key],
+        [row.key + design.tolerances.prediction.OF_HEADS[row.key],
          f"{settings.calibrate.before[row.key]:g}", percent(getattr(row.alone, kind)),
          percent(getattr(row.halved, kind)), row.worst]
         for row in yields.by_tolerance

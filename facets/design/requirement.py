@@ -22,6 +22,7 @@ from ..core.units import Floats
 from ..detectors.correction import correct, invert_correction
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, margins, readings
+from .variables import Outcome
 from .volume import (
     mirror_states,
     shares_of_volume,
@@ -78,6 +79,25 @@ def limits_of(
             Constraint(f"light on facet {letter}, rim", rim)
             for letter, rim in zip("ABC", rims, strict=False)
         ),
+    ]
+
+
+def head_limits(largest: float, heads: list[Any]) -> list[Constraint]:
+    """Limit the head's size, for detectors whose radius varies or is too large. A head of constant
+    size cannot limit the search."""
+    wide = [head for head in heads if not isinstance(head, float) or head > largest]
+    return [
+        Constraint("size of the head", 1 - head / largest, states=(0,))
+        for head in wide
+        if np.isfinite(largest)
+    ]
+
+
+def headrooms(outcome: Outcome) -> list[Constraint]:
+    """Constrain the amplifiers' headrooms, if the noise follows from electronics."""
+    return [
+        Constraint(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
+        for n, each in enumerate(outcome.headrooms)
     ]
 
 

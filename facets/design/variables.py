@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +18,7 @@ from ..detectors.noise import electrode_currents, largest_current, standard_devi
 from ..model.arrays import half_sizes, parameters, sensor_with
 from ..model.many import evaluate
 from ..model.packing import pack_rows
-from ..optics.forward import Geometry, sub_beam_height
+from ..optics.forward import Geometry, Scene, build_geometry, dark_scene, sub_beam_height
 from ..scalars.nesting import leaves
 
 if TYPE_CHECKING:
@@ -41,6 +41,38 @@ class Outcome(NamedTuple):
     powers: list[Floats]
     condition: Floats
     headrooms: list[Floats]
+
+
+class LayoutValues(NamedTuple):
+    """The model's vectors and scene, the detectors' sizes, mm, the results, and the heads'
+    diameters, mm, of layouts at states."""
+
+    fixed: Geometry
+    at: Scene
+    sizes: list[Any]
+    outcome: Outcome
+    heads: list[Any]
+
+
+def evaluate_layouts(
+    sensor: Sensor, names: Sequence[str], x: Any, state: Sequence[Any], body: MeasuredObject | None
+) -> LayoutValues:
+    """Evaluate k layouts at m states.
+
+    x: the variables' values, columns (k, 1).  state: of `columns_of_states`.  body: the object
+    whose displacement has the variances.
+    """
+    parameters, sizes = layout_parameters(sensor, names, x)
+    fixed = build_geometry(tuple(parameters))
+    outcome = outcome_of(sensor, fixed, sizes, state, gain_of(sensor, names, x), body)
+    heads = [2 * parameters[psd] for psd in PSDS]
+    return LayoutValues(fixed, dark_scene(fixed, state), sizes, outcome, heads)
+
+
+def values_between(variables: Mapping[str, tuple[float, float]], shares: Floats) -> list[Floats]:
+    """The values of the variables, columns (k, 1), at shares (k, n or more) of their bounds."""
+    low, high = np.array(list(variables.values())).T
+    return list((low + (high - low) * shares[:, : len(variables)]).T[:, :, None])
 
 
 #: The share of an amplifier's full scale that a design's light may use; the rest is for the laser's
@@ -249,8 +281,3 @@ def gain_of(sensor: Sensor, names: Sequence[str], x: Any) -> Any:
     if GAIN not in names:
         return sensor.electronics.transimpedance
     return x[list(names).index(GAIN)] * unit_of(GAIN)
-
-
-def heads_of(p: Sequence[Any]) -> list[Any]:
-    """Twice the radius of each detector, mm; the largest is the head's diameter."""
-    return [2 * p[psd] for psd in PSDS]

@@ -13,7 +13,7 @@ from facets import design
 from facets.core import FINE_UNITS
 from facets.design import (
     MEASURES,
-    assembly_of,
+    HeadSettings,
     designs,
     measure_design,
     measure_designs,
@@ -65,7 +65,7 @@ def test_the_optimum_is_that_of_the_object():
     largest = (sizes / np.array(LAYOUT.unit)).max()
     assert np.sqrt(optimum.best.objective) == pytest.approx(largest, rel=1e-3)
     assert facets.margins(sensor, volume)[:, :, :4].min() > -1e-6
-    table = design.verification.compare(CONFIG.sensor, sensor, LAYOUT, CONFIG.range, seed=1)
+    table = design.results.verification.compare(CONFIG.sensor, sensor, LAYOUT, CONFIG.range, seed=1)
     rows = dict(zip(table["quantity"].tolist(), table["after"].tolist(), strict=True))
     stated = [rows[f"u_{n}"] for n in ("tz_um", "roll_urad", "yaw_urad")]
     np.testing.assert_allclose(stated, sizes.max(axis=0)[[2, 3, 5]], rtol=1e-3)
@@ -83,7 +83,7 @@ def test_errors_of_heads_are_those_of_the_object():
     """A head whose detectors stand elsewhere than is thought shifts the tip by its turn, too."""
     layout = replace(LAYOUT, accuracy=(5.0,) * 6, calibrated=False)
     loose = replace(CONFIG.calibrate, before={"psd_place_mm": 0.01}, power_per_sample=False)
-    built = assembly_of(CONFIG.sensor, layout, CONFIG.range, loose)
+    built = HeadSettings(layout, CONFIG.range, loose).assembly_of(CONFIG.sensor)
     heads = simulate_heads(built, 1, 3)
     head = built.head(np.random.default_rng(3).normal(size=len(built.choice.names)) * built.loose)
     states = states_by_quaternions(built.asked.states)

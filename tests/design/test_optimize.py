@@ -14,6 +14,8 @@ from facets.characterization import measures
 from facets.core import AmplifierPart, PsdPart
 from facets.design import (
     add_worst_states,
+    expand_objective,
+    expand_rows,
     meets,
     present_values,
     problem_of,
@@ -39,8 +41,8 @@ def test_derivatives_are_those_of_values(aim):
         unknowns = problem.first_guess(problem.low + (problem.high - problem.low) * shares)
         way = rng.normal(size=problem.count)
         for expand, weights in (
-            (lambda x: problem.expand(x, rows), rng.random(40)),
-            (problem.expand_objective, np.full(1, 0.7)),
+            (lambda x: expand_rows(problem, x, rows), rng.random(40)),
+            (lambda x: expand_objective(problem, x), np.full(1, 0.7)),
         ):
             here, ahead, behind = (expand(unknowns + step * way) for step in (0, 3e-5, -3e-5))
             slopes = (ahead.values - behind.values) / 6e-5
@@ -157,7 +159,7 @@ def test_one_detector_alone_can_vary():
 
 def test_a_layout_is_checked_again_by_what_shares_nothing_with_the_optimiser():
     sensor, layout = CONFIG.sensor, CONFIG.layout
-    table = design.verification.compare(sensor, sensor, layout, CONFIG.range, 1)
+    table = design.results.verification.compare(sensor, sensor, layout, CONFIG.range, 1)
     np.testing.assert_allclose(table["before"], table["after"], rtol=0.05)
     row = dict(zip(table["quantity"], table["after"], strict=True))
     spread = dict(zip(table["quantity"], table["simulated"], strict=True))

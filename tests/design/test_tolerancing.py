@@ -13,7 +13,7 @@ from facets.cli.sentences import yields
 import facets
 from facets import InputError, design, optimize
 from facets.design import (
-    assembly_of,
+    HeadSettings,
     count_passes,
     draw_heads,
     expand_margins,
@@ -43,7 +43,7 @@ def load(folder, text):
 
 
 def assembly(config):
-    return assembly_of(config.sensor, config.layout, config.range, config.calibrate)
+    return HeadSettings(config.layout, config.range, config.calibrate).assembly_of(config.sensor)
 
 
 def within(share, seen, count):
@@ -63,7 +63,7 @@ def robust(plain):
     layout = replace(plain.layout, production=0.9)
     best = optimize(plain.sensor, layout).best
     problem = problem_of(plain.sensor, layout)
-    return robust_layout(problem, layout, plain.range, plain.calibrate, best), best
+    return robust_layout(problem, HeadSettings(layout, plain.range, plain.calibrate), best), best
 
 
 def draw_part(part, rng, **sigmas):
@@ -161,7 +161,7 @@ def test_a_yield_over_a_volume_that_is_an_unknown_is_refused(plain, robust):
     layout = replace(plain.layout, aim="range", production=0.9)
     problem = problem_of(plain.sensor, layout)
     with pytest.raises(InputError, match="state the volume"):
-        robust_layout(problem, layout, plain.range, plain.calibrate, robust[1])
+        robust_layout(problem, HeadSettings(layout, plain.range, plain.calibrate), robust[1])
 
 
 def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
@@ -179,7 +179,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
 def test_heads_without_tolerances_are_an_error(plain):
     known = replace(plain.calibrate, before={"mount_deg": 3.0})
     with pytest.raises(InputError, match="no tolerance of the head"):
-        assembly_of(plain.sensor, plain.layout, plain.range, known)
+        HeadSettings(plain.layout, plain.range, known).assembly_of(plain.sensor)
 
 
 @pytest.mark.slow
@@ -233,7 +233,7 @@ def test_the_starts_of_a_search_show_what_the_objective_stands_for():
     """The worst uncertainty is the root of what is minimised."""
     end = SimpleNamespace(x=[1.0], objective=0.8434, seconds=0.1, status="solve succeeded")
     optimum = SimpleNamespace(names=["radius_mm"], results=[end])
-    headings, rows = design.tables.start_rows(optimum, "resolution")
+    headings, rows = design.results.tables.start_rows(optimum, "resolution")
     shown = rows[0][headings.index("worst uncertainty")]
     assert float(shown) == pytest.approx(np.sqrt(0.8434), rel=1e-5)
-    assert shown[:5] in design.report.objective_text("resolution", 0.8434)
+    assert shown[:5] in design.results.tables.objective_text("resolution", 0.8434)

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.units import Floats
-from ..search import active_constraints, active_rows, solve
+from ..optimisation.problem import Objective
+from ..optimisation.search import active_constraints, active_rows, solve
 from .space import MEASURES, Space, measure_design
 from .trade import Trade, trade_of
 
@@ -82,7 +83,7 @@ class Walk:
     def least(self, objective: int, most: Floats, start: Floats | End) -> End | None:
         """Minimise one objective where no cost is above `most`; None if no design is found."""
         trade = self.trade
-        problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
+        problem = replace(trade.problem, objective=Objective({trade.objectives[objective]: 1.0}))
         guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
         problem, rows, result, unknowns = solve(
             problem, guess, trade.bounds(most), known=known, steps=STEPS

@@ -14,7 +14,7 @@ from ...core.sensor import Sensor
 from ...core.units import Booleans, Floats
 from ...files.provenance import require_origin
 from ...files.tables import read_chunks, read_head
-from ..rounding import nearest_steps
+from ..optimisation.rounding import nearest_steps
 from ..variables import present_values, sensor_of
 from .space import MEASURES, Space, measure_design, measure_designs
 from .survey import SKIPPED
@@ -100,7 +100,7 @@ def round_to_steps(space: Space, x: Floats) -> Floats:
 
 def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
     """The YAML of each sensor, as an extension of the configuration, in manufacturable values."""
-    from ..changes import base_of, changed_keys, common_keys_hold, document, merge_common_blocks
+    from ..results.changes import base_of, changed_keys, common_keys_hold, document, merge_common_blocks
 
     base = base_of(settings, folder)
     once = common_keys_hold(settings, sensors[-1], folder)

@@ -7,7 +7,7 @@ uncertainties and the head are slacks above their least values.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,27 +17,16 @@ from ...core.extras import require_extra
 from ...core.names import FINE_COLUMNS, FINE_UNITS, POSE, RANGE_COLUMNS
 from ...core.units import Floats
 from ...detectors.noise import power_floor
-from ...optics.forward import build_geometry, dark_scene
-from ..formula import Formula
-from ..problem import (
-    LayoutProblem,
-    UnknownBounds,
-    head_limits,
-    headrooms,
-    origin_of,
-    outputs_at,
-    refuse_unknown_effects,
-    rows_of,
-)
-from ..requirement import EDGES, Constraint, limits_of
+from ..optimisation.formulation import build_problem, refuse_effects, require_noise
+from ..optimisation.problem import LayoutProblem
+from ..requirement import EDGES, Constraint, head_limits, headrooms, limits_of
 from ..spots import corner_clearances, rim_clearances, tip_clearance
 from ..variables import (
     Outcome,
     columns_of_states,
-    heads_of,
-    layout_parameters,
-    outcome_of,
+    evaluate_layouts,
     present_values,
+    values_between,
 )
 from ..volume import mirror_states, span_of
 from .space import MEASURES, Space, measure_design
@@ -74,13 +63,13 @@ class Trade:
         costs: Floats = self.signs * values[..., places] / self.scales
         return costs
 
-    def bounds(self, most: Floats) -> UnknownBounds:
+    def bounds(self, most: Floats) -> tuple[Floats, Floats]:
         """Return the bounds of the unknowns with no cost above `most`, which may be infinite."""
         low, high = self.problem.bounds()
         n = len(self.problem.names)
         high[n:] = np.where(self.signs > 0, most, np.inf)
         low[n:] = np.where(self.signs < 0, np.maximum(-most, 0.0), 0.0)
-        return UnknownBounds(low, high)
+        return low, high
 
     def guess(self, x: Floats) -> Floats:
         """Return the unknowns at a design, given in the units of the variables' names."""
@@ -100,7 +89,8 @@ def require_smooth(space: Space) -> None:
         )
     if not 2 <= len(set(space.objectives)) <= 3:
         raise InputError("--front takes two or three objectives: give --objective again")
-    refuse_unknown_effects(space.sensor, space.layout, "explore --front")
+    refuse_effects(space.sensor, "explore --front")
+    require_noise(space.sensor, space.layout, "explore --front")
     if not space.rules.whole_spot:
         raise InputError("--front follows ranges of whole spots only: set range.spot to whole")
 
@@ -109,34 +99,23 @@ def trade_of(space: Space) -> Trade:
     """Make the problem of a space's objectives; raises `InputError`."""
     require_extra("casadi", "the search for a front")
     require_smooth(space)
-    names, count = space.names, len(space.names)
-    low, high = np.array([space.layout.variables[name] for name in names]).T
     ranges = [name for name in RANGE_COLUMNS if name in space.objectives]
     objectives = [*ranges, *(name for name in space.objectives if name not in ranges)]
     scales = dict(zip(objectives, scales_of(space, objectives), strict=True))
     states = states_of(space, ranges)
 
-    def outputs(unknowns: Floats, some: Floats) -> list[Constraint]:
-        x = list((low + (high - low) * unknowns[:, :count]).T[:, :, None])
+    def constrain(unknowns: Floats, some: Floats) -> list[Constraint]:
+        variables = space.layout.variables
         halves = {
-            name: scales[name] * unknowns[:, count + n, None] / 2 for n, name in enumerate(ranges)
+            name: scales[name] * unknowns[:, len(variables) + n, None] / 2
+            for n, name in enumerate(ranges)
         }
-        return trade_constraints(space, x, ray_states(space, some, halves), scales, states)
+        x, state = values_between(variables, unknowns), ray_states(space, some, halves)
+        return trade_constraints(space, x, state, scales, states)
 
-    def compute(unknowns: Floats, some: Floats) -> list[Any]:
-        return [each.value for each in outputs(unknowns, some)]
-
-    constraints = outputs(np.full((1, count + len(ranges)), 0.5), np.zeros((1, 16)))
-    groups = list(dict.fromkeys(each.group for each in constraints))
-    origin = np.pad(origin_of(low, high), (0, len(ranges)), constant_values=np.nan)
-    problem = LayoutProblem(
-        space.sensor, names, low, high, objectives, Formula(compute, origin),
-        np.arange(count + len(ranges)), states, groups,
-        rows_of(constraints, groups, objectives, count, len(states)),
-        np.empty(0, dtype=np.int64), {}, False,
-        span=np.pad(span_of(space.layout), ((0, 0), (0, 8))) if space.required else None,
-        inside=outputs_at(constraints, len(states) - 1),
-    )  # fmt: skip
+    problem = build_problem(space.sensor, space.layout.variables, objectives, constrain, states)
+    if space.required:
+        problem = replace(problem, span=np.pad(span_of(space.layout), ((0, 0), (0, 8))))
     signs = np.array([-1.0 if name in ranges else 1.0 for name in objectives])
     return Trade(space, problem, objectives, np.array(list(scales.values())), signs)
 
@@ -194,12 +173,10 @@ def trade_constraints(
     space: Space, x: list[Any], state: Any, scales: dict[str, float], states: Floats
 ) -> list[Constraint]:
     """List a design's requirements, and the quantities that must stay below the objectives."""
-    parameters, square = layout_parameters(space.sensor, space.names, x)
+    values = evaluate_layouts(space.sensor, space.names, x, state, space.layout.object)
+    fixed, at, outcome, heads = values.fixed, values.at, values.outcome, values.heads
     given_sizes = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
-    sizes = [(d, d) for d in square] if "size_mm" in space.names else given_sizes
-    fixed = build_geometry(tuple(parameters))
-    at, heads = dark_scene(fixed, state), heads_of(parameters)
-    outcome = outcome_of(space.sensor, fixed, square, state, body=space.layout.object)
+    sizes = [(d, d) for d in values.sizes] if "size_mm" in space.names else given_sizes
     rim, half = space.sensor.apertures.rim, float(np.mean(given_sizes)) / 2
     rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
     return [
@@ -248,7 +225,7 @@ def volume_limits(
     return [
         *(each._replace(states=power) for each in asked[: len(outcome.powers)]),
         *(each._replace(states=fine) for each in asked[len(outcome.powers) :]),
-        *head_limits(space.layout, heads),
+        *head_limits(space.layout.head, heads),
     ]
 
 

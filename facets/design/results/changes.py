@@ -9,18 +9,18 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..config.build import differences
-from ..config.files import shipped
-from ..config.loading import load
-from ..config.sensor_keys import write_sensor
-from ..core.errors import ConfigError
-from ..core.names import DETECTORS, escape_undecodable
-from ..core.sensor import Sensor
-from ..files.tables import head_lines
-from ..files.whole import Whole, hidden_name, readable_path
+from ...config.build import differences
+from ...config.files import shipped
+from ...config.loading import load
+from ...config.sensor_keys import write_sensor
+from ...core.errors import ConfigError
+from ...core.names import DETECTORS, escape_undecodable
+from ...core.sensor import Sensor
+from ...files.tables import head_lines
+from ...files.whole import Whole, hidden_name, readable_path
 
 if TYPE_CHECKING:
-    from ..core.settings import Config
+    from ...core.settings import Config
 
 #: Decimals of values that follow from the variables, such as a detector's height.
 DECIMALS = 3

@@ -1,20 +1,24 @@
 """IPOPT, as casadi ships it, for problems whose values and derivatives are computed here.
 
-This module imports casadi.
+This module imports casadi. casadi checks Python's signals now and then, ends a solver where a
+handler raises, and returns the solver's last point, as if it had found nothing; while it makes or
+frees a function it goes on. Here the handler is then called again.
 """
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import FrameType
 from typing import Any
 
 import casadi as ca  # noqa: TID253
 import numpy as np
 
-from ..core.units import Floats
-from .interruption import run_solver
-from .problem import RestrictedProblem, UnknownBounds
+from ...core.units import Floats
+from .expansion import RestrictedProblem
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8
@@ -22,6 +26,8 @@ TOLERANCE = 1e-8
 NEAR = 1e-5
 #: Largest number of steps.
 STEPS = 300
+#: Signals that interrupt a search.
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,7 @@ class Pieces:
 def minimise(
     problem: RestrictedProblem,
     start: Floats,
-    bounds: UnknownBounds,
+    bounds: tuple[Floats, Floats],
     near: bool = False,
     steps: int = STEPS,
 ) -> SolverResult:
@@ -125,14 +131,11 @@ def minimise(
     near: whether the start is near the end.  steps: largest number of steps.
     """
     # making and freeing a problem swallows what a handler raises, too, as its solution does
-    result: SolverResult = run_solver(
-        search, problem=problem, start=start, bounds=bounds, near=near, steps=steps
-    )
-    return result
+    return run_interruptibly(lambda: search(problem, start, bounds, near, steps))
 
 
 def search(
-    problem: RestrictedProblem, start: Floats, bounds: UnknownBounds, near: bool, steps: int
+    problem: RestrictedProblem, start: Floats, bounds: tuple[Floats, Floats], near: bool, steps: int
 ) -> SolverResult:
     pieces = Pieces(problem)
     x = ca.MX.sym("x", problem.unknowns)
@@ -146,7 +149,7 @@ def search(
     if near:
         options |= {"ipopt.mu_init": NEAR, "ipopt.bound_push": 1e-8, "ipopt.bound_frac": 1e-8}
     solver = ca.nlpsol("layout", "ipopt", {"x": x, "f": f, "g": g}, options)
-    end = solver(x0=start, lbx=bounds.low, ubx=bounds.high, lbg=0.0, ubg=np.inf)
+    end = solver(x0=start, lbx=bounds[0], ubx=bounds[1], lbg=0.0, ubg=np.inf)
     stats = solver.stats()
     return SolverResult(
         x=np.array(end["x"]).ravel(),
@@ -157,3 +160,35 @@ def search(
         bounds=np.array(end["lam_x"]).ravel(),
         iterations=int(stats["iter_count"]),
     )
+
+
+def run_interruptibly(solve: Callable[[], SolverResult]) -> SolverResult:
+    """Call a solver and, after an interruption, call the signal's own handler.
+
+    A signal that ends the program at once still ends it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return solve()
+    came: list[int] = []
+
+    def interrupt(number: int, _: FrameType | None) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
+    before = {n: signal.getsignal(n) for n in numbers if callable(signal.getsignal(n))}
+    try:
+        for number in before:
+            signal.signal(number, interrupt)
+        result = solve()
+    except (Exception, KeyboardInterrupt):
+        if not came:
+            raise
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    for number in came:
+        handler = before[number]
+        assert callable(handler)
+        handler(number, None)
+    return result

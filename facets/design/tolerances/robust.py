@@ -9,22 +9,23 @@ turn until k no longer changes; each search begins where the last one ended.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.rules import Rules
-from ..core.units import Floats
-from .assembly import Assembly, assembly_of
-from .problem import LayoutProblem, StartResult, refuse_unknown_effects
-from .search import shortfalls_of, solve_from
-from .tolerancing import SAFE_SPREADS, Draws, Expansion, draw_heads, expand_margins, least_margins
-from .variables import sensor_of
-
-if TYPE_CHECKING:
-    from ..core.calibrate import Calibrate
-    from ..core.layout import Layout
+from ...core.errors import InputError
+from ...core.units import Floats
+from ..optimisation.problem import LayoutProblem, StartResult
+from ..optimisation.search import shortfalls_of, solve_from
+from ..variables import sensor_of
+from .heads import Assembly, HeadSettings
+from .prediction import (
+    SAFE_SPREADS,
+    Draws,
+    Expansion,
+    draw_heads,
+    expand_margins,
+    least_margins,
+)
 
 #: Largest number of rounds, and the tolerance of the predicted yield.
 MAX_ROUNDS, YIELD_TOLERANCE = 8, 0.002
@@ -48,47 +49,46 @@ class Robust:
     rounds: int
 
 
-def require_fixed_volume(layout: Layout) -> None:
-    """Raise `InputError` if the volume's scale is itself an unknown."""
-    if "range" in layout.aims:
+def robust_layout(problem: LayoutProblem, heads: HeadSettings, best: StartResult) -> Robust:
+    """Find the layout whose heads have the yield of `layout.production`, from the best layout.
+
+    If no layout has, the result's `found` is false and its `shortfalls` name the obstacles.
+    """
+    from scipy.special import ndtri
+
+    if "range" in problem.extras:
         raise InputError(
             "optimize.production.yield_percent with an aim of range: heads are asked over the "
             "volume that is stated, and this aim makes the volume itself as large as can be; "
             "state the volume and take another aim"
         )
-
-
-def robust_layout(
-    problem: LayoutProblem, layout: Layout, rules: Rules, known: Calibrate, best: StartResult
-) -> Robust:
-    """Find the layout whose heads have the yield of `layout.production`, from the best layout.
-
-    If no layout has, the result's `found` is false and its `shortfalls` name the obstacles.
-    """
-    refuse_unknown_effects(problem.sensor, layout)
-    require_fixed_volume(layout)
-    from scipy.special import ndtri
-
-    target, factor, result = layout.production, float(ndtri(layout.production)), best
-    robust: Robust | None = None
-    for rounds in range(1, MAX_ROUNDS + 1):
-        made = sensor_of(problem.sensor, problem.names, result.x)
-        built = assembly_of(made, replace(layout, accuracy=(np.inf,) * 6), rules, known)
-        expansion = expand_margins(built)
-        draws = draw_heads(built)
+    heads = replace(heads, layout=replace(heads.layout, accuracy=(np.inf,) * 6))
+    target, rounds = heads.layout.production, 1
+    robust = Robust(problem, best, float(ndtri(target)), 0.0, rounds)
+    while True:
+        made = sensor_of(problem.sensor, problem.names, robust.result.x)
+        built = heads.assembly_of(made)
+        expansion, draws = expand_margins(built), draw_heads(built)
         kept = float((least_margins(expansion, draws.heads) >= 0).mean())
-        robust = Robust(problem, result, factor, kept, rounds)
-        if rounds > 1 and abs(kept - target) < YIELD_TOLERANCE:
+        robust = replace(robust, kept=kept, rounds=rounds)
+        if rounds == MAX_ROUNDS or (rounds > 1 and abs(kept - target) < YIELD_TOLERANCE):
             return robust
         if rounds > 1:
-            factor += missing_factor(expansion, draws, target)
-        problem = problem.replace_spare(spare_of(problem, expansion, factor))
-        result = solve_from(problem, result.x)
-        if not result.found:
-            result.shortfalls = shortfalls_of(problem, result.start)
-            return replace(robust, problem=problem, result=result)
-    assert robust is not None
-    return robust
+            factor = robust.factor + missing_factor(expansion, draws, target)
+            robust = replace(robust, factor=factor)
+        robust = search_with_margins(robust, spare_of(problem, expansion, robust.factor))
+        if not robust.result.found:
+            return robust
+        rounds += 1
+
+
+def search_with_margins(robust: Robust, spare: Floats) -> Robust:
+    """Search again, from the last layout, with least values (rows,) of the constraints."""
+    problem = robust.problem.replace_spare(spare)
+    result = solve_from(problem, robust.result.x)
+    if not result.found:
+        result.shortfalls = shortfalls_of(problem, result.start)
+    return replace(robust, problem=problem, result=result)
 
 
 def missing_factor(expansion: Expansion, draws: Draws, target: float) -> float:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.units import Floats
-from .problem import LayoutProblem, UnknownBounds
+from ...core.units import Floats
+from .problem import LayoutProblem
 from .search import SLACK, objective_at, settle, solve
 
 #: Steps that are easy to set or make, by the ending of a variable's name or by the whole name.
@@ -95,7 +95,7 @@ def solve_with_value(
     low[n] = high[n] = guess[n] = share
     free = low[: len(problem.names)] < high[: len(problem.names)]
     if free.any() or "range" in problem.extras:
-        problem, _, result, _ = solve(problem, problem.fill_slacks(guess), UnknownBounds(low, high))
+        problem, _, result, _ = solve(problem, problem.fill_slacks(guess), (low, high))
         guess = np.clip(result.x, low, high)
     problem, guess = settle(problem, guess)
     return guess if problem.values(guess).min() > -SLACK else None

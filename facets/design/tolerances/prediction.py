@@ -7,7 +7,7 @@ calibration of information M, in units of the tolerances, estimates for a head z
     C (M z + M^1/2 w),   C = (M + P)^-1,
 
 where P is the prior information and w is the noise of readings and reference. So some ten thousand
-heads cost one product of matrices, and `production` builds some hundred to check them.
+heads cost one product of matrices, and `heads` builds some hundred to check them.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..calibration.fitting.bundle_adjustment import Data
-from ..calibration.fitting.fit import prior_information
-from ..calibration.motions import information
-from ..core.small_matrices import one_thread
-from ..core.units import Booleans, Floats
-from ..model.arrays import readings
-from .assembly import Assembly
-from .requirement import errors_of, margins_of
+from ...calibration.fitting.bundle_adjustment import Data
+from ...calibration.fitting.fit import prior_information
+from ...calibration.motions import information
+from ...core.small_matrices import one_thread
+from ...core.units import Booleans, Floats
+from ...model.arrays import readings
+from ..requirement import errors_of, margins_of
+from .heads import Assembly
 
 if TYPE_CHECKING:
-    from ..core.sensor import Sensor
+    from ...core.sensor import Sensor
 
 #: Number of heads of a prediction, and their seed, the same for every design.
 HEADS, SEED = 20_000, 7

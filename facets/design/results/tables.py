@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from .changes import changes_of
-from .report import QUANTITIES, objective_quantity
 
 if TYPE_CHECKING:
-    from ..core.sensor import Sensor
-    from ..core.settings import Config
-    from .rounding import Rounded
-    from .search import Optimum
+    from ...core.sensor import Sensor
+    from ...core.settings import Config
+    from ..optimisation.rounding import Rounded
+    from ..optimisation.search import Optimum
 
 #: Headings and rows of a table.
 Rows = tuple[list[str], list[list[str]]]
@@ -29,6 +29,34 @@ KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
 }
 
 
+#: By aim, what an objective stands for, and this quantity from the number that is minimised.
+QUANTITIES: dict[str, tuple[str, Callable[[float], float]]] = {
+    "resolution": ("worst uncertainty", lambda square: max(square, 0.0) ** 0.5),
+    "mean-resolution": ("root mean square uncertainty", lambda square: max(square, 0.0) ** 0.5),
+    "range": ("times the volume", lambda negative: -negative),
+    "condition": ("worst condition number", lambda exponent: 10.0**exponent),
+    "weighted": ("weighted sum", lambda value: value),
+    "size": ("head, mm", lambda share: 100 * share),
+}
+
+
+def objective_quantity(aim: str, objective: float) -> float:
+    """The quantity that an objective stands for, in the unit that is printed."""
+    return QUANTITIES[aim][1](objective)
+
+
+def objective_text(aim: str, objective: float) -> str:
+    """Describe an objective in words."""
+    number = f"{objective_quantity(aim, objective):.4g}"
+    if aim in ("resolution", "mean-resolution"):
+        return f"{QUANTITIES[aim][0]} {number} of the requested units"
+    if aim == "range":
+        return f"a volume {number} times as large in each axis"
+    if aim == "size":
+        return f"a head of {number} mm"
+    return f"{QUANTITIES[aim][0]} {number}"
+
+
 def part_rows(optimum: Optimum, aim: str) -> Rows:
     """Headings and rows of the choices of parts."""
     headings = ["detectors", "laser", "amplifiers", "price", "weeks", *optimum.names,
@@ -39,7 +67,8 @@ def part_rows(optimum: Optimum, aim: str) -> Rows:
         weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
         values = [f"{value:.4g}" for value in end.x]
         objective = f"{objective_quantity(aim, end.objective):.4g}" if end.found else "-"
-        parted = [choice.psd, choice.laser, choice.amplifier or "-", price, weeks]
+        psd, laser, amplifiers = choice.parts
+        parted = [psd, laser, amplifiers or "-", price, weeks]
         rows.append([*parted, *values, objective, end.status])
     return headings, rows
 

@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..characterization.ranges import axis_ranges
-from ..characterization.resolution import uncertainties
-from ..characterization.singularity import measures
-from ..core.errors import InputError
-from ..core.knowledge import Knowledge
-from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
-from ..core.rigid_body import MeasuredObject, object_displacements
-from ..core.rules import Rules
-from ..core.sensor import Sensor
-from ..core.units import Floats
-from ..detectors.noise import add_noise
-from ..estimation.solver import solve
-from ..model.arrays import margins, readings
-from .volume import add_worst_states, mirror_states
+from ...characterization.ranges import axis_ranges
+from ...characterization.resolution import uncertainties
+from ...characterization.singularity import measures
+from ...core.errors import InputError
+from ...core.knowledge import Knowledge
+from ...core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
+from ...core.rigid_body import MeasuredObject, object_displacements
+from ...core.rules import Rules
+from ...core.sensor import Sensor
+from ...core.units import Floats
+from ...detectors.noise import add_noise
+from ...estimation.solver import solve
+from ...model.arrays import margins, readings
+from ..volume import add_worst_states, mirror_states
 
 if TYPE_CHECKING:
-    from ..core.layout import Layout
+    from ...core.layout import Layout
 
 
 #: Number of noisy readings at the worst state of each axis, and of random states of the volume.

@@ -9,28 +9,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arguments import check_arguments
-from ..core.layout import Layout
-from ..core.sensor import Sensor
-from ..core.units import Floats
-from .branching import best_parts, price_term
-from .catalogue import PartsChoice, choices, replace_parts
-from .problem import (
-    TRIED,
-    LayoutProblem,
-    RestrictedProblem,
-    Rows,
-    StartResult,
-    UnknownBounds,
-    problem_of,
-)
-from .variables import present_values
+from ...core.arguments import check_arguments
+from ...core.layout import Layout
+from ...core.sensor import Sensor
+from ...core.units import Floats
+from ..variables import present_values
+from .expansion import RestrictedProblem, expand_objective
+from .formulation import problem_of
+from .parts import PartsChoice, best_parts, price_term, replace_parts
+from .problem import LayoutProblem, Rows, StartResult, add_worst_places
 
 if TYPE_CHECKING:
     from .ipopt import SolverResult
@@ -115,15 +108,15 @@ def optimize(
     problem = problem_of(sensor, layout)
     now = present_values(sensor)
     before = objective_at(problem, np.array([now[name] for name in problem.names]))
-    looked_at = count_of_choices = 0
+    count_of_choices = 0
     if layout.has_parts:
-        tried, count_of_choices = choose(sensor, layout, on_progress)
-        looked_at, best = len(tried), tried[0][0]
-        parted = replace_parts(sensor, layout, best.psd, best.laser, best.amplifier)
+        tried, count_of_choices = best_parts(sensor, layout, solve_from_present, on_progress)
+        best = tried[0][0]
+        parted = replace_parts(sensor, layout, best.parts)
         problem = problem_of(parted, layout, price_term(layout, best.price))
     results: list[StartResult] = []
-    for start in starts_of(problem, layout):
-        on_progress(looked_at + len(results), looked_at + layout.starts)
+    for start in starts_of(problem, layout.starts, layout.seed):
+        on_progress(len(tried) + len(results), len(tried) + layout.starts)
         results.append(solve_from(problem, start))
     results.sort(key=lambda result: (not result.found, result.objective))
     if not results[0].found:
@@ -131,44 +124,18 @@ def optimize(
     return Optimum(problem.names, results, before, problem.sensor, problem, tried, count_of_choices)
 
 
-def choose(
-    sensor: Sensor, layout: Layout, on_progress: Callable[[int, int], None]
-) -> tuple[list[tuple[PartsChoice, StartResult]], int]:
-    """Try choices of parts; return their results, the best first, and the number of all choices.
-
-    All choices of a small catalogue are tried, so that the user can see them; in a large one,
-    choices that cannot be the best are skipped.
-    """
-    made = dict(choices(sensor, layout))
-    if len(made) > TRIED:
-        if best := best_parts(sensor, layout, solve_from_present, on_progress):
-            return best, len(made)
-        # no choice meets the requirements, not even with parts as good as any: use the best of
-        # those tried
-        largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
-        return [(largest, solve_from_present(made[largest], layout))], len(made)
-    tried: list[tuple[PartsChoice, StartResult]] = []
-    for choice, other in made.items():
-        on_progress(len(tried), len(made) + layout.starts)
-        end = solve_from_present(other, layout)
-        end.objective += price_term(layout, choice.price)
-        tried.append((choice, end))
-    tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
-    return tried, len(made)
-
-
-def starts_of(problem: LayoutProblem, layout: Layout) -> Floats:
+def starts_of(problem: LayoutProblem, count: int, seed: int) -> Floats:
     """Return the present sensor's variables, and others drawn within the bounds."""
     now = present_values(problem.sensor)
     first = np.clip([now[name] for name in problem.names], problem.low, problem.high)
-    rng = np.random.default_rng(layout.seed)
-    shares = rng.random((layout.starts - 1, len(problem.names)))
+    rng = np.random.default_rng(seed)
+    shares = rng.random((count - 1, len(problem.names)))
     return np.concatenate([first[None], problem.low + (problem.high - problem.low) * shares])
 
 
 def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
     problem = problem_of(sensor, layout)
-    return solve_from(problem, starts_of(problem, layout)[0])
+    return solve_from(problem, starts_of(problem, 1, 0)[0])
 
 
 def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
@@ -197,7 +164,7 @@ class SolverEnd(NamedTuple):
 def solve(
     problem: LayoutProblem,
     guess: Floats,
-    bounds: UnknownBounds,
+    bounds: tuple[Floats, Floats],
     elastic: bool = False,
     known: NDArray[np.int64] | None = None,
     steps: int = 300,
@@ -226,7 +193,7 @@ def solve(
         broken = np.flatnonzero(~(values > -UNNOTICED))
         new = np.setdiff1d(np.intersect1d(nearest(problem, values, NEAREST), broken), rows)
         if not len(new):  # is any violated between the states?
-            wider = problem.add_worst_places(result.x[:n])
+            wider = add_worst_places(problem, result.x[:n])
             new = np.arange(len(problem.rows), len(wider.rows))
             problem = wider
         if not len(new):
@@ -241,7 +208,7 @@ def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Flo
     """Return the problem with the volume's worst places added, and the unknowns with slacks for
     them."""
     exact = problem.fill_slacks(unknowns, spare=1.0)
-    wider = problem.add_worst_places(exact)
+    wider = add_worst_places(problem, exact)
     return wider, exact if wider is problem else wider.fill_slacks(exact, spare=1.0)
 
 
@@ -263,7 +230,7 @@ def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
     return StartResult(
         start=start,
         x=problem.values_at(exact),
-        objective=problem.objective(exact),
+        objective=objective_of(problem, exact),
         found=result.success and bool(values.min() > -SLACK),
         status=result.status,
         seconds=time.perf_counter() - begin,
@@ -294,7 +261,7 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
     result = solve(
         problem,
         guess,
-        UnknownBounds(np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf))),
+        (np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf))),
         elastic=True,
     ).result
     shares = {}
@@ -310,6 +277,35 @@ def objective_at(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> flo
     guess = problem.first_guess(x)
     low[: len(x)] = high[: len(x)] = guess[: len(x)]
     if "range" in problem.extras:
-        guess = solve(problem, guess, UnknownBounds(low, high)).result.x
+        guess = solve(problem, guess, (low, high)).result.x
     problem, guess = settle(problem, guess)
-    return problem.objective(guess) if problem.values(guess).min() > -slack else float("nan")
+    return objective_of(problem, guess) if problem.values(guess).min() > -slack else float("nan")
+
+
+def objective_of(problem: LayoutProblem, unknowns: Floats) -> float:
+    return float(expand_objective(problem, unknowns).values[0])
+
+
+def gains(optimum: Optimum, layout: Layout) -> dict[str, float]:
+    """Return the objective with each fixed quantity slightly larger, solved again from the
+    optimum."""
+    sensor, known = optimum.sensor, optimum.problem
+    tried: dict[str, tuple[Sensor, Layout]] = {}
+    if "size_mm" not in layout.variables and not layout.psds:
+        wider = [replace(p, size_y=p.size_y + 1, size_z=p.size_z + 1) for p in sensor.psds]
+        larger = replace(sensor, psds=(wider[0], wider[1], wider[2]))
+        tried["1 mm more detector"] = (larger, layout)
+    if "power_mw" not in layout.variables and not layout.lasers:
+        brighter = replace(sensor, beam=replace(sensor.beam, power=1.1 * sensor.beam.power))
+        tried["10 % more laser power"] = (brighter, layout)
+    if np.isfinite(layout.head):
+        tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
+    objectives = {}
+    for what, (other, asked) in tried.items():
+        problem = problem_of(other, asked, known.objective.price)
+        if known.rows.spare.any():
+            problem = problem.replace_spare(known.rows.spare)
+        result = solve_from(problem, optimum.best.x)
+        if result.found:
+            objectives[what] = result.objective
+    return objectives

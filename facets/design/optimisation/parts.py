@@ -1,0 +1,200 @@
+"""Parts that can be bought: the sensor with a choice of them, and the best choice.
+
+The best of a large catalogue is found by branch and bound. A branch is a set of parts of each kind.
+Its bound is the best layout with parts that are as good as any of them in everything at once: the
+largest detector with the least noise, the strongest laser with any of the diameters, the lowest
+price. No choice of the branch can be better than that, so a branch is dropped if its bound is worse
+than a known choice, or if even the bound's layout breaks a requirement; every other branch is split
+in two. The bound is only as reliable as one search is at finding the best layout.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import count, product
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+from ...core.sensor import Sensor
+
+if TYPE_CHECKING:
+    from ...core.layout import AmplifierPart, LaserPart, Layout, PsdPart
+    from .problem import StartResult
+
+#: Largest number of choices of a catalogue that is tried in full, so that the user can see them.
+TRIED = 24
+#: A branch is dropped if its bound is worse than the best known objective by more than this share.
+WORSE = 1e-6
+#: Prices are counted in thousands in a weighted sum.
+THOUSAND = 1000.0
+#: Number of parts of each kind: detectors, lasers, sets of amplifiers.
+NUMBERS = (3, 1, 1)
+#: The names of one part of each kind, "" for a kind that the catalogue lacks.
+Names = tuple[str, ...]
+#: Names of a branch's parts of each kind.
+Branch = tuple[Names, ...]
+Search = Callable[[Sensor, "Layout"], "StartResult"]
+
+
+@dataclass(frozen=True)
+class PartsChoice:
+    """Parts from the catalogue: a detector, a laser, amplifiers.
+
+    price: of three detectors, the laser and the amplifiers, None if a price is not known.
+    delivery: weeks until all parts are there, None if a time is not known."""
+
+    parts: Names
+    price: float | None
+    delivery: float | None = None
+
+
+def catalogue(layout: Layout) -> tuple[dict[str, Any], ...]:
+    """The parts of each kind by name."""
+    return layout.psds, layout.lasers, layout.amplifiers
+
+
+def choice_of(layout: Layout, names: Names) -> PartsChoice:
+    """The choice of named parts, with its price and its delivery."""
+    kinds = zip(catalogue(layout), names, NUMBERS, strict=True)
+    chosen = [(kind[name], number) for kind, name, number in kinds if name]
+    prices = [None if part.price is None else number * part.price for part, number in chosen]
+    waits = [part.delivery for part, _ in chosen]
+    return PartsChoice(
+        names, None if None in prices else sum(prices), None if None in waits else max(waits)
+    )
+
+
+def replace_parts(sensor: Sensor, layout: Layout, names: Names) -> Sensor:
+    """Return the sensor with the named parts; "" keeps the sensor's own part."""
+    psd, laser, amplifiers = (
+        kind.get(name) for kind, name in zip(catalogue(layout), names, strict=True)
+    )
+    # with a variable diameter a telescope makes it
+    return with_parts(sensor, psd, laser, amplifiers, "diameter_mm" in layout.variables)
+
+
+def with_parts(
+    sensor: Sensor, psd: PsdPart | None, laser: LaserPart | None, amplifiers: AmplifierPart | None,
+    keeps_diameter: bool,
+) -> Sensor:  # fmt: skip
+    """Return the sensor with these parts; None keeps its own."""
+    made = sensor
+    if psd:
+        a, b, c = (replace(p, size_y=psd.size, size_z=psd.size) for p in made.psds)
+        position = made.noise.position if psd.position is None else psd.position
+        made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
+    if amplifiers:
+        made = replace(made, noise=replace(made.noise, power=amplifiers.power))
+    if laser:
+        beam = replace(made.beam, power=laser.power)
+        if not keeps_diameter:
+            beam = replace(beam, diameter_x=laser.diameter, diameter_y=laser.diameter)
+        made = replace(made, beam=beam)
+    return made
+
+
+def price_term(layout: Layout, price: float | None) -> float:
+    """Return the term that a price adds to the objective."""
+    weight = layout.weights.get("price", 0.0) if layout.aim == "weighted" else 0.0
+    return weight * (price or 0.0) / THOUSAND
+
+
+def sorted_parts(layout: Layout) -> Branch:
+    """Return the branch with all parts of the catalogue, similar parts side by side."""
+    psds, lasers, amplifiers = layout.psds, layout.lasers, layout.amplifiers
+    return (
+        tuple(sorted(psds, key=lambda n: (psds[n].size, psds[n].position or 0)) or [""]),
+        tuple(sorted(lasers, key=lambda n: (lasers[n].diameter, lasers[n].power)) or [""]),
+        tuple(sorted(amplifiers, key=lambda n: amplifiers[n].power) or [""]),
+    )
+
+
+def halves_of(branch: Branch) -> list[Branch]:
+    """Split a branch by the kind of which it has most parts."""
+    kind = max(range(len(branch)), key=lambda n: len(branch[n]))
+    names, middle = branch[kind], len(branch[kind]) // 2
+    return [
+        (*branch[:kind], half, *branch[kind + 1 :]) for half in (names[:middle], names[middle:])
+    ]
+
+
+def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
+    """Return the sensor with parts as good as any of the branch, and its layout."""
+    variables, psd, laser, amplifiers = layout.variables, None, None, None
+    if branch[0][0]:
+        psds = [layout.psds[name] for name in branch[0]]
+        own = sensor.noise.position
+        noise = min(own if part.position is None else part.position for part in psds)
+        psd = replace(psds[0], size=max(part.size for part in psds), position=noise)
+    if branch[1][0]:
+        lasers = [layout.lasers[name] for name in branch[1]]
+        widths = [part.diameter for part in lasers]
+        laser = replace(lasers[0], power=max(part.power for part in lasers), diameter=min(widths))
+        if min(widths) < max(widths):
+            free = variables.get("diameter_mm", (min(widths), max(widths)))
+            variables = variables | {"diameter_mm": free}
+    if branch[2][0]:
+        amplifiers = min((layout.amplifiers[name] for name in branch[2]), key=lambda p: p.power)
+    made = with_parts(sensor, psd, laser, amplifiers, "diameter_mm" in layout.variables)
+    return made, replace(layout, variables=variables, psds={}, lasers={}, amplifiers={})
+
+
+def lowest_price(layout: Layout, branch: Branch) -> float:
+    """The lowest price of a choice in the branch; a part without a price counts as zero."""
+    return sum(
+        number * min(kind[name].price or 0.0 for name in names)
+        for kind, names, number in zip(catalogue(layout), branch, NUMBERS, strict=True)
+        if kind
+    )
+
+
+def best_parts(
+    sensor: Sensor, layout: Layout, search: Search, on_progress: Callable[[int, int], None]
+) -> tuple[list[tuple[PartsChoice, StartResult]], int]:
+    """Search for the best choice; return those that were solved with their results, best first, and
+    the number of all choices.
+
+    search: finds the best layout of a sensor from where it is.  on_progress: is called with the
+    number of choices that are decided and the number of all choices.
+    """
+    root, kinds = sorted_parts(layout), [tuple(kind) or ("",) for kind in catalogue(layout)]
+    total, number = prod(map(len, root)), count()
+    single = [tuple((name,) for name in names) for names in product(*kinds)]
+    queue = [(float("-inf"), next(number), each) for each in (single if total <= TRIED else [root])]
+    tried: list[tuple[PartsChoice, StartResult]] = []
+    settled, best = 0, float("inf")
+    while queue:
+        bound, _, branch = heapq.heappop(queue)
+        if bound > best + WORSE * abs(best):
+            break  # the bounds of all remaining branches are worse, too
+        on_progress(settled, total)
+        choices = prod(map(len, branch))
+        if choices == 1:
+            settled += 1
+            tried.append(solve_choice(sensor, layout, tuple(name for (name,) in branch), search))
+            end = tried[-1][1]
+            best = min(best, end.objective) if end.found else best
+            continue
+        end = search(*relax_parts(sensor, layout, branch))
+        value = end.objective + price_term(layout, lowest_price(layout, branch))
+        if not end.found or value > best + WORSE * abs(best):
+            settled += choices
+            continue
+        for half in halves_of(branch):
+            heapq.heappush(queue, (value, next(number), half))
+    if not tried:  # no choice meets the requirements, not even with parts as good as any
+        tried.append(solve_choice(sensor, layout, tuple(names[-1] for names in root), search))
+    tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
+    return tried, total
+
+
+def solve_choice(
+    sensor: Sensor, layout: Layout, names: Names, search: Search
+) -> tuple[PartsChoice, StartResult]:
+    """Search for the best layout with the named parts."""
+    choice = choice_of(layout, names)
+    end = search(replace_parts(sensor, layout, names), layout)
+    end.objective += price_term(layout, choice.price)
+    return choice, end

@@ -1,0 +1,209 @@
+"""Heads with manufacturing and assembly errors, whose tolerances `calibrate.before` states, and
+heads built by simulation with the model itself, to check the predictions of `prediction`.
+
+Each head's parameters are drawn about those of the design, normally and independently, with the
+standard uncertainties that a calibration takes as its prior: one statement of the tolerances serves
+both. Where the mirror sits on the reference belongs to the calibration's rig, not to a head, and
+only the calibration estimates it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...calibration.fitting.bundle_adjustment import Data
+from ...calibration.fitting.fit import Fit, StoppingRule, fit
+from ...calibration.fitting.unknowns import MOUNTING, Choice, assign_values, fold_mount, values_of
+from ...calibration.table import choice
+from ...characterization.ranges import axis_ranges, clearances
+from ...core.errors import InputError
+from ...core.rules import Rules
+from ...core.sensor import Sensor
+from ...core.small_matrices import one_thread
+from ...core.units import Booleans, Floats
+from ...detectors.correction import invert_correction
+from ...detectors.noise import add_noise
+from ...model.arrays import readings
+from ..requirement import (
+    Requirement,
+    accuracy_margins,
+    errors_of,
+    margins_of,
+    requirement_of,
+)
+
+if TYPE_CHECKING:
+    from ...core.calibrate import Calibrate
+    from ...core.layout import Layout
+
+#: The motion's amplitude in x and y over the beam's diameter, since only powers that change
+#: nonlinearly separate the gains and the beam's size from the apex's place; its clearance from a
+#: detector's edge over half a detector; and its seed.
+REACH_DIAMETERS, EDGE_CLEARANCE, SEED = 0.3, 0.2, 1
+#: When the calibration of a head ends.
+ENDING = StoppingRule(steps=25, fall=0.1)
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A design, the tolerances of its heads, and their calibration.
+
+    choice: the parameters that differ from head to head or that the calibration estimates, with
+    their standard uncertainties.  loose: which of them differ.  poses: (n, 6) of the calibration's
+    motion.  reference: (6,) its standard uncertainty, mm and rad.
+    """
+
+    sensor: Sensor
+    asked: Requirement
+    choice: Choice
+    loose: Booleans
+    poses: Floats
+    reference: Floats
+
+    @property
+    def nominal(self) -> Floats:
+        return values_of(self.sensor)
+
+    def values(self, z: Floats) -> Floats:
+        """Return all unknowns of a calibration, at `z` (p,) standard uncertainties of the
+        choice."""
+        values = self.nominal.copy()
+        values[self.choice.places] += self.choice.sigma * z
+        return values
+
+    def head(self, z: Floats) -> Sensor:
+        """Return the head at `z`. Raises `InputError` if no sensor has these parameters."""
+        return assign_values(self.sensor, fold_mount(self.values(z)))
+
+
+@dataclass(frozen=True)
+class HeadSettings:
+    """What is required of heads, and how they are calibrated.
+
+    layout: the volume and the limits.  rules: of the ranges, within which a calibration moves.
+    known: the tolerances of the heads, and the reference of their calibration.
+    """
+
+    layout: Layout
+    rules: Rules
+    known: Calibrate
+
+    def assembly_of(self, sensor: Sensor) -> Assembly:
+        """Make the assembly of a design. Raises `InputError` if no parameter has a tolerance."""
+        plain, known = replace(sensor, calibration=None), self.known
+        unknowns = choice(plain, known)
+        loose = np.array([name not in MOUNTING for name in unknowns.names])
+        if not loose.any():
+            raise InputError(
+                "calibrate.before states no tolerance of the head: every head would be the same"
+            )
+        reference = np.array(known.reference)
+        asked = requirement_of(plain, self.layout, known.power_per_sample)
+        poses = motion(plain, self.rules, self.layout.poses, reference)
+        return Assembly(plain, asked, unknowns, loose, poses, reference)
+
+
+def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Floats:
+    """Draw poses (count, 6) within half the ranges, with spots clear of the edges, mm and rad."""
+    reach = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
+    beam = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    reach[:2] = np.maximum(reach[:2], REACH_DIAMETERS * beam)
+    shares = np.random.default_rng(SEED).uniform(-1, 1, (200 * count, 6))
+    poses = np.where(np.isfinite(reference), shares, 0.0) * reach
+    centred = replace(rules, whole_spot=False)
+    room = clearances(sensor, poses, centred)
+    room[:, 0] -= EDGE_CLEARANCE
+    possible: Floats = poses[room.min(axis=1) > 0][:count]
+    if len(possible) < count:
+        raise InputError(
+            f"of {200 * count} random poses within the ranges only {len(possible)} keep the spots "
+            f"well on the detectors, too few for a calibration of {count} poses"
+        )
+    return possible
+
+
+def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
+    """Simulate a head's calibration data: noisy readings and a reference with its errors."""
+    states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
+    raw = invert_correction(head, add_noise(head, readings(head, states), rng))
+    told = np.isfinite(built.reference)
+    errors = rng.normal(size=built.poses.shape) * np.where(told, built.reference, 0.0)
+    return Data(raw, built.poses + errors, built.reference, states[:, 6:])
+
+
+def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
+    data = measure_rig(built, head, rng)
+    return fit(built.sensor, data, built.choice, None, rule=ENDING)
+
+
+@dataclass(frozen=True)
+class SimulatedHeads:
+    """The results of simulated heads.
+
+    kept: (n,) the least margin of spots, light and limits.  built, known: (n,) the least margin of
+    accuracy as built and calibrated, NaN without an accuracy limit or without a calibration.
+    errors: (n, 2, 6) the largest errors in the volume, likewise; um and urad.  unsettled: number of
+    heads whose calibration did not converge; they count as failed.
+    """
+
+    kept: Floats
+    built: Floats
+    known: Floats
+    errors: Floats
+    unsettled: int
+
+
+@one_thread
+def simulate_heads(
+    built: Assembly,
+    count: int,
+    seed: int,
+    on_progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> SimulatedHeads:
+    """Simulate `count` heads; the same seed gives the same heads."""
+    rng = np.random.default_rng(seed)
+    rows, errors, unsettled = np.full((count, 3), np.nan), np.full((count, 2, 6), np.nan), 0
+    for n in range(count):
+        on_progress(n, count)
+        z = rng.normal(size=len(built.choice.names)) * built.loose
+        try:
+            head = built.head(z)
+        except InputError:  # the drawn parameters give no pyramid or no beam
+            rows[n] = -1.0
+            continue
+        rows[n, 0] = margins_of(built.asked, head).min()
+        if not built.asked.accuracy_axes:
+            continue
+        errors_of_head = [errors_of(built.asked, head, built.sensor)]
+        if built.asked.layout.calibrated:
+            fitted = calibrate_head(built, head, rng)
+            unsettled += not fitted.ended
+            errors_of_head.append(errors_of(built.asked, head, fitted.sensor))
+        for which, each in enumerate(errors_of_head):
+            rows[n, 1 + which] = accuracy_margins(built.asked, each).min()
+            errors[n, which] = np.abs(each).max(axis=0)
+        if built.asked.layout.calibrated and not fitted.ended:
+            rows[n, 2] = -1.0
+    return SimulatedHeads(rows[:, 0], rows[:, 1], rows[:, 2], errors, unsettled)
+
+
+def count_passes(heads: SimulatedHeads) -> dict[str, int]:
+    """Count the heads that keep spots, light and limits; and accuracy as built, and calibrated."""
+    kept = heads.kept >= 0
+    return {
+        "kept": int(kept.sum()),
+        "built": int((kept & (heads.built >= 0)).sum()),
+        "calibrated": int((kept & (heads.known >= 0)).sum()),
+    }
+
+
+def interval(passed: int, count: int) -> tuple[float, float]:
+    """The 95 % interval of a share, after `passed` of `count` heads (Wilson)."""
+    from scipy.stats import binomtest
+
+    ends = binomtest(passed, count).proportion_ci(0.95, method="wilson")
+    return float(ends.low), float(ends.high)
