@@ -71,8 +71,8 @@ def layout_for_yield(settings: Config, optimum: Optimum) -> Optimum:
     layout = settings.layout
     if not layout.production:
         return optimum
-    heads = design.HeadSettings(layout, settings.range, settings.calibrate)
-    robust = design.robust_layout(optimum.problem, heads, optimum.best)
+    heads = design.tolerances.heads.HeadSettings(layout, settings.range, settings.calibrate)
+    robust = design.tolerances.robust.robust_layout(optimum.problem, heads, optimum.best)
     share = f"{100 * layout.production:g} %"
     if not robust.result.found:
         refuse(f"no layout was found of whose heads {share} keep all that is asked for; with "
@@ -94,7 +94,7 @@ def write_layout(
     x = optimum.best.x if rounded is None else rounded.x
     about = files.provenance.provenance_header(settings, settings.layout.seed)
     if optimum.tried:
-        about["parts"] = " ".join(filter(None, optimum.tried[0][0].parts))
+        about["parts"] = " ".join(filter(None, optimum.tried[0][0].names))
     sensor = design.variables.sensor_of(optimum.sensor, optimum.names, x)
     remarks = design.results.tables.roundings(rounded, optimum.names)
     return design.results.changes.write_design(settings, sensor, path, about, remarks)

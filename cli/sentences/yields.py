@@ -37,7 +37,9 @@ class Yields:
 
 def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
     """Compute the yields of a sensor's heads by `calibrate.before` and the block `optimize`."""
-    heads_of = design.HeadSettings(settings.layout, settings.range, settings.calibrate)
+    heads_of = design.tolerances.heads.HeadSettings(
+        settings.layout, settings.range, settings.calibrate
+    )
     built = heads_of.assembly_of(sensor)
     expansion = design.tolerances.prediction.expand_margins(built)
     draws = design.tolerances.prediction.draw_heads(built)

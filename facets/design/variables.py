@@ -55,7 +55,11 @@ class LayoutValues(NamedTuple):
 
 
 def evaluate_layouts(
-    sensor: Sensor, names: Sequence[str], x: Any, state: Sequence[Any], body: MeasuredObject | None
+    sensor: Sensor,
+    names: Sequence[str],
+    x: Any,
+    state: tuple[Any, ...],
+    body: MeasuredObject | None,
 ) -> LayoutValues:
     """Evaluate k layouts at m states.
 

@@ -53,13 +53,13 @@ def test_a_choice_is_optimised_as_the_sensor_with_its_parts():
     lasers = {"dim": LaserPart(0.3, 0.85, 50.0), "bright": LaserPart(1.0, 0.85, 500.0)}
     layout = replace(CONFIG.layout, variables={"radius_mm": (100.0, 250.0)}, starts=1)
     result = optimize(CONFIG.sensor, replace(layout, psds=psds, lasers=lasers))
-    prices = {choice.parts[:2]: choice.price for choice, _ in result.tried}
+    prices = {tuple(choice.names[:2]): choice.price for choice, _ in result.tried}
     assert len(prices) == 4
     assert prices["small", "dim"] == 350
     assert prices["large", "dim"] is None
     choice, best = result.tried[0]
-    assert choice.parts[1] == "bright"
-    part = psds[choice.parts[0]]
+    assert choice.names[1] == "bright"
+    part = psds[choice.names[0]]
     sensor = replace(
         CONFIG.sensor,
         noise=replace(CONFIG.sensor.noise, position=part.position),

@@ -100,7 +100,13 @@ def round_to_steps(space: Space, x: Floats) -> Floats:
 
 def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
     """The YAML of each sensor, as an extension of the configuration, in manufacturable values."""
-    from ..results.changes import base_of, changed_keys, common_keys_hold, document, merge_common_blocks
+    from ..results.changes import (
+        base_of,
+        changed_keys,
+        common_keys_hold,
+        document,
+        merge_common_blocks,
+    )
 
     base = base_of(settings, folder)
     once = common_keys_hold(settings, sensors[-1], folder)

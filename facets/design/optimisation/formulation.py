@@ -205,7 +205,8 @@ def rows_of(
         for output, each in enumerate(constraints)
         for state in (range(states) if each.states is None else each.states)
     ]  # fmt: skip
-    return Rows(*np.array(rows, dtype=np.int64).T, np.zeros(len(rows)))
+    state, output, group, slack = np.array(rows, dtype=np.int64).T
+    return Rows(state, output, group, slack, np.zeros(len(rows)))
 
 
 def fixed_half(sensor: Sensor, layout: Layout) -> float:

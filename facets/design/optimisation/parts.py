@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.sensor import Sensor
 
 if TYPE_CHECKING:
-    from ...core.layout import AmplifierPart, LaserPart, Layout, PsdPart
+    from ...core.layout import Layout
     from .problem import StartResult
 
 #: Largest number of choices of a catalogue that is tried in full, so that the user can see them.
@@ -31,23 +31,25 @@ WORSE = 1e-6
 THOUSAND = 1000.0
 #: Number of parts of each kind: detectors, lasers, sets of amplifiers.
 NUMBERS = (3, 1, 1)
-#: The names of one part of each kind, "" for a kind that the catalogue lacks.
-Names = tuple[str, ...]
-#: Names of a branch's parts of each kind.
-Branch = tuple[Names, ...]
+#: Names of a branch's parts of each kind, "" for a kind that the catalogue lacks.
+Branch = tuple[tuple[str, ...], ...]
 Search = Callable[[Sensor, "Layout"], "StartResult"]
 
 
 @dataclass(frozen=True)
 class PartsChoice:
-    """Parts from the catalogue: a detector, a laser, amplifiers.
+    """Parts from the catalogue: a detector, a laser, amplifiers, as a branch and by their names.
 
     price: of three detectors, the laser and the amplifiers, None if a price is not known.
     delivery: weeks until all parts are there, None if a time is not known."""
 
-    parts: Names
+    parts: Branch
     price: float | None
     delivery: float | None = None
+
+    @property
+    def names(self) -> list[str]:
+        return [name for (name,) in self.parts]
 
 
 def catalogue(layout: Layout) -> tuple[dict[str, Any], ...]:
@@ -55,44 +57,19 @@ def catalogue(layout: Layout) -> tuple[dict[str, Any], ...]:
     return layout.psds, layout.lasers, layout.amplifiers
 
 
-def choice_of(layout: Layout, names: Names) -> PartsChoice:
-    """The choice of named parts, with its price and its delivery."""
-    kinds = zip(catalogue(layout), names, NUMBERS, strict=True)
-    chosen = [(kind[name], number) for kind, name, number in kinds if name]
-    prices = [None if part.price is None else number * part.price for part, number in chosen]
+def choice_of(layout: Layout, branch: Branch) -> PartsChoice:
+    """The choice of a branch with one part of each kind, with its price and its delivery."""
+    kinds = zip(catalogue(layout), branch, NUMBERS, strict=True)
+    chosen = [(kind[name], number) for kind, (name,), number in kinds if name]
+    prices: list[float | None] = [
+        None if part.price is None else number * part.price for part, number in chosen
+    ]
     waits = [part.delivery for part, _ in chosen]
     return PartsChoice(
-        names, None if None in prices else sum(prices), None if None in waits else max(waits)
+        branch,
+        None if None in prices else sum(price for price in prices if price),
+        None if None in waits else max(waits),
     )
-
-
-def replace_parts(sensor: Sensor, layout: Layout, names: Names) -> Sensor:
-    """Return the sensor with the named parts; "" keeps the sensor's own part."""
-    psd, laser, amplifiers = (
-        kind.get(name) for kind, name in zip(catalogue(layout), names, strict=True)
-    )
-    # with a variable diameter a telescope makes it
-    return with_parts(sensor, psd, laser, amplifiers, "diameter_mm" in layout.variables)
-
-
-def with_parts(
-    sensor: Sensor, psd: PsdPart | None, laser: LaserPart | None, amplifiers: AmplifierPart | None,
-    keeps_diameter: bool,
-) -> Sensor:  # fmt: skip
-    """Return the sensor with these parts; None keeps its own."""
-    made = sensor
-    if psd:
-        a, b, c = (replace(p, size_y=psd.size, size_z=psd.size) for p in made.psds)
-        position = made.noise.position if psd.position is None else psd.position
-        made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
-    if amplifiers:
-        made = replace(made, noise=replace(made.noise, power=amplifiers.power))
-    if laser:
-        beam = replace(made.beam, power=laser.power)
-        if not keeps_diameter:
-            beam = replace(beam, diameter_x=laser.diameter, diameter_y=laser.diameter)
-        made = replace(made, beam=beam)
-    return made
 
 
 def price_term(layout: Layout, price: float | None) -> float:
@@ -111,6 +88,12 @@ def sorted_parts(layout: Layout) -> Branch:
     )
 
 
+def single_branches(layout: Layout) -> list[Branch]:
+    """List every choice of the catalogue as a branch of its own."""
+    kinds = (tuple(kind) or ("",) for kind in catalogue(layout))
+    return [tuple((name,) for name in names) for names in product(*kinds)]
+
+
 def halves_of(branch: Branch) -> list[Branch]:
     """Split a branch by the kind of which it has most parts."""
     kind = max(range(len(branch)), key=lambda n: len(branch[n]))
@@ -122,22 +105,25 @@ def halves_of(branch: Branch) -> list[Branch]:
 
 def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
     """Return the sensor with parts as good as any of the branch, and its layout."""
-    variables, psd, laser, amplifiers = layout.variables, None, None, None
+    made, variables = sensor, layout.variables
     if branch[0][0]:
         psds = [layout.psds[name] for name in branch[0]]
-        own = sensor.noise.position
-        noise = min(own if part.position is None else part.position for part in psds)
-        psd = replace(psds[0], size=max(part.size for part in psds), position=noise)
+        side, own = max(part.size for part in psds), sensor.noise.position
+        position = min(own if part.position is None else part.position for part in psds)
+        a, b, c = (replace(psd, size_y=side, size_z=side) for psd in made.psds)
+        made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
     if branch[1][0]:
         lasers = [layout.lasers[name] for name in branch[1]]
+        beam = replace(made.beam, power=max(part.power for part in lasers))
         widths = [part.diameter for part in lasers]
-        laser = replace(lasers[0], power=max(part.power for part in lasers), diameter=min(widths))
+        if "diameter_mm" not in variables:  # else a telescope makes it
+            beam = replace(beam, diameter_x=min(widths), diameter_y=min(widths))
         if min(widths) < max(widths):
-            free = variables.get("diameter_mm", (min(widths), max(widths)))
-            variables = variables | {"diameter_mm": free}
+            variables = {**variables, "diameter_mm": (min(widths), max(widths))} | variables
+        made = replace(made, beam=beam)
     if branch[2][0]:
-        amplifiers = min((layout.amplifiers[name] for name in branch[2]), key=lambda p: p.power)
-    made = with_parts(sensor, psd, laser, amplifiers, "diameter_mm" in layout.variables)
+        power = min(layout.amplifiers[name].power for name in branch[2])
+        made = replace(made, noise=replace(made.noise, power=power))
     return made, replace(layout, variables=variables, psds={}, lasers={}, amplifiers={})
 
 
@@ -159,10 +145,10 @@ def best_parts(
     search: finds the best layout of a sensor from where it is.  on_progress: is called with the
     number of choices that are decided and the number of all choices.
     """
-    root, kinds = sorted_parts(layout), [tuple(kind) or ("",) for kind in catalogue(layout)]
+    root = sorted_parts(layout)
     total, number = prod(map(len, root)), count()
-    single = [tuple((name,) for name in names) for names in product(*kinds)]
-    queue = [(float("-inf"), next(number), each) for each in (single if total <= TRIED else [root])]
+    branches = single_branches(layout) if total <= TRIED else [root]
+    queue = [(float("-inf"), next(number), branch) for branch in branches]
     tried: list[tuple[PartsChoice, StartResult]] = []
     settled, best = 0, float("inf")
     while queue:
@@ -171,30 +157,18 @@ def best_parts(
             break  # the bounds of all remaining branches are worse, too
         on_progress(settled, total)
         choices = prod(map(len, branch))
-        if choices == 1:
-            settled += 1
-            tried.append(solve_choice(sensor, layout, tuple(name for (name,) in branch), search))
-            end = tried[-1][1]
-            best = min(best, end.objective) if end.found else best
-            continue
         end = search(*relax_parts(sensor, layout, branch))
-        value = end.objective + price_term(layout, lowest_price(layout, branch))
-        if not end.found or value > best + WORSE * abs(best):
-            settled += choices
+        end.objective += price_term(layout, lowest_price(layout, branch))
+        if choices > 1 and end.found and end.objective <= best + WORSE * abs(best):
+            for half in halves_of(branch):
+                heapq.heappush(queue, (end.objective, next(number), half))
             continue
-        for half in halves_of(branch):
-            heapq.heappush(queue, (value, next(number), half))
+        settled += choices
+        if choices == 1:
+            tried.append((choice_of(layout, branch), end))
+            best = min(best, end.objective) if end.found else best
     if not tried:  # no choice meets the requirements, not even with parts as good as any
-        tried.append(solve_choice(sensor, layout, tuple(names[-1] for names in root), search))
+        last: Branch = tuple(names[-1:] for names in root)
+        tried.append((choice_of(layout, last), search(*relax_parts(sensor, layout, last))))
     tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
     return tried, total
-
-
-def solve_choice(
-    sensor: Sensor, layout: Layout, names: Names, search: Search
-) -> tuple[PartsChoice, StartResult]:
-    """Search for the best layout with the named parts."""
-    choice = choice_of(layout, names)
-    end = search(replace_parts(sensor, layout, names), layout)
-    end.objective += price_term(layout, choice.price)
-    return choice, end

@@ -22,7 +22,7 @@ from ...core.units import Floats
 from ..variables import present_values
 from .expansion import RestrictedProblem, expand_objective
 from .formulation import problem_of
-from .parts import PartsChoice, best_parts, price_term, replace_parts
+from .parts import PartsChoice, best_parts, price_term, relax_parts
 from .problem import LayoutProblem, Rows, StartResult, add_worst_places
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def optimize(
     if layout.has_parts:
         tried, count_of_choices = best_parts(sensor, layout, solve_from_present, on_progress)
         best = tried[0][0]
-        parted = replace_parts(sensor, layout, best.parts)
+        parted, _ = relax_parts(sensor, layout, best.parts)
         problem = problem_of(parted, layout, price_term(layout, best.price))
     results: list[StartResult] = []
     for start in starts_of(problem, layout.starts, layout.seed):

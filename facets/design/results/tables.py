@@ -67,7 +67,7 @@ def part_rows(optimum: Optimum, aim: str) -> Rows:
         weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
         values = [f"{value:.4g}" for value in end.x]
         objective = f"{objective_quantity(aim, end.objective):.4g}" if end.found else "-"
-        psd, laser, amplifiers = choice.parts
+        psd, laser, amplifiers = choice.names
         parted = [psd, laser, amplifiers or "-", price, weeks]
         rows.append([*parted, *values, objective, end.status])
     return headings, rows
