@@ -11,7 +11,7 @@ export PYTHONDONTWRITEBYTECODE :=
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test check lint tree types layers quick unit studies mutants portable installed lowest locked dist \
+.PHONY: run test check lint tree types layers quick unit studies portable installed lowest locked dist \
   publishable image bench reproduce docs gallery vendor clean
 
 run: .venv/installed
@@ -71,14 +71,6 @@ unit: .venv/developed
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed
 	$(BIN)/pytest -n auto -m study
-
-# Whether tests notice: one operator, number or condition of a package changed at a time, on a copy.
-PACKAGES ?= detectors estimation calibration characterization axis_tests responses tracking config files
-SAMPLE ?= 30
-SEED ?= 1
-mutants: .venv/developed
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --group mutants
-	$(BIN)/python tests/helpers/mutants.py $(PACKAGES) --sample $(SAMPLE) --seed $(SEED)
 
 # What asserts on numbers, with machine code and linear algebra for the plainest processor: other
 # instructions, another order of sums, other rounding.

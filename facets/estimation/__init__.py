@@ -33,19 +33,16 @@ else:
     __getattr__ = load_on_use(
         __name__,
         {
-            "block_code": "linearise",
-            "blocks": "scales_of",
             "differences": "lasting_covariance propagate_in_light",
             "doubts": "has_fold",
             "dwells": "dwell_means finite_means mean per_row stands stands_of_axis",
             "measurement": "Measurement",
             "plan": "FALSE_ALARM_RATE LIMITS Plan make_plan",
-            "problem": "Form MIN_REDUNDANCY Results SCALES some_rows",
+            "problem": "MIN_REDUNDANCY",
             "solution": (
                 "Poses Samples common_detectors detectors_of root_of_covariance worded_columns"
             ),
             "solver": "solve_each",
-            "step": "ask estimate final_status",
             "table": "solve_table",
             "tally": "Misfit Tally shift_per_kelvin",
             "uncertainty": (

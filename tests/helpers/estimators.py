@@ -16,7 +16,6 @@ from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
-from unittest.mock import patch
 
 import numpy as np
 from facets.experiments.studies.sensors import skew_sensor
@@ -24,21 +23,8 @@ from hypothesis import strategies as st
 
 import facets
 from facets import Prior, Status, core, firmware, pictures
-from facets.estimation import (
-    SCALES,
-    Form,
-    Results,
-    ask,
-    blocks,
-    estimate,
-    final_status,
-    linearise,
-    scales_of,
-    solve_each,
-    some_rows,
-)
-from facets.model import VariedSensors, effects, geometry_of, parameters
-from facets.scalars.nesting import nest
+from facets.estimation import solve_each
+from facets.model import VariedSensors, effects, parameters
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 NODE = shutil.which("node")
@@ -142,46 +128,6 @@ def solve_elsewhere(question: Question) -> Answer:
     answers = [solve_batch(question.rows(part)) for part in parts if len(part)]
     back = np.argsort(order)
     return Answer(*(np.concatenate(values)[back] for values in zip(*answers, strict=True)))
-
-
-def solve_floats(question: Question) -> Answer:
-    """By the text of a step over floats, without covariances; where numbers grow too large for
-    Python, and with exact derivatives, as `facets.solve` does."""
-    vectors, code = geometry_of(question.sensor), blocks.find_code
-
-    def way(form: Form, packed: Any, *given: Any, **options: Any) -> None:
-        readings, request, found = given
-        scales = nest(SCALES, iter(scales_of(readings, request).tolist()))
-        weights = 1 / readings.sigmas if len(readings.sigmas) else readings.values
-        rows_of_each = (readings.values, weights, request.means, request.starts)
-        for n in range(len(readings.values)):
-            values, own, mean, start = (rows[n % len(rows)].tolist() for rows in rows_of_each)
-            asked, status, used = ask(form, values, own, mean, scales)
-            try:
-                end = estimate(start, asked, status, lambda x: linearise(None, vectors, x, form))
-            except (ArithmeticError, ValueError):
-                some, rest = some_rows(np.array([n]), readings, request)
-                one = Results(*(part[n : n + 1] for part in found))
-                usual(code(question.sensor, request), packed, some, rest, one, True)
-                continue
-            end = end._replace(status=final_status(end, asked, used))
-            has_pose = end.status == Status.CONVERGED
-            found.status[n], found.steps[n], found.used[n] = end.status, end.steps, used
-            found.states[n] = end.end if has_pose else np.nan
-            found.residuals[n] = max(end.cost - end.gain, 0.0) ** 0.5 if has_pose else np.nan
-
-    def form_of(sensor: Any, request: Any, exact: bool = False, width: Any = None) -> Any:
-        kind = blocks.kind_of(sensor)
-        return None if exact or kind is None else Form(tuple(request.free.tolist()), kind)
-
-    usual = blocks.estimate_blocks
-    with (
-        np.errstate(all="ignore"),
-        patch.object(blocks, "find_code", form_of),
-        patch("facets.estimation.solver.FEW", 0),
-        patch.object(blocks, "estimate_blocks", way),
-    ):
-        return solve_batch(question)._replace(covariance=None)
 
 
 def solve_varied(question: Question) -> Answer:
@@ -362,9 +308,6 @@ EXECUTIONS = {
         can_answer=lambda question: question.is_alike() and isinstance(question.start, str),
     ),
     "other batches": Execution(solve_elsewhere, can_answer=Question.is_of_each),
-    "step over floats": Execution(
-        solve_floats, sigmas=1e-6, can_answer=Question.is_of_each, effort=2
-    ),
     "a sensor for each": Execution(solve_varied, sigmas=1e-6, can_answer=Question.is_plain),
     "C, double": Execution(
         partial(solve_c, precision="-DFACETS_DOUBLE"),
