@@ -25,7 +25,7 @@ else:
             "alternatives.scatter": "fit_steady_laser",
             "findings": "later_power",
             "motions": (
-                "choose_poses information mean_reduction pose_information short_order travel "
+                "choose_poses information mean_reduction nearest_order pose_information travel "
                 "weak_directions"
             ),
             "reference_join": "join_tables",

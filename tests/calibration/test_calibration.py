@@ -15,7 +15,9 @@ from facets.calibration import (
     fit,
     information,
     mean_reduction,
+    nearest_order,
     pose_information,
+    travel,
     weak_directions,
 )
 from facets.core import STATE_COLUMNS, STATE_UNITS, Table
@@ -204,3 +206,14 @@ def test_a_calibration_that_is_not_trusted_is_not_written(run_in_process, tmp_pa
     assert "zeta of detector B is stuck" in " ".join(out.split())
     assert "nothing was written" in err
     assert [path.name for path in tmp_path.iterdir()] == ["stuck.csv"]
+
+
+@pytest.mark.parametrize("count", [0, 1, 6, 40])
+def test_poses_are_visited_by_the_nearest_first(count):
+    points = np.random.default_rng(count).uniform(-1, 1, (count, 6)).round(0 if count == 40 else 9)
+    order = nearest_order(points, np.zeros(6))
+    assert sorted(order.tolist()) == list(range(count))
+    way = np.vstack([np.zeros((1, 6)), points[order]])
+    for n in range(count):
+        assert np.abs(way[n + 1 :] - way[n]).max(axis=1).argmin() == 0
+    assert travel(way) <= travel(np.vstack([way[:1], points])) + 1e-12

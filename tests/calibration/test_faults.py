@@ -94,8 +94,8 @@ def repeat_six_rows(raw, pose):
             "here x, then y, then z): with that undone",
             marks=pytest.mark.slow,
         ),
-        (give_angles_in_urad, "angles are in urad"),
-        (saturate, "amplifiers saturate"),
+        pytest.param(give_angles_in_urad, "angles are in urad", marks=pytest.mark.slow),
+        pytest.param(saturate, "amplifiers saturate", marks=pytest.mark.slow),
         (
             swap_a_sign_in_some_rows,
             "rows 61 to 84 do not belong to the others (in them, the sign "
@@ -129,6 +129,7 @@ def test_angles_in_another_order_are_named_where_they_are_small(samples):
     assert "(about the fixed axes z, then x, then y; here x, then y, then z)" in words_of(judged)
 
 
+@pytest.mark.slow
 def test_readings_that_were_averaged_are_named():
     data = sample_in_time(count=400)
     raw = data.raw.copy()
@@ -224,6 +225,7 @@ def test_channels_read_in_turn_are_found():
     assert (row.key, row.accepted, row.why) == ("channel_skew", False, "no time_s of a motion")
 
 
+@pytest.mark.slow
 def test_axes_of_the_reference_that_are_read_in_turn_are_named():
     judged = judge(sample_in_time(2e-5 * np.arange(6)[:, None], count=300), settings(delay="auto"))
     words = words_of(judged)

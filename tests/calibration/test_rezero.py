@@ -261,6 +261,7 @@ def test_a_result_never_replaces_what_it_extends_or_is_made_from(run, tmp_path, 
     (tmp_path / "calibrated.yaml").write_text(text)
     (tmp_path / "top.yaml").write_text(
         "extends: [paper, calibrated.yaml]\nmotions: {own: {kind: table, file: then.csv}}\n"
+        "optimize: {variables: {radius_mm: [150, 260]}}\n"
     )
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     status, _, err = run(*words.split(), "--force")
