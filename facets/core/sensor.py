@@ -65,7 +65,7 @@ def _numbers_in(value: object) -> Iterator[float]:
             yield from _numbers_in(item)
 
 
-class Part:
+class SensorPart:
     """A part of the sensor, whose numbers are finite and keep the lower bounds of their keys."""
 
     def __post_init__(self) -> None:
@@ -100,7 +100,7 @@ BEAM_TILT_MRAD = Key(
 
 @check_arguments
 @dataclass(frozen=True)
-class Beam(Part):
+class Beam(SensorPart):
     """The laser beam: collimated, Gaussian, coming down onto the mirror's apex.
 
     Its centre (bx, by) in the x_w y_w plane is part of the state.
@@ -122,7 +122,7 @@ class Beam(Part):
 
 @check_arguments
 @dataclass(frozen=True)
-class Facet(Part):
+class Facet(SensorPart):
     """One reflecting side of the mirror, through the apex, in the mirror frame.
 
     inclination: of its normal from the mirror's axis, rad, between 0 and pi/2.
@@ -178,7 +178,7 @@ class Grid:
 
 @check_arguments
 @dataclass(frozen=True)
-class Correction(Part):
+class Correction(SensorPart):
     """Corrections that are added to a detector's reading; the places enter in half sizes.
 
     power: share of the power that is added to it.  dark: constant added to the power, mW.  y, z:
@@ -221,7 +221,7 @@ SIZE_MM = Key(
 
 @check_arguments
 @dataclass(frozen=True)
-class Psd(Part):
+class Psd(SensorPart):
     """A position-sensitive detector.
 
     radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
@@ -288,7 +288,7 @@ class Psd(Part):
 
 @check_arguments
 @dataclass(frozen=True)
-class Noise(Part):
+class Noise(SensorPart):
     """Noise of the readings, 1 sigma.
 
     It is Gaussian, and independent from reading to reading.
@@ -312,7 +312,7 @@ class Noise(Part):
 
 @check_arguments
 @dataclass(frozen=True)
-class Electronics(Part):
+class Electronics(SensorPart):
     """The detectors' electronics; their noise counts where `noise.model` is electronics.
 
     The noise follows from them in `facets.detectors.noise`.
@@ -383,7 +383,7 @@ class Electronics(Part):
 
 @check_arguments
 @dataclass(frozen=True)
-class Apertures(Part):
+class Apertures(SensorPart):
     """Apertures that cut the light, beside the facets' edges; off unless given.
 
     beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
@@ -565,7 +565,7 @@ def background_field() -> Any:
 
 @check_arguments
 @dataclass(frozen=True)
-class BenchLight(Part):
+class BenchLight(SensorPart):
     """Effects of real light that the model of every reading includes; off unless given.
 
     curvature_xx, curvature_xy, curvature_yy: of the wavefront where the beam passes (bx, by, 0),
@@ -776,7 +776,7 @@ EFFECTS = tuple(name for effect in LIGHT_EFFECTS.values() for name in effect.nam
 
 @check_arguments
 @dataclass(frozen=True)
-class Thermal(Part):
+class Thermal(SensorPart):
     """How the beam's position and the places on the detectors follow the temperature.
 
     reference: the temperature at which nothing is added, degrees Celsius.  beam: shift of the
@@ -815,7 +815,7 @@ class Thermal(Part):
 
 @check_arguments
 @dataclass(frozen=True)
-class Drift(Part):
+class Drift(SensorPart):
     """Slow noise beside the white noise of the readings, by one-sided densities at 1 Hz.
 
     flicker_corner: frequency at which the 1/f noise of the amplifiers equals their white noise, Hz;
