@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import struct
 import time
 from collections import deque
@@ -47,9 +46,12 @@ def extra_columns(about: dict[str, Any]) -> tuple[str, ...]:
     return (*poses, *channels, *(f"u_{name}" for name in poses))
 
 
-def number(value: float) -> float | None:
-    """None for what is no number, which JSON has no word for."""
-    return float(value) if np.isfinite(value) else None
+def json_text(message: dict[str, Any]) -> str:
+    """A message in JSON, in which NaN and infinity are null."""
+    import orjson
+
+    text: str = orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+    return text
 
 
 class Hub:
@@ -86,7 +88,7 @@ class Hub:
         if self.origin is None and np.isfinite(rows["host_s"][0]):
             self.origin = float(rows["host_s"][0])
             if self.about.get("utc_known", True):
-                self.about["origin_utc"] = number(rows["utc_s"][0])
+                self.about["origin_utc"] = float(rows["utc_s"][0])
             for page in self.pages:
                 page.greeted = False
         times = rows["host_s"] - (np.nan if self.origin is None else self.origin)
@@ -101,7 +103,7 @@ class Hub:
         best = int(rows["seq"].argmax())
         if int(rows["seq"][best]) >= self.last:
             self.last = int(rows["seq"][best])
-            self.newest = self.sample(rows[best], number(times[best]))
+            self.newest = self.sample(rows[best], float(times[best]))
         self.came.append((time.monotonic(), len(rows)))
 
     @property
@@ -110,26 +112,30 @@ class Hub:
         assert isinstance(level, AllBins)
         return level
 
-    def sample(self, row: Any, at: float | None) -> dict[str, Any]:
+    def sample(self, row: Any, at: float) -> dict[str, Any]:
         """A sample in the units of its columns."""
         status = int(row["status"])
+
+        def values(names: Iterable[str]) -> list[float]:
+            return [float(row[name]) for name in names]
+
         return {
             "t": at,
-            "utc": number(row["utc_s"]),
+            "utc": float(row["utc_s"]),
             "seq": int(row["seq"]),
             "status": self.about["statuses"].get(str(status), f"status {status}"),
             "pose": status == 0,
             "flags": int(row["flags"]),
-            "state": [number(row[name]) for name in STATE_COLUMNS],
-            "u": [number(row[f"u_{name}"]) for name in STATE_COLUMNS],
+            "state": values(STATE_COLUMNS),
+            "u": values(f"u_{name}" for name in STATE_COLUMNS),
             "parts": {
-                part: [number(row[f"u_{part}_{name}"]) for name in STATE_COLUMNS]
+                part: values(f"u_{part}_{name}" for name in STATE_COLUMNS)
                 for part in UNCERTAINTY_PARTS
                 if self.about.get("uncertainty_parts")
             },
-            "reading": [number(row[name]) for name in READING_COLUMNS],
-            "residual": number(row["residual"]),
-            "channels": [number(row[name]) for name in self.channels],
+            "reading": values(READING_COLUMNS),
+            "residual": float(row["residual"]),
+            "channels": values(self.channels),
         }
 
     def hear(self, status: dict[str, Any]) -> None:
@@ -188,7 +194,7 @@ class Hub:
         told = {"type": "hello", **self.about, "columns": columns, "states": STATE_COLUMNS}
         told["extras"] = self.channels
         told["levels"] = [{"width": level.width, "count": level.count} for level in self.levels]
-        return json.dumps(told)
+        return json_text(told)
 
     def bins(self, level: int, numbers: set[int], void: bool) -> bytes | None:
         """The bins of these numbers as bytes, None where there is nothing to say."""
@@ -208,7 +214,7 @@ class Hub:
             "status": self.status,
             "events": [event for event in self.events if event["number"] > since],
         }
-        return json.dumps(told)
+        return json_text(told)
 
 
 def kinds_of(texts: Iterable[str]) -> dict[str, str]:
@@ -249,5 +255,5 @@ class Page:
         self.happened = hub.happened
         if hub.ended and not self.finished:
             self.finished = True
-            messages.append(json.dumps(hub.ended))
+            messages.append(json_text(hub.ended))
         return messages

@@ -42,15 +42,10 @@ def events_of(recording: Path) -> list[tuple[float, str]]:
             row = json.loads(line)
             name, moment = str(row.pop("event")), float(row.pop("monotonic"))
             row.pop("utc", None)
-            more = ", ".join(phrase(key, value) for key, value in row.items() if says(value))
+            more = ", ".join(phrase(key, value) for key, value in row.items() if value)
             if name not in ("move", CLOSED):
                 events.append((moment, f"{name}: {more}" if more else name))
     return list(events)
-
-
-def says(value: Any) -> bool:
-    """Whether a value of an event tells anything."""
-    return (value == 0 and value is not False) or bool(value)
 
 
 def phrase(name: str, value: Any) -> str:
