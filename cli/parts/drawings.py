@@ -52,16 +52,15 @@ def write_film(
     exaggerate: float | None,
 ) -> None:
     """Write a film; print by how much its motion is enlarged."""
-    factor = exaggerate or pictures.magnification.motion_factor(settings.sensor, states)
-    turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
+    factor = exaggerate or pictures.render.motion_factor(settings.sensor, states)
+    turning = pictures.render.turning_factor(factor * states) if exaggerate is None else 1.0
+    film = pictures.render.Film(states, rate, factor, turning)
     with (
         pictures.render.Picture(settings.sensor, states[0], form) as picture,
         show_progress("rendering") as on_progress,
     ):
-        pictures.film.write(
-            picture, pictures.film.Film(states, rate, factor, turning), path, on_progress
-        )
-    if note := pictures.magnification.factor_in_words(factor, turning):
+        pictures.render.write_film(picture, film, path, on_progress)
+    if note := pictures.render.factor_in_words(factor, turning):
         typer.echo(
             f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
         )

@@ -16,10 +16,16 @@ import numpy as np
 import facets
 from facets.core.motions import Sine
 from facets.core.units import Floats
-from facets.pictures import film, style
+from facets.pictures import style
 from facets.pictures.plots.spots import plan_picture, spots_picture
-from facets.pictures.stills.magnification import motion_factor, turning_factor
-from facets.pictures.stills.render import Picture, PictureForm
+from facets.pictures.stills.render import (
+    Film,
+    Picture,
+    PictureForm,
+    motion_factor,
+    turning_factor,
+    write_film,
+)
 from facets.simulation.motion import states
 
 CONFIG = facets.load("paper")
@@ -61,7 +67,7 @@ def wobble(path: Path) -> None:
     form = PictureForm("both", (600, 400), "dark", "paper")
     with Picture(CONFIG.sensor, motion[0], form) as picture:
         turning = turning_factor(factor * motion)
-        film.write(picture, film.Film(motion, 12.5, factor, turning), path)
+        write_film(picture, Film(motion, 12.5, factor, turning), path)
 
 
 REST = np.zeros(8)

@@ -16,7 +16,7 @@ EXTRAS = {
     "distributed": "cluster",
     "flint": "proof",
     "h5py": "hdf5",
-    "imageio": "scenes",
+    "imageio_ffmpeg": "scenes",
     "mcap": "mcap",
     "mpmath": "bench",
     "nidaqmx": "ni",

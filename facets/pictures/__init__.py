@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from .reports import head_drawing as head_drawing
     from .reports import report_page as report_page
     from .reports import wording as wording
-    from .stills import film as film
-    from .stills import magnification as magnification
     from .stills import materials as materials
     from .stills import render as render
 else:
@@ -41,12 +39,12 @@ else:
             "plots.ranges": "ranges_picture",
             "plots.spots": "light_on plan_picture spots_picture",
             "reports": "calibration_certificate exploration_page head_drawing report_page wording",
-            "stills": "film magnification materials range_solid render scene",
+            "stills": "materials range_solid render scene",
             "stills.glow": "sub_beam surface",
-            "stills.magnification": "motion_factor turning_factor",
-            "stills.render": "Picture PictureForm",
+            "stills.render": "Picture PictureForm motion_factor",
+            "stills.rig": "RigModel",
             "stills.scene": "Stand",
-            "stills.views": "face_camera",
+            "stills.views": "RigView",
             "style": "lay_out",
         },
     )

@@ -5,7 +5,6 @@ model's own rays, and colours are compared with each other.
 """
 
 from dataclasses import replace
-from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -15,8 +14,10 @@ import facets
 from facets.pictures import (
     Picture,
     PictureForm,
+    RigModel,
+    RigView,
     Stand,
-    face_camera,
+    materials,
     motion_factor,
     range_solid,
     scene,
@@ -32,25 +33,23 @@ SIZE = (240, 180)
 RIG = PictureForm("rig", SIZE, sharpness=1)
 
 
+def rig_view(sensor):
+    """The view of a sensor's rig as data: nothing is rendered."""
+    return RigView(RigModel(sensor), materials.THEMES["dark"], SIZE)
+
+
 @pytest.fixture(scope="module")
-def picture():
-    """A picture of the parts, from which tests take a camera and depths."""
+def shot():
+    """A camera's picture of the parts, with depths."""
     with Picture(PAPER, TILTED, RIG) as picture:
-        yield picture
+        yield picture.studio.take(picture.view.camera, sharpness=1)
 
 
-@pytest.fixture(scope="module")
-def shot(picture):
-    return picture.view.studio.take(picture.view.camera(), 1)
-
-
-def light_in(view):
+def light_in(picture):
     """How much of a picture's colours is the light of the sub-beams, by pixel."""
-    lit = view.image()
-    view.dark = (0, 1, 2)
-    change = 255 * (lit - view.image())
-    view.dark = ()
-    return change
+    lit, look = picture.image(), picture.view.look
+    picture.view.look = replace(look, dark=(0, 1, 2))
+    return lit.astype(int) - picture.image()
 
 
 def nearest_hue(change, hues):
@@ -64,12 +63,12 @@ def nearest_hue(change, hues):
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(theme):
     with Picture(PAPER, TILTED, PictureForm("rig", SIZE, theme)) as picture:
-        view = picture.view
-        change, camera, geometry = light_in(view), view.camera(), view.stand.geometry
+        change, view = light_in(picture), picture.view
+    geometry = view.stand.geometry
     for k, (psi, zeta, _) in enumerate(facets.readings(PAPER, TILTED).reshape(3, 3)):
         spot = geometry.centres[k] + [0, psi, zeta] @ np.array(geometry.axes[k])
         for share in (0.35, 0.55, 0.75):
-            x, y = camera.project(TILTED[:3] + share * (spot - TILTED[:3]))[:2].astype(int)
+            x, y = view.camera.project(TILTED[:3] + share * (spot - TILTED[:3]))[:2].astype(int)
             block = change[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3)
             brightest = block[np.abs(block).sum(axis=1).argmax()]
             assert np.abs(brightest).max() > 11, f"no light along sub-beam {'ABC'[k]}"
@@ -86,29 +85,27 @@ def test_a_detector_without_light_has_no_sub_beam(shot):
     assert 0 < sum(len(scene.cut(near, k)) > 0 for k in range(3)) < 3
 
 
-def test_parts_are_where_the_camera_sees_their_points_and_fill_the_picture(picture, shot):
-    parts = picture.view.parts
-    points = shot.camera.project(np.concatenate([part.solid.points for part in parts]))
+def test_parts_are_where_the_camera_sees_their_points_and_fill_the_picture(shot):
+    points = shot.camera.project(rig_view(PAPER).points())
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     assert (low / SIZE > 0.04).all()
     assert (high / SIZE < (0.96, 0.89)).all()
     assert ((high - low) / SIZE / (0.9, 0.83)).max() > 0.97
-    drawn = np.argwhere(shot.is_covered)[:, ::-1]
+    drawn = np.argwhere(np.isfinite(shot.depth))[:, ::-1]
     np.testing.assert_allclose([drawn.min(axis=0), drawn.max(axis=0)], [low, high], atol=4)
 
 
 def test_spots_shine_on_the_detectors_where_readings_say(shot):
     """Each face, square on from the mirror, where psi runs to the left: the light's centroid."""
-    sensor, size = SENSORS["skewed0"], (500, 500)
+    sensor, size = SENSORS["skewed0"], 500
     state = states(1, seed=5, offset=0.1, angle=0.004)[0]
     state[:3], state[6:] = state[:3] - [*state[6:], state[2] - 0.6], 0  # near rest
     stand = Stand.from_state(sensor, state)
     for k, (psi, zeta, _) in enumerate(facets.readings(sensor, state).reshape(3, 3)):
-        camera = face_camera(stand, k, size)
-        light = surface(
-            stand, replace(shot, camera=camera, depth=np.full(size, camera.distance)), k
-        )
-        y, x = np.indices(size) + 0.5
+        camera = rig_view(sensor).face_inset(k, size, "", corner=(0, 0)).camera
+        depth = np.full((size, size), camera.distance)
+        light = surface(stand, replace(shot, camera=camera, depth=depth), k)
+        y, x = np.indices((size, size)) + 0.5
         places = np.array(camera.aside(x, y))
         across, up = (light * places).sum(axis=(1, 2)) / light.sum()
         assert (-across, up) == pytest.approx((psi, zeta), abs=0.01)
@@ -122,8 +119,8 @@ def test_facets_are_not_black_at_any_inclination(inclination):
     inclined = tuple(replace(facet, inclination=slope) for facet in PAPER.facets)
     form = PictureForm("mirror", (120, 90), "light")
     with Picture(replace(PAPER, facets=inclined), REST, form) as picture:
-        camera, parts = picture.view.camera(), picture.view.parts
-        colour = picture.view.studio.take(camera).colour
+        camera, parts = picture.view.camera, picture.view.parts
+        colour = picture.studio.take(camera).colour
     for k in (0, 2):  # those that face the camera
         x, y = camera.project(0.05 * parts[k].solid.points[1:].mean(axis=0))[:2].astype(int)
         assert colour[y - 2 : y + 3, x - 2 : x + 3].mean() > 0.15
@@ -140,9 +137,9 @@ def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
         picture.image()  # also where no light falls
         picture.move(REST)
         image = picture.image()
-        shot = picture.view.studio.take(picture.view.camera(), 1)
+        shot = picture.studio.take(picture.view.camera, sharpness=1)
     assert image.std() > 8
-    assert 0.03 < shot.is_covered.mean() < 0.85
+    assert 0.03 < np.isfinite(shot.depth).mean() < 0.85
 
 
 def volume(solid):
@@ -154,13 +151,13 @@ def volume(solid):
 
 def test_parts_are_closed_and_face_outward_and_facets_lie_in_the_planes_of_the_model():
     """Volumes are positive: else light falls on a part's inside."""
-    with Picture(SENSORS["skewed1"], REST, RIG) as picture:
-        stand, parts = picture.view.rest, picture.view.parts
+    rig = RigModel(SENSORS["skewed1"])
+    parts = rig.parts()
     # the mirror's facets and its body, of which none is closed alone, come first
     volumes = [volume(part.solid) for part in parts]
     assert sum(volumes[:4]) > 0
     assert min(volumes[4:]) > 0
-    for facet, normal in zip(parts[:3], stand.at.normals, strict=True):
+    for facet, normal in zip(parts[:3], rig.stand.at.normals, strict=True):
         assert np.abs(facet.solid.points @ np.array(normal, float)).max() < 1e-9
 
 
@@ -177,10 +174,7 @@ def test_the_range_solid_ends_where_ranges_do():
 def test_equal_radii_have_one_dimension_and_unequal_ones_three():
     other = replace(PAPER, psds=(replace(PAPER.psds[0], radius=200.0), *PAPER.psds[1:]))
     for sensor, radii in ((PAPER, ["250 mm"]), (other, ["200 mm", "250 mm", "250 mm"])):
-        sheet = MagicMock(unit=1)
-        with Picture(sensor, REST, RIG) as picture:
-            picture.view.dimension_radii(sheet, picture.view.camera())
-        assert [call.args[2] for call in sheet.dimension.call_args_list] == radii
+        assert [dimension.words for dimension in rig_view(sensor).radii()] == radii
 
 
 def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():

@@ -41,11 +41,10 @@ def test_spots_are_drawn_where_readings_say(name):
 def test_sub_beams_leave_the_drawn_facets_by_the_reflection_law():
     stand = Stand.from_state(SENSORS["skewed2"], states(1, seed=9)[0])
     incoming = np.array(stand.geometry.direction)
-    for k, facet in enumerate(scene.mirror(stand)):
-        apex, *others = facet.points
+    for k, (apex, *others) in enumerate(scene.mirror(stand)):
         normal = np.cross(*(others - apex))
         normal /= np.linalg.norm(normal)
-        on_facet, on_detector = np.split(scene.sub_beam(stand, k).points, 2)
+        on_facet, on_detector = scene.rims(stand, k)
         assert np.abs((on_facet - apex) @ normal).max() < 1e-12
         leaving = on_detector - on_facet
         leaving /= np.linalg.norm(leaving, axis=1)[:, None]

@@ -112,9 +112,9 @@ def plan_picture(sensor: Sensor, state: Floats) -> Figure:
         for k, letter in enumerate(DETECTORS):
             detector(panel, stand, k, sensor.psds[k], hues.detectors[letter], letter)
         zoom = 0.05 * far / scene.rim_of(sensor)
-        for body in scene.mirror(stand):
-            around = np.array(stand.at.apex)[:2]
-            shape = around + zoom * (body.points[:, :2] - around)
+        around = np.array(stand.at.apex)[:2]
+        for facet in scene.mirror(stand)[..., :2]:
+            shape = around + zoom * (facet - around)
             panel.fill(*shape.T, facecolor=hues.grey, edgecolor=hues.ink, lw=1, alpha=0.7)
         title = f"from above, the mirror {zoom:.2g} times as large"
         panel.set(aspect="equal", xlabel="x_w, mm", ylabel="y_w, mm", title=title)
@@ -124,14 +124,13 @@ def plan_picture(sensor: Sensor, state: Floats) -> Figure:
 
 def detector(panel: Axes, stand: Stand, k: int, psd: Psd, hue: str, letter: str) -> None:
     """Draw a detector, the sub-beam to it, and its dimensions."""
-    ends = scene.detector(stand, k).points[:2, :2]
+    centre, axis = (np.array(at[k], float) for at in (stand.geometry.centres, stand.geometry.axes))
+    ends = (centre + [[-psd.size_y / 2], [psd.size_y / 2]] * axis[1])[:, :2]
     panel.plot(*ends.T, color=hue, lw=5, solid_capstyle="butt")
     out = np.array([np.cos(psd.azimuth), np.sin(psd.azimuth)])
-    beam = scene.sub_beam(stand, k)
-    if beam is not None:
-        half = len(beam.points) // 2
-        line = np.array([beam.points[:half].mean(0), beam.points[half:].mean(0)])[:, :2]
-        panel.plot(*line.T, color=hue, lw=1.4)
+    rims = scene.rims(stand, k)
+    if rims.size:
+        panel.plot(*rims.mean(axis=1)[:, :2].T, color=hue, lw=1.4)
     away = 1.16 + 0.16 * abs(out[0])
     sizes = f"{psd.size_y:g} x {psd.size_z:g} mm"
     write(panel, f"{letter.upper()}\n{sizes}", away * psd.radius * out)

@@ -11,6 +11,11 @@ import numpy as np
 
 from ...core.units import Floats
 
+#: A linear function of the depth t: start + rate t.
+Linear = tuple[Any, Any]
+#: Rows and columns of some pixels.
+Box = tuple[slice, slice]
+
 
 def normalize(vector: Any) -> Floats:
     """The unit vector along (..., 3)."""
@@ -23,39 +28,41 @@ def normalize(vector: Any) -> Floats:
 class Camera:
     """Lengths mm, world frame.
 
-    place, focus: the camera's place and the point in its middle.  upward: the upward direction.
-    angle: of view from the lower to the upper edge, rad; 0 stands for a parallel projection
-    `extent` mm high.  size: width and height, pixels.  shift: of the picture's middle from the
-    focus, in heights of the picture, to the right and up.
+    focus: the point in the picture's middle.  direction: from there to the camera.  height: of the
+    picture at the focus.  size: width and height, pixels.  angle: of view from the lower to the
+    upper edge, rad; 0 stands for a parallel projection from the distance `away`.  upward: the
+    upward direction.  shift: of the picture's middle from the focus, in heights of the picture, to
+    the right and up.
     """
 
-    place: tuple[float, float, float]
-    focus: tuple[float, float, float]
-    upward: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    angle: float = 0.44
-    extent: float = 100.0
-    size: tuple[int, int] = (1200, 900)
+    focus: Sequence[float] | Floats
+    direction: Sequence[float] | Floats
+    height: float
+    size: tuple[int, int]
+    angle: float = 0.0
+    away: float = 300.0
+    upward: Sequence[float] | Floats = (0.0, 0.0, 1.0)
     shift: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def axes(self) -> Floats:
         """The directions to the right, upward and forward, by rows."""
-        forward = normalize(np.subtract(self.focus, self.place))
+        forward = -normalize(self.direction)
         right = normalize(np.cross(forward, self.upward))
         return np.array([right, np.cross(right, forward), forward])
-
-    @property
-    def distance(self) -> float:
-        return float(np.linalg.norm(np.subtract(self.focus, self.place)))
 
     @property
     def parallel(self) -> bool:
         return self.angle == 0
 
     @property
-    def height(self) -> float:
-        """The height of the picture at the focus, mm."""
-        return self.extent if self.parallel else 2 * self.distance * float(np.tan(self.angle / 2))
+    def distance(self) -> float:
+        return self.away if self.parallel else self.height / (2 * float(np.tan(self.angle / 2)))
+
+    @property
+    def place(self) -> Floats:
+        place: Floats = np.asarray(self.focus, float) - self.distance * self.axes[2]
+        return place
 
     @property
     def pixel(self) -> float:
@@ -67,7 +74,7 @@ class Camera:
 
         Behind the camera the depth is negative and the pixels are invalid.
         """
-        apart = (np.asarray(points, float) - np.array(self.place)) @ self.axes.T
+        apart = (np.asarray(points, float) - self.place) @ self.axes.T
         depth = apart[..., 2]
         per_mm: Any = 1 / self.pixel
         if not self.parallel:
@@ -83,21 +90,17 @@ class Camera:
         across = (x - width / 2 + self.shift[0] * height) * self.pixel
         return across, (height / 2 + self.shift[1] * height - y) * self.pixel
 
-    def rays(self, x: Any, y: Any) -> tuple[Floats, Floats]:
-        """Origins and directions (n, 3) of the rays through pixels.
-
-        A direction advances the depth by one mm, so that a depth is a coordinate along the ray.
-        """
-        across, up = self.aside(x, y)
-        right, upward, forward = self.axes
-        aside = across[:, None] * right + up[:, None] * upward
-        place = np.broadcast_to(np.array(self.place), aside.shape)
-        if self.parallel:
-            return place + aside, np.broadcast_to(forward, aside.shape)
-        return place, forward + aside / self.distance
-
-    def resize(self, size: tuple[int, int]) -> Camera:
-        return replace(self, size=size)
+    def pixel_box(self, ends: Any, radius: float) -> tuple[Box, float]:
+        """The pixels within a radius (mm) of a segment (2, 3), and the least size of one, mm."""
+        seen = self.project(np.linspace(ends[0], ends[1], 200))
+        seen = seen[seen[:, 2] > 0]
+        if not len(seen):
+            return np.s_[:0, :0], self.pixel
+        pixel = self.pixel * (1.0 if self.parallel else float(seen[:, 2].min()) / self.distance)
+        pad = radius / pixel + 6
+        low = np.clip(seen[:, :2].min(axis=0) - pad, 0, self.size).astype(int)
+        high = np.clip(seen[:, :2].max(axis=0) + pad + 1, 0, self.size).astype(int)
+        return np.s_[low[1] : high[1], low[0] : high[0]], pixel
 
     def apply(self, camera: Any) -> None:
         """Set a `vtkCamera` to the same view."""
@@ -105,35 +108,52 @@ class Camera:
         camera.SetFocalPoint(*self.focus)
         camera.SetViewUp(*self.axes[1])
         camera.SetParallelProjection(self.parallel)
-        if self.parallel:
-            camera.SetParallelScale(self.extent / 2)
-        else:
-            camera.SetViewAngle(np.degrees(self.angle))
+        camera.SetParallelScale(self.height / 2)
+        camera.SetViewAngle(np.degrees(self.angle or 0.5))
         width, height = self.size
         camera.SetWindowCenter(2 * self.shift[0] * height / width, 2 * self.shift[1])
 
 
-def fit(camera: Camera, points: Floats, area: Sequence[float] = (0.0, 0.0, 1.0, 1.0)) -> Camera:
+class Rays:
+    """The rays through a box of pixels, by default through all.
+
+    A ray's point at the depth t is origin + t ray, both linear in the pixel's coordinates, so that
+    its coordinate along any vector is made of three numbers: no array of vectors is needed.
+    """
+
+    def __init__(self, camera: Camera, box: Box | None = None) -> None:
+        width, height = camera.size
+        rows, columns = box or np.s_[0:height, 0:width]
+        x, y = (np.arange(part.start or 0, part.stop) + 0.5 for part in (columns, rows))
+        self.camera = camera
+        self.across, self.up = camera.aside(x, y[:, None])
+
+    def coordinate(self, vector: Floats, point: Any = (0.0, 0.0, 0.0)) -> Linear:
+        """Return (p - point) . vector of the rays' points p."""
+        camera = self.camera
+        right, upward, rate = (float(part) for part in camera.axes @ vector)
+        start = float((camera.place - point) @ vector)
+        aside = self.across * right + self.up * upward
+        if camera.parallel:
+            return start + aside, rate
+        return start, rate + aside / camera.distance
+
+    def meet(self, point: Any, normal: Floats) -> tuple[Any, Any]:
+        """Return the depths at which the rays meet a plane, and whether they do so from outside."""
+        start, rate = self.coordinate(normal, point)
+        outside = rate < 0
+        return np.where(outside, -start / np.minimum(rate, -1e-12), 1e9), outside
+
+
+def fit(camera: Camera, points: Floats, area: Sequence[float]) -> Camera:
     """The camera moved along its own direction and aside until points (n, 3) fill an area of its
     picture: left, top, right and bottom as shares of width and height."""
-    width, height = camera.size
-    left, top, right, bottom = area
-    for _ in range(8):
+    corners = np.reshape(area, (2, 2)) * camera.size
+    for _ in range(16):
         seen = camera.project(points)[:, :2]
         low, high = seen.min(axis=0), seen.max(axis=0)
-        room = np.array([(right - left) * width, (bottom - top) * height])
-        scale = float(((high - low) / room).max())
-        away = np.subtract(camera.place, camera.focus) * scale
-        camera = replace(
-            camera,
-            place=tuple(np.add(camera.focus, away)),
-            extent=camera.extent * scale,
-        )
-        seen = camera.project(points)[:, :2]
-        middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-        wanted = np.array([(left + right) * width, (top + bottom) * height]) / 2
-        more = (middle - wanted) / height
-        camera = replace(
-            camera, shift=(camera.shift[0] + float(more[0]), camera.shift[1] - float(more[1]))
-        )
+        scale = float(((high - low) / (corners[1] - corners[0])).max())
+        x, y = ((low + high) / 2 - corners.mean(axis=0)) / camera.size[1]
+        shift = (camera.shift[0] + float(x), camera.shift[1] - float(y))
+        camera = replace(camera, height=camera.height * scale, shift=shift)
     return camera

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
@@ -12,20 +13,50 @@ from typing import Any, Literal
 import numpy as np
 
 from ...core.closing import ClosedAtExit
+from ...core.extras import require_extra
+from ...core.names import DETECTORS
 from ...core.sensor import Sensor
 from ...core.units import Floats
 from ...files.whole import Whole
-from . import scene, space, views
-from .materials import MATERIALS, THEMES, ThemeName
-from .raster import as_bytes
-from .rig import parts
+from ...model.arrays import half_sizes, readings
+from ...optics.vectors import rotation
+from . import scene, views
+from .camera import Camera
+from .exposure import Exposure, expose, floor_under
+from .materials import THEMES, Material, ThemeName
+from .rig import LASER_HEIGHT, RigModel
 from .scene import Stand
-from .solids import Solid
-from .studio import Studio, library, mesh_of
+from .sheet import DrawingSheet
+from .solids import RigPart, Solid, bands
+from .studio import Shot, Studio
+from .views import factor_in_words as factor_in_words
+from .views import round_down
 
+OnProgress = Callable[[float, float], None]
 ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "trail"]
 #: File name endings: pictures, scenes that can be turned, films.
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
+
+#: Writers of films; a GIF's few colours are those of what moves.
+GIF_FILTER = (
+    "split[a][b];[a]palettegen=max_colors=112:stats_mode=diff[p];[b][p]paletteuse=dither=none"
+)
+GIF: dict[str, Any] = {"codec": "gif", "pix_fmt_out": "pal8", "macro_block_size": 1,
+                       "quality": None,
+                       "output_params": ["-vf", GIF_FILTER, "-loop", "0", "-f", "gif"]}  # fmt: skip
+H264: dict[str, Any] = {"codec": "libx264", "quality": 8, "macro_block_size": 2,
+                        "output_params": ["-movflags", "+faststart", "-f", "mp4"]}  # fmt: skip
+#: How far the camera of a film swings to either side, rad, and by which share of its distance it
+#: approaches in the middle.
+SWING_RAD, NEARER_SHARE = 0.20, 0.04
+#: Distance of a drawn spot in front of its detector, mm, without which the two would intersect.
+SPOT_OFFSET_MM = 0.02
+
+#: Largest distance of a spot's centroid from its detector's axes, over half the detector's size,
+#: and least share of the light on a detector, in a magnified motion.
+INSIDE, LEAST = 0.80, 0.06
+#: The largest rotation of a head in a picture, rad.
+MAX_TURN_RAD = 0.3
 
 VIEWS: dict[str, Callable[..., views.SceneView]] = {
     "both": views.CombinedView,
@@ -33,8 +64,8 @@ VIEWS: dict[str, Callable[..., views.SceneView]] = {
     "mirror": views.MirrorView,
     "detector": views.DetectorView,
     "cutaway": views.CutawayView,
-    "range": space.RangeView,
-    "trail": space.TrailView,
+    "range": views.RangeView,
+    "trail": views.TrailView,
 }
 
 
@@ -61,18 +92,55 @@ class Picture(ClosedAtExit):
     def __init__(
         self, sensor: Sensor, state: Floats, form: PictureForm | None = None, **more: Any
     ) -> None:
-        form = form or PictureForm()
-        theme = THEMES[form.theme]
-        self.view = VIEWS[form.view](sensor, theme, form.size, form.title, form.sharpness, **more)
+        self.form = form or PictureForm()
+        self.theme, rig = THEMES[self.form.theme], RigModel(sensor)
+        self.laser = LASER_HEIGHT * rig.unit
+        self.view = VIEWS[self.form.view](rig, self.theme, self.form.size, **more)
+        self.studio = Studio(self.view.parts, self.theme, self.view.aside)
+        self.floor = floor_under(self.studio, self.view.points(), (rig.floor - 14) * rig.unit)
         self.move(state)
 
-    def move(self, state: Floats) -> None:
-        """Move to another state (8,), mm and rad."""
-        self.view.move(np.asarray(state, float))
+    def move(self, state: Floats, factor: float = 1.0, turning: float = 1.0) -> None:
+        """Move to another state (8,), mm and rad, drawn `factor` times as large.
 
-    def image(self) -> Any:
-        """Return the picture (h, w, 3), 0 to 255."""
-        return as_bytes(self.view.image())
+        turning: further magnification of the head's rotation about its apex in the large picture.
+        """
+        self.state, self.factor, self.turning = np.asarray(state, float), factor, turning
+        self.view.move(factor * self.state)
+
+    def take(
+        self, camera: Camera, assemblies: Collection[str], state: Floats, turning: float
+    ) -> Shot:
+        """Render parts at a state, the head's angles `turning` times as large."""
+        self.studio.move(state, turning)
+        return self.studio.take(camera, assemblies, self.form.sharpness)
+
+    def expose(self, camera: Camera, look: Exposure, turning: float = 1.0) -> Floats:
+        """Render parts and light, (h, w, 3), 0 to 1."""
+        shot = self.take(camera, look.assemblies, self.view.state, turning)
+        picture = expose(self.view.stand, shot, self.theme, self.floor, look, self.laser)
+        for ghost in look.ghosts:
+            shown = self.take(camera, ghost.assemblies, ghost.state, 1.0)
+            share = np.where(shown.depth < shot.depth, ghost.front, ghost.behind)[..., None]
+            picture = picture * (1 - share * shown.cover[..., None]) + share * shown.colour
+        return picture
+
+    def image(self, camera: Camera | None = None) -> Any:
+        """Return the picture (h, w, 3), 0 to 255, by default as the view's camera sees it."""
+        view, camera = self.view, camera or self.view.camera
+        sheet = DrawingSheet(self.expose(camera, view.look, self.turning), self.theme)
+        note = factor_in_words(self.factor, self.turning) or view.note
+        words = " \u00b7 ".join(part for part in (self.form.title, view.what, note) if part)
+        sheet.caption([line for line in (words, view.state_line(self.state)) if line])
+        if view.scale is not None:
+            sheet.scale_bar(camera.pixel, view.width, view.scale)
+        if view.legend:
+            sheet.legend(view.legend_title, view.legend)
+        for inset in view.insets():
+            sheet.paste(inset, self.expose(inset.camera, inset.look), camera)
+        for label in view.labels():
+            sheet.draw(label, camera)
+        return sheet.pixels()
 
     def save(self, path: Path) -> None:
         """Write a PNG; a failure leaves no partial file."""
@@ -82,30 +150,40 @@ class Picture(ClosedAtExit):
             Image.fromarray(self.image()).save(temporary, format="png", optimize=True)
 
     def close(self) -> None:
-        self.view.close()
+        self.studio.close()
 
 
 # --- scenes that can be turned: bodies of light beside the parts ---------------------------------
 
 
-def add_light(studio: Studio, body: scene.Body) -> None:
-    """Add a beam or a spot as a surface in its hue."""
-    if body.kind not in ("beam", "sub-beam", "spot"):
-        return
-    theme = studio.theme
-    colour = theme.beam if body.kind == "beam" else theme.hues["abc".index(body.name[-1].lower())]
-    mesh = mesh_of(studio.pyvista, Solid(body.points, [list(face) for face in body.faces]), False)
-    studio.plotter.add_mesh(
-        mesh, color=colour, opacity=1.0 if body.kind == "spot" else 0.5, lighting=False,
-        name=body.name, reset_camera=False, render=False,
-    )  # fmt: skip
+def light_bodies(stand: Stand, length: float) -> list[RigPart]:
+    """Make the beam from a length (mm) above the apex, the sub-beams and the spots as surfaces."""
+    theme = THEMES["light"]
+    back = -np.array(stand.geometry.direction)
+    bodies, feet = [], []
+    for k, hue in enumerate(theme.hues):
+        start, end = scene.rims(stand, k)
+        if not len(start):
+            continue
+        feet.append(scene.array(stand.facet_points(k, scene.cut(stand, k)[-1])))
+        material = Material(hue, clear=0.5, even=True)
+        bodies.append(RigPart(f"sub-beam {DETECTORS[k]}", "light", material, bands([start, end])))
+        spot = end - SPOT_OFFSET_MM * np.array(stand.geometry.axes[k][0])
+        face = Solid(spot, [list(range(len(spot)))])
+        bodies.append(RigPart(f"spot {DETECTORS[k]}", "light", Material(hue, even=True), face))
+    if feet:
+        foot = np.concatenate(feet)
+        top = foot + ((length + stand.at.apex[2] - foot[:, 2]) / back[2])[:, None] * back
+        material = Material(theme.beam, clear=0.5, even=True)
+        bodies.append(RigPart("beam", "light", material, bands([foot, top])))
+    return bodies
 
 
 def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
     """Write a glTF file: the rig's parts with their materials, and the light as bodies."""
-    studio = Studio(parts(Stand.from_state(sensor, state)), THEMES["light"])
-    for body in scene.rig(sensor, state):
-        add_light(studio, body)
+    rig, stand = RigModel(sensor), Stand.from_state(sensor, state)
+    studio = Studio([*rig.parts(), *light_bodies(stand, 120)], THEMES["light"])
+    studio.move(state)
     studio.plotter.camera_position = [(430, -540, 330), (0, 0, 0), (0, 0, 1)]
     studio.plotter.reset_camera()
     with Whole(path) as temporary, TemporaryDirectory() as folder:
@@ -115,6 +193,75 @@ def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
     studio.close()
 
 
-__all__ = [
-    "MATERIALS", "MOVIES", "PICTURES", "SCENES", "Picture", "PictureForm", "library", "save_scene",
-]  # fmt: skip
+# --- films ---------------------------------------------------------------------------------------
+
+
+def ease_camera(camera: Camera, share: float) -> Camera:
+    """Return the camera at a share of a film: it swings to both sides, and is nearer in the middle.
+
+    At the end it has its first place and speed, so that a film can be repeated.
+    """
+    angle = SWING_RAD * np.sin(2 * np.pi * share)
+    nearer = NEARER_SHARE * (1 - np.cos(2 * np.pi * share)) / 2
+    direction = np.array(rotation(0.0, 0.0, angle), float) @ np.asarray(camera.direction, float)
+    return replace(camera, direction=direction, height=(1 - nearer) * camera.height)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A motion, state by state (n, 8), with its frames a second and its magnification `factor`.
+
+    turning: further magnification of the head's rotation in the large picture; light has `factor`.
+    """
+
+    states: Floats
+    rate: float
+    factor: float
+    turning: float = 1.0
+
+
+def write_film(
+    picture: Picture, film: Film, path: Path, on_progress: OnProgress = lambda *_: None
+) -> None:
+    """Write a film; a failure leaves no file.  on_progress: takes the frames done and their number."""
+    write_frames = require_extra("imageio_ffmpeg", "a film").write_frames
+    form = GIF if path.suffix.lower() == ".gif" else H264
+    still, count = picture.view.camera, len(film.states)
+    with Whole(path) as temporary:
+        size, level = picture.form.size, "error"
+        writer = write_frames(str(temporary), size, fps=film.rate, ffmpeg_log_level=level, **form)
+        with closing(writer):
+            writer.send(None)
+            for n, state in enumerate(film.states):
+                picture.move(state, film.factor, film.turning)
+                writer.send(picture.image(ease_camera(still, n / count)))
+                on_progress(n + 1, count)
+
+
+def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> float:
+    """The largest round factor, 1 or more, by which states (n, 8) may be multiplied with all three
+    spots on their detectors and light on each; the larger motion is then possible."""
+    some = states[:: max(1, len(states) // 100)]
+    factor = 1.0
+    for more in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
+        if more > largest or not stays_on_detectors(sensor, more * some):
+            break
+        factor = float(more)
+    return factor
+
+
+def stays_on_detectors(sensor: Sensor, states: Floats) -> bool:
+    """Return whether all spots are well on their detectors in all states."""
+    reading = readings(sensor, states)
+    power = reading[:, 2::3]
+    if not (power > LEAST * sensor.beam.power).all():
+        return False
+    places = np.stack([reading[:, 0::3], reading[:, 1::3]], axis=-1)
+    return bool((np.abs(places) < INSIDE * half_sizes(sensor)).all())
+
+
+def turning_factor(states: Floats) -> float:
+    """The round factor by which the head's own rotation may be magnified further, up to about a
+    tenth of a turn to either side, about its apex, which does not move."""
+    largest = float(np.abs(states[:, 3:6]).max())
+    return max(1.0, round_down(MAX_TURN_RAD / largest)) if largest > 0 else 1.0

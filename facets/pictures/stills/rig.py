@@ -2,353 +2,257 @@
 
 The optics fixes the facets' planes, the detectors' faces and the beam, which are where the model
 has them. Everything else is commonly used hardware: a one-inch mirror, half-inch posts, a detector
-on a board in a housing; it shrinks if the rig is too small for it. mm, world frame.
+on a board in a housing; it shrinks if the rig is too small for it. World frame; lengths in mm, and
+those of the parts in `RigModel.unit`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from ...core.names import DETECTORS
+from ...core.sensor import Sensor
 from ...core.units import Floats
 from .camera import normalize
 from .scene import Stand
 from .solids import (
+    PartFrame,
+    RigPart,
     Solid,
     cylinder,
-    frame,
     hollow_cylinder,
-    join,
+    profile_of,
     rectangle,
     revolve,
     ring_at_height,
-    rod,
     slab,
     stack,
-    tube,
+    window_frame,
 )
 
 #: A rig whose nearest detector is nearer than this has smaller parts, mm.
 FULL_SIZE_RADIUS_MM = 110.0
-#: Radius of a one-inch mirror, and of a half-inch post, mm.
-HEAD_RADIUS_MM, POST_RADIUS_MM = 12.7, 6.35
-#: Height above the apex at which the beam leaves the laser, mm.
-LASER_HEIGHT_MM = 105.0
+#: Radius of a one-inch mirror, of a half-inch post, and of a facet's circle of points; unit.
+HEAD_RADIUS, POST_RADIUS = 12.7, 6.35
+#: Height above the apex at which the beam leaves the laser, and distance of its column; unit.
+LASER_HEIGHT, COLUMN_DISTANCE = 105.0, 96.0
+#: Points along the rim of a facet.
+RIM_POINTS = 33
 
 
-@dataclass(frozen=True)
-class RigPart:
-    """A piece of the rig.
+class RigModel:
+    """A rig at rest, and its measures.
 
-    assembly: "head", "laser", "detector a", ..., "frame".  material: a name in `materials`.
+    unit: the length in mm of what is one mm in a rig of full size.  floor: z of the base plate's
+    upper side, in that unit.  head_radius: of the mirror, in that unit.
     """
 
-    name: str
-    assembly: str
-    material: str
-    solid: Solid
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor, self.stand = sensor, Stand.from_state(sensor, np.zeros(8))
+        self.unit = min(1.0, min(psd.radius for psd in sensor.psds) / FULL_SIZE_RADIUS_MM)
+        self.centres = np.array(self.stand.geometry.centres, float)
+        lowest = min(self.centres[k, 2] / self.unit - self.housing(k)[1] / 2 for k in range(3))
+        self.floor = min(float(lowest) - 22, -70)
+        self.head_radius = min(HEAD_RADIUS, sensor.apertures.rim / self.unit)
 
+    def face(self, k: int) -> tuple[float, float]:
+        """Return width and height of a detector's face, unit."""
+        psd = self.sensor.psds[k]
+        return psd.size_y / self.unit, psd.size_z / self.unit
 
-def scale_of(stand: Stand) -> float:
-    """Return the factor by which common parts shrink to fit."""
-    return min(1.0, min(psd.radius for psd in stand.sensor.psds) / FULL_SIZE_RADIUS_MM)
+    def housing(self, k: int) -> tuple[float, float]:
+        width, height = self.face(k)
+        return width + 15, height + 15
 
+    def detector_frame(self, k: int) -> PartFrame:
+        """Return the frame of a detector: sideways, upward and out of its back from its face."""
+        axes = np.array(self.stand.geometry.axes[k], float)[[1, 2, 0]]
+        return PartFrame(f"detector {DETECTORS[k]}", self.unit, self.centres[k], axes)
 
-def floor_of(stand: Stand) -> float:
-    """Return z of the base plate's upper side."""
-    fit = scale_of(stand)
-    lowest = min(
-        float(centre[2]) - housing_size(stand, k)[1] / 2
-        for k, centre in enumerate(stand.geometry.centres)
-    )
-    return min(lowest - 22 * fit, -70 * fit)
+    def laser_frame(self) -> PartFrame:
+        """Return the frame at the place where the beam leaves the laser: z against the beam."""
+        back = -np.array(self.stand.geometry.direction)
+        origin = np.array(self.stand.at.place) + LASER_HEIGHT * self.unit / back[2] * back
+        aside = normalize(np.cross(np.array([0, 1.0, 0]), back))
+        return PartFrame("laser", self.unit, origin, np.array([aside, np.cross(back, aside), back]))
 
+    def level_frame(self, assembly: str, place: Floats, outward: Floats) -> PartFrame:
+        """Return a frame above or below a place (x, y), its first axis in a level direction."""
+        out = normalize([*outward[:2], 0.0])
+        axes = np.array([out, np.cross((0, 0, 1.0), out), (0, 0, 1.0)])
+        return PartFrame(assembly, self.unit, np.array([*place[:2], 0.0]), axes)
 
-def parts(stand: Stand) -> list[RigPart]:
-    """List the parts of the whole rig at a state."""
-    every = [*head(stand), *laser(stand), *base(stand)]
-    for k in range(3):
-        every += detector(stand, k)
-    return every
+    def column_direction(self) -> Floats:
+        """Return the column's direction: the middle of the widest gap between two detectors."""
+        angles = np.sort(np.arctan2(self.centres[:, 1], self.centres[:, 0]))
+        gaps = np.diff([*angles, angles[0] + 2 * np.pi])
+        widest = np.isclose(gaps, gaps.max(), rtol=0, atol=0.02)
+        middles = angles[widest] + gaps[widest] / 2
+        best = middles[np.argmax(np.cos(middles - np.radians(125)))]  # to the back, if it may be
+        return np.array([np.cos(best), np.sin(best)])
 
+    def parts(self) -> list[RigPart]:
+        """List all parts."""
+        every = [*self.head(), *self.laser(), *self.gantry(), *self.base()]
+        for k in range(3):
+            every += [*self.detector(k), *self.support(k)]
+        return every
 
-# --- the mirror ----------------------------------------------------------------------------------
+    def head(self) -> Iterator[RigPart]:
+        """Yield the mirror with its facets, ground sides and bevelled rim, its mount and post."""
+        frame, radius = PartFrame("head", self.unit), self.head_radius
+        bevel = 0.03 * radius
+        normals = np.array(self.stand.geometry.normals, float)
+        down = np.cross(normals, np.roll(normals, 1, axis=0))
+        edges = np.unwrap(np.arctan2(down[[0, 1, 2, 0], 1], down[[0, 1, 2, 0], 0]))
+        turns = [np.linspace(edges[k], edges[k + 1], RIM_POINTS) for k in range(3)]
+        circles = [np.stack([np.cos(turn), np.sin(turn)], axis=-1) for turn in turns]
+        falls = [(c @ normals[:, :2].T / normals[:, 2]).max(axis=1) for c in circles]
+        rims = [np.column_stack([c, -fall]) for c, fall in zip(circles, falls, strict=True)]
+        for rim, letter in zip(rims, DETECTORS, strict=True):
+            points = np.concatenate([np.zeros((1, 3)), (radius - bevel) * rim])
+            facet = Solid(points, [list(range(RIM_POINTS + 1))])
+            yield frame.part(f"facet {letter}", "mirror", facet)
+        rim = np.concatenate([part[:-1] for part in rims])
+        bottom = radius * (float(rim[:, 2].min()) - 0.45)
+        yield frame.part("mirror body", "steel", stack([
+            ring_at_height((radius - bevel) * rim[:, :2], bottom),
+            ring_at_height(radius * rim[:, :2], bottom + bevel),
+            radius * rim - [0, 0, bevel],
+            (radius - bevel) * rim,
+        ], closed=False))  # fmt: skip
+        cup, low, foot = radius + 1.8, bottom - 6, self.floor + 16
+        yield frame.part("mount", "anodised", revolve([
+            *profile_of(cup, low, bottom + 4, 0.6),
+            (radius + 0.05, bottom + 4), (radius + 0.05, bottom - 0.02),
+        ]))  # fmt: skip
+        across = PartFrame("head", self.unit, axes=((0, 1, 0), (0, 0, 1), (1, 0, 0)))
+        screw = cylinder(1.6, cup - 1.2, cup + 2.2).move(0, bottom, 0)
+        yield across.part("clamping screw", "brass", screw)
+        yield frame.part("post", "steel", cylinder(POST_RADIUS, foot, low, 0.4))
+        block = slab(rectangle(52, 52, 5), self.floor, foot + 2, 0.8)
+        yield PartFrame("frame", self.unit).part("moving stage", "anodised", block)
 
+    def detector(self, k: int) -> Iterator[RigPart]:
+        """Yield a commercial detector: window, housing, chip in its carrier, pins and board."""
+        frame, letter = self.detector_frame(k), DETECTORS[k]
+        (width, height), (wide, high) = self.face(k), self.housing(k)
 
-def head_radius(stand: Stand) -> float:
-    return min(HEAD_RADIUS_MM * scale_of(stand), stand.sensor.apertures.rim)
+        def outline(more: float, corner: float) -> Floats:
+            """The outline of the face, larger by a length."""
+            return rectangle(width + more, height + more, corner)
 
+        outer = rectangle(wide, high, 2.5)
+        pins = [
+            cylinder(0.45, 2.4, 17).move(x, y, 0)
+            for x in np.linspace(-0.36, 0.36, 5) * (width + 4)
+            for y in (-0.4 * (height + 4), 0.4 * (height + 4))
+        ]
+        plug = slab(rectangle(0.4 * wide, 0.26 * high, 0.4), 12.1, 19, 0.4)
+        chips = [
+            slab(rectangle(0.2 * wide, 0.14 * high), 12.1, 13.4).move(x * wide, y * high, 0)
+            for x in (-0.28, 0.28)
+            for y in (-0.3, 0.3)
+        ]
+        table: list[tuple[str, str, list[Solid]]] = [
+            ("bezel", "anodised", [window_frame(outer, outline(2.4, 1), -5, -0.4)]),
+            ("window", "glass", [slab(outline(4, 0.5), -3.4, -2.4)]),
+            ("sensitive area", "silicon", [slab(outline(0, 0), 0, 0.4)]),
+            ("bond ring", "gold", [window_frame(outline(1.2, 0.2), outline(0, 0.01), -0.05, 0.4)]),
+            ("carrier", "ceramic", [slab(outline(7, 0.8), 0.4, 2.4, 0.2)]),
+            ("housing", "anodised", [window_frame(outer, outline(8, 1), -0.4, 9)]),
+            ("pins", "gold", pins),
+            ("board", "board", [slab(rectangle(wide + 5, high + 5, 1.5), 10.5, 12.1)]),
+            ("amplifiers", "plastic", [plug, *chips]),
+        ]
+        for name, material, solids in table:
+            yield frame.part(f"{name} {letter}", material, *solids)
 
-def slopes(stand: Stand, angle: Floats) -> Floats:
-    """The fall of the mirror's surface per mm from its axis in directions (n,); mirror frame."""
-    normals = np.array(stand.geometry.normals)
-    across = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    falls: Floats = (across @ normals[:, :2].T / normals[:, 2]).max(axis=1)
-    return falls
+    def faces(self) -> Iterator[RigPart]:
+        """Yield the detectors' faces for pictures from square on: silicon, ring and carrier."""
+        for k, letter in enumerate(DETECTORS):
+            frame, (width, height) = (
+                replace(self.detector_frame(k), assembly=f"face {letter}"),
+                self.face(k),
+            )
+            for name, share, low in (
+                ("silicon", 1.0, 0.0),
+                ("ring", 1.06, 0.05),
+                ("carrier", 1.2, 0.1),
+            ):
+                plate = slab(rectangle(share * width, share * height), low, low + 0.04)
+                yield frame.part(f"{name} {letter}", f"face {name}", plate)
 
+    def support(self, k: int) -> Iterator[RigPart]:
+        """Yield a detector's post, holder and foot."""
+        face, letter, floor = self.detector_frame(k), DETECTORS[k], self.floor
+        below = face.origin + self.unit * (4 * face.axes[2] - self.housing(k)[1] / 2 * face.axes[1])
+        frame = self.level_frame(face.assembly, below, face.axes[2])
+        end = float(below[2]) / self.unit
+        middle = floor + max(0.55 * (end - floor), 8)
+        holder = revolve([(9.5, floor), (9.5, middle - 0.8), (8.7, middle)])
+        screw = cylinder(3.4, floor + 6, floor + 9, 0.4)
+        foot = slab(rectangle(50, 30, 4), floor, floor + 6, 0.7)
+        post = cylinder(POST_RADIUS, middle - 2, end + 1)
+        yield frame.part(f"post {letter}", "steel", post)
+        yield frame.part(f"post holder {letter}", "anodised", holder)
+        yield frame.part(f"foot {letter}", "anodised", foot)
+        yield frame.part(f"screws {letter}", "steel", screw.move(-18, 0, 0), screw.move(18, 0, 0))
 
-def edge_angles(stand: Stand) -> Floats:
-    """The directions of the edges ca, ab, bc, ascending from the first; rad."""
-    normals = stand.geometry.normals
-    angles = []
-    for k in range(3):
-        first, second = np.array(normals[k - 1]), np.array(normals[k])
-        down = np.cross(second, first)
-        angles.append(np.arctan2(down[1], down[0]))
-    return np.unwrap(np.array([*angles, angles[0]]))
+    def laser(self) -> Iterator[RigPart]:
+        frame = self.laser_frame()
+        yield frame.part("collimator", "brass", revolve([
+            (4.6, 0), (7.6, 0), (8, 0.4), (8, 11), (7.4, 11.6), (5.4, 11.6), (5.4, 5), (4.6, 5),
+        ], bore=True))  # fmt: skip
+        yield frame.part("collimating lens", "glass", revolve([
+            (0.1, 5.1), (3, 5.3), (5.3, 6.4), (5.3, 7.4), (3, 8.6), (0.1, 8.9),
+        ]))  # fmt: skip
+        diode = (cylinder(4.5, 19.6, 21), cylinder(2.8, 16, 19.6))
+        yield frame.part("laser diode", "gold", *diode)
+        yield frame.part("driver board", "board", slab(rectangle(14, 1.6), 30, 52))
+        yield frame.part("heat sink", "aluminium", hollow_cylinder(9.2, 3, 21, 29, 0.4))
+        yield frame.part("laser housing", "anodised", revolve([
+            (9.3, 11.6), (10.4, 11.6), (11, 12.2), (11, 62), (10.4, 62.6), (10, 64), (11, 64),
+            (11, 66), (10, 66), (10, 68), (11, 68), (11, 70), (10, 70), (10, 72), (11, 72),
+            (11, 77.4), (10.2, 78.2), (4, 78.2), (3.4, 90), (2.6, 92), (1.4, 92), (1.4, 74),
+            (9.3, 74),
+        ], bore=True))  # fmt: skip
 
+    def gantry(self) -> Iterator[RigPart]:
+        """Yield a column beside the beam and an arm that clamps the laser."""
+        outward, laser = self.column_direction(), self.laser_frame().origin
+        foot = COLUMN_DISTANCE * self.unit * outward
+        floor, level = self.floor, float(laser[2]) / self.unit + 36
+        frame = self.level_frame("laser", foot, outward)
+        yield frame.part("column", "steel", cylinder(9, floor, level + 26, 0.8))
+        grip = hollow_cylinder(13.8, 9, -9, 9, 0.8).move(0, 0, level)
+        yield frame.part("column clamp", "aluminium", grip)
+        collar = revolve([(14, floor), (14, floor + 13), (13, floor + 14)])
+        yield self.level_frame("frame", foot, outward).part("collar", "anodised", collar)
+        reach = float((foot - laser[:2]) @ outward) / self.unit
+        frame = self.level_frame("laser", laser, outward)
+        bar = slab(rectangle(reach - 22, 17, 1), level - 7.9, level + 7.9, 0.8)
+        yield frame.part("arm", "aluminium", bar.move((reach + 1) / 2, 0, 0))
+        ring = hollow_cylinder(15.8, 11, level - 8, level + 8, 0.8)
+        yield frame.part("laser clamp", "aluminium", ring)
 
-def head(stand: Stand) -> Iterator[RigPart]:
-    """Yield the mirror with its facets, ground sides and a bevelled rim, its mount and its post."""
-    fit, radius = scale_of(stand), head_radius(stand)
-    turn: Floats = np.array(stand.at.turn, float).T  # rows: the mirror's axes in the world
-    apex = np.array(stand.at.apex)
-
-    def put(name: str, material: str, solid: Solid) -> RigPart:
-        return RigPart(name, "head", material, solid.move(apex, turn))
-
-    bevel = 0.03 * radius
-    rim = radius - bevel
-    angles = edge_angles(stand)
-    for k, letter in enumerate(DETECTORS):
-        angle = np.linspace(angles[k], angles[k + 1], 33)
-        yield put(f"facet {letter}", "mirror", Solid(*facet(stand, angle, rim)))
-    around = np.concatenate([np.linspace(angles[k], angles[k + 1], 33)[:-1] for k in range(3)])
-    circle = np.stack([np.cos(around), np.sin(around)], axis=-1)
-    falls = slopes(stand, around)
-    bottom = -radius * float(falls.max()) - 0.45 * radius
-    rings = [
-        ring_at_height(rim * circle, bottom),
-        ring_at_height(radius * circle, bottom + bevel),
-        np.column_stack([radius * circle, -radius * falls - bevel]),
-        np.column_stack([rim * circle, -rim * falls]),
-    ]
-    yield put("mirror body", "steel", stack(rings, closed=False))
-    cup = radius + 1.8 * fit
-    low = bottom - 6 * fit
-    seat, wall = bottom + 4 * fit, radius + 0.05 * fit
-    yield put("mount", "anodised", revolve([
-        (cup - 0.6 * fit, low), (cup, low + 0.6 * fit), (cup, seat - 0.6 * fit),
-        (cup - 0.6 * fit, seat), (wall, seat), (wall, bottom - 0.02 * fit),
-    ]))  # fmt: skip
-    screw = rod((cup - 1.2 * fit, 0, bottom), (cup + 2.2 * fit, 0, bottom), 1.6 * fit)
-    yield put("clamping screw", "brass", screw)
-    foot = floor_of(stand) + 16 * fit
-    yield put("post", "steel", cylinder(POST_RADIUS_MM * fit, foot, low, 0.4 * fit))
-    block = slab(rectangle(52 * fit, 52 * fit, 5 * fit), floor_of(stand), foot + 2 * fit, 0.8 * fit)
-    yield RigPart("moving stage", "frame", "anodised", block)
-
-
-def facet(stand: Stand, angle: Floats, rim: float) -> tuple[Floats, list[list[int]]]:
-    """Return the flat side of the mirror between two edges; mirror frame."""
-    circle = rim * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    outer = np.column_stack([circle, -rim * slopes(stand, angle)])
-    points = np.concatenate([np.zeros((1, 3)), outer])
-    return points, [list(range(len(points)))]
-
-
-# --- a detector ----------------------------------------------------------------------------------
-
-
-def housing_size(stand: Stand, k: int) -> tuple[float, float]:
-    psd, fit = stand.sensor.psds[k], scale_of(stand)
-    return psd.size_y + 15 * fit, psd.size_z + 15 * fit
-
-
-def detector_frame(stand: Stand, k: int) -> tuple[Floats, Floats]:
-    """Return the middle of a detector's face, and axes for parts: sideways, upward, out of its
-    back.
-
-    They are right-handed: y, z and x of the detector.
-    """
-    axes = np.array(stand.geometry.axes[k])
-    return np.array(stand.geometry.centres[k]), axes[[1, 2, 0]]
-
-
-def detector(stand: Stand, k: int) -> Iterator[RigPart]:
-    """Yield a commercial detector: window, housing, chip in its carrier, pins, board; on a post."""
-    fit, psd = scale_of(stand), stand.sensor.psds[k]
-    centre, axes = detector_frame(stand, k)
-    name = f"detector {DETECTORS[k]}"
-    wide, high = housing_size(stand, k)
-    width, height = psd.size_y, psd.size_z
-
-    def put(what: str, material: str, solid: Solid) -> RigPart:
-        return RigPart(f"{what} {DETECTORS[k]}", name, material, solid.move(centre, axes))
-
-    def box(w: float, h: float, low: float, top: float, corner: float, bevel: float) -> Solid:
-        return slab(rectangle(w, h, corner * fit), low * fit, top * fit, bevel * fit)
-
-    outer, hole = (
-        rectangle(wide, high, 2.5 * fit),
-        rectangle(width + 2.4 * fit, height + 2.4 * fit, fit),
-    )
-    yield put("bezel", "anodised", frame(outer, hole, -5 * fit, -0.4 * fit))
-    yield put("window", "glass", box(width + 4 * fit, height + 4 * fit, -3.4, -2.4, 0.5, 0))
-    yield put("sensitive area", "silicon", slab(rectangle(width, height), 0, 0.4 * fit))
-    rim = frame(rectangle(width + 1.2 * fit, height + 1.2 * fit, 0.2 * fit),
-                rectangle(width, height, 0.01 * fit), -0.05 * fit, 0.4 * fit)  # fmt: skip
-    yield put("bond ring", "gold", rim)
-    yield put("carrier", "ceramic", box(width + 7 * fit, height + 7 * fit, 0.4, 2.4, 0.8, 0.2))
-    back = frame(outer, rectangle(width + 8 * fit, height + 8 * fit, fit), -0.4 * fit, 9 * fit)
-    yield put("housing", "anodised", back)
-    pins = [
-        cylinder(0.45 * fit, 2.4 * fit, 17 * fit).move((x, y, 0), np.eye(3))
-        for x in np.linspace(-0.36, 0.36, 5) * (width + 4 * fit)
-        for y in (-0.4 * (height + 4 * fit), 0.4 * (height + 4 * fit))
-    ]
-    yield put("pins", "gold", join(pins))
-    yield put("board", "board", box(wide + 5 * fit, high + 5 * fit, 10.5, 12.1, 1.5, 0))
-    plug = slab(rectangle(0.4 * wide, 0.26 * high, 0.4 * fit), 12.1 * fit, 19 * fit, 0.4 * fit)
-    chips = [
-        slab(rectangle(0.2 * wide, 0.14 * high), 12.1 * fit, 13.4 * fit).move(
-            (x * wide, y * high, 0), np.eye(3)
-        )
-        for x, y in ((-0.28, 0.3), (0.28, 0.3), (-0.28, -0.3), (0.28, -0.3))
-    ]  # fmt: skip
-    yield put("amplifiers", "plastic", join([plug, *chips]))
-    yield from stand_of(stand, k, name, fit)
-
-
-def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
-    """Yield a detector's support: post, holder and foot."""
-    centre, axes = detector_frame(stand, k)
-    outward = normalize([axes[2][0], axes[2][1], 0.0])
-    below = centre + 4 * fit * axes[2] - housing_size(stand, k)[1] / 2 * axes[1]
-    floor = floor_of(stand)
-    at = np.array([below[0], below[1], 0.0])
-    middle = floor + max(0.55 * (below[2] - floor), 8 * fit)
-    letter = DETECTORS[k]
-    top = float(below[2]) + 1.0 * fit
-    aside = np.cross((0, 0, 1.0), outward)
-    level = np.array([outward, aside, (0, 0, 1.0)])
-    rod = cylinder(POST_RADIUS_MM * fit, middle - 2 * fit, top)
-    yield RigPart(f"post {letter}", name, "steel", rod.move(at, np.eye(3)))
-    holder = revolve([(9.5 * fit, floor), (9.5 * fit, middle - 0.8 * fit), (8.7 * fit, middle)])
-    yield RigPart(f"post holder {letter}", name, "anodised", holder.move(at, np.eye(3)))
-    foot = slab(rectangle(50 * fit, 30 * fit, 4 * fit), floor, floor + 6 * fit, 0.7 * fit)
-    yield RigPart(f"foot {letter}", name, "anodised", foot.move(at, level))
-    heads = [
-        cylinder(3.4 * fit, floor + 6 * fit, floor + 9 * fit, 0.4 * fit).move(
-            at + side * 18 * fit * outward, np.eye(3)
-        )
-        for side in (-1, 1)
-    ]
-    yield RigPart(f"screws {letter}", name, "steel", join(heads))
-
-
-# --- the laser and its support -------------------------------------------------------------------
-
-
-def laser_frame(stand: Stand) -> tuple[Floats, Floats]:
-    """Return where the beam leaves the laser, and axes for its parts: the last against the beam."""
-    back = -np.array(stand.geometry.direction)
-    up = LASER_HEIGHT_MM * scale_of(stand)
-    origin = np.array(stand.at.place) + up / back[2] * back
-    aside = normalize(np.cross(np.array([0, 1.0, 0]), back))
-    return origin, np.array([aside, np.cross(back, aside), back])
-
-
-def column_direction(stand: Stand) -> Floats:
-    """Return the column's direction: the middle of the widest gap between two detectors."""
-    angles = np.sort([np.arctan2(c[1], c[0]) for c in map(np.array, stand.geometry.centres)])
-    gaps = np.diff([*angles, angles[0] + 2 * np.pi])
-    widest = np.isclose(gaps, gaps.max(), rtol=0, atol=0.02)
-    middles = angles[widest] + gaps[widest] / 2
-    best = middles[np.argmin(np.cos(middles - np.radians(125)) * -1)]  # to the back, if it may be
-    return np.array([np.cos(best), np.sin(best), 0.0])
-
-
-def laser(stand: Stand) -> Iterator[RigPart]:
-    fit = scale_of(stand)
-    origin, axes = laser_frame(stand)
-
-    def put(name: str, material: str, solid: Solid) -> RigPart:
-        return RigPart(name, "laser", material, solid.move(origin, axes))
-
-    s = fit
-    yield put("collimator", "brass", tube([
-        (4.6 * s, 0), (7.6 * s, 0), (8 * s, 0.4 * s), (8 * s, 11 * s), (7.4 * s, 11.6 * s),
-        (5.4 * s, 11.6 * s), (5.4 * s, 5 * s), (4.6 * s, 5 * s),
-    ]))  # fmt: skip
-    lens = revolve([(0.1 * s, 5.1 * s), (3 * s, 5.3 * s), (5.3 * s, 6.4 * s), (5.3 * s, 7.4 * s),
-                   (3 * s, 8.6 * s), (0.1 * s, 8.9 * s)])  # fmt: skip
-    yield put("collimating lens", "glass", lens)
-    diode = join([cylinder(4.5 * s, 19.6 * s, 21 * s), cylinder(2.8 * s, 16 * s, 19.6 * s)])
-    yield put("laser diode", "gold", diode)
-    driver = slab(rectangle(14 * s, 1.6 * s), 30 * s, 52 * s)
-    yield put("driver board", "board", driver)
-    yield put("heat sink", "aluminium", hollow_cylinder(9.2 * s, 3 * s, 21 * s, 29 * s, 0.4 * s))
-    yield put("laser housing", "anodised", tube([
-        (9.3 * s, 11.6 * s), (10.4 * s, 11.6 * s), (11 * s, 12.2 * s), (11 * s, 62 * s),
-        (10.4 * s, 62.6 * s), (10 * s, 64 * s), (11 * s, 64 * s), (11 * s, 66 * s),
-        (10 * s, 66 * s),
-        (10 * s, 68 * s), (11 * s, 68 * s), (11 * s, 70 * s), (10 * s, 70 * s), (10 * s, 72 * s),
-        (11 * s, 72 * s), (11 * s, 77.4 * s), (10.2 * s, 78.2 * s), (4 * s, 78.2 * s),
-        (3.4 * s, 90 * s), (2.6 * s, 92 * s), (1.4 * s, 92 * s), (1.4 * s, 74 * s),
-        (9.3 * s, 74 * s),
-    ]))  # fmt: skip
-    yield from gantry(stand, origin, fit)
-
-
-def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
-    """Yield a column beside the beam and an arm that clamps the laser."""
-    outward = column_direction(stand)
-    far = 96 * fit
-    foot = np.array([far * outward[0], far * outward[1], 0.0])
-    floor, top = floor_of(stand), float(origin[2]) + 62 * fit
-    yield RigPart(
-        "column",
-        "laser",
-        "steel",
-        cylinder(9 * fit, floor, top, 0.8 * fit).move(foot, np.eye(3)),
-    )
-    collar = revolve(
-        [(14 * fit, floor), (14 * fit, floor + 13 * fit), (13 * fit, floor + 14 * fit)]
-    )
-    yield RigPart("collar", "frame", "anodised", collar.move(foot, np.eye(3)))
-    aside = np.cross((0, 0, 1.0), outward)
-    level = np.array([outward, aside, (0, 0, 1.0)])
-    at = np.array([origin[0], origin[1], float(origin[2]) + 36 * fit])
-    reach = float((foot - at) @ outward)
-    bar = slab(rectangle(reach - 22 * fit, 17 * fit, 1 * fit), -7.9 * fit, 7.9 * fit, 0.8 * fit)
-    yield RigPart(
-        "arm", "laser", "aluminium", bar.move(at + outward * (reach + 1 * fit) / 2, level)
-    )
-    ring = hollow_cylinder(15.8 * fit, 11 * fit, -8 * fit, 8 * fit, 0.8 * fit)
-    yield RigPart("laser clamp", "laser", "aluminium", ring.move(at, np.eye(3)))
-    grip = hollow_cylinder(13.8 * fit, 9 * fit, -9 * fit, 9 * fit, 0.8 * fit)
-    yield RigPart(
-        "column clamp", "laser", "aluminium", grip.move([foot[0], foot[1], at[2]], np.eye(3))
-    )
-
-
-def base(stand: Stand) -> Iterator[RigPart]:
-    """Yield a plate with an arm to each detector and one to the column."""
-    fit, floor = scale_of(stand), floor_of(stand)
-    low = floor - 12 * fit
-    yield RigPart("hub", "frame", "plate", cylinder(60 * fit, low, floor, 1.2 * fit))
-    ends = [np.array(c)[:2] for c in stand.geometry.centres]
-    lengths = [float(np.hypot(*end)) + 36 * fit for end in ends]
-    ends.append(column_direction(stand)[:2] * 96 * fit)
-    lengths.append(96 * fit + 24 * fit)
-    holes = []
-    for end, length in zip(ends, lengths, strict=True):
-        outward = np.array([*(end / np.hypot(*end)), 0.0])
-        level = np.array([outward, np.cross((0, 0, 1.0), outward), (0, 0, 1.0)])
-        arm = slab(rectangle(length, 44 * fit, 9 * fit), low, floor, 1.2 * fit)
-        yield RigPart("plate", "frame", "plate", arm.move(outward * length / 2, level))
-        for along in np.arange(75 * fit, length - 60 * fit, 25 * fit):
-            for side in (-12.5 * fit, 12.5 * fit):
-                place = along * outward + side * level[1]
-                holes.append(cylinder(3 * fit, floor, floor + 0.06 * fit).move(place, np.eye(3)))
-    if holes:
-        yield RigPart("tapped holes", "frame", "hole", join(holes))
-
-
-def ground_of(stand: Stand) -> float:
-    """Return z of the surface under the rig."""
-    return floor_of(stand) - 14 * scale_of(stand)
+    def base(self) -> Iterator[RigPart]:
+        """Yield a plate with an arm to each detector and one to the column."""
+        low, floor = self.floor - 12, self.floor
+        yield PartFrame("frame", self.unit).part("hub", "plate", cylinder(60, low, floor, 1.2))
+        arms = [(c, float(np.hypot(*c[:2])) / self.unit + 36) for c in self.centres]
+        for end, length in [*arms, (self.column_direction(), COLUMN_DISTANCE + 24)]:
+            frame = self.level_frame("frame", np.zeros(2), end)
+            arm = slab(rectangle(length, 44, 9), low, floor, 1.2)
+            yield frame.part("plate", "plate", arm.move(length / 2, 0, 0))
+            hole = cylinder(3, floor, floor + 0.06)
+            holes = [
+                hole.move(along, side, 0)
+                for along in np.arange(75, length - 60, 25)
+                for side in (-12.5, 12.5)
+            ]
+            if holes:
+                yield frame.part("tapped holes", "hole", *holes)

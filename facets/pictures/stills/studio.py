@@ -8,19 +8,34 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
 from ...core.extras import require_extra
-from ...core.units import Booleans, Floats
+from ...core.units import Floats
+from ...optics.vectors import rotation
 from .camera import Camera
-from .materials import MATERIALS, Theme
-from .rig import RigPart
-from .solids import Solid, join
+from .materials import Material, Theme
+from .solids import RigPart, Solid, join
+
+#: Lamps: direction, colour and power of key, fill and rim light.
+LAMPS = (
+    ((-0.6, -1.0, 1.9), "#FFF4E6", 2.0),
+    ((1.4, -0.3, 0.8), "#DCE8FF", 0.7),
+    ((0.2, 1.5, 1.0), "#EAF2FF", 1.7),
+)
+#: Soft lights that the parts reflect: row and column of the middle, half height and half width, as
+#: shares of the surroundings, and power.
+SOFTBOXES = (
+    (0.10, 0.30, 0.13, 0.40, 0.75),
+    (0.34, 0.62, 0.20, 0.10, 0.95),
+    (0.36, 0.12, 0.24, 0.06, 0.95),
+    (0.40, 0.86, 0.14, 0.12, 0.6),
+)
 
 
 def library() -> Any:
@@ -42,10 +57,11 @@ def library() -> Any:
     return pyvista
 
 
-def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
-    """Convert a surface to a mesh with normals: shared across flat edges, split at sharp ones."""
+def mesh_of(solid: Solid, smooth: bool) -> Any:
+    """Convert a surface to a mesh, if smooth with normals: shared across flat edges, split at sharp
+    ones."""
     faces = np.concatenate([[len(face), *face] for face in solid.faces])
-    mesh = pyvista.PolyData(np.asarray(solid.points, float), faces)
+    mesh = library().PolyData(np.asarray(solid.points, float), faces)
     if not smooth:
         return mesh
     return mesh.triangulate().compute_normals(
@@ -53,12 +69,41 @@ def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
     )
 
 
-def group_solids(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]:
-    """Group surfaces by assembly and material, since each drawn surface takes time."""
-    groups: dict[tuple[str, str], list[Solid]] = {}
+def cut_parts(parts: Iterable[RigPart], normal: Floats) -> list[RigPart]:
+    """Cut parts by a plane through the origin: the parts behind it, and the faces of the cut.
+
+    normal: towards the removed side.
+    """
+    kept = []
     for part in parts:
-        groups.setdefault((part.assembly, part.material), []).append(part.solid)
-    return groups
+        away = part.solid.points @ normal
+        if away.max() <= 0:
+            kept.append(part)
+        elif away.min() < 0:
+            rest, face = cut_solid(part.solid, normal)
+            kept.append(replace(part, solid=rest))
+            if face.faces:
+                material = Material(part.material.cut, even=True, outlined=True)
+                kept.append(replace(part, solid=face, material=material))
+    return kept
+
+
+def cut_solid(solid: Solid, normal: Floats) -> tuple[Solid, Solid]:
+    """Cut a closed surface; return the open remainder, and the face that closes it."""
+    from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPlaneCollection
+    from vtkmodules.vtkFiltersGeneral import vtkClipClosedSurface
+
+    plane, planes, clip = vtkPlane(), vtkPlaneCollection(), vtkClipClosedSurface()
+    plane.SetNormal(*-normal)
+    planes.AddItem(plane)
+    clip.SetInputData(mesh_of(solid, False).triangulate())
+    clip.SetClippingPlanes(planes)
+    clip.SetScalarModeToLabels()
+    clip.Update()
+    mesh = library().wrap(clip.GetOutput()).triangulate()
+    is_face = np.asarray(mesh.active_scalars) == 1
+    points, triangles = np.asarray(mesh.points, float), mesh.regular_faces
+    return Solid(points, triangles[~is_face].tolist()), Solid(points, triangles[is_face].tolist())
 
 
 @dataclass(frozen=True)
@@ -74,54 +119,70 @@ class Shot:
     cover: Floats
     depth: Floats
 
-    @property
-    def is_covered(self) -> Booleans:
-        finite: Booleans = np.isfinite(self.depth)
-        return finite
+    def black(self) -> Floats:
+        """Return a picture (h, w) without light."""
+        return np.zeros(self.depth.shape, np.float32)
+
+    def halve(self) -> Shot:
+        """Return the shot of half the pixels a side, with the depths of some, if it is even."""
+        width, height = self.camera.size
+        if width % 2 or height % 2:
+            return self
+        camera = replace(self.camera, size=(width // 2, height // 2))
+        depth = np.minimum(self.depth[::2, ::2], self.depth[1::2, 1::2])
+        return Shot(camera, self.colour[::2, ::2], self.cover[::2, ::2], depth)
+
+
+def enlarge(picture: Floats, size: tuple[int, int]) -> Any:
+    """Resize a picture (h, w) to another width and height by linear interpolation."""
+    from PIL import Image
+
+    if picture.shape == size[::-1]:
+        return picture
+    image = Image.fromarray(picture.astype(np.float32))
+    return np.asarray(image.resize(size, Image.Resampling.BILINEAR))
 
 
 def surroundings(theme: Theme) -> Any:
     """Return the environment that the parts reflect, (64, 128, 3): a large soft light above, one
     from the side, a narrow one from behind, and a floor."""
-    rows, columns = np.linspace(0, 1, 64)[:, None], np.linspace(0, 1, 128)[None, :]
-
-    def softbox(row: float, column: float, tall: float, wide: float, power: float) -> Floats:
+    rows, columns = np.linspace(0, 1, 64)[:, None], np.linspace(0, 1, 128)
+    sky, floor = (0.42, 0.20) if theme.shines else (0.64, 0.55)
+    light = np.where(rows > 0.53, floor, sky - 0.30 * rows) + 0 * columns
+    for row, column, tall, wide, power in SOFTBOXES:
         around = np.abs((columns - column + 0.5) % 1 - 0.5)
         edge = np.maximum(np.abs(rows - row) / tall, around / wide)
-        light: Floats = power / (1 + np.exp(np.clip(24 * (edge - 1), -50, 50)))
-        return light
-
-    sky = 0.42 - 0.30 * rows
-    floor = 0.20 if theme.shines else 0.55
-    light = np.where(rows > 0.53, floor * np.ones_like(columns), sky + 0 * columns)
-    if not theme.shines:
-        light = light + np.where(rows <= 0.53, 0.22, 0.0)
-    light = light + softbox(0.10, 0.30, 0.13, 0.40, 0.75)
-    light = light + softbox(0.34, 0.62, 0.20, 0.10, 0.95)
-    light = light + softbox(0.36, 0.12, 0.24, 0.06, 0.95)
-    light = light + softbox(0.40, 0.86, 0.14, 0.12, 0.6)
-    tint = np.array([0.97, 1.0, 1.04])
-    return (255 * np.clip(light[..., None] * tint, 0, 1)).astype(np.uint8)
+        light += power / (1 + np.exp(np.clip(24 * (edge - 1), -50, 50)))
+    return (255 * np.clip(light[..., None] * [0.97, 1.0, 1.04], 0, 1)).astype(np.uint8)
 
 
 class Studio:
-    """Parts that a camera can render from any place."""
+    """Parts that a camera can render from any place.
 
-    def __init__(self, parts: Iterable[RigPart], theme: Theme) -> None:
-        self.pyvista, self.theme = library(), theme
+    aside: parts that are only in pictures that name their assemblies.
+    """
+
+    def __init__(
+        self, parts: Sequence[RigPart], theme: Theme, aside: Sequence[RigPart] = ()
+    ) -> None:
+        self.pyvista = library()
         self.plotter = self.pyvista.Plotter(off_screen=True, window_size=[64, 64], lighting="none")
         self.plotter.set_background("black")
         self.plotter.render_window.SetMultiSamples(0)
         self.plotter.render_window.SetAlphaBitPlanes(1)
         self.plotter.renderer.SetBackgroundAlpha(0.0)
-        self.actors: dict[str, Any] = {}
-        self.surround()
-        self.light()
-        for (assembly, material), solids in group_solids(parts).items():
-            self.add(join(solids), material, f"{assembly} {material}")
+        self.actors: list[tuple[str, Any]] = []
+        self.surround(theme)
+        groups: dict[tuple[str, Material], list[Solid]] = {}
+        self.main = {part.assembly for part in parts}
+        for part in (*parts, *aside):  # few surfaces, since each takes time
+            groups.setdefault((part.assembly, part.material), []).append(part.solid)
+        for (assembly, material), solids in groups.items():
+            self.add(assembly, join(solids), material)
 
-    def surround(self) -> None:
-        texture = self.pyvista.Texture(surroundings(self.theme))
+    def surround(self, theme: Theme) -> None:
+        """Add what the parts reflect, and the lamps."""
+        texture = self.pyvista.Texture(surroundings(theme))
         texture.SetMipmap(True)
         texture.SetInterpolate(True)
         renderer = self.plotter.renderer
@@ -134,72 +195,64 @@ class Studio:
         table = renderer.GetEnvMapLookupTable()  # of a size that soft light needs
         table.SetLUTSize(128)
         table.SetLUTSamples(32)
-
-    def light(self) -> None:
-        """Add key, fill and rim light."""
-        strength = self.theme.exposure
-        for place, colour, power in (
-            ((-0.6, -1.0, 1.9), "#FFF4E6", 2.0),
-            ((1.4, -0.3, 0.8), "#DCE8FF", 0.7),
-            ((0.2, 1.5, 1.0), "#EAF2FF", 1.7),
-        ):
-            light = self.pyvista.Light(
-                position=place, focal_point=(0, 0, 0), color=colour, intensity=power * strength,
-                light_type="scene light",
+        for place, colour, power in LAMPS:
+            lamp = self.pyvista.Light(
+                position=place, focal_point=(0, 0, 0), color=colour,
+                intensity=power * theme.exposure, light_type="scene light",
             )  # fmt: skip
-            light.positional = False
-            self.plotter.add_light(light)
+            lamp.positional = False
+            self.plotter.add_light(lamp)
 
-    def add(self, solid: Solid, name: str, key: str) -> None:
-        """Add a surface of a material; it replaces an earlier one with the same key."""
-        material = MATERIALS[name]
-        mesh = mesh_of(self.pyvista, solid, material.smooth)
+    def add(self, assembly: str, solid: Solid, material: Material) -> None:
+        """Add a surface of a material."""
+        look: dict[str, Any] = {"smooth_shading": False, "reset_camera": False, "render": False}
+        mesh = mesh_of(solid, material.smooth and not material.even)
+        if material.even:
+            look |= {"lighting": False}
+        else:
+            look |= {"pbr": True, "metallic": material.metallic, "roughness": material.roughness}
         actor = self.plotter.add_mesh(
-            mesh, color=material.colour, pbr=True, metallic=material.metallic,
-            roughness=material.roughness, opacity=1 - material.clear, name=key,
-            smooth_shading=False, reset_camera=False, render=False,
-        )  # fmt: skip
-        if material.smooth:
+            mesh, color=material.colour, opacity=1 - material.clear, **look
+        )
+        if material.smooth and not material.even:
             actor.prop.interpolation = "Physically based rendering"
-        self.actors[key] = actor
+        self.actors.append((assembly, actor))
+        if material.outlined:
+            rims = mesh.extract_feature_edges(feature_edges=False, manifold_edges=False)
+            self.actors.append((assembly, self.plotter.add_mesh(
+                rims, color="#10141A", line_width=2.0, lighting=False,
+                reset_camera=False, render=False,
+            )))  # fmt: skip
 
-    def add_flat(self, part: RigPart, colour: str, name: str) -> None:
-        """Add a part in one even colour, as the face of a cut."""
-        mesh = mesh_of(self.pyvista, part.solid, smooth=False)
-        self.actors[name] = self.plotter.add_mesh(
-            mesh, color=colour, lighting=False, show_edges=True, edge_color="#10141A",
-            line_width=2.0, name=name, reset_camera=False, render=False,
-        )  # fmt: skip
+    def move(self, state: Floats, turning: float = 1.0) -> None:
+        """Move head and laser to a state (8,), the head's angles `turning` times as large."""
+        moved = {"head": np.eye(4), "laser": np.eye(4)}
+        moved["head"][:3, :3] = np.array(rotation(*(turning * state[3:6])), float)
+        moved["head"][:3, 3], moved["laser"][:2, 3] = state[:3], state[6:]
+        for assembly, actor in self.actors:
+            if assembly in moved:
+                actor.user_matrix = moved[assembly]
 
-    def carry(self, assembly: str, matrix: Floats) -> None:
-        """Move an assembly's parts from their original place by a matrix (4, 4)."""
-        for key, actor in self.actors.items():
-            if key.startswith(f"{assembly} "):
-                actor.user_matrix = matrix
-
-    def only(self, *assemblies: str) -> None:
-        """Show only these assemblies, or all if none is named."""
-        for key, actor in self.actors.items():
-            actor.visibility = not assemblies or key.startswith(tuple(f"{a} " for a in assemblies))
-
-    def take(self, camera: Camera, sharpness: int = 2) -> Shot:
-        """Render the camera's picture, from `sharpness` x `sharpness` samples a pixel."""
+    def take(self, camera: Camera, assemblies: Collection[str] = (), sharpness: int = 2) -> Shot:
+        """Render the camera's picture of assemblies, by default of the rig's, from `sharpness`^2
+        samples a pixel."""
+        for assembly, actor in self.actors:
+            actor.visibility = assembly in (assemblies or self.main)
         width, height = (n * sharpness for n in camera.size)
         self.plotter.window_size = [width, height]
         view = self.plotter.renderer.GetActiveCamera()
         camera.apply(view)
         self.plotter.renderer.ResetCameraClippingRange()
-        window = self.plotter.render_window
-        window.Render()
-        return develop(camera, *buffers(window, view, width, height), sharpness)
+        self.plotter.render_window.Render()
+        colour, level = buffers(self.plotter.render_window, width, height)
+        return develop(camera, colour, level, view.GetClippingRange())
 
     def close(self) -> None:
         self.plotter.close()
 
 
-def buffers(window: Any, view: Any, width: int, height: int) -> tuple[Any, Floats]:
-    """Return colour and cover (h, w, 4) of each sample, 0 to 255, and depth (h, w), mm along the
-    camera's axis."""
+def buffers(window: Any, width: int, height: int) -> tuple[Any, Any]:
+    """Return colour and cover (h, w, 4) of each sample, 0 to 255, and its level of depth (h, w)."""
     from vtkmodules.util import numpy_support
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
@@ -208,31 +261,23 @@ def buffers(window: Any, view: Any, width: int, height: int) -> tuple[Any, Float
     window.GetZbufferData(0, 0, width - 1, height - 1, levels)
     as_array: Any = numpy_support.vtk_to_numpy
     colour = as_array(bytes_).reshape(height, width, 4)[::-1]
-    level = as_array(levels).reshape(height, width)[::-1]
-    near, far = view.GetClippingRange()
-    behind = level >= 1
-    level = level.astype(float)
-    if view.GetParallelProjection():
-        depth = near + level * (far - near)
-    else:
-        depth = near * far / (far - level * (far - near))
-    depth[behind] = np.inf
-    return colour, depth
+    return colour, as_array(levels).reshape(height, width)[::-1]
 
 
-def develop(camera: Camera, colour: Any, depth: Floats, sharpness: int) -> Shot:
-    """Reduce samples to pixels: colours and covers are averaged, and depths are the nearest."""
+def develop(camera: Camera, colour: Any, level: Any, clipping: tuple[float, float]) -> Shot:
+    """Reduce samples to pixels: colours and covers are averaged, and depths are the nearest.
+
+    level: 0 at the nearer, 1 at the farther end of the range of depths.
+    """
     from PIL import Image
 
+    near, far = clipping
+    sharpness = len(level) // camera.size[1]
     image = Image.fromarray(np.ascontiguousarray(colour), "RGBa").reduce(sharpness)
     shown = np.asarray(image, np.float32) / 255
-    cells = [depth[i::sharpness, j::sharpness] for i in range(sharpness) for j in range(sharpness)]
-    nearest = cells[0]
-    for cell in cells[1:]:
-        nearest = np.minimum(nearest, cell)
-    return Shot(camera, shown[..., :3], shown[..., 3], nearest)
-
-
-def bounds(parts: Sequence[RigPart]) -> Floats:
-    """Return all points of parts, (n, 3)."""
-    return np.concatenate([part.solid.points for part in parts])
+    cells = [level[i::sharpness, j::sharpness] for i, j in np.ndindex(sharpness, sharpness)]
+    nearest = np.minimum.reduce(cells).astype(float)
+    span = nearest * (far - near)
+    depth = near + span if camera.parallel else near * far / (far - span)
+    depth[nearest >= 1] = np.inf
+    return Shot(camera, shown[..., :3], shown[..., 3], depth)

@@ -1,32 +1,33 @@
-"""The views of the sensor: their contents, cameras and labels."""
+"""The views of the sensor as data: parts, camera, and for a state labels and insets."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...core.names import DETECTORS
-from ...core.sensor import Sensor
+from ...core.rules import Rules
 from ...core.units import MICRO, MRAD, UM, UW, Floats
 from ...model.arrays import readings
-from ...optics.vectors import rotation
-from . import insets, rig
 from .camera import Camera, fit, normalize
-from .exposure import Lighting, expose, expose_face
-from .ground import Ground, ground
-from .insets import Inset
-from .lettering import DrawingSheet, length_in_words
-from .materials import Theme
-from .rig import RigPart
+from .exposure import Exposure, Ghost
+from .materials import THEMES, Material, Theme, rgb
+from .range_solid import COLOURS, REASONS, range_solid
+from .rig import RigModel
 from .scene import Stand, array, cut
-from .sections import cut_parts
-from .solids import join
-from .studio import Studio, bounds, library
+from .sheet import Dimension, Inset, Label, Polyline, Words, length_in_words, unit_of
+from .solids import RigPart, Solid, join
+from .studio import cut_parts
 
-#: Direction from the rig to the camera: to the right, to the front and from above.
-ASPECT = (0.56, -0.66, 0.46)
+#: Directions to the camera: of the whole rig, of the mirror's point, and of the head.
+RIG_VIEW, POINT_VIEW, HEAD_VIEW = (0.56, -0.66, 0.46), (0.62, -0.60, 0.50), (0.59, -0.74, 0.32)
+#: Shift or angle that is not written, mm or rad.
+NEGLIGIBLE = 1e-9
+#: What looks at the head and at a detector's face show.
+HEAD_LOOK = Exposure(("head",), 0.8, 0.4, floor=False)
 
 
 def state_in_words(state: Floats) -> str:
@@ -34,7 +35,7 @@ def state_in_words(state: Floats) -> str:
     names = ("x", "y", "z", "roll", "pitch", "yaw", "beam x", "beam y")
     words = []
     for n, (name, value) in enumerate(zip(names, state, strict=True)):
-        if value == 0:
+        if abs(value) < NEGLIGIBLE:
             continue
         if 3 <= n < 6:
             words.append(f"{name} {MRAD * value:.4g} mrad")
@@ -46,85 +47,96 @@ def state_in_words(state: Floats) -> str:
 
 
 def power_in_words(power: float) -> str:
+    if not power > 0:
+        return "no light"
     return f"{power:.3g} mW" if power >= 1 else f"{UW * power:.3g} {MICRO}W"
 
 
-class SceneView:
-    """Base of the views: parts made at rest, whose head and laser are moved to a state.
+def round_down(factor: float) -> float:
+    """The largest of 1, 2, 3, 5, 10, ... (or 0.5, 0.3, ...) that is not larger."""
+    power = 10.0 ** np.floor(np.log10(factor) + 1e-12)
+    largest = max(n * power for n in (1, 2, 3, 5) if n * power <= factor * (1 + 1e-12))
+    return float(f"{largest:.3g}")
 
-    dark: detectors whose sub-beam is omitted.  larger: the magnification of its states, which the
-    caption states.  turning: the further magnification of the head's rotation about its apex, if
-    that would be invisible otherwise.
+
+def factor_in_words(factor: float, turning: float = 1.0) -> str:
+    """The magnification in words: "motion drawn 20 times larger", or nothing for 1."""
+    words = [f"motion drawn {factor:g} times larger"] if factor != 1 else []
+    if turning != 1:
+        words.append(f"the head's turning {factor * turning:g} times")
+    return ", ".join(words)
+
+
+class SceneView:
+    """Base of the views.
+
+    what: the subject, for the caption; note: what else it says.  look: of the picture.  scale:
+    words of the scale bar, if any.  width: of the main picture, as a share.  legend: colours and
+    their meanings, below its title.
     """
 
-    dark: tuple[int, ...] = ()
-    larger = turning = 1.0
+    what, note, legend_title = "the rig", "", ""
+    look = Exposure()
+    scale: str | None = " at the mirror"
+    width = 1.0
+    legend: Sequence[tuple[str, str]] = ()
 
-    def __init__(
-        self, sensor: Sensor, theme: Theme, size: tuple[int, int], title: str, sharpness: int
-    ) -> None:
-        self.sensor, self.theme, self.size, self.title = sensor, theme, size, title
-        self.sharpness = sharpness
-        self.rest = self.stand = Stand.from_state(sensor, np.zeros(8))
-        self.state = np.zeros(8)
-        self.fit = rig.scale_of(self.rest)
-        self.laser = rig.LASER_HEIGHT_MM * self.fit
-        self.note = ""
-        self.build()
+    def __init__(self, rig: RigModel, theme: Theme, size: tuple[int, int]) -> None:
+        self.rig, self.sensor, self.theme, self.size = rig, rig.sensor, theme, size
+        self.aside: list[RigPart] = []
+        self.parts = self.choose_parts()
+        self.move(np.zeros(8))
+        self.camera = self.place_camera()
 
-    def build(self) -> None:
-        self.parts = self.own_parts()
-        self.studio = Studio(self.parts, self.theme)
-        self.floor: Ground | None = ground(self.parts, rig.ground_of(self.rest))
+    def choose_parts(self) -> list[RigPart]:
+        return self.rig.parts()
 
-    def own_parts(self) -> list[RigPart]:
-        return rig.parts(self.rest)
+    def place_camera(self) -> Camera:
+        raise NotImplementedError
 
     def move(self, state: Floats) -> None:
         self.state, self.stand = state, Stand.from_state(self.sensor, state)
-        beam = np.eye(4)
-        beam[:2, 3] = state[6:]
-        self.carry_head(self.turning)
-        self.studio.carry("laser", beam)
 
-    def carry_head(self, turning: float) -> None:
-        """Move the head to the mirror's pose, with its angles `turning` times as large."""
-        matrix = np.eye(4)
-        roll, pitch, yaw = turning * self.state[3:6]
-        matrix[:3, :3] = np.array(rotation(roll, pitch, yaw), float)
-        matrix[:3, 3] = self.state[:3]
-        self.studio.carry("head", matrix)
+    def labels(self) -> list[Label]:
+        return []
 
-    def image(self) -> Floats:
-        """Render the picture, (h, w, 3), 0 to 1."""
-        camera = self.camera()
-        sheet = DrawingSheet(self.size, self.theme)
-        picture = self.expose(camera)
-        self.draw(picture, sheet, camera)
-        return sheet.draw_over(picture)
+    def insets(self) -> list[Inset]:
+        return []
 
-    def camera(self) -> Camera:
-        raise NotImplementedError
+    def state_line(self, state: Floats) -> str:
+        return state_in_words(state)
 
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        """Draw labels and insets over the picture of the parts."""
+    def points(self) -> Floats:
+        """Return all points of the parts, (n, 3)."""
+        return np.concatenate([part.solid.points for part in self.parts])
 
-    def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        shot = self.studio.take(camera, self.sharpness)
-        under = self.floor if floor else None
-        return expose(self.stand, shot, self.theme, under, Lighting(self.laser, haze, self.dark))
+    def powers(self) -> list[float]:
+        return [float(power) for power in readings(self.sensor, self.state)[2::3]]
 
-    def caption(self, sheet: DrawingSheet, what: str) -> None:
-        """Write the picture's title and the state at the lower left."""
-        left, low = 24 * sheet.unit, sheet.size[1] - 20 * sheet.unit
-        state = sheet.write(
-            (left, low), state_in_words(self.state / self.larger), 14, self.theme.ink, anchor=(0, 1)
-        )
-        words = " \u00b7 ".join(part for part in (self.title, what, self.note) if part)
-        sheet.write((left, state[1] - 3 * sheet.unit), words, 13, self.theme.faint, anchor=(0, 1))
+    def sigma(self) -> float:
+        return max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
 
-    def close(self) -> None:
-        self.studio.close()
+    def side(self, share: float) -> int:
+        """Return the even side of an inset in pixels, as a share of the picture."""
+        return int(share * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
+
+    def point_camera(self, sigmas: float, below: float, size: tuple[int, int]) -> Camera:
+        """Place a camera close to the apex, on the side of facets A and C."""
+        sigma = self.sigma()
+        focus = self.state[:3] - np.array([0, 0, below * sigma])
+        return Camera(focus, POINT_VIEW, sigmas * sigma, size, angle=0.30)
+
+    def face_inset(self, k: int, side: int, note: str, **more: Any) -> Inset:
+        """Make an inset of a detector's face, seen from between its window and its silicon."""
+        frame, psd = self.rig.detector_frame(k), self.sensor.psds[k]
+        camera = Camera(
+            frame.origin, -frame.axes[2], 1.16 * max(psd.size_z, psd.size_y), (side, side),
+            away=1.8 * self.rig.unit, upward=frame.axes[1],
+        )  # fmt: skip
+        look = Exposure((f"face {DETECTORS[k]}",), 0.0, 3.0, floor=False, glows=True)
+        words = f"{psd.size_y:g} x {psd.size_z:g} mm, {note}"
+        title = f"detector {DETECTORS[k].upper()}"
+        return Inset(title, words, camera, look, self.theme.hues[k], **more)
 
 
 class RigView(SceneView):
@@ -132,357 +144,323 @@ class RigView(SceneView):
 
     area = (0.05, 0.05, 0.95, 0.88)
 
-    def camera(self) -> Camera:
+    def place_camera(self) -> Camera:
         """Place the camera so that all of the rig at rest is in the picture."""
-        if not hasattr(self, "_camera"):
-            start = Camera(
-                place=tuple(600 * np.array(ASPECT)), focus=(0, 0, 0), angle=0.38, size=self.size
-            )
-            self._camera = fit(start, bounds(self.parts), self.area)
-        return self._camera
+        start = Camera((0, 0, 0), RIG_VIEW, 230.0, self.size, angle=0.38)
+        return fit(start, self.points(), self.area)
 
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        self.annotate(sheet, camera)
-        self.caption(sheet, "the rig")
+    def labels(self) -> list[Label]:
+        """Return the detectors' names, their distances from the axis, and the beam."""
+        return [*self.detector_names(), *self.radii(), self.beam_name()]
 
-    def annotate(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """Draw dimensions, the detectors' names, the beam, and a scale."""
-        width, height = self.size
-        sheet.scale_bar(
-            camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the mirror"
-        )
-        self.name_detectors(sheet, camera)
-        self.dimension_radii(sheet, camera)
-        self.name_beam(sheet, camera)
-
-    def name_detectors(self, sheet: DrawingSheet, camera: Camera) -> None:
+    def detector_names(self) -> list[Label]:
+        names: list[Label] = []
         for k, letter in enumerate(DETECTORS):
-            centre, axes = rig.detector_frame(self.rest, k)
-            top = (
-                centre
-                + 30 * self.fit * axes[2]
-                + 0.45 * rig.housing_size(self.rest, k)[1] * axes[1]
-            )
-            at = camera.project(top)[:2]
-            sheet.write(at, letter.upper(), 19, self.theme.hues[k], bold=True)
+            frame, high = self.rig.detector_frame(k), self.rig.housing(k)[1]
+            tops = [30 * frame.axes[2] + share * high * frame.axes[1] for share in (0.45, 0.9)]
+            places = frame.origin + self.rig.unit * np.array(tops)
+            names.append(Words(places, letter.upper(), 19, self.theme.hues[k], bold=True))
+        return names
 
-    def dimension_radii(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """Draw each detector's distance from the axis, once if they are equal."""
-        psds = self.sensor.psds
-        equal = np.ptp([psd.radius for psd in psds]) < 1e-9
-        for k in range(1 if equal else 3):
-            centre = np.array(self.rest.geometry.centres[k], float)
-            axis = np.array([0.0, 0.0, centre[2]])
-            a, b = camera.project(axis)[:2], camera.project(centre)[:2]
-            along = (b - a) / np.hypot(*(b - a))
-            aside = np.array([along[1], -along[0]])
-            aside = aside if aside[1] < 0 else -aside
-            words = length_in_words(psds[k].radius)
-            sheet.dimension(a, b, words, 30 * sheet.unit * aside, 15)
+    def radii(self) -> list[Dimension]:
+        """Return each detector's distance from the axis, once if they are equal."""
+        radii = [psd.radius for psd in self.sensor.psds]
+        return [
+            Dimension([centre * [0, 0, 1], centre], length_in_words(radius), 30)
+            for centre, radius in zip(self.rig.centres, radii, strict=True)
+        ][: 1 if np.ptp(radii) < 1e-9 else 3]
 
-    def name_beam(self, sheet: DrawingSheet, camera: Camera) -> None:
-        beam = self.sensor.beam
+    def beam_name(self) -> Label:
+        beam, frame = self.sensor.beam, self.rig.laser_frame()
         x, y = beam.diameter_x, beam.diameter_y
         across = f"{x:.4g} mm" if x == y else f"{x:.4g} x {y:.4g} mm"
-        origin, axes = rig.laser_frame(self.stand)
-        at = camera.project(origin + 99 * self.fit * axes[2])[:2]
-        words = f"\u2300 {across}, {power_in_words(beam.power)}"
-        sheet.write(at, words, 14, self.theme.ink, anchor=(0.5, 1))
+        top = frame.origin + 99 * self.rig.unit * frame.axes[2] + [*self.state[6:], 0]
+        return Words(top[None], f"\u2300 {across}, {power_in_words(beam.power)}", 14, up=8)
 
 
 class CombinedView(RigView):
     """The rig with magnified insets: the apex, and the three detectors' faces."""
 
+    what = "three-facet-mirror sensor"
     area = (0.165, 0.03, 0.835, 0.93)
 
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        shown_insets = [self.point_inset(), *(self.face_inset(k) for k in range(3))]
-        targets = [camera.project(inset.target)[:2] for inset in shown_insets]
-        corners = self.slots(sheet, [inset.camera.size for inset in shown_insets])
-        self.place(picture, sheet, shown_insets, targets, corners)
-        self.annotate(sheet, camera)
-        self.caption(sheet, "three-facet-mirror sensor")
+    def choose_parts(self) -> list[RigPart]:
+        self.aside = list(self.rig.faces())
+        return super().choose_parts()
 
-    def slots(self, sheet: DrawingSheet, sizes: Any) -> list[tuple[int, int]]:
-        """Return corners of four places for insets, the first for the largest."""
-        width, height = self.size
-        edge = int(26 * sheet.unit)
-        small = sizes[1]
-        right = width - edge - small[0]
-        return [
-            (edge, edge),
-            (right, edge),
-            (edge, int(0.47 * height)),
-            (right, int(0.40 * height)),
+    def insets(self) -> list[Inset]:
+        from scipy.optimize import linear_sum_assignment
+
+        (width, height), edge = self.size, int(26 * unit_of(self.size))
+        side, small = self.side(0.27), self.side(0.19)
+        right = width - edge - small
+        slots = np.array([(right, edge), (edge, int(0.47 * height)), (right, int(0.40 * height))])
+        targets = self.camera.project(self.rig.centres)[:, None, :2]
+        # the pairing with the shortest lines, of which none cross then
+        order = linear_sum_assignment(np.hypot(*(targets - slots - small / 2).transpose(2, 0, 1)))
+        camera = self.point_camera(17, 0.5, (side, side))
+        faces = [
+            self.face_inset(k, small, power_in_words(power), corner=tuple(slots[n]), target=centre)
+            for k, n, power, centre in zip(*order, self.powers(), self.rig.centres, strict=True)
         ]
-
-    def place(
-        self,
-        picture: Floats,
-        sheet: DrawingSheet,
-        shown_insets: list[Inset],
-        targets: list[Floats],
-        corners: Any,
-    ) -> None:
-        middles = [
-            np.array(c, float) + np.array(shown_insets[1].camera.size) / 2 for c in corners[1:]
-        ]
-        order = insets.assign(targets[1:], middles)
-        places = [corners[0], *(corners[1 + n] for n in order)]
-        for inset, target, corner in zip(shown_insets, targets, places, strict=True):
-            insets.leader(sheet, inset, target, corner, inset.camera.size)
-        for inset, corner in zip(shown_insets, places, strict=True):
-            shown = self.magnify(inset)
-            insets.paste(picture, shown, corner, inset.round)
-            insets.frame(sheet, inset, corner, inset.camera.size)
-
-    def magnify(self, inset: Inset) -> Floats:
-        """Render the picture in an inset: of the head alone, or of a detector's face."""
-        if not inset.round:
-            return expose_face(self.stand, inset.camera, "ABC".index(inset.title[-1]))
-        self.studio.only("head")
-        self.carry_head(1.0)
-        shot = self.studio.take(inset.camera, self.sharpness)
-        self.carry_head(self.turning)
-        self.studio.only()
-        return expose(self.stand, shot, self.theme, None, Lighting(self.laser, 0.8, bloom=0.4))
-
-    def point_inset(self) -> Inset:
-        side = int(0.27 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
-        sigma = max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
-        apex = self.state[:3]
-        camera = point_camera(apex - np.array([0, 0, 0.5 * sigma]), 17 * sigma, (side, side))
-        note = f"{camera.extent if camera.parallel else camera.height:.3g} mm wide"
-        return Inset("the point", apex, camera, self.theme.ink, True, note)
-
-    def face_inset(self, k: int) -> Inset:
-        side = int(0.19 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
-        psd = self.sensor.psds[k]
-        reading = readings(self.sensor, self.state)[3 * k + 2]
-        size = f"{psd.size_y:g} x {psd.size_z:g} mm"
-        note = f"{size}, {power_in_words(float(reading))}" if reading > 0 else f"{size}, no light"
-        target = np.array(self.rest.geometry.centres[k], float)
-        camera = face_camera(self.rest, k, (side, side))
-        title = f"detector {DETECTORS[k].upper()}"
-        return Inset(title, target, camera, self.theme.hues[k], False, note, cross=True)
-
-
-def point_camera(focus: Floats, height: float, size: tuple[int, int]) -> Camera:
-    """Place a camera close to the apex, on the side of facets A and C."""
-    direction = normalize([0.62, -0.60, 0.50])
-    distance = height / (2 * np.tan(0.15))
-    return Camera(tuple(focus + distance * direction), tuple(focus), angle=0.30, size=size)
-
-
-def face_camera(stand: Stand, k: int, size: tuple[int, int]) -> Camera:
-    """Place a camera square to a detector's face, on the mirror's side."""
-    centre, axes = rig.detector_frame(stand, k)
-    psd = stand.sensor.psds[k]
-    extent = 1.16 * max(psd.size_z, psd.size_y * size[1] / size[0])
-    away = centre - 1.8 * rig.scale_of(stand) * axes[2]  # behind the window
-    return Camera(tuple(away), tuple(centre), tuple(axes[1]), angle=0.0, extent=extent, size=size)
+        note = f"{camera.height:.3g} mm wide"
+        point = Inset("the point", note, camera, HEAD_LOOK, self.theme.ink, (edge, edge),
+                      self.state[:3], round=True)  # fmt: skip
+        return [point, *faces]
 
 
 class MirrorView(SceneView):
     """The mirror's apex, close: how the facets share the beam, and the light on each."""
 
-    def own_parts(self) -> list[RigPart]:
-        return [part for part in super().own_parts() if part.assembly == "head"]
+    what = "the point of the mirror, and the light on its facets"
+    look = replace(HEAD_LOOK, haze=0.85, bloom=0.3)
+    scale = " at the point"
 
-    def camera(self) -> Camera:
-        sigma = max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
-        focus = self.state[:3] - np.array([0, 0, 0.4 * sigma])
-        return point_camera(focus, 13 * sigma, self.size)
+    def choose_parts(self) -> list[RigPart]:
+        return list(self.rig.head())
 
-    def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        shot = self.studio.take(camera, self.sharpness)
-        return expose(self.stand, shot, self.theme, None, Lighting(self.laser, 0.85, bloom=0.3))
+    def place_camera(self) -> Camera:
+        return self.point_camera(13, 0.4, self.size)
 
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        width, height = self.size
-        sheet.scale_bar(
-            camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the point"
-        )
-        self.caption(sheet, "the point of the mirror, and the light on its facets")
-        reading = readings(self.sensor, self.state)
-        for k, letter in enumerate(DETECTORS):
-            self.outline(sheet, camera, k)
-            self.name_sub_beam(sheet, camera, k, letter, float(reading[3 * k + 2]))
-        self.name_width(sheet, camera)
+    def move(self, state: Floats) -> None:
+        super().move(state)
+        self.camera = self.place_camera()
 
-    def outline(self, sheet: DrawingSheet, camera: Camera, k: int) -> None:
-        """Draw the line where the light on facet k falls to 1/e^2 of its maximum."""
-        cross = cut(self.stand, k)
-        if not len(cross) or camera.axes[2] @ np.array(self.stand.at.normals[k], float) > 0:
-            return
-        rim = camera.project(array(self.stand.facet_points(k, cross[-1])))[:, :2]
-        for n in range(0, len(rim) - 1, 2):
-            sheet.line(rim[n : n + 2], self.theme.ink, 1.1, 0.8)
+    def labels(self) -> list[Label]:
+        """Return names of the sub-beams with powers, outlines, and the beam's diameter."""
+        labels: list[Label] = [self.width_across()]
+        for k, (letter, power) in enumerate(zip(DETECTORS, self.powers(), strict=True)):
+            out = normalize(self.rig.centres[k] - self.state[:3])
+            reaches = np.array([0.30, 0.24, 0.36, 0.18, 0.42])[:, None] * self.camera.height
+            words = f"{letter.upper()}  {power_in_words(power)}"
+            places = self.state[:3] + reaches * out
+            labels += [*self.outline(k), Words(places, words, 17, self.theme.hues[k], True, 26)]
+        return labels
 
-    def name_sub_beam(
-        self, sheet: DrawingSheet, camera: Camera, k: int, letter: str, power: float
-    ) -> None:
-        centre = np.array(self.stand.geometry.centres[k], float)
-        out = normalize(centre - self.state[:3])
-        words = (
-            f"{letter.upper()}  {power_in_words(power)}"
-            if power > 0
-            else f"{letter.upper()}  no light"
-        )
-        for reach in (0.30, 0.24, 0.36, 0.18, 0.42):
-            at = camera.project(self.state[:3] + reach * camera.height * out)[:2]
-            wide, high = sheet.measure(words, 17, True)
-            at = at + np.array([0, -26 * sheet.unit])
-            box = (at[0] - wide / 2, at[1] - high, at[0] + wide / 2, at[1] + high)
-            if sheet.free(box):
-                sheet.write(at, words, 17, self.theme.hues[k], bold=True)
-                return
+    def outline(self, k: int) -> list[Label]:
+        """Return the line where the light on facet k falls to 1/e^2 of its maximum."""
+        cross, normal = cut(self.stand, k), np.array(self.stand.at.normals[k], float)
+        if not len(cross) or self.camera.axes[2] @ normal > 0:
+            return []
+        rim = array(self.stand.facet_points(k, cross[-1]))
+        return [Polyline(rim, self.theme.ink, 1.1, (0, (5, 4)))]
 
-    def name_width(self, sheet: DrawingSheet, camera: Camera) -> None:
-        """Label the beam's 1/e^2 diameter across it."""
-        radius = self.sensor.beam.diameter_x / 2
-        up = 0.30 * camera.height
-        middle = np.array([self.state[6], self.state[7], self.state[2] + up])
-        right = np.array([camera.axes[0][0], camera.axes[0][1], 0.0])
-        right = right / np.hypot(*right[:2])
-        a, b = (camera.project(middle + side * radius * right)[:2] for side in (-1, 1))
-        words = f"\u2300 {length_in_words(self.sensor.beam.diameter_x)}"
-        sheet.dimension(a, b, words, np.array([0.0, -16 * sheet.unit]), 15)
+    def width_across(self) -> Label:
+        diameter = self.sensor.beam.diameter_x
+        up = self.state[2] + 0.30 * self.camera.height
+        right = normalize(self.camera.axes[0] * [1, 1, 0])
+        middle = np.array([self.state[6], self.state[7], up])
+        ends = [middle + side * diameter / 2 * right for side in (-1, 1)]
+        return Dimension(ends, f"\u2300 {length_in_words(diameter)}", 16)
 
 
 class DetectorView(SceneView):
     """A commercial detector A with the light on it."""
 
-    number = 0
+    what, scale = "detector A and the light on it", " at the detector"
 
-    def camera(self) -> Camera:
-        centre, axes = rig.detector_frame(self.rest, self.number)
-        high = rig.housing_size(self.rest, self.number)[1]
-        direction = normalize(-0.80 * axes[2] - 0.52 * axes[0] + 0.30 * axes[1])
-        focus = centre - 0.12 * high * axes[1]
-        return Camera(tuple(focus + 6 * high * direction), tuple(focus), angle=0.34, size=self.size)
+    def place_camera(self) -> Camera:
+        frame, high = self.rig.detector_frame(0), self.rig.unit * self.rig.housing(0)[1]
+        direction = np.array([-0.52, 0.30, -0.80]) @ frame.axes
+        focus = frame.origin - 0.12 * high * frame.axes[1]
+        return Camera(focus, direction, 2.06 * high, self.size, angle=0.34)
 
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        width, height = self.size
-        k = self.number
-        sheet.scale_bar(
-            camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the detector"
+    def labels(self) -> list[Label]:
+        frame, (wide, high) = self.rig.detector_frame(0), self.rig.housing(0)
+        psd = self.sensor.psds[0]
+        shares = np.array([(-1, 1), (1, 1), (1, -1)]) / 2
+        left, corner, low = frame.origin + shares * [psd.size_y, psd.size_z] @ frame.axes[:2]
+        per_unit = self.rig.unit / self.camera.pixel / unit_of(self.size)
+        sideways, upward = normalize(frame.axes[:2] @ self.camera.axes[:2].T) * [1, -1]
+        across, up = (
+            (share * size - face / 2) * per_unit
+            for share, size, face in zip((0.72, 0.68), (wide, high), self.rig.face(0), strict=True)
         )
-        self.caption(sheet, f"detector {DETECTORS[k].upper()} and the light on it")
-        psd = self.sensor.psds[k]
-        centre, axes = rig.detector_frame(self.rest, k)
-        reach = rig.housing_size(self.rest, k)
-        corners = [
-            centre + sy * psd.size_y / 2 * axes[0] + sz * psd.size_z / 2 * axes[1]
-            for sy, sz in ((-1, 1), (1, 1), (1, -1))
+        return [
+            Dimension([left, corner], length_in_words(psd.size_y), up, upward),
+            Dimension([corner, low], length_in_words(psd.size_z), across, sideways),
         ]
-        at = camera.project(np.array(corners))[:, :2]
-        lift = (
-            camera.project(centre + reach[1] * 0.68 * axes[1])[:2]
-            - camera.project(centre + psd.size_z / 2 * axes[1])[:2]
-        )
-        sheet.dimension(at[0], at[1], length_in_words(psd.size_y), lift, 15)
-        side = (
-            camera.project(centre + reach[0] * 0.72 * axes[0])[:2]
-            - camera.project(centre + psd.size_y / 2 * axes[0])[:2]
-        )
-        sheet.dimension(at[1], at[2], length_in_words(psd.size_z), side, 15)
 
 
 class CutawayView(SceneView):
     """The rig cut along the beam and through detector A, square to the cut, with its dimensions."""
 
-    number = 0
+    what, scale = "cut along the beam and through detector A", ""
+    look = Exposure(dark=(1, 2), floor=False)
 
-    def plane(self) -> tuple[Floats, Floats]:
-        """Return a point of the cut, and the direction of the removed side."""
-        centre = np.array(self.rest.geometry.centres[self.number], float)
-        outward = normalize([centre[0], centre[1], 0.0])
-        return np.zeros(3), np.cross(outward, (0, 0, 1.0))
+    def normal(self) -> Floats:
+        """Return the direction of the removed side."""
+        x, y, _ = self.rig.centres[0]
+        return normalize([y, -x, 0.0])
 
-    def build(self) -> None:
-        point, normal = self.plane()
-        self.dark = tuple(k for k in range(3) if k != self.number)
-        self.parts, faces = cut_parts(library(), self.own_parts(), point, normal)
-        self.studio = Studio(self.parts, self.theme)
-        for n, face in enumerate(faces):
-            self.studio.add_flat(face, self.theme.cut(face.material), f"{face.assembly} cut {n}")
-        self.floor = None
-
-    def own_parts(self) -> list[RigPart]:
+    def choose_parts(self) -> list[RigPart]:
         """List the cut parts, and the mirror in one piece, so that it is closed."""
-        name = f"detector {DETECTORS[self.number]}"
-        plain = ("hub", "moving stage", "collar")
-        kept = [
-            part for part in super().own_parts()
-            if part.assembly in ("head", "laser", name) or part.name in plain
+        rig = self.rig
+        *facets, body, mount = list(rig.head())[:5]
+        whole = replace(body, solid=join([body.solid, *(facet.solid for facet in facets)]))
+        base = list(rig.base())
+        plates = [part for part in base if part.name == "plate"]
+        kept = [whole, mount, *list(rig.head())[5:], *rig.laser(), *rig.gantry(), base[0],
+                plates[0], plates[3], *rig.detector(0), *rig.support(0)]  # fmt: skip
+        return cut_parts(kept, self.normal())
+
+    def square(self, focus: Any, height: float, size: tuple[int, int]) -> Camera:
+        """Place a camera square to the cut."""
+        return Camera(focus, self.normal(), height, size)
+
+    def place_camera(self) -> Camera:
+        camera = self.square((0, 0, 0), 300.0, self.size)
+        return fit(camera, self.points(), (0.07, 0.07, 0.93, 0.84))
+
+    def insets(self) -> list[Inset]:
+        unit, frame, side = unit_of(self.size), self.rig.detector_frame(0), self.side(0.36)
+        radius, high = self.rig.head_radius * self.rig.unit, self.rig.unit * self.rig.housing(0)[1]
+        inner = frame.origin + 6 * self.rig.unit * frame.axes[2]
+        look = replace(self.look, haze=0.5)
+        left, top = int(0.39 * self.size[0]), int(30 * unit)
+        insets = []
+        for title, focus, height, hue, corner in (
+            ("mirror head", np.array([0, 0, -0.55 * radius]), 3.1 * radius, self.theme.ink, left),
+            ("detector A", inner, 1.45 * high, self.theme.hues[0], left + side + int(40 * unit)),
+        ):
+            camera, note = self.square(focus, height, (side, side)), f"{height:.3g} mm wide"
+            insets.append(Inset(title, note, camera, look, hue, (corner, top), focus, round=True))
+        return insets
+
+    def labels(self) -> list[Label]:
+        """Return the detector's distance from the axis, and the laser's from the apex."""
+        laser = self.rig.laser_frame().origin
+        foot = np.array([0, 0, (self.rig.floor - 12) * self.rig.unit])
+        ends = [foot, foot + self.rig.centres[0] * [1, 1, 0]]
+        height = round(float(laser[2]), 3)
+        return [
+            Dimension(ends, length_in_words(self.sensor.psds[0].radius), 34, (0, 1), 16),
+            Dimension([np.zeros(3), laser], length_in_words(height), 34, (1, 0), 14),
+        ]
+
+
+class HeadView(SceneView):
+    """Base of the views of the mirror head alone, on its stage."""
+
+    area = (0.26, 0.10, 0.74, 0.86)
+
+    def choose_parts(self) -> list[RigPart]:
+        return [*self.rig.head(), next(iter(self.rig.base()))]
+
+    def drawn_points(self) -> Floats:
+        """Return points (n, 3) that must be in the picture."""
+        raise NotImplementedError
+
+    def place_camera(self) -> Camera:
+        start = Camera((0, 0, 0), HEAD_VIEW, 70.0, self.size, angle=0.34)
+        return fit(start, self.drawn_points(), self.area)
+
+
+class RangeView(HeadView):
+    """The range of the mirror's place as a translucent solid about its apex."""
+
+    scale, legend_title = None, "The range ends where"
+    look = Exposure(haze=0.8, ghosts=(Ghost(("range",), np.zeros(8), 0.58, 0.22),))
+
+    def __init__(self, *arguments: Any, rules: Rules) -> None:
+        self.rules = rules
+        super().__init__(*arguments)
+
+    def choose_parts(self) -> list[RigPart]:
+        """List the head, and aside the sides of the range, enlarged until they are visible."""
+        from matplotlib.colors import to_hex
+
+        solid = range_solid(self.sensor, self.rules)
+        half, wanted = np.abs(solid.extent).max(axis=0), 13.0 * self.rig.unit
+        aside, up = (visible_factor(wanted / float(size)) for size in (half[:2].max(), half[2]))
+        factors = np.array([aside, aside, up])
+        self.extent, self.ends = np.ptp(solid.extent, axis=0), factors * solid.extent
+        across, along = (f"drawn {f:g} times larger" if f != 1 else "to scale" for f in (aside, up))
+        self.note = across if across == along else f"x and y {across}, z {along}"
+        following = ", the beam following" if self.rules.tracking else ""
+        self.what = f"range of the mirror's place{following}"
+        causes = np.unique(solid.causes)
+        self.legend = [(COLOURS[n], REASONS[n]) for n in causes]
+        # colours are linear in physically based shading
+        hues = [to_hex(tuple(rgb(colour) ** 2.2)) for colour in COLOURS]
+        self.aside = [
+            RigPart(REASONS[n], "range", Material(hues[n], 0.0, 1.0),
+                    Solid(factors * solid.points, solid.faces[solid.causes == n].tolist()))
+            for n in causes
         ]  # fmt: skip
-        mirror = [part for part in kept if part.name.startswith("facet ")]
-        body = next(part for part in kept if part.name == "mirror body")
-        whole = replace(body, solid=join([body.solid, *(part.solid for part in mirror)]))
-        rest = [part for part in kept if part not in mirror and part is not body]
-        plates = [part for part in super().own_parts() if part.name == "plate"]
-        return [whole, plates[self.number], plates[3], *rest]
+        return super().choose_parts()
 
-    def camera(self) -> Camera:
-        if not hasattr(self, "_camera"):
-            _, normal = self.plane()
-            start = Camera(tuple(600 * normal), (0, 0, 0), angle=0.0, extent=300.0, size=self.size)
-            self._camera = fit(start, bounds(self.parts), (0.07, 0.07, 0.93, 0.84))
-        return self._camera
+    def drawn_points(self) -> Floats:
+        return np.concatenate([self.aside[0].solid.points, [[0, 0, -30.0 * self.rig.unit]]])
 
-    def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        return super().expose(camera, floor=False, haze=haze)
-
-    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
-        width, height = self.size
-        letter = DETECTORS[self.number].upper()
-        shown_insets = [self.head_inset(), self.detector_inset()]
-        targets = [camera.project(inset.target)[:2] for inset in shown_insets]
-        side = shown_insets[0].camera.size[0]
-        top = int(30 * sheet.unit)
-        left = int(0.39 * width)
-        corners = [(left, top), (left + side + int(40 * sheet.unit), top)]
-        for inset, target, corner in zip(shown_insets, targets, corners, strict=True):
-            shown = self.expose(inset.camera, haze=0.5)
-            insets.paste(picture, shown, corner, inset.round)
-            title = insets.frame(sheet, inset, corner, inset.camera.size)
-            insets.leader(sheet, inset, target, corner, inset.camera.size, title)
-        self.dimensions(sheet, camera)
-        sheet.scale_bar(camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit))
-        self.caption(sheet, f"cut along the beam and through detector {letter}")
-
-    def dimensions(self, sheet: DrawingSheet, camera: Camera) -> None:
-        centre = np.array(self.rest.geometry.centres[self.number], float)
-        foot = np.array([0, 0, rig.floor_of(self.rest) - 12 * self.fit])
-        low = camera.project(foot)[:2]
-        end = camera.project([centre[0], centre[1], foot[2]])[:2]
-        words = length_in_words(self.sensor.psds[self.number].radius)
-        sheet.dimension(low, end, words, np.array([0, 34.0]) * sheet.unit, 16)
-        origin, _ = rig.laser_frame(self.rest)
-        a, b = camera.project(np.zeros(3))[:2], camera.project(origin)[:2]
-        aside = np.array([34.0, 0]) * sheet.unit
-        sheet.dimension(a, b, length_in_words(round(float(origin[2]), 3)), aside, 14)
-
-    def head_inset(self) -> Inset:
-        side = int(0.36 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
-        _, normal = self.plane()
-        radius = rig.head_radius(self.rest)
-        focus = np.array([0, 0, -0.55 * radius])
-        camera = Camera(tuple(focus + 200 * normal), tuple(focus), angle=0.0,
-                        extent=3.1 * radius, size=(side, side))  # fmt: skip
-        return Inset(
-            "mirror head", focus, camera, self.theme.ink, True, f"{camera.extent:.3g} mm wide"
+    def labels(self) -> list[Label]:
+        """Return the range of each axis, on the outside of the solid."""
+        (left, front, low), (right, back, high) = self.ends
+        sides = (
+            ([(left, front, low), (right, front, low)], (0.0, 1.0)),
+            ([(right, front, low), (right, back, low)], (0.0, 1.0)),
+            ([(left, front, low), (left, front, high)], (-1.0, 0.0)),
         )
+        return [
+            Dimension(ends, f"{name}  {length_in_words(float(f'{size:.4g}'))}", 26, towards, 16)
+            for name, size, (ends, towards) in zip("xyz", self.extent, sides, strict=True)
+        ]
 
-    def detector_inset(self) -> Inset:
-        side = int(0.36 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
-        k = self.number
-        centre, axes = rig.detector_frame(self.rest, k)
-        _, normal = self.plane()
-        high = rig.housing_size(self.rest, k)[1]
-        focus = centre + 6 * self.fit * axes[2]
-        camera = Camera(tuple(focus + 200 * normal), tuple(focus), angle=0.0,
-                        extent=1.45 * high, size=(side, side))  # fmt: skip
-        title = f"detector {DETECTORS[k].upper()}"
-        return Inset(title, focus, camera, self.theme.hues[k], True, f"{camera.extent:.3g} mm wide")
+
+def visible_factor(ratio: float) -> float:
+    """Return 1 if what is drawn is visible at its own size, else a round factor."""
+    return 1.0 if 0.4 < ratio < 4 else round_down(ratio)
+
+
+class TrailView(HeadView):
+    """The path of the mirror's apex in a motion, and the spots' paths on the detectors."""
+
+    what, scale, width = "the way of the mirror's point", " of the mirror", 0.645
+    area = (0.08, 0.10, 0.66, 0.84)
+
+    def __init__(self, *arguments: Any, motion: Floats) -> None:
+        self.motion = motion[:: max(1, len(motion) // 600)]
+        super().__init__(*arguments)
+
+    def choose_parts(self) -> list[RigPart]:
+        """List the head, with ghosts where its path is lowest and highest."""
+        reach = float(np.abs(self.motion[:, :3]).max())
+        factor = max(1.0, round_down(16.0 * self.rig.unit / reach)) if reach > 0 else 1.0
+        self.path, self.note = factor * self.motion[:, :3], factor_in_words(factor)
+        states = np.hstack([self.path, self.motion[:, 3:]])
+        ends = self.path[:, 2].argmin(), self.path[:, 2].argmax()
+        ghosts = [Ghost(("head",), states[n], 0.13, 0.13) for n in ends]
+        self.look = Exposure(haze=0.8, ghosts=ghosts)
+        self.aside = list(self.rig.faces())
+        return super().choose_parts()
+
+    def drawn_points(self) -> Floats:
+        rim = np.array([[1, 0, -1], [-1, 0, -1], [0, 1, -1], [0, -1, -1], [0, 0, -2.4]])
+        return np.concatenate([self.path, self.rig.head_radius * self.rig.unit * rim])
+
+    def move(self, state: Floats) -> None:
+        """Stay at rest, since a motion has no single state."""
+        super().move(np.zeros(8))
+
+    def state_line(self, state: Floats) -> str:
+        return ""
+
+    def labels(self) -> list[Label]:
+        """Return the path, in colours that change with time, and its start."""
+        first, last = rgb("#FFD166"), rgb("#EF476F")
+        shares = np.linspace(0, 1, len(self.path) - 1)[:, None]
+        start = Words(self.path[:1], "\u25cf", 15, "#FFD166")
+        return [Polyline(self.path, first + shares * (last - first), 2.6), start]
+
+    def insets(self) -> list[Inset]:
+        """Return the detectors' faces with the spots' paths, true to scale."""
+        height, side = self.size[1], int(0.235 * self.size[1]) // 2 * 2
+        left = self.size[0] - side - int(30 * unit_of(self.size))
+        reading, insets = readings(self.sensor, self.motion), []
+        for k in range(3):
+            frame = self.rig.detector_frame(k)
+            spots = frame.origin + reading[:, 3 * k : 3 * k + 2] @ frame.axes[:2]
+            path = Polyline(spots, THEMES["dark"].hues[k], 1.6)
+            corner = (left, int((0.04 + k * 0.315) * height))
+            insets.append(self.face_inset(k, side, "to scale", corner=corner, labels=[path]))
+        return insets
