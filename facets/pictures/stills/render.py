@@ -223,7 +223,10 @@ class Film:
 def write_film(
     picture: Picture, film: Film, path: Path, on_progress: OnProgress = lambda *_: None
 ) -> None:
-    """Write a film; a failure leaves no file.  on_progress: takes the frames done and their number."""
+    """Write a film; a failure leaves no file.
+
+    on_progress: takes the frames done and their number.
+    """
     write_frames = require_extra("imageio_ffmpeg", "a film").write_frames
     form = GIF if path.suffix.lower() == ".gif" else H264
     still, count = picture.view.camera, len(film.states)
