@@ -209,9 +209,10 @@ def add_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
     """Give a sensor the light of configs/bench-light.yaml, with background scaled by its power."""
     bench = facets.load("bench-light").sensor
     share = sensor.beam.power / bench.beam.power
+    a, b, c = ((share * power, x, y) for power, x, y in bench.light.background)
     light = replace(
         bench.light,
-        background=tuple((share * power, x, y) for power, x, y in bench.light.background),
+        background=(a, b, c),
         polarization=bench.light.polarization if polarised else None,
     )
     return replace(sensor, light=light, apertures=facets.Apertures())

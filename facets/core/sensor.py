@@ -69,14 +69,15 @@ class SensorPart:
     """A part of the sensor, whose numbers are finite and keep the lower bounds of their keys."""
 
     def __post_init__(self) -> None:
-        for name, (lowest, is_allowed, null) in _lower_bounds(type(self)).items():
+        kind: Any = type(self)
+        for name, (lowest, is_allowed, null) in _lower_bounds(kind).items():
             value = getattr(self, name)
             numbers = () if value == null else _numbers_in(value)
             is_ordered = operator.le if is_allowed else operator.lt
             if not all(math.isfinite(number) and is_ordered(lowest, number) for number in numbers):
                 bound = f"{lowest:g} or more" if is_allowed else f"above {lowest:g}"
                 allowed = f"finite numbers{f', {bound}' if math.isfinite(lowest) else ''}"
-                _require(False, f"{name} of {type(self).__name__}", value, allowed)
+                _require(False, f"{name} of {kind.__name__}", value, allowed)
 
 
 DIAMETER_MM = Key(
