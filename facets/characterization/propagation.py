@@ -21,7 +21,7 @@ from ..core.settings import Solve
 from ..core.units import Floats
 from ..estimation.object_pose import ObjectPose, transform
 from ..estimation.uncertainty import region_factor, require_probability
-from .trials import PART, TrialResults, Trials
+from .trials import PART, MeasurementTrials, TrialResults
 
 #: Trials that have to lie beyond each end of an interval.
 FEWEST_BEYOND = 10
@@ -213,7 +213,7 @@ def propagate_distributions(
         If there are too few trials, or readings without noise at the state have no pose.
     """
     require_trials(method.count, method.probability)
-    trials = Trials(sensor, options, state)
+    trials = MeasurementTrials(sensor, options, state)
     zero = None if object is None else np.zeros(6)
     linear = transform(trials.linear_solution(), object, zero)
     results = trials.solve(method.count, method.seed, advance)

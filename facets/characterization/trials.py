@@ -139,7 +139,7 @@ def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
     return [letter for letter, share in zip("ABC", shares, strict=True) if share > 1]
 
 
-class Trials:
+class MeasurementTrials:
     """Trials of a measurement at a state (8,), solved as `options` say."""
 
     def __init__(self, sensor: Sensor, options: Solve, state: Floats) -> None:
