@@ -64,8 +64,6 @@ class AxisReport:
         The reference of straightness or tilt.
     has_commands
         Whether the commanded positions were given; without them the scale is unknown.
-    is_beam_free
-        Whether the beam was solved for.
     is_calibrated
         Whether the sensor's calibration, with its covariance, is known.
     disturbances
@@ -79,7 +77,6 @@ class AxisReport:
     counts: VisitCounts
     line: ReferenceLine
     has_commands: bool
-    is_beam_free: bool
     is_calibrated: bool
     disturbances: Disturbances
     undisturbed: AxisReport | None = None
@@ -320,10 +317,10 @@ class AxisReport:
                 "cause: a knock, dirt, or a stand that was not reached."
             )
         if self.drifts.any():
-            cause = self.drift_cause({names[n] for n in np.flatnonzero(self.drifts)})
             sentences.append(
                 f"Equal positions drifted during the test: {self.write_sizes(self.drifts)}. "
-                f"Likely cause: {cause}."
+                "Possible causes: the axis or its encoder, the laser's beam or the detectors' "
+                "posts warmed up."
             )
         if self.undisturbed is not None:
             unit, scale = self.units(self.motions.main)
@@ -346,17 +343,6 @@ class AxisReport:
             for unit, scale in [self.units(n)]
             if size
         )
-
-    def drift_cause(self, names: set[str]) -> str:
-        """A likely cause of a drift of the error motions with these names."""
-        main, axis = self.motions.names[self.motions.main], self.motions.axis
-        if names <= {main}:
-            return "the axis or its encoder warmed up"
-        if names <= {f"EX{axis}", f"EY{axis}"} and not self.is_beam_free:
-            return "the laser's beam moved, which a beam that is not solved for turns into a shift"
-        if names <= {f"EZ{axis}"}:
-            return "the detectors' posts warmed up"
-        return "unknown"
 
 
 def evaluate_axis(
@@ -403,7 +389,7 @@ def evaluate_axis(
         )
     disturbances = find_disturbances(visits, motions)
     report = AxisReport(
-        motions, visits, counts, test.line, test.commands is not None, knowledge.beam == "free",
+        motions, visits, counts, test.line, test.commands is not None,
         sensor.calibration is not None, disturbances,
     )  # fmt: skip
     if not (disturbances.is_far.any() or disturbances.trend.any()):

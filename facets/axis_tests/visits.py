@@ -309,35 +309,13 @@ def match_stands(
         raise InputError(
             f"the {len(places)} stands, from {places.min():.4g} to {places.max():.4g}, do not "
             f"belong to the {len(labels)} commanded positions, from {targets[0]:.4g} to "
-            f"{targets[-1]:.4g} (mm or rad){describe_factor(ratio)}; check the unit and the sign "
+            f"{targets[-1]:.4g} (mm or rad), {ratio:.4g} times as far; check the unit and the sign "
             "of the table, whether it holds diameters, whether the object's axis lies along this "
             "one, and whether the axis stood still at each position for the time of --dwell"
         )
     # An offset by the first stand has that stand's error: the median of all is nearer.
     offset = float(np.median(places[matched] - partner))
     return commands, match_by_offset(places, offset, targets, labels, agrees)
-
-
-#: What a wrong unit, or a diameter for a way, makes of commanded positions, by words.
-FACTORS = {
-    1e3: "the commands are given in m, but named as mm, or alike",
-    1e-3: "the commands are given in um, but named as mm, or alike",
-    np.pi / 180 * 1e3: "the commands are given in degrees, but named as mrad",
-    180 / np.pi / 1e3: "the commands are given in mrad, but named as degrees",
-    0.5: "the commands are diameters, or twice the way for another reason",
-    2.0: "the commands are half of the way",
-    25.4: "the commands are given in inches, but named as mm",
-}
-#: How far from a factor a way may be, as a share.
-FACTOR_SHARE = 0.03
-
-
-def describe_factor(ratio: float) -> str:
-    """Words on the factor that the measured way over the commanded one is, if it has a cause."""
-    for factor, words in FACTORS.items():
-        if abs(ratio / factor - 1) < FACTOR_SHARE:
-            return f"; the stands reach {ratio:.4g} times as far: probably {words}"
-    return ""
 
 
 def match_by_offset(

@@ -1,4 +1,4 @@
-"""The outline of the range over two axes, and maps of its inside.
+"""The outline of the range over two axes.
 
 An outline is traced along rays from a place inside, to a tolerance, and rays are added until the
 outline between them has the same accuracy.
@@ -19,7 +19,7 @@ from ..core.names import ANGLES, POSE
 from ..core.rigid_body import MeasuredObject
 from ..core.rules import Rules
 from ..core.sensor import Sensor
-from ..core.units import Floats, unit_of
+from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import readings
 from .ranges import (
@@ -28,10 +28,7 @@ from .ranges import (
     clearances,
     determinant_signs,
     find_exits,
-    fine_slopes,
     require_inside,
-    scaled_jacobian,
-    standard_uncertainties,
     states_of,
 )
 
@@ -231,27 +228,3 @@ def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) ->
     solution = solve(sensor, readings(sensor, state), start=start, covariance=False)
     right = solution.converged & (np.abs(solution.state - state).max(axis=1) < 1e-6)
     return len(points), int(right.sum())
-
-
-def map_inside(
-    sensor: Sensor, rules: Rules, boundary: Boundary, what: str, count: int = 101
-) -> tuple[Floats, Floats, Floats, str]:
-    """A grid inside the outline as (x, y, values, label), NaN outside.
-
-    what: "condition" of the weighted Jacobian (its logarithm), or an axis: its standard
-    uncertainty, um or urad.
-    """
-    x, y, cause = cause_grid(sensor, rules, boundary, count)
-    within = cause.ravel() < 0
-    poses = boundary.poses(grid_points(x, y)[within])
-    states = states_of(poses, rules)
-    matrix = scaled_jacobian(sensor, states)
-    values = np.full(count * count, np.nan)
-    if what == "condition":
-        values[within] = np.log10(np.linalg.cond(matrix))
-        label = "log10 of the condition number"
-    else:
-        fine = standard_uncertainties(matrix, fine_slopes(states, rules.object))
-        values[within] = fine[:, POSE.index(what)]
-        label = f"standard uncertainty of {what}, {unit_of(what).fine_unit}"
-    return x, y, values.reshape(count, count), label

@@ -1,4 +1,4 @@
-"""Pictures of measurement ranges and of values inside them."""
+"""Pictures of measurement ranges."""
 
 from __future__ import annotations
 
@@ -26,12 +26,9 @@ DASHES = (
 PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
 
 
-def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -> Figure:
-    """Draw outlines coloured by cause, a panel each.
-
-    inside: for each, (x, y, values, label) of the map within, mm or rad; or nothing at all.
-    """
-    columns = min(len(boundaries), 2 if inside else 3)
+def ranges_picture(boundaries: Sequence[Boundary]) -> Figure:
+    """Draw outlines coloured by cause, a panel each."""
+    columns = min(len(boundaries), 3)
     rows = -(-len(boundaries) // columns)
     width = style.SINGLE if columns == 1 else style.FULL
     with style.style_context():
@@ -39,10 +36,8 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
         panels = picture.subplots(rows, columns, squeeze=False).ravel()
         for panel in panels[len(boundaries) :]:
             panel.set_visible(False)
-        for number, boundary in enumerate(boundaries):
-            if inside:
-                map_values(picture, panels[number], boundary, inside[number])
-            outline(panels[number], boundary, filled=not inside)
+        for panel, boundary in zip(panels, boundaries, strict=False):
+            outline(panel, boundary)
         for cause in sorted({int(cause) for b in boundaries for cause in b.causes}):
             words = CAUSES[cause] if cause >= 0 else "end of the box"
             panels[0].plot([], [], label=words, **line_of(cause))
@@ -59,12 +54,12 @@ def line_of(cause: int) -> dict[str, Any]:
     return {"color": series[cause % len(series)], "ls": DASHES[cause % len(DASHES)], "lw": 1.8}
 
 
-def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
+def outline(panel: Axes, boundary: Boundary) -> None:
     """Draw the range: filled, with its rim by cause; a cross at rest."""
     factors = np.array([style.unit_of(name).factor for name in boundary.axes])
     points = boundary.points * factors
     hues = chosen_hues()
-    if filled and len(points):
+    if len(points):
         panel.fill(*points.T, color=hues.rule, alpha=0.6, lw=0)
     for cause, line in runs(points, boundary.causes):
         panel.plot(*line.T, **line_of(cause), solid_capstyle="butt", dash_capstyle="butt")
@@ -90,14 +85,3 @@ def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
     breaks = [0, *(np.flatnonzero(np.diff(causes)) + 1).tolist(), len(points)]
     for start, end in pairwise(breaks):
         yield int(causes[start]), closed[start : end + 1]
-
-
-def map_values(
-    picture: Figure, panel: Axes, boundary: Boundary, inside: tuple[Floats, Floats, Floats, str]
-) -> None:
-    """Draw a map (x, y, values, label) inside the range; NaN outside."""
-    x, y, z, label = inside
-    factors = [style.unit_of(name).factor for name in boundary.axes]
-    image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
-    panel.grid(visible=False)
-    style.colour_bar(picture, image, panel, label, pad=0.03)
