@@ -72,10 +72,9 @@ class TrialRequest(NamedTuple):
             return {}
         characterization.propagation.require_trials(self.trials, self.probability)
         if self.table is None:
-            settings = self.settings
-            return characterization.trials.default_states(
-                settings.sensor, self.rules, settings.solve
-            )
+            sensor, trials = self.settings.sensor, characterization.trials
+            how = trials.estimator_of(self.settings.solve, sensor)
+            return trials.default_states(sensor, self.rules, how)
         import numpy as np
 
         states: dict[str, Floats] = {}

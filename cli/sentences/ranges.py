@@ -47,9 +47,10 @@ def report_outline(settings: Config, rules: Rules, boundary: Boundary, grid: int
         for name, unit, size in zip(boundary.axes, units, boundary.extent, strict=True)
     ]
     outlines, sensor = characterization.outlines, settings.sensor
-    tried, right = outlines.count_correct_solutions(sensor, rules, boundary)
+    states = outlines.states_inside(rules, boundary)
+    right = outlines.count_correct_solutions(sensor, states)
     text = f"{' by '.join(sizes)}: {len(boundary.points)} points; "
-    text += f"{right} of {tried} poses inside solved from zero"
+    text += f"{right} of {len(states)} poses inside solved from zero"
     if grid:
         differ = outlines.count_grid_differences(sensor, rules, boundary, grid)
         text += f"; {differ} of {grid * grid} grid points differ"

@@ -30,6 +30,6 @@ else:
             ),
             "state_box": "StateBox apex_offset box_of_poses least_share parse_box range_box",
             "tables": "outline_columns resolution_columns",
-            "trials": "default_states",
+            "trials": "default_states estimator_of",
         },
     )

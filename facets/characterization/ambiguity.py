@@ -84,34 +84,35 @@ def find_pair_in_box(
     fold = find_singular_state(sensor, near)
     if fold is None:
         return None
-    scale = np.tile(FINE_UNITS, 2)
-    sigma = standard_deviations(sensor, readings(sensor, fold))
-    middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
-
-    def remaining(fine: Floats, distance: float) -> Floats:
-        """What separates a pair (16,), um and urad, from equal readings, half a distance at least,
-        and from the set."""
-        pair = (fine * scale).reshape(2, 8)
-        seen = readings(sensor, pair)
-        near = 2 - 4 * np.linalg.norm(fine[8:] - fine[:8]) / distance
-        outside = np.abs((pair[:, :6] - middle) / half) - INSIDE
-        with np.errstate(all="ignore"):
-            dark = np.log(share * sensor.beam.power / seen[:, 2::3]) + 1 - INSIDE
-        limits = np.maximum(np.concatenate([[near], outside.ravel(), dark.ravel()]), 0.0)
-        parts = np.concatenate([(seen[1] - seen[0]) / sigma, LIMIT_WEIGHT * limits])
-        return np.asarray(np.nan_to_num(parts, nan=1e6, posinf=1e6))
-
     tight = {"jac": "3-point", "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 200}
     for reach in DISTANCES * FARTHEST_UM_URAD:
         direction = weakest_direction(sensor, fold)
         direction *= reach / np.abs(direction).max()
         begin = np.concatenate([fold / FINE_UNITS - direction, fold / FINE_UNITS + direction])
-        distance = 2 * float(np.linalg.norm(direction))
-        found = least_squares(remaining, begin, args=(distance,), **tight)
+        least = float(np.linalg.norm(direction))
+        found = least_squares(pair_residuals, begin, args=(sensor, box, share, least), **tight)
         if np.abs(found.fun).max() < EQUAL_SIGMAS:
-            first, second = (found.x * scale).reshape(2, 8)
+            first, second = found.x.reshape(2, 8) * FINE_UNITS
             return pair_between(sensor, first, second)
     return None
+
+
+def pair_residuals(
+    fine: Floats, sensor: Sensor, box: StateBox, share: float, least: float
+) -> Floats:
+    """What separates a pair (16,), um and urad, from equal readings, the least distance, and a
+    certificate's set; zero for a pair that is sought."""
+    pair = fine.reshape(2, 8) * FINE_UNITS
+    middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
+    seen = readings(sensor, pair)
+    near = 2 - 2 * np.linalg.norm(fine[8:] - fine[:8]) / least
+    outside = np.abs((pair[:, :6] - middle) / half) - INSIDE
+    with np.errstate(all="ignore"):
+        dark = np.log(share * sensor.beam.power / seen[:, 2::3]) + 1 - INSIDE
+    limits = np.maximum(np.concatenate([[near], outside.ravel(), dark.ravel()]), 0.0)
+    apart = (seen[1] - seen[0]) / standard_deviations(sensor, seen[0])
+    residuals = np.concatenate([apart, LIMIT_WEIGHT * limits])
+    return np.asarray(np.nan_to_num(residuals, nan=1e6, posinf=1e6, neginf=-1e6))
 
 
 def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:

@@ -217,14 +217,17 @@ def count_grid_differences(sensor: Sensor, rules: Rules, boundary: Boundary, cou
     return int((within != (cause.ravel() < 0)).sum())
 
 
-def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
-    """Number of poses sampled inside the outline, and of those that `solve` finds from zero."""
+def states_inside(rules: Rules, boundary: Boundary) -> Floats:
+    """States (n, 8) at places inside an outline, up to near its edge."""
     shares = np.linspace(0.25, 0.999, 4)[:, None, None]
     some = boundary.points[:: max(1, len(boundary.points) // 100)]
-    points = (shares * some).reshape(-1, 2)
-    state = states_of(boundary.poses(points), rules)
-    start = np.zeros_like(state)
-    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # start with the mirror under the beam
-    solution = solve(sensor, readings(sensor, state), start=start, covariance=False)
-    right = solution.converged & (np.abs(solution.state - state).max(axis=1) < 1e-6)
-    return len(points), int(right.sum())
+    return states_of(boundary.poses((shares * some).reshape(-1, 2)), rules)
+
+
+def count_correct_solutions(sensor: Sensor, states: Floats) -> int:
+    """Number of states (n, 8) that `solve` finds from zero."""
+    start = np.zeros_like(states)
+    start[:, [0, 1, 6, 7]] = states[:, [6, 7, 6, 7]]  # start with the mirror under the beam
+    solution = solve(sensor, readings(sensor, states), start=start, covariance=False)
+    right = solution.converged & (np.abs(solution.state - states).max(axis=1) < 1e-6)
+    return int(right.sum())

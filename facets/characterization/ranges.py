@@ -353,19 +353,7 @@ def require_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
 def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
     """The requirement of a limit, its value at a pose, and the key that sets it."""
     if cause == LIGHT:
-        powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
-        least, other = least_light(sensor, rules.snr), other_light(sensor)
-        weakest = int((powers - least).argmin())
-        beside = (
-            f"in addition to {1e3 * other[weakest]:.3g} µW of background light"
-            if other[weakest]
-            else ""
-        )
-        return (
-            f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
-            f"{rules.snr:g} asks for {1e3 * least[weakest]:.3g} µW{beside}; choose a place nearer "
-            "to the beam's centre, more laser power, or a lower range.snr"
-        )
+        return light_remedy(sensor, rules, start)
     if cause == SATURATED:
         share = np.nan_to_num(fullness(sensor, readings(sensor, states_of(start[None], rules))[0]))
         return (
@@ -378,6 +366,23 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
         return "choose a place nearer to rest, or larger detectors (sensor.psd.size_mm)"
     key = "range.condition" if cause == SINGULAR else "range.coarsest"
     return f"choose another place, or an easier {key}"
+
+
+def light_remedy(sensor: Sensor, rules: Rules, start: Floats) -> str:
+    """`remedy` of too little light."""
+    powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
+    least, other = least_light(sensor, rules.snr), other_light(sensor)
+    weakest = int((powers - least).argmin())
+    beside = (
+        f"in addition to {1e3 * other[weakest]:.3g} µW of background light"
+        if other[weakest]
+        else ""
+    )
+    return (
+        f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
+        f"{rules.snr:g} asks for {1e3 * least[weakest]:.3g} µW{beside}; choose a place nearer "
+        "to the beam's centre, more laser power, or a lower range.snr"
+    )
 
 
 @check_arguments

@@ -121,11 +121,14 @@ def knowledge_at(options: Solve, sensor: Sensor, state: Floats) -> Knowledge:
     return knowledge
 
 
-def default_states(sensor: Sensor, rules: Rules, options: Solve) -> dict[str, Floats]:
+def estimator_of(options: Solve, sensor: Sensor) -> Estimator:
+    """The estimator of `options`."""
+    return Estimator("solve", options.knowledge(sensor), eight=options.method == "paper")
+
+
+def default_states(sensor: Sensor, rules: Rules, how: Estimator) -> dict[str, Floats]:
     """States (8,) by their names: rest, and where each axis is worst known in its own range,
     except at rest."""
-    knowledge = options.knowledge(sensor)
-    how = Estimator("solve", knowledge, eight=options.method == "paper")
     worst = resolve(sensor, rules, [how])[0].worst_state
     worst_by_name = {
         f"where {POSE[n]} is worst": state for n, state in enumerate(worst) if state.any()

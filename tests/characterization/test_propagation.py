@@ -10,6 +10,7 @@ from facets.characterization import (
     MonteCarlo,
     coverage_interval,
     default_states,
+    estimator_of,
     propagate_distributions,
     tolerance,
 )
@@ -177,6 +178,6 @@ def test_wrong_trials_are_refused(run_in_process, tmp_path):
 @pytest.mark.slow
 def test_poses_where_axes_are_worst_do_not_repeat_rest():
     """In `paper` tz, roll and yaw are worst at rest."""
-    found = default_states(PAPER.sensor, PAPER.range, KNOWN)
+    found = default_states(PAPER.sensor, PAPER.range, estimator_of(KNOWN, PAPER.sensor))
     assert [*found] == ["at rest", *(f"where {name} is worst" for name in ("tx", "ty", "pitch"))]
     assert all(state.any() == (name != "at rest") for name, state in found.items())
