@@ -160,8 +160,11 @@ class BlockRows:
         return build.gep(getattr(self.pointers, name), [build.mul(self.first, apart)])
 
 
-def linearise(code: LaneWriter, vectors: Any, x: Sequence[Any], form: Form) -> Any:
-    """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
+def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:
+    """Readings, and their derivatives by the free unknowns, for detectors A, B and C.
+
+    code: the writer; only exact derivatives need it.
+    """
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     vectors = replace_power(vectors, x[8])
     text: Any

@@ -217,7 +217,6 @@ def readings(
     state: ArrayLike,
     irradiance: Literal["exact", "paper"] = "exact",
     threads: int = 1,
-    out: Floats | None = None,
 ) -> Floats:
     """Compute what the detectors read, exact for collimated light and flat facets.
 
@@ -232,9 +231,6 @@ def readings(
         term and is exact only for a level sub-beam. Slow.
     threads
         Number of threads that share the states; 0 for all cores.
-    out
-        A contiguous array of the result's shape, which is filled and returned, for loops over many
-        batches.
 
     Returns
     -------
@@ -255,14 +251,11 @@ def readings(
     >>> f"psi {psi:.3f} mm, zeta {zeta:.3f} mm, {power:.3f} mW"
     'psi 0.500 mm, zeta 0.280 mm, 0.100 mW'
     """
-    if (
-        irradiance == "exact"
-        and out is None
-        and (single := evaluate_one(sensor, "readings", state, threads)) is not None
-    ):
-        return single
+    if irradiance == "exact":
+        single = evaluate_one(sensor, "readings", state, threads)
+        if single is not None:
+            return single
     rows, shape = as_rows(state, 8, "state")
-    out = result_array(out, (*shape, 9), rows)
     if irradiance == "paper":
         from ..optics.paper import paper_readings
 
@@ -270,22 +263,8 @@ def readings(
             raise InputError(
                 "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
             )
-        out[...] = paper_readings(geometry_of(sensor), rows).reshape(out.shape)
-    else:
-        evaluate(sensor, "readings", rows, out.reshape(len(rows), 9), threads)
-    return out
-
-
-def result_array(out: Any, shape: tuple[int, ...], rows: Floats) -> Floats:
-    """New memory for results, or that of the caller.  rows: the states of the results."""
-    if out is None:
-        return np.empty(shape)
-    is_fit = isinstance(out, np.ndarray) and out.shape == shape and out.dtype == np.float64
-    if not is_fit or not out.flags.carray:
-        raise InputError(f"out is not a contiguous array that numpy.empty({shape}) would make")
-    if np.may_share_memory(out, rows):
-        raise InputError("out shares memory with state; give it memory of its own")
-    return out  # type: ignore[no-any-return]
+        return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
+    return evaluate(sensor, "readings", rows, threads).reshape(*shape, 9)
 
 
 def kernel_name(sensor: Sensor, name: str) -> str:
@@ -310,17 +289,17 @@ def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> F
     return blocks.run_one(kernel_name(sensor, name), packed_vectors(sensor), array)
 
 
-def evaluate(sensor: Sensor, name: str, states: Floats, out: Floats, threads: int) -> None:
-    """Fill `out` for states (n, 8).  name: of results, see `kernel_name`."""
+def evaluate(sensor: Sensor, name: str, states: Floats, threads: int) -> Floats:
+    """Results (n, ...) at states (n, 8).  name: of results, see `kernel_name`."""
     vectors, kernel = packed_vectors(sensor), kernel_name(sensor, name)
+    out = np.empty((len(states), *blocks.SHAPES[name.removeprefix("approximate_")]))
     blocks.kernel(kernel)  # Compile once, before threads need it.
     share(lambda part: blocks.run(kernel, vectors, states[part], out[part]), len(states), threads)
+    return out
 
 
 @check_arguments
-def jacobian(
-    sensor: Sensor, state: ArrayLike, threads: int = 1, out: Floats | None = None
-) -> Floats:
+def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     """Compute the derivatives of the readings by the state, in closed form.
 
     Parameters
@@ -331,10 +310,6 @@ def jacobian(
         States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
     threads
         Number of threads that share the states; 0 for all cores.
-    out
-        A contiguous array of the result's shape, which is filled and returned, for loops over
-        batches of some thousand states: results that leave the processor's cache take nearly twice
-        as long.
 
     Returns
     -------
@@ -353,22 +328,16 @@ def jacobian(
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
     'psi_a moves 250 mm per rad of yaw'
     """
-    if out is None:
-        single = evaluate_one(sensor, "derivatives", state, threads)
-        if single is not None:
-            return single
+    if (single := evaluate_one(sensor, "derivatives", state, threads)) is not None:
+        return single
     rows, shape = as_rows(state, 8, "state")
-    out = result_array(out, (*shape, 9, 8), rows)
-    evaluate(sensor, "derivatives", rows, out.reshape(len(rows), 9, 8), threads)
-    return out
+    return evaluate(sensor, "derivatives", rows, threads).reshape(*shape, 9, 8)
 
 
 def derivatives(sensor: Sensor, states: Floats) -> Floats:
     """The Jacobian (n, 9, 8) at states (n, 8); under real light the Jacobian of
     `bench_gradient.linearise_nearly`."""
-    out = np.empty((len(states), 9, 8))
-    evaluate(sensor, "approximate_derivatives", states, out, threads=1)
-    return out
+    return evaluate(sensor, "approximate_derivatives", states, threads=1)
 
 
 @check_arguments
@@ -509,9 +478,7 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     if (single := evaluate_one(sensor, "footprints", state, threads)) is not None:
         return single
     rows, shape = as_rows(state, 8, "state")
-    out = np.empty((len(rows), 3, 5))
-    evaluate(sensor, "footprints", rows, out, threads)
-    return out.reshape(*shape, 3, 5)
+    return evaluate(sensor, "footprints", rows, threads).reshape(*shape, 3, 5)
 
 
 @check_arguments

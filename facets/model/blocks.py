@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, partial
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,8 @@ CODE = tuple(
 )
 
 
+#: The shape of a kernel's result at a state, by its task.
+SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
 #: Number of lanes for one pose at a time: each additional lane takes time.
 SINGLE = 2
 
@@ -118,9 +121,8 @@ class BlockMemory:
         self.rows = np.empty((size, 8))
         numbers = np.empty(72 * size)
         self.found = {
-            "readings": numbers[: 9 * size].reshape(size, 9),
-            "derivatives": numbers.reshape(size, 9, 8),
-            "footprints": numbers[: 15 * size].reshape(size, 3, 5),
+            task: numbers[: size * prod(shape)].reshape(size, *shape)
+            for task, shape in SHAPES.items()
         }
         self.addresses = [address_of(array) for array in (self.rows, numbers)]
         self._vectors: Any = None

@@ -17,11 +17,8 @@ from ..optics.effects import LightEffects
 from ..optics.forward import build_geometry
 from . import packing
 from .arrays import effects, group_by_field, openings, options, replace_effects, sensor_with
-from .blocks import address_of, kernel, lanes
+from .blocks import SHAPES, address_of, kernel, lanes
 from .kinds import block_kind, lit_kind
-
-#: The shape of a kernel's result at a state.
-SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
 
 
 def vectors_of(parameters: Floats) -> Floats:
@@ -32,8 +29,8 @@ def vectors_of(parameters: Floats) -> Floats:
 def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Floats:
     """Compute readings, derivatives or footprints (k, ...) of sensors at states (k, 8).
 
-    name: of `SHAPES`.  vectors (n, m): from `vectors_of`.  owner (k,): the row of the sensor that a
-    state belongs to, in ascending order.
+    name: of `blocks.SHAPES`.  vectors (n, m): from `vectors_of`.  owner (k,): the row of the sensor
+    that a state belongs to, in ascending order.
     """
     width, code = lanes(), kernel(name)
     counts = np.bincount(owner, minlength=len(vectors))

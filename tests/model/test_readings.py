@@ -55,24 +55,6 @@ def test_a_facet_without_a_spot_reads_nan_and_only_it(pitch):
         assert not np.isnan(others).any() or function is facets.margins
 
 
-def test_results_fill_memory_of_the_caller():
-    sensor, some = facets.Sensor(), states(12, seed=3).reshape(3, 4, 8)
-    for function, shape in ((facets.readings, (3, 4, 9)), (facets.jacobian, (3, 4, 9, 8))):
-        own = np.empty(shape)
-        assert function(sensor, some, out=own) is own
-        np.testing.assert_array_equal(own, function(sensor, some))
-        own = np.empty(shape[2:])
-        np.testing.assert_array_equal(
-            function(sensor, some[0, 0], out=own), function(sensor, some[0, 0])
-        )
-        for other in (own, np.empty(shape, np.float32), np.empty(shape[::-1]).T, [1.0]):
-            with pytest.raises(InputError, match=r"out is not .* numpy.empty\(\(3, 4, 9"):
-                function(sensor, some, out=other)
-    memory = np.zeros(17)
-    with pytest.raises(InputError, match="shares memory"):
-        facets.readings(sensor, memory[:8], out=memory[4:13])
-
-
 def test_a_state_that_is_not_finite_reads_nan():
     for sensor in (facets.Sensor(), facets.load("bench-light").sensor):
         spoilt = facets.readings(sensor, np.where(np.eye(8, dtype=bool), np.nan, 0.0))
