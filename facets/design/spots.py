@@ -11,9 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ..optics.footprint import FOOTPRINT_RADIUS_SIGMAS, arc_reach, collimated_slopes, corners
+from ..optics.footprint import (
+    FOOTPRINT_RADIUS_SIGMAS,
+    arc_reach,
+    collimated_slopes,
+    corners,
+    gradient_per_sigma,
+    outward_direction,
+)
 from ..optics.forward import Geometry, Scene, mirror_facets
-from ..optics.limits import gradient_per_sigma, outward_direction
 from ..optics.rays import flight, hit, land, reflect, slant
 from ..optics.vectors import Plane, dot, dot2, subtract
 from ..scalars.dispatch import select, sqrt

@@ -17,6 +17,7 @@ from ..scalars.dispatch import Number, log, select, sqrt, where_any
 from ..scalars.dual import Dual, value_and_slope
 from .bench_gradient import slopes_of_detector, wedge_slopes
 from .bench_light import add_background, reflectance
+from .footprint import central_landing, gradient_per_sigma, outward_direction
 from .forward import (
     Geometry,
     LitFacet,
@@ -28,7 +29,6 @@ from .forward import (
     replace_light,
 )
 from .forward import scene_readings as bare_readings
-from .limits import central_landing, gradient_per_sigma, outward_direction
 from .rays import gradient_of_shift, slant
 from .region import FAR, NO_SPANS, SideLine, region, slopes_of_region
 from .vectors import Plane, Vector, cross, dot, subtract

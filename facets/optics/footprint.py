@@ -11,15 +11,38 @@ from __future__ import annotations
 from math import inf, nan
 from typing import Any
 
-from ..scalars.dispatch import Number, select, sqrt
+from ..scalars.dispatch import Number, nan_unless_positive, select, sqrt
 from .curved_light import apparent_scene, detector_image, trace_ray
 from .forward import Geometry, LitFacet, dark_scene, mirror_facets
-from .limits import central_landing, gradient_per_sigma, outward_direction
-from .rays import gradient_of_shift, reflect, slant
-from .vectors import Plane, cross2, dot, dot2, subtract
+from .rays import flight, gradient_of_shift, hit, land, reflect, slant
+from .vectors import Plane, Vector, cross2, dot, dot2, rotate, subtract
 
 #: The 1/e^2 radius in sigmas.
 FOOTPRINT_RADIUS_SIGMAS = 2.0
+
+
+def gradient_per_sigma(geometry: Geometry, origin: Vector) -> Plane:
+    """A gradient with respect to a ray's origin as one over the cross-section, per sigma."""
+    return dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
+
+
+def central_landing(facet: LitFacet) -> tuple[Vector, Plane]:
+    """The direction of the beam's central ray after an unbounded facet, and its landing point on
+    the detector, mm; NaN if it never gets there."""
+    beam, normal, centre, axes = facet.geometry.direction, facet.normal, facet.centre, facet.axes
+    leaving = reflect(beam, normal)
+    start = hit(facet.at.place, beam, facet.at.apex, normal)
+    length = flight(start, leaving, centre, axes)
+    psi, zeta = land(start, leaving, length, centre, axes)
+    clear = -dot(beam, normal), dot(leaving, axes[0]), length
+    return leaving, (nan_unless_positive(psi, *clear), nan_unless_positive(zeta, *clear))
+
+
+def outward_direction(facet: LitFacet) -> Vector:
+    """The direction perpendicular to the mirror's axis in which a facet faces."""
+    x, y, z = facet.geometry.normals[facet.k]
+    size = sqrt(x * x + y * y)
+    return rotate(facet.at.turn, (x / size, y / size, z * 0))
 
 
 def corners(q: Plane, u1: Plane, u2: Plane, radius: Number) -> list[tuple[Any, Plane]]:

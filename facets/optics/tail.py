@@ -24,9 +24,19 @@ from math import nan, pi
 from math import sqrt as root_of
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, atan2, cos, exp, select, sin, sqrt, sum_over, where_any
+from ..scalars.dispatch import (
+    Number,
+    atan2,
+    cos,
+    exp,
+    round_product,
+    select,
+    sin,
+    sqrt,
+    sum_over,
+    where_any,
+)
 from .central import Side
-from .compensated import gauss, gauss_of_point, normalise, sum_of_products
 from .half_normal import tail_integrals
 from .vectors import Plane, dot2
 
@@ -74,6 +84,52 @@ LARGE = 700.0
 #: The integral of exp(-x^2/2).
 WHOLE = root_of(2 * pi)
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+# Sums of products and Gaussians, free of the rounding that large numbers bring.
+
+
+def product(a: float, b: float) -> tuple[float, float]:
+    """The product a b exactly: the rounded product and its error (Dekker)."""
+    whole = round_product(a * b)
+    # 2^27 + 1 splits a float in two halves.
+    big_a, big_b = round_product(134217729.0 * a), round_product(134217729.0 * b)
+    high_a, high_b = big_a - (big_a - a), big_b - (big_b - b)
+    low_a, low_b = a - high_a, b - high_b
+    missing = ((high_a * high_b - whole) + high_a * low_b + low_a * high_b) + low_a * low_b
+    return whole, missing
+
+
+def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """The sum a b + c d to twice a float's precision: a float and its error."""
+    first, first_missing = product(a, b)
+    second, second_missing = product(c, d)
+    total = first + second
+    part = total - first
+    missing = (first - (total - part)) + (second - part) + first_missing + second_missing
+    whole = total + missing
+    return whole, missing - (whole - total)
+
+
+def normalise(q: Plane, u: Plane) -> tuple[float, float, float]:
+    """Return (q . u, q x u, the error of the latter) for u normalised beyond its own rounding."""
+    square, missing = sum_of_products(u[0], u[0], u[1], u[1])
+    excess = ((square - 1) + missing) / 2
+    a, _ = sum_of_products(q[0], u[0], q[1], u[1])
+    h, h_missing = sum_of_products(q[0], u[1], -q[1], u[0])
+    return a - a * excess, h, h_missing - h * excess
+
+
+def gauss(x: float, missing: float) -> float:
+    """exp(-(x + missing)^2 / 2), however large x."""
+    square, square_missing = product(x, x)
+    return exp(-square / 2) * (1 - square_missing / 2 - x * missing)  # type: ignore[no-any-return]
+
+
+def gauss_of_point(q: Plane) -> float:
+    """exp(-|q|^2 / 2) / 2 pi, however far the point."""
+    square, missing = sum_of_products(q[0], q[0], q[1], q[1])
+    return exp(-square / 2) * (1 - missing / 2) / (2 * pi)  # type: ignore[no-any-return]
 
 
 def far_side(q: Plane, u: Plane) -> Side:
