@@ -31,7 +31,6 @@ from .parts.layout_search import layout_for_yield, rounded_layout, search, write
 from .sentences.certificate import prove_design
 from .sentences.design_pages import NewLayout, show_layout, write_report
 
-EXACT = "Write the optimum without rounding its numbers to values that can be manufactured."
 REPORT = "the layout and its drawing, with a 3D scene beside it (FILE.gltf)"
 
 
@@ -45,7 +44,6 @@ def optimize(
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
     certify: Certify = 400,
-    exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
     report: Annotated[Path | None, report_option(REPORT)] = None,
     heads: Annotated[int, heads_option("0 skips the simulation")] = 0,
     point: Point = None,
@@ -78,7 +76,7 @@ def optimize(
     sources = configuration.source_files(settings)
     files.tables.refuse_to_overwrite([path, *paths, *pages], force, sources)
     optimum = layout_for_yield(settings, search(settings))
-    rounded = None if exact else rounded_layout(optimum)
+    rounded = rounded_layout(optimum)
     with files.tables.ResultSet():
         better = write_layout(settings, optimum, rounded, path)
         if not isinstance(better, str):

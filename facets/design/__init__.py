@@ -26,6 +26,6 @@ else:
             "tolerances.prediction": "draw_heads expand_margins predict_yields sensitivities",
             "tolerances.robust": "robust_layout",
             "variables": "present_values sensor_of",
-            "volume": "add_worst_states mirror_states states_of",
+            "volume": "add_worst_states mirror_states span_of states_of",
         },
     )

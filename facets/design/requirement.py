@@ -57,22 +57,29 @@ class Constraint(NamedTuple):
 
 
 def limits_of(
-    layout: Layout, powers: Any, spots: Any, sigmas: Any, rims: Any = ()
+    least_power: float,
+    largest: Sequence[float],
+    powers: Any,
+    spots: Any,
+    sigmas: Any,
+    rims: Any = (),
 ) -> list[Constraint]:
     """List a layout's requirements at every state of its volume, scaled to order one.
 
+    least_power: on a detector, mW.  largest: standard uncertainties, 6, um and urad, infinite if
+    there is no limit.
     powers: 3, mW.  spots: from each detector's edges, 12, over half a detector.  sigmas: standard
     uncertainties of the pose, 6, um and urad.  rims: from the mirror's rim, 3, over it, if any.
     """
     return [
-        *(Constraint("power on a detector", power / layout.least_power - 1) for power in powers),
+        *(Constraint("power on a detector", power / least_power - 1) for power in powers),
         *(
             Constraint(f"spot on PSD {'ABC'[n // 4]}, {EDGES[n % 4]} edge", spot)
             for n, spot in enumerate(spots)
         ),
         *(
             Constraint(f"uncertainty of {name}", 1 - sigma / limit)
-            for name, sigma, limit in zip(POSE, sigmas, layout.limit, strict=True)
+            for name, sigma, limit in zip(POSE, sigmas, largest, strict=True)
             if np.isfinite(limit)
         ),
         *(
@@ -129,7 +136,14 @@ class Requirement:
     def groups(self) -> list[str]:
         """Names of the margins of one state, in the order of `margins_of`."""
         ones = np.ones(12)
-        asked = limits_of(self.layout, ones[:3], ones, ones[:6], ones[: 3 * self.rim])
+        asked = limits_of(
+            self.layout.least_power,
+            self.layout.limit,
+            ones[:3],
+            ones,
+            ones[:6],
+            ones[: 3 * self.rim],
+        )
         return [each.group for each in asked]
 
     @property
@@ -164,17 +178,22 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
     """The margins (m, groups) of a head: powers and spots over their least values, uncertainties
     over their limits."""
-    body, limited = requirement.layout.object, np.isfinite(requirement.layout.limit).any()
+    layout = requirement.layout
     states = requirement.mirror_states
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
     room = margins(sensor, states)
     spots = (room[:, :, :4] / halves).reshape(len(states), 12)
     sigmas = np.full((1, 6), np.nan)
-    if limited:
-        sigmas = uncertainties(sensor, states, FREE, body) / UNITS
+    if np.isfinite(layout.limit).any():
+        sigmas = uncertainties(sensor, states, FREE, layout.object) / UNITS
     rims = (room[:, :, 4] / sensor.apertures.rim).T if requirement.rim else ()
     asked = limits_of(
-        requirement.layout, readings(sensor, states)[:, 2::3].T, spots.T, sigmas.T, rims
+        layout.least_power,
+        layout.limit,
+        readings(sensor, states)[:, 2::3].T,
+        spots.T,
+        sigmas.T,
+        rims,
     )
     least: Floats = np.nan_to_num(np.stack([each.value for each in asked], axis=1), nan=LOST)
     return least

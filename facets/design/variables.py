@@ -12,7 +12,7 @@ from ..characterization.ranges import fine_slopes
 from ..core.errors import InputError
 from ..core.names import DETECTORS, FINE_UNITS
 from ..core.rigid_body import MeasuredObject
-from ..core.sensor import Electronics, Sensor
+from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import electrode_currents, largest_current, standard_deviations
 from ..model.arrays import half_sizes, parameters, sensor_with
@@ -169,9 +169,8 @@ def electronics_of(
     for n in range(count):
         built = sensor
         if gain is not None and not isinstance(gain, float):
-            electronics = replace(
-                sensor.electronics or Electronics(), transimpedance=gain[n].item()
-            )
+            assert sensor.electronics is not None
+            electronics = replace(sensor.electronics, transimpedance=gain[n].item())
             built = replace(built, electronics=electronics)
         if not is_fixed:
             sides = [float(np.broadcast_to(size, (count, 1))[n, 0]) for size in sizes]
@@ -227,7 +226,7 @@ def present_values(sensor: Sensor) -> dict[str, float]:
         "size_mm": min(psd.size_y, psd.size_z),
         "diameter_mm": sensor.beam.diameter_x,
         "power_mw": sensor.beam.power,
-        GAIN: (sensor.electronics or Electronics()).transimpedance,
+        GAIN: sensor.electronics.transimpedance if sensor.electronics else np.nan,
     } | {name: float(p[i]) for name, i in SINGLES.items()}
     return {name: value / unit_of(name) for name, value in values.items()}
 

@@ -105,14 +105,15 @@ def worst_places(
 
 
 def add_worst_states(
-    layout: Layout, values: Callable[[Floats], Floats], drawn: Floats | None = None
+    span: Floats, values: Callable[[Floats], Floats], drawn: Floats | None = None
 ) -> Floats:
     """States (n, 8): the states of `states_of`, some at drawn shares, and the places between them
     where a value is least.
 
-    values: of states (n, 8), their margins (n, m), each of which should be large.
+    span: of `span_of`.  values: of states (n, 8), their margins (n, m), each of which should be
+    large.
     """
-    span, wide = span_of(layout), wide_axes(layout)
+    wide = np.diag(span) > 0
     shares = shares_of_volume(wide)
     if drawn is not None:
         shares = np.concatenate([shares, np.where(wide, drawn, 0.0)])

@@ -21,6 +21,7 @@ from facets.design import (
     problem_of,
     round_design,
     sensor_of,
+    span_of,
     states_of,
     step_of,
 )
@@ -74,7 +75,7 @@ def worst_over(sensor, layout):
     def fineness(places):
         return -uncertainties(sensor, places, Knowledge()) * SCALE
 
-    return -fineness(add_worst_states(layout, fineness)).min(axis=0)
+    return -fineness(add_worst_states(span_of(layout), fineness)).min(axis=0)
 
 
 def test_all_starts_end_at_the_same_optimum_which_numbers_that_can_be_made_keep():

@@ -217,7 +217,9 @@ def volume_limits(
 ) -> list[Constraint]:
     """List the requirements over the volume, if required, and those on the light at rest, which
     every design must meet."""
-    asked = limits_of(space.layout, outcome.powers, [], np.sqrt(outcome.variances))
+    asked = limits_of(
+        space.layout.least_power, space.layout.limit, outcome.powers, [], np.sqrt(outcome.variances)
+    )
     if not space.required:
         return [each._replace(states=[0]) for each in asked[: len(outcome.powers)]]
     volume = np.flatnonzero(states[:, :8].any(axis=1)).tolist()

@@ -130,7 +130,14 @@ class LayoutConstraints:
         rims = rim_clearances(*where, rim) if np.isfinite(rim) else []
         outcome = values.outcome
         return [
-            *limits_of(layout, outcome.powers, spots, np.sqrt(outcome.variances), rims),
+            *limits_of(
+                layout.least_power,
+                layout.limit,
+                outcome.powers,
+                spots,
+                np.sqrt(outcome.variances),
+                rims,
+            ),
             *headrooms(outcome),
             *head_limits(layout.head, values.heads),
             *objective_constraints(layout.aims, layout.unit, values),
@@ -156,7 +163,10 @@ def problem_of(sensor: Sensor, layout: Layout, price: float = 0.0) -> LayoutProb
         problem.objective, aims=aims, weighted=layout.aim == "weighted", price=price
     )
     return replace(
-        problem, span=span_of(layout), objective=objective, half=fixed_half(sensor, layout)
+        problem,
+        span=span_of(layout),
+        objective=objective,
+        half=fixed_half(sensor, layout.variables),
     )
 
 
@@ -209,10 +219,9 @@ def rows_of(
     return Rows(state, output, group, slack, np.zeros(len(rows)))
 
 
-def fixed_half(sensor: Sensor, layout: Layout) -> float:
+def fixed_half(sensor: Sensor, variables: Mapping[str, tuple[float, float]]) -> float:
     """The unit of length of the clearances, mm, if the detectors' size does not vary."""
-    names = list(layout.variables)
-    middle = [sum(bounds) / 2 for bounds in layout.variables.values()]
+    names, middle = list(variables), [sum(bounds) / 2 for bounds in variables.values()]
     return half_of([] if "size_mm" in names else layout_parameters(sensor, names, middle)[1])
 
 

@@ -33,6 +33,8 @@ THOUSAND = 1000.0
 NUMBERS = (3, 1, 1)
 #: Names of a branch's parts of each kind, "" for a kind that the catalogue lacks.
 Branch = tuple[tuple[str, ...], ...]
+#: The parts of each kind by name.
+Catalogue = tuple[dict[str, Any], ...]
 Search = Callable[[Sensor, "Layout"], "StartResult"]
 
 
@@ -52,14 +54,9 @@ class PartsChoice:
         return [name for (name,) in self.parts]
 
 
-def catalogue(layout: Layout) -> tuple[dict[str, Any], ...]:
-    """The parts of each kind by name."""
-    return layout.psds, layout.lasers, layout.amplifiers
-
-
-def choice_of(layout: Layout, branch: Branch) -> PartsChoice:
+def choice_of(catalogue: Catalogue, branch: Branch) -> PartsChoice:
     """The choice of a branch with one part of each kind, with its price and its delivery."""
-    kinds = zip(catalogue(layout), branch, NUMBERS, strict=True)
+    kinds = zip(catalogue, branch, NUMBERS, strict=True)
     chosen = [(kind[name], number) for kind, (name,), number in kinds if name]
     prices: list[float | None] = [
         None if part.price is None else number * part.price for part, number in chosen
@@ -78,9 +75,9 @@ def price_term(layout: Layout, price: float | None) -> float:
     return weight * (price or 0.0) / THOUSAND
 
 
-def sorted_parts(layout: Layout) -> Branch:
+def sorted_parts(catalogue: Catalogue) -> Branch:
     """Return the branch with all parts of the catalogue, similar parts side by side."""
-    psds, lasers, amplifiers = layout.psds, layout.lasers, layout.amplifiers
+    psds, lasers, amplifiers = catalogue
     return (
         tuple(sorted(psds, key=lambda n: (psds[n].size, psds[n].position or 0)) or [""]),
         tuple(sorted(lasers, key=lambda n: (lasers[n].diameter, lasers[n].power)) or [""]),
@@ -88,9 +85,9 @@ def sorted_parts(layout: Layout) -> Branch:
     )
 
 
-def single_branches(layout: Layout) -> list[Branch]:
+def single_branches(catalogue: Catalogue) -> list[Branch]:
     """List every choice of the catalogue as a branch of its own."""
-    kinds = (tuple(kind) or ("",) for kind in catalogue(layout))
+    kinds = (tuple(kind) or ("",) for kind in catalogue)
     return [tuple((name,) for name in names) for names in product(*kinds)]
 
 
@@ -127,11 +124,11 @@ def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor,
     return made, replace(layout, variables=variables, psds={}, lasers={}, amplifiers={})
 
 
-def lowest_price(layout: Layout, branch: Branch) -> float:
+def lowest_price(catalogue: Catalogue, branch: Branch) -> float:
     """The lowest price of a choice in the branch; a part without a price counts as zero."""
     return sum(
         number * min(kind[name].price or 0.0 for name in names)
-        for kind, names, number in zip(catalogue(layout), branch, NUMBERS, strict=True)
+        for kind, names, number in zip(catalogue, branch, NUMBERS, strict=True)
         if kind
     )
 
@@ -145,9 +142,10 @@ def best_parts(
     search: finds the best layout of a sensor from where it is.  on_progress: is called with the
     number of choices that are decided and the number of all choices.
     """
-    root = sorted_parts(layout)
+    catalogue = layout.psds, layout.lasers, layout.amplifiers
+    root = sorted_parts(catalogue)
     total, number = prod(map(len, root)), count()
-    branches = single_branches(layout) if total <= TRIED else [root]
+    branches = single_branches(catalogue) if total <= TRIED else [root]
     queue = [(float("-inf"), next(number), branch) for branch in branches]
     tried: list[tuple[PartsChoice, StartResult]] = []
     settled, best = 0, float("inf")
@@ -158,17 +156,17 @@ def best_parts(
         on_progress(settled, total)
         choices = prod(map(len, branch))
         end = search(*relax_parts(sensor, layout, branch))
-        end.objective += price_term(layout, lowest_price(layout, branch))
+        end.objective += price_term(layout, lowest_price(catalogue, branch))
         if choices > 1 and end.found and end.objective <= best + WORSE * abs(best):
             for half in halves_of(branch):
                 heapq.heappush(queue, (end.objective, next(number), half))
             continue
         settled += choices
         if choices == 1:
-            tried.append((choice_of(layout, branch), end))
+            tried.append((choice_of(catalogue, branch), end))
             best = min(best, end.objective) if end.found else best
     if not tried:  # no choice meets the requirements, not even with parts as good as any
         last: Branch = tuple(names[-1:] for names in root)
-        tried.append((choice_of(layout, last), search(*relax_parts(sensor, layout, last))))
+        tried.append((choice_of(catalogue, last), search(*relax_parts(sensor, layout, last))))
     tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
     return tried, total

@@ -25,7 +25,7 @@ from ...core.units import Floats
 from ...detectors.noise import add_noise
 from ...estimation.solver import solve
 from ...model.arrays import margins, readings
-from ..volume import add_worst_states, mirror_states
+from ..volume import add_worst_states, mirror_states, span_of
 
 if TYPE_CHECKING:
     from ...core.layout import Layout
@@ -50,7 +50,7 @@ def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Fl
         conditions = measures(sensor, states)[:, 2:3]
         return np.concatenate([-fine, room, powers, -conditions], axis=1)
 
-    places = add_worst_states(layout, values, rng.uniform(-1, 1, (RANDOM, 8)))
+    places = add_worst_states(span_of(layout), values, rng.uniform(-1, 1, (RANDOM, 8)))
     return mirror_states(places, layout.object, layout.following)
 
 
