@@ -7,14 +7,12 @@ Readings of the paper's head with one effect at a time, by rays (`bench_rays`), 
 a reading's own uncertainty, worst of x and y, and worst of the others. Then the same after a
 calibration that knows nothing of the effect either, and with the effect in the model
 (`sensor.light`). Effects grow in proportion to what causes them, so one over a number is by how
-much larger its cause may be before it shows above the noise. Diffraction at the edges between
-facets is there by its closed form, and once more as a scalar field by Fresnel's propagation (FFT):
-how far it shifts a centroid.
+much larger its cause may be before it shows above the noise. Diffraction at edges between facets
+is there by its closed form, which `tests/optics/references` compare with a scalar field.
 """
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -24,14 +22,14 @@ import facets
 from facets.calibration.fitting.bundle_adjustment import Choice, Data
 from facets.calibration.fitting.fit import fit
 from facets.core.sensor import BenchLight, Sensor
-from facets.core.units import Booleans, Floats
+from facets.core.units import Floats
 from facets.detectors.correction import correct
 
 from . import rigs
 from .bench_rays import RayBench, spots
 
 ALUMINIUM = (1.37, 7.62)  # at 633 nm
-WAVELENGTH, PATH = 632.8e-6, 250.0
+WAVELENGTH = 632.8e-6
 #: Second and third orders of a detector's correction.
 BENT = ("20", "11", "02", "30", "21", "12", "03")
 WAIST_MM = 0.425  # mm, radius to 1/e^2 of the paper's beam
@@ -130,90 +128,12 @@ def compare_optics() -> list[tuple[Any, ...]]:
     return rows
 
 
-def diffraction_shifts(
-    offset: float, places: Floats, count: int = 4096, step: float = 0.0055
-) -> Floats:
-    """Shifts of a spot's centroid, mm, where it lies at `places` on a detector of 13 mm.
-
-    offset: of the apex from the beam, along the facet's middle, mm.  The field is that of a facet
-    of 120 degrees; its band holds the angles to the detector's far edge.
-    """
-    x = (np.arange(count) - count // 2) * step
-    along, across = np.meshgrid(x, x, indexing="ij")
-    field = np.exp(-(along**2 + across**2) / WAIST_MM**2) * covered_share(
-        along, across, offset, step
-    )
-    inside = (along * field**2).sum() / (field**2).sum()
-    wave = np.fft.fftfreq(count, step)
-    phase = np.exp(-1j * np.pi * WAVELENGTH * PATH * (wave[:, None] ** 2 + wave**2))
-    cell = np.sinc(wave * step)  # what a cell's mean takes off a wave, given back
-    lands = np.abs(WAVELENGTH * PATH * wave) < count * step / 2  # else it would come in again
-    filtered = phase * np.outer(lands / cell, lands / cell)
-    light = np.abs(np.fft.ifft2(np.fft.fft2(field) * filtered)) ** 2
-    shifts = []
-    for place in places:
-        on = (np.abs(along - inside + place) < 6.5) & (np.abs(across) < 6.5)
-        shifts.append((along[on] * light[on]).sum() / light[on].sum() - inside)
-    return np.array(shifts)
-
-
-def closed_form_shifts(offset: float, places: Floats) -> Floats:
-    """`diffraction_shifts` by the closed form: PSD A, whose z runs along the facet, moves under its
-    spot."""
-    nominal, state = facets.Sensor(), np.array([offset, 0, 0, 0, 0, 0, 0, 0])
-    shifts = []
-    for place in places:
-        height = facets.readings(nominal, state)[1] + place
-        psds = (replace(nominal.psds[0], height=height), *nominal.psds[1:])
-        sensor = replace(nominal, psds=psds)
-        lit = replace(sensor, light=BenchLight(wavelength=WAVELENGTH))
-        shifts.append(facets.readings(sensor, state)[1] - facets.readings(lit, state)[1])
-    return np.array(shifts)
-
-
-def covered_share(
-    along: Floats, across: Floats, offset: float, step: float, parts: int = 4
-) -> Floats:
-    """The share of each cell that the facet covers; only cells that an edge may cross are cut."""
-
-    def is_inside(x: Floats, y: Floats) -> Booleans:
-        turned: Booleans = np.abs(np.arctan2(y, x - offset)) < np.pi / 3
-        return turned
-
-    share = is_inside(along, across).astype(float)
-    slope = np.tan(np.pi / 3)
-    off = np.abs(np.abs(across) - slope * (along - offset)) / np.hypot(1, slope)
-    crossed = off < step
-    x, y = along[crossed], across[crossed]
-    shares = (np.arange(parts) + 0.5) / parts - 0.5
-    cut = np.zeros_like(x)
-    for a in shares * step:
-        for b in shares * step:
-            cut += is_inside(x + a, y + b)
-    share[crossed] = cut / parts**2
-    return share
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.parse_args()
     rows = compare_optics()
     print("r.m.s. error over the noise of one reading: light ideal, calibrated so, in the model")
     print(f"{'':42}" + f" {'x; y':>8} {'others':>8}" * 3)
     for name, *numbers in rows:
         print(f"{name:42} " + " ".join(f"{number:8.2g}" for number in numbers))
-    places = np.array([0.0, 2.0, 4.0, 5.0])
-    sensor = facets.Sensor()
-    noise = 1e3 * sensor.noise.position * sensor.noise.at_power / (sensor.beam.power / 3)
-    print(
-        f"\ndiffraction: shift of a centroid from that in the middle, um (its noise: {noise:.2g})"
-    )
-    print(f"{'apex off by, mm':>24} " + " ".join(f"{place:5.0f} mm" for place in places))
-    for offset in (-0.1, 0.0, 0.1):
-        for name, way in (("field", diffraction_shifts), ("closed", closed_form_shifts)):
-            shifts = way(offset, places)
-            told = " ".join(f"{1e3 * (shift - shifts[0]):8.2f}" for shift in shifts)
-            print(f"{offset:17.1f} {name:>6} {told}")
 
 
 if __name__ == "__main__":

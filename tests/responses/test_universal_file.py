@@ -1,8 +1,4 @@
-"""A universal file says what it holds, to readers that share no code with its writer.
-
-`experiments/studies/frequency_responses.py` has the modes that modal analysis finds in many
-recordings.
-"""
+"""A universal file says what it holds, to readers that share no code with its writer."""
 
 import numpy as np
 import pytest
